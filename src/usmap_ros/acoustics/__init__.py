@@ -1,0 +1,1 @@
+"""The physics: medium, pulse, beam pattern and propagation, shared by simulator and reconstruction."""

@@ -1,0 +1,93 @@
+"""How sound travels from the transducer to a point and back.
+
+One model serves simulator and reconstruction alike; each may be given a `Channel` of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.errors import MalformedMessageError
+
+FloatArray = NDArray[np.float64]
+
+MAX_SOUND_SPEED_M_S = 10_000.0
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What the sound travels through.
+
+    Parameters
+    ----------
+    sound_speed_m_s : float
+        Speed of sound.
+    attenuation_db_m : float
+        Absorption per metre of path, dB of amplitude.
+    floor_height_m : float
+        Of the transducer above a reflecting floor; 0: no floor echo.
+    floor_reflectivity : float
+        Amplitude reflectivity of the floor, 0 to 1.
+    """
+
+    sound_speed_m_s: float
+    attenuation_db_m: float = 0.0
+    floor_height_m: float = 0.0
+    floor_reflectivity: float = 0.0
+
+    @property
+    def has_floor(self) -> bool:
+        """Whether the floor returns any sound."""
+        return self.floor_height_m > 0.0 and self.floor_reflectivity > 0.0
+
+    def delays_s(self, range_m: FloatArray) -> FloatArray:
+        """Delay of every path to points at `range_m`, shape (..., paths).
+
+        Without a floor there is one path.  With one there are three delays: direct;
+        direct there and over the floor back, or the reverse; over the floor both ways.
+        """
+        direct_m, via_floor_m = self._legs_m(range_m)
+        lengths_m = [2.0 * direct_m]
+        if self.has_floor:
+            lengths_m += [direct_m + via_floor_m, 2.0 * via_floor_m]
+        return np.stack(lengths_m, axis=-1) / self.sound_speed_m_s
+
+    def amplitudes(self, range_m: FloatArray) -> FloatArray:
+        """Amplitude of every path of `delays_s`: spreading, absorption and reflection."""
+        direct_m, via_floor_m = self._legs_m(range_m)
+        direct, via_floor = self._leg_gain(direct_m), self._leg_gain(via_floor_m)
+        reflected = self.floor_reflectivity * via_floor
+        amplitudes = [direct**2]
+        if self.has_floor:
+            # Transducer-floor-object-transducer and its reverse have one length: they add up.
+            amplitudes += [2.0 * direct * reflected, reflected**2]
+        return np.stack(amplitudes, axis=-1)
+
+    def _legs_m(self, range_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        direct_m = np.asarray(range_m, dtype=float)
+        return direct_m, np.hypot(direct_m, 2.0 * self.floor_height_m)
+
+    def _leg_gain(self, leg_m: FloatArray) -> FloatArray:
+        return 10.0 ** (-self.attenuation_db_m * leg_m / 20.0) / leg_m
+
+    def validate(self) -> None:
+        """Raise `MalformedMessageError` unless sound can travel through it."""
+        if not 0.0 < self.sound_speed_m_s <= MAX_SOUND_SPEED_M_S:
+            raise MalformedMessageError(
+                "sound_speed", f"is {self.sound_speed_m_s:g} m/s, must be above 0"
+            )
+        if not (np.isfinite(self.attenuation_db_m) and self.attenuation_db_m >= 0.0):
+            raise MalformedMessageError(
+                "attenuation", f"is {self.attenuation_db_m:g} dB/m, must be 0 or more"
+            )
+        if not (np.isfinite(self.floor_height_m) and self.floor_height_m >= 0.0):
+            raise MalformedMessageError(
+                "floor_height", f"is {self.floor_height_m:g} m, must be 0 or more"
+            )
+        if not 0.0 <= self.floor_reflectivity <= 1.0:
+            raise MalformedMessageError(
+                "floor_reflectivity", f"is {self.floor_reflectivity:g}, must be from 0 to 1"
+            )

@@ -1,0 +1,98 @@
+"""What the reconstruction of one ping says of its sensing cone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.geometry import Pose
+
+#: `EchoCone.detection_limits` count half decibels up from here (dB re amplitude 1).
+LIMIT_FLOOR_DB = -100.0
+LIMIT_STEP_DB = 0.5
+
+
+@dataclass(frozen=True)
+class EchoCone:
+    """Echoes of one ping and how loud an echo had to be (``usmap_msgs/EchoCone``).
+
+    About 1 kB, and enough to be fused without the trace.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Start of emission, nanoseconds since the epoch.
+    frame_id, child_frame_id : str
+        World frame of `pose`, and the transducer's frame.
+    pose : Pose
+        Of the transducer.
+    transducer : Transducer
+        Beam and range limits.
+    attenuation_db_m : float
+        Absorption per metre of path in air.
+    ranges_m, range_stds_m : (echoes,) arrays
+        Ascending ranges and their standard deviations.
+    amplitudes, amplitude_stds : (echoes,) arrays
+        Of each echo's direct path, in units of the trace's samples.
+    limit_step_m : float
+        Width of one bin of `detection_limits`.
+    detection_limits : (bins,) uint8 array
+        For ranges from ``min_range_m + i * limit_step_m``: the amplitude below which an object
+        there could have gone unreported, in half decibels above -100 dB.
+    residual : float
+        Norm of what the echoes leave unexplained, relative to the trace's norm.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    child_frame_id: str
+    pose: Pose
+    transducer: Transducer
+    attenuation_db_m: float
+    ranges_m: NDArray[np.float32]
+    range_stds_m: NDArray[np.float32]
+    amplitudes: NDArray[np.float32]
+    amplitude_stds: NDArray[np.float32]
+    limit_step_m: float
+    detection_limits: NDArray[np.uint8]
+    residual: float
+
+    def limit_amplitudes(self) -> NDArray[np.float64]:
+        """`detection_limits` as amplitudes."""
+        decibels = LIMIT_FLOOR_DB + LIMIT_STEP_DB * self.detection_limits.astype(float)
+        return 10.0 ** (decibels / 20.0)
+
+    def validate(self) -> None:
+        """Raise `MalformedMessageError` naming the first field that cannot be true."""
+        if not self.frame_id:
+            raise MalformedMessageError("header.frame_id", "is empty")
+        self.pose.validate()
+        self.transducer.validate()
+        if not (np.isfinite(self.attenuation_db_m) and self.attenuation_db_m >= 0.0):
+            raise MalformedMessageError("attenuation", f"is {self.attenuation_db_m:g} dB/m")
+        columns = {
+            "ranges": self.ranges_m,
+            "range_stds": self.range_stds_m,
+            "amplitudes": self.amplitudes,
+            "amplitude_stds": self.amplitude_stds,
+        }
+        for name, column in columns.items():
+            if len(column) != len(self.ranges_m):
+                raise MalformedMessageError(
+                    name, f"has {len(column)} entries, ranges has {len(self.ranges_m)}"
+                )
+            if not np.all(np.isfinite(column)) or np.any(column < 0.0):
+                raise MalformedMessageError(name, "has an entry that is negative or not finite")
+        if not (np.isfinite(self.limit_step_m) and self.limit_step_m > 0.0):
+            raise MalformedMessageError("limit_step", f"is {self.limit_step_m:g} m")
+
+
+def encode_limits(amplitudes: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Amplitudes as `EchoCone.detection_limits`, rounded up so that no limit is understated."""
+    decibels = 20.0 * np.log10(np.maximum(amplitudes, 10.0 ** (LIMIT_FLOOR_DB / 20.0)))
+    steps = np.ceil((decibels - LIMIT_FLOOR_DB) / LIMIT_STEP_DB - 1e-9)
+    return np.clip(steps, 0, 255).astype(np.uint8)

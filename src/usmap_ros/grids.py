@@ -1,0 +1,106 @@
+"""Finished rectangular maps: what fusion exports, files store, and scoring compares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: A cell counts as occupied from this probability on (nav2's ``occupied_thresh``).
+OCCUPIED_PROBABILITY = 0.65
+#: A cell counts as free up to this probability.
+FREE_PROBABILITY = 0.35
+
+#: Values of a trinary ``nav_msgs/OccupancyGrid``.
+UNKNOWN_VALUE, FREE_VALUE, OCCUPIED_VALUE = -1, 0, 100
+
+
+@dataclass(frozen=True)
+class GridGeometry:
+    """Where the cells of a rectangular map lie; rows go from the lowest y, columns from the lowest x.
+
+    Parameters
+    ----------
+    resolution_m : float
+        Side of a cell.
+    origin_m : (float, float)
+        x, y of the lower-left corner of cell (0, 0).
+    shape : (int, int)
+        Rows and columns.
+    """
+
+    resolution_m: float
+    origin_m: tuple[float, float]
+    shape: tuple[int, int]
+
+    @property
+    def extent_m(self) -> tuple[float, float, float, float]:
+        """Lowest x, highest x, lowest y, highest y, as matplotlib's ``imshow`` wants them."""
+        rows, columns = self.shape
+        x, y = self.origin_m
+        return x, x + columns * self.resolution_m, y, y + rows * self.resolution_m
+
+    def cell_centers_m(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Centres of cells, shape (..., 2), x before y."""
+        x = self.origin_m[0] + (columns + 0.5) * self.resolution_m
+        y = self.origin_m[1] + (rows + 0.5) * self.resolution_m
+        return np.stack([x, y], axis=-1)
+
+
+@dataclass(frozen=True)
+class OccupancyMap:
+    """A map as log-odds, with the cells that were ever observed.
+
+    Parameters
+    ----------
+    geometry : GridGeometry
+        Where the cells lie.
+    log_odds : (rows, columns) float32 array
+        Natural logarithm of the odds of being occupied, prior included.
+    observed : (rows, columns) bool array
+        Cells that any cone said something about.
+    frame_id : str
+        World frame of the map.
+    stamp_ns : int
+        Stamp of the newest cone in it.
+    """
+
+    geometry: GridGeometry
+    log_odds: NDArray[np.float32]
+    observed: NDArray[np.bool_]
+    frame_id: str
+    stamp_ns: int = 0
+
+    def probability(self) -> NDArray[np.float64]:
+        """Probability that each cell is occupied; the prior where nothing was observed."""
+        return 1.0 / (1.0 + np.exp(-self.log_odds.astype(np.float64)))
+
+    def trinary(self) -> NDArray[np.int8]:
+        """Occupied (100), free (0) or unknown (-1), as nav2's static layer reads it."""
+        probability = self.probability()
+        values = np.full(self.geometry.shape, UNKNOWN_VALUE, dtype=np.int8)
+        values[self.observed & (probability <= FREE_PROBABILITY)] = FREE_VALUE
+        values[self.observed & (probability >= OCCUPIED_PROBABILITY)] = OCCUPIED_VALUE
+        return values
+
+    def percent(self) -> NDArray[np.int8]:
+        """Probability as 0..100, or -1 where nothing was observed."""
+        values = np.rint(100.0 * self.probability()).astype(np.int8)
+        return np.where(self.observed, values, np.int8(UNKNOWN_VALUE))
+
+
+@dataclass(frozen=True)
+class TruthMap:
+    """The cells that really are occupied.
+
+    Parameters
+    ----------
+    geometry : GridGeometry
+        Where the cells lie.
+    occupied : (rows, columns) bool array
+        True where something stands.
+    """
+
+    geometry: GridGeometry
+    occupied: NDArray[np.bool_]

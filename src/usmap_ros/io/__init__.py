@@ -1,0 +1,1 @@
+"""Bags, map files and YAML files."""

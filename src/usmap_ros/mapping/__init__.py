@@ -1,0 +1,1 @@
+"""From echo cones to a map: tiled log-odds grid, evidence, fusion and scoring."""

@@ -1,0 +1,1 @@
+"""The product in one object: echo traces in, a map out."""

@@ -1,0 +1,1 @@
+"""Scenes, robots on their paths, and the echo simulator."""

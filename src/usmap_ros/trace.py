@@ -1,0 +1,121 @@
+"""One ping's echo trace: what was received, and where from."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.geometry import Pose
+
+#: Longest trace that is believed.
+MAX_SAMPLES = 10_000_000
+
+
+class Encoding(enum.IntEnum):
+    """How `EchoTrace.samples` are to be read; the values are those of ``usmap_msgs/EchoTrace``."""
+
+    RAW = 0
+    ENVELOPE = 1
+    IQ = 2
+
+
+@dataclass(frozen=True)
+class EchoTrace:
+    """One ping (``usmap_msgs/EchoTrace``).
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Start of emission, nanoseconds since the epoch.
+    frame_id : str
+        World frame of `pose`.
+    child_frame_id : str
+        The transducer's frame, +x along the beam axis.
+    pose : Pose
+        Of the transducer at the stamp.
+    transducer : Transducer
+        What it was sent and heard with.
+    channel : Channel
+        What the sound travelled through: sound speed, attenuation, floor.
+    encoding : Encoding
+        Raw samples, their envelope, or I/Q pairs.
+    sample_rate_hz : float
+        Rate of samples, or of I/Q pairs.
+    start_delay_s : float
+        From the stamp to the first sample.
+    noise_std : float
+        RMS of the receiver's noise in units of `samples`; 0: unknown.
+    samples : (n,) float32 array
+        As in the message; I and Q interleaved where the encoding is IQ.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    child_frame_id: str
+    pose: Pose
+    transducer: Transducer
+    channel: Channel
+    encoding: Encoding
+    sample_rate_hz: float
+    start_delay_s: float
+    noise_std: float
+    samples: NDArray[np.float32]
+
+    def signal(self) -> NDArray[np.float64] | NDArray[np.complex128]:
+        """Samples as the receiver saw them: complex for I/Q, real otherwise."""
+        if self.encoding is Encoding.IQ:
+            pairs = np.asarray(self.samples, dtype=np.float64)
+            return pairs.view(np.complex128)
+        return np.asarray(self.samples, dtype=np.float64)
+
+    def sample_times_s(self) -> NDArray[np.float64]:
+        """Delay of every sample (or I/Q pair) after the stamp."""
+        count = len(self.samples) // (2 if self.encoding is Encoding.IQ else 1)
+        return self.start_delay_s + np.arange(count) / self.sample_rate_hz
+
+    def validate(self) -> None:
+        """Raise `MalformedMessageError` naming the first field that cannot be true."""
+        if not self.frame_id:
+            raise MalformedMessageError("header.frame_id", "is empty")
+        self.pose.validate()
+        self.transducer.validate()
+        self.channel.validate()
+        self._validate_sampling()
+        self._validate_samples()
+
+    def _validate_sampling(self) -> None:
+        if not (np.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0.0):
+            raise MalformedMessageError(
+                "sample_rate", f"is {self.sample_rate_hz:g} Hz, must be above 0"
+            )
+        samples_in_pulse = self.sample_rate_hz * self.transducer.pulse.duration_s
+        if not 1.0 <= samples_in_pulse <= 1e5:
+            raise MalformedMessageError(
+                "sample_rate",
+                f"of {self.sample_rate_hz:g} Hz puts {samples_in_pulse:.3g} samples on a pulse",
+            )
+        if not (np.isfinite(self.start_delay_s) and self.start_delay_s >= 0.0):
+            raise MalformedMessageError(
+                "start_delay", f"is {self.start_delay_s:g} s, must be 0 or more"
+            )
+        if not (np.isfinite(self.noise_std) and self.noise_std >= 0.0):
+            raise MalformedMessageError("noise_std", f"is {self.noise_std:g}, must be 0 or more")
+
+    def _validate_samples(self) -> None:
+        if len(self.samples) == 0:
+            raise MalformedMessageError("samples", "is empty")
+        if len(self.samples) > MAX_SAMPLES:
+            raise MalformedMessageError("samples", f"has {len(self.samples)} entries")
+        if self.encoding is Encoding.IQ and len(self.samples) % 2:
+            raise MalformedMessageError(
+                "samples", f"has {len(self.samples)} entries, which are not I/Q pairs"
+            )
+        bad = np.count_nonzero(~np.isfinite(self.samples))
+        if bad:
+            raise MalformedMessageError("samples", f"has {bad} of {len(self.samples)} not finite")

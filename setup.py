@@ -1,0 +1,109 @@
+"""Packaging of usmap_ros, for pip and colcon alike.
+
+Everything stands here rather than in pyproject.toml because ``colcon build --symlink-install``
+makes executables only of the entry points that it finds in this file.
+"""
+
+from glob import glob
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+# setuptools has no install_data of its own; distutils comes with it, so it is imported after it.
+from distutils.command.install_data import install_data  # isort: skip
+
+NAME = "usmap_ros"
+
+NODES = ["bag_replay", "cone_reconstructor", "echo_driver", "map_fusion"]
+ENTRY_POINTS = {
+    "usmap": f"{NAME}.cli:main",
+    **{node: f"{NAME}.nodes.{node}:main" for node in NODES},
+}
+
+TEST = [
+    "hypothesis>=6.100",
+    "pytest>=8",
+    "pytest-timeout>=2.3",
+    "pytest-xdist>=3.5",
+]
+
+
+class InstallData(install_data):
+    """Install the data files, and make every executable reachable from both places it is sought.
+
+    ``ros2 run`` looks in ``lib/usmap_ros``, a shell in ``bin``. pip puts the executables into
+    ``bin``, colcon into ``lib/usmap_ros``. The other place gets a launcher for each.
+    """
+
+    def run(self):
+        """Install the data files, then the launchers."""
+        super().run()
+        # Building a wheel, setuptools writes no executables and leaves them to pip.
+        if self.get_finalized_command("install_scripts").no_ep:
+            for name in ENTRY_POINTS:
+                self.install_launcher(f"lib/{NAME}/{name}", f"../../bin/{name}")
+        else:
+            self.install_launcher("bin/usmap", f"../lib/{NAME}/usmap")
+
+    def install_launcher(self, path, target):
+        """Write a script to ``path`` that runs ``target``, given relative to the script."""
+        launcher = Path(self.install_dir, path)
+        launcher.parent.mkdir(parents=True, exist_ok=True)
+        launcher.write_text(f'#!/bin/sh\nexec "${{0%/*}}/{target}" "$@"\n')
+        launcher.chmod(0o755)
+        self.outfiles.append(str(launcher))
+
+
+def tree(folder):
+    """List a folder for data_files, with its subfolders; nothing if it is missing."""
+    listed = {}
+    for path in sorted(glob(f"{folder}/**", recursive=True)):
+        if Path(path).is_file():
+            listed.setdefault(f"share/{NAME}/{Path(path).parent}", []).append(path)
+    return list(listed.items())
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Multi-robot occupancy mapping from in-air ultrasound, offline and on ROS 2 Jazzy",
+    author="usmap_ros maintainers",
+    license="Apache-2.0",
+    python_requires=">=3.10",
+    package_dir={"": "src"},
+    packages=find_packages("src"),
+    # The message definitions are read as text, so that bags can be read without any ROS package.
+    package_data={NAME: ["py.typed", "io/msg/*.msg"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        *tree("config"),
+        *tree("launch"),
+    ],
+    zip_safe=False,
+    install_requires=[
+        "lz4>=4.3",
+        "matplotlib>=3.6",
+        "mcap>=1.1",
+        "numpy>=1.26",
+        "pillow>=10",
+        "pydantic>=2.5",
+        "PyYAML>=6",
+        "rich>=13",
+        "rosbags>=0.10",
+        "scipy>=1.11",
+        "typer>=0.12",
+        "zstandard>=0.22",
+    ],
+    extras_require={
+        # colcon runs pytest only for a package whose "test" extra names it.
+        "test": TEST,
+        "dev": [*TEST, "mypy>=1.13", "pre-commit>=3.7", "ruff>=0.8", "scipy-stubs", "types-PyYAML"],
+        "ros": ["ros-jazzy-common-interfaces", "ros-jazzy-rclpy[fastrtps]"],
+        "solvers": ["pylops>=2.3", "scikit-learn>=1.4"],
+    },
+    entry_points={
+        "console_scripts": [f"{name} = {target}" for name, target in ENTRY_POINTS.items()]
+    },
+    cmdclass={"install_data": InstallData},
+)

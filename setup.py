@@ -7,7 +7,7 @@ makes executables only of the entry points that it finds in this file.
 from glob import glob
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 # setuptools has no install_data of its own; distutils comes with it, so it is imported after it.
 from distutils.command.install_data import install_data  # isort: skip
@@ -26,6 +26,17 @@ TEST = [
     "pytest-timeout>=2.3",
     "pytest-xdist>=3.5",
 ]
+
+
+class DistributionWithData(Distribution):
+    """A distribution whose data files are installed by ``pip install --editable`` too.
+
+    setuptools asks for ``has_data`` there, which it does not have, and leaves the files out.
+    """
+
+    def has_data(self):
+        """Whether there are data files."""
+        return self.has_data_files()
 
 
 class InstallData(install_data):
@@ -105,5 +116,6 @@ setup(
     entry_points={
         "console_scripts": [f"{name} = {target}" for name, target in ENTRY_POINTS.items()]
     },
+    distclass=DistributionWithData,
     cmdclass={"install_data": InstallData},
 )

@@ -40,10 +40,10 @@ class DistributionWithData(Distribution):
 
 
 class InstallData(install_data):
-    """Install the data files, and make every executable reachable from both places it is sought.
+    """Install the data files, and with pip the executables where ``ros2 run`` looks for them.
 
-    ``ros2 run`` looks in ``lib/usmap_ros``, a shell in ``bin``. pip puts the executables into
-    ``bin``, colcon into ``lib/usmap_ros``. The other place gets a launcher for each.
+    It looks in ``lib/usmap_ros``, where colcon puts them (see setup.cfg). pip puts them into
+    ``bin``, where a shell finds them; in ``lib/usmap_ros`` each gets a launcher.
     """
 
     def run(self):
@@ -51,18 +51,13 @@ class InstallData(install_data):
         super().run()
         # Building a wheel, setuptools writes no executables and leaves them to pip.
         if self.get_finalized_command("install_scripts").no_ep:
+            folder = Path(self.install_dir, "lib", NAME)
+            folder.mkdir(parents=True, exist_ok=True)
             for name in ENTRY_POINTS:
-                self.install_launcher(f"lib/{NAME}/{name}", f"../../bin/{name}")
-        else:
-            self.install_launcher("bin/usmap", f"../lib/{NAME}/usmap")
-
-    def install_launcher(self, path, target):
-        """Write a script to ``path`` that runs ``target``, given relative to the script."""
-        launcher = Path(self.install_dir, path)
-        launcher.parent.mkdir(parents=True, exist_ok=True)
-        launcher.write_text(f'#!/bin/sh\nexec "${{0%/*}}/{target}" "$@"\n')
-        launcher.chmod(0o755)
-        self.outfiles.append(str(launcher))
+                launcher = folder / name
+                launcher.write_text(f'#!/bin/sh\nexec "${{0%/*}}/../../bin/{name}" "$@"\n')
+                launcher.chmod(0o755)
+                self.outfiles.append(str(launcher))
 
 
 def tree(folder):

@@ -1,0 +1,231 @@
+"""Reading echo traces and cones from recordings, in the order of their stamps."""
+
+from __future__ import annotations
+
+import logging
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.serde import SerdeError
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import BagError, MalformedMessageError
+from usmap_ros.io.conversions import cone_from_message, trace_from_message
+from usmap_ros.io.definitions import check_definition
+from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, typestore
+from usmap_ros.io.skipped import SkippedMessages
+from usmap_ros.io.storage import Channel, MessageIndex, Storage, open_storage
+from usmap_ros.trace import EchoTrace
+
+logger = logging.getLogger(__name__)
+
+_Content = TypeVar("_Content")
+
+_MAX_OPEN_FILES = 64
+#: What rosbags raises on bytes that are no message of the type; older versions let more through.
+_DECODING_ERRORS = (SerdeError, struct.error, ValueError, IndexError, AssertionError)
+
+
+class BagReader:
+    """Echo traces and cones of one or several recordings, merged.
+
+    All messages of a recording are indexed first, by stamp (see `usmap_ros.io.storage`), which
+    takes one pass over the files.  Messages then come in the order of their header's stamp;
+    those with the same stamp, in the order of their topics; those of the same topic too, in the
+    order of `paths` and then of recording.
+
+    Damaged files are read up to the damage, with a warning in the log.  Malformed messages are
+    left out and accounted for in `skipped`.
+
+    Parameters
+    ----------
+    paths : sequence of path-like
+        rosbag2 folders, ``.mcap`` or ``.db3`` files.
+
+    Attributes
+    ----------
+    channels : list of Channel
+        Every topic of every file, whatever its type.
+    skipped : SkippedMessages
+        Malformed messages met so far.
+
+    Raises
+    ------
+    BagError
+        If a file is not a recording, holds other definitions of the messages, or if nothing that
+        could be mapped is in any of them.
+
+    Examples
+    --------
+    >>> with BagReader(["bags/poles"]) as bag:  # doctest: +SKIP
+    ...     for topic, trace in bag.traces():
+    ...         print(topic, trace.stamp_ns, len(trace.samples))
+    """
+
+    def __init__(self, paths: Sequence[str | Path]) -> None:
+        self.paths = [Path(path) for path in paths]
+        self.skipped = SkippedMessages()
+        self.channels: list[Channel] = []
+        self._storages: list[Storage] = []
+        self._open_storages: list[Storage] = []
+        self._scratch = TemporaryDirectory(prefix="usmap_")
+        try:
+            self._indexes = self._scan()
+        except BaseException:
+            self.close()
+            raise
+        self._tables = {
+            message_type: _merge(self._indexes, message_type)
+            for message_type in (ECHO_TRACE, ECHO_CONE)
+        }
+        if not self.trace_count and not self.cone_count:
+            self.close()
+            raise BagError(", ".join(map(str, self.paths)), self._why_nothing())
+
+    def __enter__(self) -> BagReader:
+        """Return the reader itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close all files."""
+        self.close()
+
+    def close(self) -> None:
+        """Close all files."""
+        for storage in self._storages:
+            storage.close()
+        self._scratch.cleanup()
+
+    @property
+    def trace_count(self) -> int:
+        """Number of echo traces, malformed ones included."""
+        return len(self._tables[ECHO_TRACE])
+
+    @property
+    def cone_count(self) -> int:
+        """Number of echo cones, malformed ones included."""
+        return len(self._tables[ECHO_CONE])
+
+    def traces(self) -> Iterator[tuple[str, EchoTrace]]:
+        """Yield topic and content of every well-formed echo trace."""
+        return self._contents(ECHO_TRACE, trace_from_message)
+
+    def cones(self) -> Iterator[tuple[str, EchoCone]]:
+        """Yield topic and content of every well-formed echo cone."""
+        return self._contents(ECHO_CONE, cone_from_message)
+
+    def _contents(
+        self, message_type: str, convert: Callable[[Any], _Content]
+    ) -> Iterator[tuple[str, _Content]]:
+        for storage_number, row in self._tables[message_type]:
+            index = self._indexes[storage_number]
+            topic = index.channels[index.channel[row]].topic
+            try:
+                yield topic, convert(self._message(storage_number, row, message_type))
+            except MalformedMessageError as error:
+                stamp_s = index.stamp_ns[row] / 1e9
+                path = self._storages[storage_number].path
+                self.skipped.add(f"{path}: {topic} at {stamp_s:.6f} s", error)
+        self.skipped.log_total(len(self._tables[message_type]))
+
+    def _message(self, storage_number: int, row: int, message_type: str) -> Any:
+        storage, index = self._storages[storage_number], self._indexes[storage_number]
+        self._keep_open(storage)
+        payload = storage.payload(index.block[row], index.offset[row], index.size[row])
+        try:
+            # The stubs of rosbags know bytes only; a view spares a copy.
+            return typestore().deserialize_cdr(payload, message_type)
+        except _DECODING_ERRORS as error:
+            raise MalformedMessageError("message", "cannot be decoded") from error
+
+    def _keep_open(self, storage: Storage) -> None:
+        """Hold no more files open than the operating system lets a process have."""
+        if self._open_storages and self._open_storages[-1] is storage:
+            return
+        if storage in self._open_storages:
+            self._open_storages.remove(storage)
+        self._open_storages.append(storage)
+        if len(self._open_storages) > _MAX_OPEN_FILES:
+            self._open_storages.pop(0).close()
+
+    def _scan(self) -> list[MessageIndex]:
+        """Index every file; fills `_storages` and `channels`."""
+        indexes = []
+        for path in self.paths:
+            try:
+                storages = open_storage(path, self._scratch)
+                for storage in storages:
+                    self._storages.append(storage)
+                    index = storage.scan((ECHO_TRACE, ECHO_CONE))
+                    storage.close()
+                    self._check(storage, index)
+                    indexes.append(index)
+            except OSError as error:
+                raise BagError(path, f"cannot be read: {error.strerror}") from error
+        return indexes
+
+    def _check(self, storage: Storage, index: MessageIndex) -> None:
+        self.channels += index.channels
+        for channel in index.channels:
+            if channel.message_type in (ECHO_TRACE, ECHO_CONE):
+                check_definition(storage.path, channel)
+        if index.damage is not None:
+            stamps = index.stamp_ns
+            seconds = (max(stamps) - min(stamps)) / 1e9 if stamps else 0.0
+            logger.warning(
+                "%s: %s; kept %d messages over %.1f s (%d of %d bytes)",
+                storage.path, index.damage.cause, len(index), seconds,
+                index.damage.kept_bytes, index.damage.total_bytes,
+            )  # fmt: skip
+
+    def _why_nothing(self) -> str:
+        if any(index.damage for index in self._indexes):
+            return "is damaged before its first echo trace"
+        types = sorted({channel.message_type for channel in self.channels})
+        others = f", only {', '.join(types)}" if types else ""
+        return f"holds no {ECHO_TRACE} messages{others}"
+
+
+class _Table:
+    """Places of all messages of one type, in the order in which they are to come."""
+
+    def __init__(self, storage_numbers: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        self._storage_numbers = storage_numbers
+        self._rows = rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        for storage_number, row in zip(self._storage_numbers, self._rows, strict=True):
+            yield int(storage_number), int(row)
+
+
+def _merge(indexes: list[MessageIndex], message_type: str) -> _Table:
+    """Order all messages of a type by stamp, then topic, then file and place in it."""
+    topics = sorted({channel.topic for index in indexes for channel in index.channels})
+    rank = {topic: number for number, topic in enumerate(topics)}
+    stamps, ranks, storage_numbers, rows = [], [], [], []
+    for storage_number, index in enumerate(indexes):
+        is_wanted = np.array([c.message_type == message_type for c in index.channels], dtype=bool)
+        topic_rank = np.array([rank[c.topic] for c in index.channels], dtype=np.int64)
+        channel = np.asarray(index.channel)
+        wanted = np.flatnonzero(is_wanted[channel]) if len(channel) else np.zeros(0, dtype=np.int64)
+        stamps.append(np.asarray(index.stamp_ns)[wanted])
+        ranks.append(topic_rank[channel[wanted]])
+        storage_numbers.append(np.full(len(wanted), storage_number))
+        rows.append(wanted)
+    # lexsort is stable, and its last key counts most.
+    order = np.lexsort((np.concatenate(ranks), np.concatenate(stamps)))
+    return _Table(np.concatenate(storage_numbers)[order], np.concatenate(rows)[order])

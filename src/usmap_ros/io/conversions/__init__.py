@@ -1,0 +1,21 @@
+"""The one place where messages become data types of ours and back.
+
+Messages are duck-typed, so that the same functions serve the classes of rosbags and those of
+rclpy, and this package needs neither.  Building a message takes a `MessageTypes`, which knows
+the classes; reading one takes nothing.  Arrays are passed on as views, never element by element.
+
+``*_from_message`` check what they return: `MalformedMessageError` names the first field that
+cannot be true.
+"""
+
+from usmap_ros.io.conversions.common import MessageTypes
+from usmap_ros.io.conversions.cone import cone_from_message, cone_to_message
+from usmap_ros.io.conversions.trace import trace_from_message, trace_to_message
+
+__all__ = [
+    "MessageTypes",
+    "cone_from_message",
+    "cone_to_message",
+    "trace_from_message",
+    "trace_to_message",
+]

@@ -1,0 +1,97 @@
+"""What several messages share: arrays, enumerations, header and pose."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.geometry import Pose
+
+NANOSECONDS = 1_000_000_000
+MAX_SECONDS = 2**31 - 1
+
+_Enumeration = TypeVar("_Enumeration", bound=enum.IntEnum)
+
+
+class MessageTypes(Protocol):
+    """The message classes of one ROS client library."""
+
+    def message_class(self, name: str) -> Any:
+        """Class of a message type such as ``std_msgs/msg/Header``; takes fields as keywords."""
+
+    def sequence(self, values: NDArray[Any]) -> Any:
+        """`values` as what a field of an unbounded sequence type accepts, in bulk."""
+
+
+def array_from_field(field: str, values: Any, dtype: type[np.generic]) -> NDArray[Any]:
+    """Make a message's array a NumPy one, without a copy where its type has a buffer.
+
+    Both rosbags' arrays and rclpy's ``array.array`` have; a list is converted.
+    """
+    try:
+        array = np.asarray(values, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        raise MalformedMessageError(field, f"is no array of {dtype.__name__}") from error
+    if array.ndim != 1:
+        raise MalformedMessageError(field, f"has {array.ndim} dimensions instead of 1")
+    return array
+
+
+def enumeration_from_field(field: str, value: int, enumeration: type[_Enumeration]) -> _Enumeration:
+    """Turn an integer constant into the member of `enumeration` it stands for."""
+    try:
+        return enumeration(int(value))
+    except ValueError as error:
+        known = ", ".join(f"{member.value} ({member.name})" for member in enumeration)
+        raise MalformedMessageError(field, f"is {value}, not one of {known}") from error
+
+
+def stamp_from_header(header: Any) -> int:
+    """Stamp of a ``std_msgs/Header`` in nanoseconds since the epoch."""
+    seconds, nanoseconds = int(header.stamp.sec), int(header.stamp.nanosec)
+    if seconds < 0 or not 0 <= nanoseconds < NANOSECONDS:
+        raise MalformedMessageError("header.stamp", f"is {seconds} s and {nanoseconds} ns")
+    return seconds * NANOSECONDS + nanoseconds
+
+
+def header_to_message(stamp_ns: int, frame_id: str, types: MessageTypes) -> Any:
+    """``std_msgs/Header`` with a stamp in nanoseconds since the epoch."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    if not 0 <= seconds <= MAX_SECONDS:
+        raise MalformedMessageError("header.stamp", f"of {stamp_ns} ns does not fit a message")
+    stamp = types.message_class("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
+    return types.message_class("std_msgs/msg/Header")(stamp=stamp, frame_id=frame_id)
+
+
+def pose_from_message(message: Any) -> Pose:
+    """`Pose` from a ``geometry_msgs/PoseWithCovariance``, not yet validated."""
+    position, orientation = message.pose.position, message.pose.orientation
+    covariance = array_from_field("pose.covariance", message.covariance, np.float64)
+    if covariance.size != 36:
+        raise MalformedMessageError("pose.covariance", f"has {covariance.size} entries, not 36")
+    return Pose(
+        position_m=np.array([position.x, position.y, position.z], dtype=np.float64),
+        orientation=np.array(
+            [orientation.x, orientation.y, orientation.z, orientation.w], dtype=np.float64
+        ),
+        covariance=covariance.reshape(6, 6),
+    )
+
+
+def pose_to_message(pose: Pose, types: MessageTypes) -> Any:
+    """``geometry_msgs/PoseWithCovariance`` of a `Pose`."""
+    x, y, z = (float(value) for value in pose.position_m)
+    position = types.message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z)
+    x, y, z, w = (float(value) for value in pose.orientation)
+    orientation = types.message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
+    return types.message_class("geometry_msgs/msg/PoseWithCovariance")(
+        pose=types.message_class("geometry_msgs/msg/Pose")(
+            position=position, orientation=orientation
+        ),
+        # An array of fixed size is a NumPy array for rosbags and rclpy alike.
+        covariance=np.ascontiguousarray(pose.covariance, dtype=np.float64).reshape(36),
+    )

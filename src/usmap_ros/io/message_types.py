@@ -1,0 +1,41 @@
+"""The ``usmap_msgs`` types for reading and writing bags without a ROS installation."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+ECHO_TRACE = "usmap_msgs/msg/EchoTrace"
+ECHO_CONE = "usmap_msgs/msg/EchoCone"
+
+_MESSAGE_NAMES = ("Transducer", "EchoTrace", "EchoCone")
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Typestore:
+    """Types of ROS 2 Jazzy with ``usmap_msgs``, parsed from the .msg files of this package."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    definitions = {}
+    for name in _MESSAGE_NAMES:
+        text = files("usmap_ros.io").joinpath("msg", f"{name}.msg").read_text(encoding="utf-8")
+        definitions.update(get_types_from_msg(text, f"usmap_msgs/msg/{name}"))
+    store.register(definitions)
+    return store
+
+
+class BagMessageTypes:
+    """Message classes of rosbags, for `usmap_ros.io.conversions`."""
+
+    def message_class(self, name: str) -> Any:
+        """Class of a message type such as ``std_msgs/msg/Header``."""
+        return typestore().types[name]
+
+    def sequence(self, values: NDArray[Any]) -> NDArray[Any]:
+        """`values` as the field of a sequence type: rosbags takes contiguous arrays as they are."""
+        return np.ascontiguousarray(values)

@@ -1,0 +1,133 @@
+"""What a pass over a recorded file finds out, and the interface of such files."""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from collections.abc import Container
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+_LITTLE_ENDIAN_STAMP = struct.Struct("<iI")
+_BIG_ENDIAN_STAMP = struct.Struct(">iI")
+_ENCAPSULATION_SIZE = 4
+
+
+@dataclass
+class Channel:
+    """One topic of a recording.
+
+    Parameters
+    ----------
+    topic : str
+        Name of the topic.
+    message_type : str
+        Such as ``usmap_msgs/msg/EchoTrace``.
+    definition : str
+        The recording's own definition of that type; empty if it carries none.
+    definition_format : str
+        ``ros2msg`` or ``ros2idl``.
+    encoding : str
+        Serialization of the messages; ``cdr`` is the only one that is understood.
+    count : int
+        Messages found so far.
+    """
+
+    topic: str
+    message_type: str
+    definition: str = ""
+    definition_format: str = "ros2msg"
+    encoding: str = "cdr"
+    count: int = 0
+
+
+@dataclass(frozen=True)
+class Damage:
+    """Where a file stops being readable.
+
+    Parameters
+    ----------
+    cause : str
+        What is wrong, as a clause.
+    kept_bytes : int
+        Size of what could be read.
+    total_bytes : int
+        Size of the file.
+    """
+
+    cause: str
+    kept_bytes: int
+    total_bytes: int
+
+
+@dataclass
+class MessageIndex:
+    """Where the wanted messages of one file lie, as columns of equal length.
+
+    Parameters
+    ----------
+    channels : list of Channel
+        Every topic of the file, wanted or not.
+    damage : Damage or None
+        Set if the file could not be read to its end.
+    channel, stamp_ns, block, offset, size : arrays of integers
+        Per message: position in `channels`, stamp of its header, and what `Storage.payload` takes.
+    """
+
+    channels: list[Channel] = field(default_factory=list)
+    damage: Damage | None = None
+    channel: array[int] = field(default_factory=lambda: array("q"))
+    stamp_ns: array[int] = field(default_factory=lambda: array("q"))
+    block: array[int] = field(default_factory=lambda: array("q"))
+    offset: array[int] = field(default_factory=lambda: array("q"))
+    size: array[int] = field(default_factory=lambda: array("q"))
+
+    def append(self, channel: int, stamp_ns: int, block: int, offset: int, size: int) -> None:
+        """Note one message."""
+        self.channel.append(channel)
+        self.stamp_ns.append(stamp_ns)
+        self.block.append(block)
+        self.offset.append(offset)
+        self.size.append(size)
+
+    def __len__(self) -> int:
+        """Count the messages."""
+        return len(self.channel)
+
+
+class Storage(Protocol):
+    """A recorded file."""
+
+    @property
+    def path(self) -> Path:
+        """The file, as the user knows it."""
+
+    def scan(self, wanted: Container[str]) -> MessageIndex:
+        """Walk through the file, noting messages of the types in `wanted`.
+
+        Damage ends the walk and is noted.
+
+        Raises
+        ------
+        BagError
+            If it is not a file of this format at all.
+        """
+
+    def payload(self, block: int, offset: int, size: int) -> memoryview:
+        """Fetch the serialized message at a place that `scan` noted."""
+
+    def close(self) -> None:
+        """Let go of the file and of cached content; `payload` opens it again."""
+
+
+def header_stamp_ns(payload: memoryview, otherwise: int) -> int:
+    """Stamp of a CDR message that begins with a header, without deserializing it.
+
+    A message too short to have one gets the stamp `otherwise`; decoding will refuse it.
+    """
+    if len(payload) < _ENCAPSULATION_SIZE + _LITTLE_ENDIAN_STAMP.size:
+        return otherwise
+    layout = _LITTLE_ENDIAN_STAMP if payload[1] & 1 else _BIG_ENDIAN_STAMP
+    seconds, nanoseconds = layout.unpack_from(payload, _ENCAPSULATION_SIZE)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)

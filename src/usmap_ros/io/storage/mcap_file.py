@@ -1,0 +1,281 @@
+"""MCAP files, read up to a cut or a checksum that does not match.
+
+mcap's own streaming reader drops the chunk in which a file was cut off, with everything in it.
+A recorder's chunks hold a megabyte or more, which is many pings, so the chunk's messages up to
+the cut are read here too.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections import OrderedDict
+from collections.abc import Container, Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel as ChannelRecord
+from mcap.records import Schema as SchemaRecord
+
+from usmap_ros.errors import BagError
+from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, FORMATS, decompress
+from usmap_ros.io.storage.index import Channel, Damage, MessageIndex, header_stamp_ns
+
+MAGIC = b"\x89MCAP0\r\n"
+
+_RECORD_HEAD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_CHUNK_HEAD = struct.Struct("<QQQII")
+_LENGTH = struct.Struct("<Q")
+_CACHED_CHUNK_BYTES = 64 * 2**20
+#: Block number of messages that lie in the file uncompressed.
+_IN_FILE = -1
+
+
+class _CorruptError(Exception):
+    """What lies at `position` cannot be right; reading ends here."""
+
+    def __init__(self, cause: str, position: int) -> None:
+        super().__init__(cause)
+        self.position = position
+
+
+class _Chunk(NamedTuple):
+    """Where a compressed chunk lies in the file."""
+
+    position: int
+    size: int
+    compression: str
+
+
+class McapFile:
+    """Storage of one MCAP file; see `usmap_ros.io.storage.index.Storage`.
+
+    Parameters
+    ----------
+    path : path
+        The file to read.
+    shown_path : path, optional
+        What to call it in messages, if it is a temporary copy.
+    compression : str
+        Compression of each single message, as rosbag2's ``compression_mode: message`` makes it.
+    """
+
+    def __init__(self, path: Path, shown_path: Path | None = None, compression: str = "") -> None:
+        self.path = shown_path or path
+        self._file_path = path
+        self._compression = compression
+        self._file: BinaryIO | None = None
+        self._chunks: list[_Chunk] = []
+        self._chunk_cache: OrderedDict[int, bytes] = OrderedDict()
+
+    def scan(self, wanted: Container[str]) -> MessageIndex:
+        """Walk through the file and note the `wanted` messages."""
+        with self._file_path.open("rb") as file:
+            scan = _Scan(self.path, file, wanted, self._compression)
+            scan.run()
+        self._chunks = scan.chunks
+        return scan.index
+
+    def payload(self, block: int, offset: int, size: int) -> memoryview:
+        """Fetch a serialized message from the file or from its chunk."""
+        if block == _IN_FILE:
+            payload = memoryview(self._read(offset, size))
+        else:
+            payload = memoryview(self._chunk_content(block))[offset : offset + size]
+        return memoryview(decompress(payload, self._compression)) if self._compression else payload
+
+    def close(self) -> None:
+        """Let go of the file and of cached chunks."""
+        self._chunk_cache.clear()
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _read(self, position: int, size: int) -> bytes:
+        if self._file is None:
+            self._file = self._file_path.open("rb")
+        self._file.seek(position)
+        return self._file.read(size)
+
+    def _chunk_content(self, block: int) -> bytes:
+        content = self._chunk_cache.pop(block, None)
+        if content is None:
+            chunk = self._chunks[block]
+            content = decompress(self._read(chunk.position, chunk.size), chunk.compression)
+        self._chunk_cache[block] = content
+        cached = sum(map(len, self._chunk_cache.values()))
+        while cached > _CACHED_CHUNK_BYTES and len(self._chunk_cache) > 1:
+            _, dropped = self._chunk_cache.popitem(last=False)
+            cached -= len(dropped)
+        return content
+
+
+class _Scan:
+    """One walk through an MCAP file."""
+
+    def __init__(
+        self, path: Path, file: BinaryIO, wanted: Container[str], compression: str
+    ) -> None:
+        self.index = MessageIndex()
+        self.chunks: list[_Chunk] = []
+        self._path = path
+        self._file = file
+        self._wanted = wanted
+        self._compression = compression
+        self._total_bytes = file.seek(0, io.SEEK_END)
+        self._schemas: dict[int, SchemaRecord] = {}
+        self._channel_numbers: dict[int, int] = {}
+
+    def run(self) -> None:
+        """Fill `index` and `chunks`."""
+        self._file.seek(0)
+        magic = self._file.read(len(MAGIC))
+        if not magic:
+            raise BagError(self._path, "is empty")
+        if not MAGIC.startswith(magic):
+            raise BagError(self._path, "is not an MCAP file")
+        try:
+            self._read_records()
+        except _CorruptError as error:
+            self.index.damage = Damage(str(error), error.position, self._total_bytes)
+
+    def _read_records(self) -> None:
+        position = len(MAGIC)
+        while True:
+            self._file.seek(position)
+            head = self._file.read(_RECORD_HEAD.size)
+            if len(head) < _RECORD_HEAD.size:
+                raise _CorruptError("is cut off", position)
+            opcode, size = _RECORD_HEAD.unpack(head)
+            body_position = position + _RECORD_HEAD.size
+            if opcode == Opcode.DATA_END:
+                self._check_end(position)
+                return
+            self._read_record(opcode, body_position, size)
+            if body_position + size > self._total_bytes:
+                raise _CorruptError("is cut off", position)
+            position = body_position + size
+
+    def _check_end(self, position: int) -> None:
+        """Note if the end is missing; the summary, which comes before it, is not read."""
+        self._file.seek(max(position, self._total_bytes - len(MAGIC)))
+        if self._file.read() != MAGIC:
+            raise _CorruptError("is cut off behind its last message", position)
+
+    def _read_record(self, opcode: int, position: int, size: int) -> None:
+        """Read a record outside of chunks, or a chunk; other kinds hold no messages."""
+        if opcode == Opcode.CHUNK:
+            self._read_chunk(position, size)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            body = self._file.read(min(size, self._total_bytes - position))
+            if len(body) == size:
+                self._note(opcode, memoryview(body), _IN_FILE, position, position)
+
+    def _read_chunk(self, position: int, size: int) -> None:
+        """Read a chunk, or what is there of it."""
+        body = memoryview(self._file.read(min(size, self._total_bytes - position)))
+        whole = len(body) == size
+        try:
+            _, _, content_size, checksum, name_size = _CHUNK_HEAD.unpack_from(body)
+            compression = bytes(body[_CHUNK_HEAD.size :][:name_size]).decode()
+            start = _CHUNK_HEAD.size + name_size
+            (stored_size,) = _LENGTH.unpack_from(body, start)
+        except (struct.error, UnicodeDecodeError) as error:
+            raise _CorruptError("is cut off" if not whole else "is corrupt", position) from error
+        start += _LENGTH.size
+        if compression not in FORMATS:
+            raise _CorruptError(f"has a chunk with unknown compression {compression!r}", position)
+        stored = body[start : start + stored_size]
+        content = self._chunk_content(stored, compression, position)
+        if whole and (len(content) != content_size or _differs(content, checksum)):
+            raise _CorruptError("has a chunk that fails its checksum", position)
+        if compression:
+            self.chunks.append(_Chunk(position + start, len(stored), compression))
+            block, base = len(self.chunks) - 1, 0
+        else:
+            block, base = _IN_FILE, position + start
+        self._note_all(content, block, base, position)
+        if not whole:
+            kept = position if compression else base + _complete_size(content)
+            raise _CorruptError("is cut off", kept)
+
+    def _chunk_content(self, stored: memoryview, compression: str, position: int) -> memoryview:
+        if not compression:
+            return stored
+        try:
+            return memoryview(decompress(stored, compression))
+        except DECOMPRESSION_ERRORS as error:
+            raise _CorruptError("has a chunk that does not decompress", position) from error
+
+    def _note_all(self, content: memoryview, block: int, base: int, position: int) -> None:
+        for opcode, start, stop in _records_of(content):
+            self._note(opcode, content[start:stop], block, base + start, position)
+
+    def _note(self, opcode: int, body: memoryview, block: int, offset: int, position: int) -> None:
+        """Note a record; `offset` is that of its body in the block, `position` that in the file."""
+        try:
+            if opcode == Opcode.SCHEMA:
+                schema = SchemaRecord.read(ReadDataStream(io.BytesIO(body)))
+                self._schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                self._note_channel(ChannelRecord.read(ReadDataStream(io.BytesIO(body))))
+            elif opcode == Opcode.MESSAGE:
+                self._note_message(body, block, offset)
+        except (McapError, struct.error, UnicodeDecodeError, *DECOMPRESSION_ERRORS) as error:
+            raise _CorruptError("has a record that makes no sense", position) from error
+
+    def _note_channel(self, record: ChannelRecord) -> None:
+        if record.id in self._channel_numbers:
+            return
+        schema = self._schemas.get(record.schema_id)
+        channel = Channel(
+            record.topic, schema.name if schema else "", encoding=record.message_encoding
+        )
+        if schema:
+            channel.definition = schema.data.decode()
+            channel.definition_format = schema.encoding
+        self._channel_numbers[record.id] = len(self.index.channels)
+        self.index.channels.append(channel)
+
+    def _note_message(self, body: memoryview, block: int, offset: int) -> None:
+        channel_id, _, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
+        number = self._channel_numbers.get(channel_id)
+        if number is None:
+            raise ValueError(f"message on channel {channel_id}, which was not declared")
+        channel = self.index.channels[number]
+        channel.count += 1
+        if channel.message_type not in self._wanted:
+            return
+        payload = body[_MESSAGE_HEAD.size :]
+        if self._compression:
+            payload = memoryview(decompress(payload, self._compression))
+        stamp_ns = header_stamp_ns(payload, otherwise=log_time_ns)
+        size = len(body) - _MESSAGE_HEAD.size
+        self.index.append(number, stamp_ns, block, offset + _MESSAGE_HEAD.size, size)
+
+
+def _records_of(content: memoryview) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end of the body of every complete record in a chunk's content."""
+    position = 0
+    while position + _RECORD_HEAD.size <= len(content):
+        opcode, size = _RECORD_HEAD.unpack_from(content, position)
+        start = position + _RECORD_HEAD.size
+        position = start + size
+        if position > len(content):
+            return
+        yield opcode, start, position
+
+
+def _complete_size(content: memoryview) -> int:
+    """Size of the complete records at the beginning of `content`."""
+    return max((stop for _, _, stop in _records_of(content)), default=0)
+
+
+def _differs(content: memoryview, checksum: int) -> bool:
+    """Whether content fails its checksum; 0 stands for none."""
+    return checksum != 0 and zlib.crc32(content) != checksum

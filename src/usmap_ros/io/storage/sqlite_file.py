@@ -1,0 +1,117 @@
+"""rosbag2's sqlite3 files, read in the order of recording and as far as the database is sound."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Container
+from pathlib import Path
+
+from usmap_ros.errors import BagError
+from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, decompress
+from usmap_ros.io.storage.index import Channel, Damage, MessageIndex, header_stamp_ns
+
+MAGIC = b"SQLite format 3\x00"
+
+
+class SqliteFile:
+    """Storage of one sqlite3 file; see `usmap_ros.io.storage.index.Storage`.
+
+    Parameters
+    ----------
+    path : path
+        The file to read.
+    shown_path : path, optional
+        What to call it in messages, if it is a temporary copy.
+    compression : str
+        Compression of each single message, as rosbag2's ``compression_mode: message`` makes it.
+    """
+
+    def __init__(self, path: Path, shown_path: Path | None = None, compression: str = "") -> None:
+        self.path = shown_path or path
+        self._file_path = path
+        self._compression = compression
+        self._connection: sqlite3.Connection | None = None
+
+    def scan(self, wanted: Container[str]) -> MessageIndex:
+        """Walk through the table of messages and note the `wanted` ones."""
+        with self._file_path.open("rb") as file:
+            magic = file.read(len(MAGIC))
+        if not magic:
+            raise BagError(self.path, "is empty")
+        if magic != MAGIC:
+            raise BagError(self.path, "is not an sqlite3 file")
+        index = MessageIndex()
+        kept_bytes = 0
+        try:
+            numbers = self._read_channels(index)
+            for row, topic, log_time_ns, data in self._open().execute(
+                "SELECT rowid, topic_id, timestamp, data FROM messages ORDER BY rowid"
+            ):
+                payload = self._unpack(data)
+                self._note(
+                    index, numbers[topic], row, header_stamp_ns(payload, log_time_ns), wanted
+                )
+                kept_bytes += len(data)
+        except (sqlite3.Error, KeyError, TypeError, *DECOMPRESSION_ERRORS) as error:
+            cause = f"is damaged ({error})"
+            index.damage = Damage(cause, kept_bytes, self._file_path.stat().st_size)
+        return index
+
+    def payload(self, block: int, offset: int, size: int) -> memoryview:
+        """Fetch the message in row `offset`."""
+        query = "SELECT data FROM messages WHERE rowid = ?"
+        (data,) = self._open().execute(query, (offset,)).fetchone()
+        return self._unpack(data)
+
+    def close(self) -> None:
+        """Close the database."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _open(self) -> sqlite3.Connection:
+        if self._connection is None:
+            # Without a write-ahead log there is nothing to lock, and a folder may be read-only.
+            log = self._file_path.with_name(self._file_path.name + "-wal")
+            mode = "mode=ro" if log.exists() else "mode=ro&immutable=1"
+            location = f"{self._file_path.resolve().as_uri()}?{mode}"
+            self._connection = sqlite3.connect(location, uri=True)
+            # sqlite3 refuses a file shorter than its header says, unless it is told that somebody
+            # means to repair it.  Nothing is written: the file is opened for reading only.
+            self._connection.execute("PRAGMA writable_schema = ON")
+        return self._connection
+
+    def _read_channels(self, index: MessageIndex) -> dict[int, int]:
+        """Fill `index.channels`; positions in it by the database's topic number."""
+        database = self._open()
+        tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+        if not {"topics", "messages"} <= tables:
+            raise BagError(self.path, "is not a rosbag2 recording: it has no topics and messages")
+        definitions = {}
+        if "message_definitions" in tables:
+            definitions = {
+                message_type: (text, definition_format)
+                for message_type, text, definition_format in database.execute(
+                    "SELECT topic_type, encoded_message_definition, encoding"
+                    " FROM message_definitions"
+                )
+            }
+        numbers = {}
+        for topic_id, topic, message_type, encoding in database.execute(
+            "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+        ):
+            text, definition_format = definitions.get(message_type, ("", "ros2msg"))
+            numbers[topic_id] = len(index.channels)
+            index.channels.append(Channel(topic, message_type, text, definition_format, encoding))
+        return numbers
+
+    def _note(
+        self, index: MessageIndex, number: int, row: int, stamp_ns: int, wanted: Container[str]
+    ) -> None:
+        channel = index.channels[number]
+        channel.count += 1
+        if channel.message_type in wanted:
+            index.append(number, stamp_ns, block=0, offset=row, size=0)
+
+    def _unpack(self, data: bytes) -> memoryview:
+        return memoryview(decompress(data, self._compression) if self._compression else data)

@@ -1,0 +1,96 @@
+# "make help" lists the targets. They make their own environment in .venv; PYTHON chooses the
+# interpreter it is made with: make test PYTHON=python3.12
+
+PYTHON ?= python3
+VENV ?= .venv
+PYTEST_ARGS ?=
+
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PINNED := $(INSTALL) --constraint constraints.txt
+MESSAGES := $(wildcard msg_schemas/* msg_schemas/*/*)
+
+# Each stamp stands for one step of the set-up, and is as old as its last run.
+OFFLINE := $(VENV)/.stamp-offline
+FULL := $(VENV)/.stamp-full
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint format bench figures docs test-lower-bounds constraints clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|' 2>/dev/null \
+	  || sed -n 's/^\([a-z-]*\):.*## /  make \1: /p' Makefile
+
+demo: $(OFFLINE) ## simulate robots, map what they hear, draw it: into demo_output
+	@echo "Running the demo: usmap demo -o demo_output"
+	@$(BIN)/usmap demo -o demo_output
+
+# Tests run even where the linters complain: one run shows everything there is to mend.
+test: $(FULL) ## run linters and all tests, those on ROS 2 included
+	@$(MAKE) --no-print-directory lint; lint=$$?; \
+	echo "Running the tests"; \
+	$(BIN)/python -m pytest --timeout=600 $(PYTEST_ARGS); tests=$$?; \
+	if [ $$lint -ne 0 ]; then exit $$lint; else exit $$tests; fi
+
+lint: $(FULL) ## check style and types
+	@echo "Checking style"
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --quiet --check . || { echo "Not formatted: run make format"; exit 1; }
+	@echo "Checking types"
+	@$(BIN)/mypy
+
+format: $(FULL) ## format the code
+	@$(BIN)/ruff check --quiet --fix-only .
+	@$(BIN)/ruff format .
+
+bench: $(FULL) ## measure speed and memory
+	@$(BIN)/python benchmarks/run.py
+
+figures: $(OFFLINE) ## reproduce the paper's figures: into figures
+	@$(BIN)/usmap paper -o figures
+
+docs: $(FULL) ## regenerate the reference pages from the code
+	@if [ -e tools/make_reference.py ]; then $(BIN)/python tools/make_reference.py; \
+	else echo "Nothing is generated yet."; fi
+
+# In an environment of its own, without ROS; the tests that need it are skipped.
+test-lower-bounds: ## run the tests against the oldest versions that setup.py allows
+	@$(MAKE) --no-print-directory $(VENV)-lower/pyvenv.cfg VENV=$(VENV)-lower
+	@echo "Installing the oldest versions allowed"
+	@$(VENV)-lower/bin/python -m pip install --quiet --disable-pip-version-check \
+	  --constraint test/packaging/lower-bounds.txt --editable '.[test]'
+	@$(VENV)-lower/bin/python -m pytest --timeout=600 -m "not ros" $(PYTEST_ARGS)
+
+# Give one interpreter for each Python version that is supported.
+PYTHONS ?= python3.10 python3.11 python3.12 python3.13
+constraints: ## pin the newest versions anew
+	@$(PYTHON) tools/pin_versions.py $(PYTHONS)
+
+clean: ## remove what the other targets made
+	rm -rf $(VENV) $(VENV)-lower build install log dist src/*.egg-info
+	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache demo_output figures bench_output
+	find src test tools -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/pyvenv.cfg:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
+	  echo >&2 "usmap_ros needs Python 3.10 or later. Name one: make PYTHON=python3.12"; exit 1; }
+	@echo "Making $(VENV) with $$($(PYTHON) --version)"
+	@$(PYTHON) -m venv $(VENV) >$(VENV).log 2>&1 \
+	|| { $(PYTHON) -m venv --clear --without-pip $(VENV) >>$(VENV).log 2>&1 \
+	  && $(PYTHON) -m pip --python $(BIN)/python install --quiet pip >>$(VENV).log 2>&1; } \
+	|| { cat >&2 $(VENV).log; rm -rf $(VENV) $(VENV).log; \
+	  echo >&2 "No virtual environment could be made. On Debian and Ubuntu the package"; \
+	  echo >&2 "python3-venv is needed: sudo apt install python3-venv"; exit 1; }
+	@rm -f $(VENV).log
+
+$(OFFLINE): $(VENV)/pyvenv.cfg setup.py setup.cfg pyproject.toml constraints.txt
+	@echo "Installing usmap_ros and what it needs (about a minute, once)"
+	@$(PINNED) --editable .
+	@touch $@
+
+$(FULL): $(OFFLINE) $(MESSAGES)
+	@echo "Installing ROS 2 and the tools, and compiling the messages (two minutes, once)"
+	@$(PINNED) --editable '.[dev,ros,solvers]'
+	@$(PINNED) --force-reinstall --no-deps ./msg_schemas
+	@touch $@

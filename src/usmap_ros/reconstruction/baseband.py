@@ -1,0 +1,194 @@
+"""From the samples of a trace to a baseband signal, one front end for all three encodings.
+
+An echo in the baseband is w(t − τ) times an unknown complex coefficient: its carrier phase is
+free, which is what lets delays be found between samples although a wavelength is 7 mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import firwin, upfirdn
+
+from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.reconstruction.operators import FloatArray, Signal
+from usmap_ros.trace import EchoTrace, Encoding
+
+#: Baseband samples that a pulse should get, at least, after decimation of a raw trace.
+SAMPLES_PER_PULSE = 8
+#: Taps of the decimation filter per decimated sample, and its pass band (of the half rate).
+TAPS_PER_SAMPLE = 8
+PASS_BAND = 0.8
+#: Points a raw sample at which the filtered pulse is tabulated.
+TABLE_POINTS = 4
+#: Mean and standard deviation of the modulus of complex noise of RMS 1 (Rayleigh).
+RAYLEIGH_MEAN = float(np.sqrt(np.pi) / 2.0)
+RAYLEIGH_STD = float(np.sqrt(1.0 - np.pi / 4.0))
+RAYLEIGH_SKEWNESS = 0.631
+#: A trace counts as saturated if this many samples share its largest value.
+SATURATED_SAMPLES = 3
+
+
+@dataclass(frozen=True)
+class Template:
+    """The envelope that an echo has in the baseband, w(t) or its filtered form.
+
+    Parameters
+    ----------
+    start_s, duration_s : float
+        The interval on which it is not zero.
+    pulse : Pulse
+        Evaluated where `table` is None.
+    table : (n,) array, optional
+        Values on an even grid over the interval.
+    """
+
+    start_s: float
+    duration_s: float
+    pulse: Pulse
+    table: tuple[float, ...] | None = None
+
+    def __call__(self, time_s: FloatArray) -> FloatArray:
+        """Envelope at times after the echo's delay."""
+        if self.table is None:
+            return self.pulse.window(time_s)
+        values = np.asarray(self.table)
+        grid = np.linspace(self.start_s, self.start_s + self.duration_s, len(values))
+        return np.interp(time_s, grid, values, left=0.0, right=0.0)
+
+    def slope(self, time_s: FloatArray) -> FloatArray:
+        """Derivative with respect to time, by central difference."""
+        step_s = self.duration_s * 1e-4
+        return (self(time_s + step_s) - self(time_s - step_s)) / (2.0 * step_s)
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether a delay can be told finer than a sample from it."""
+        return self.table is not None or self.pulse.shape is PulseShape.HANN_BURST
+
+
+@dataclass(frozen=True)
+class Baseband:
+    """A trace ready for the matched filter.
+
+    Parameters
+    ----------
+    signal : (samples,) array
+        Complex for I/Q and raw traces of a carrier, else real.
+    sample_rate_hz, start_delay_s : float
+        Where its samples lie.
+    noise_std : float
+        Standard deviation of the noise in `signal` (of the complex value, where complex).
+    noise_skewness : float
+        Third standardised moment of the noise: 0 unless the trace is an envelope.
+    template : Template
+        What one echo looks like in it.
+    saturated : bool
+        Whether the receiver seems to have been driven to its limit.
+    """
+
+    signal: Signal
+    sample_rate_hz: float
+    start_delay_s: float
+    noise_std: float
+    noise_skewness: float
+    template: Template
+    saturated: bool
+
+
+def to_baseband(trace: EchoTrace) -> Baseband:
+    """Bring a trace of any encoding to the baseband.
+
+    Raises
+    ------
+    MalformedMessageError
+        If a raw trace is sampled too slowly for its carrier.
+    """
+    if trace.encoding is Encoding.RAW and trace.transducer.pulse.has_carrier:
+        return _demodulated(trace)
+    signal, noise_std = trace.signal(), trace.noise_std
+    if noise_std == 0.0:
+        noise_std = _estimate_noise(signal)
+    skewness = 0.0
+    if trace.encoding is Encoding.ENVELOPE:
+        signal = signal - RAYLEIGH_MEAN * noise_std
+        noise_std, skewness = RAYLEIGH_STD * noise_std, RAYLEIGH_SKEWNESS
+    pulse = trace.transducer.pulse
+    return Baseband(
+        signal=signal,
+        sample_rate_hz=trace.sample_rate_hz,
+        start_delay_s=trace.start_delay_s,
+        noise_std=noise_std,
+        noise_skewness=skewness,
+        template=Template(0.0, pulse.duration_s, pulse),
+        saturated=is_saturated(trace.samples),
+    )
+
+
+def is_saturated(samples: NDArray[np.float32]) -> bool:
+    """Whether several samples sit at the largest magnitude, as behind a clipping converter."""
+    magnitude = np.abs(samples)
+    largest = magnitude.max()
+    return bool(largest > 0.0 and np.count_nonzero(magnitude == largest) >= SATURATED_SAMPLES)
+
+
+def _demodulated(trace: EchoTrace) -> Baseband:
+    """Mix a raw trace down with e^(−j 2π f t), low-pass and decimate it."""
+    pulse, rate_hz = trace.transducer.pulse, trace.sample_rate_hz
+    if rate_hz <= 2.0 * pulse.carrier_hz:
+        raise MalformedMessageError(
+            "sample_rate",
+            f"of {rate_hz:g} Hz is too low for a raw carrier of {pulse.carrier_hz:g} Hz",
+        )
+    decimation = max(1, int(rate_hz * pulse.duration_s / SAMPLES_PER_PULSE))
+    taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
+    phase = 2.0 * np.pi * pulse.carrier_hz * trace.sample_times_s()
+    mixed = 2.0 * trace.signal() * np.exp(-1j * phase)
+    filtered = upfirdn(taps, mixed, up=1, down=decimation)
+    gain = 2.0 * float(np.sqrt(np.sum(taps**2)))
+    noise_std = trace.noise_std * gain or _estimate_noise(filtered)
+    return Baseband(
+        signal=filtered,
+        sample_rate_hz=rate_hz / decimation,
+        start_delay_s=trace.start_delay_s,
+        noise_std=noise_std,
+        noise_skewness=0.0,
+        template=_filtered_template(pulse, rate_hz, decimation),
+        saturated=is_saturated(trace.samples),
+    )
+
+
+@lru_cache(maxsize=16)
+def _low_pass(decimation: int, carrier_per_sample: float) -> FloatArray:
+    """Taps that pass the decimated band and stop the image at twice the carrier."""
+    cutoff = min(PASS_BAND / decimation, 2.0 * carrier_per_sample)
+    taps: FloatArray = firwin(TAPS_PER_SAMPLE * decimation + 1, cutoff)
+    return taps
+
+
+@lru_cache(maxsize=16)
+def _filtered_template(pulse: Pulse, rate_hz: float, decimation: int) -> Template:
+    """Envelope of an echo behind the low-pass, tabulated from w convolved with the taps."""
+    taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
+    duration_s = pulse.duration_s + (len(taps) - 1) / rate_hz
+    points = int(np.ceil(duration_s * rate_hz * TABLE_POINTS)) + 1
+    time_s = np.linspace(0.0, duration_s, points)
+    tap_delay_s = np.arange(len(taps)) / rate_hz
+    table = pulse.window(time_s[:, np.newaxis] - tap_delay_s) @ taps
+    return Template(0.0, duration_s, pulse, tuple(table))
+
+
+def _estimate_noise(signal: Signal) -> float:
+    """Noise level from the quietest quarter of the samples, for a receiver that states none.
+
+    The squared modulus of complex noise is exponential, so its lower quartile is
+    σ² ln(4/3); echoes, which are few, hardly move it.
+    """
+    power = np.abs(signal) ** 2
+    if np.iscomplexobj(signal) or np.all(signal >= 0.0):
+        return float(np.sqrt(np.quantile(power, 0.25) / np.log(4.0 / 3.0)))
+    return float(np.quantile(np.abs(signal), 0.25) / 0.3186)

@@ -1,0 +1,223 @@
+"""Compressive sampling matching pursuit on any sensing operator.
+
+Needell & Tropp, "CoSaMP: Iterative signal recovery from incomplete and inaccurate samples",
+Appl. Comput. Harmon. Anal. 26 (2009) 301-321; in blocks after Baraniuk, Cevher, Duarte &
+Hegde, "Model-based compressive sensing", IEEE Trans. Inf. Theory 56 (2010) 1982-2001; with a
+band about each chosen atom excluded after Fannjiang & Liao, "Coherence pattern-guided
+compressive sensing with unresolved grids", SIAM J. Imaging Sci. 5 (2012) 179-202.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import nnls
+
+from usmap_ros.reconstruction.operators import FloatArray, IndexArray, SensingOperator, Signal
+
+#: Weight of the ridge that keeps least squares on coherent columns solvable, relative to
+#: the mean squared norm of the columns.  Small enough not to be seen in the coefficients;
+#: of identical columns it gives each an equal share.
+RIDGE = 1e-10
+
+
+class Halt(enum.Enum):
+    """Why a solver stopped."""
+
+    SILENCE = "the signal is zero"
+    NOISE_LEVEL = "the residual is within the noise"
+    NOTHING_LEFT = "no further block rises above the threshold"
+    STABLE_SUPPORT = "the support no longer changes"
+    NO_PROGRESS = "the residual no longer falls"
+    ITERATIONS = "the iteration limit was reached"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A sparse approximation y ≈ Φ x.
+
+    Parameters
+    ----------
+    support : (k,) array
+        Ascending indices of the non-zero blocks.
+    coefficients : (k, block_size) array
+        Their coefficients.
+    residual : (samples,) array
+        y − Φ x.
+    iterations : int
+        Iterations done.
+    halt : Halt
+        Why no more were.
+    """
+
+    support: IndexArray
+    coefficients: Signal
+    residual: Signal
+    iterations: int
+    halt: Halt
+
+    @property
+    def residual_norm(self) -> float:
+        """Euclidean norm of the residual."""
+        return float(np.linalg.norm(self.residual))
+
+    def halted(self, reason: Halt) -> Solution:
+        """Return the same solution with the reason why the solver stopped at it."""
+        return replace(self, halt=reason)
+
+
+def cosamp(
+    operator: SensingOperator,
+    signal: Signal,
+    sparsity: int,
+    *,
+    thresholds: FloatArray | float = 0.0,
+    tolerance: float = 0.0,
+    non_negative: bool = False,
+    warm_start: IndexArray | None = None,
+    max_iterations: int = 20,
+) -> Solution:
+    """Approximate `signal` by at most `sparsity` blocks of `operator`.
+
+    Parameters
+    ----------
+    operator : SensingOperator
+        The sensing matrix Φ.
+    signal : (samples,) array
+        y, real or complex.
+    sparsity : int
+        k, the largest number of blocks in the solution.
+    thresholds : float or (blocks,) array
+        Score that a block must exceed to be taken up, and to be kept.
+    tolerance : float
+        Norm of the residual at which it counts as noise.
+    non_negative : bool
+        Fit with coefficients that are real and not negative.
+    warm_start : (n,) array, optional
+        Support to start from, n ≤ `sparsity`.
+    max_iterations : int
+        Iterations at most.
+
+    Returns
+    -------
+    Solution
+        Never more than `sparsity` blocks; the residual is never larger than that of the start.
+
+    Raises
+    ------
+    ValueError
+        If the signal is not finite, or has not as many samples as the operator.
+    """
+    _check_signal(operator, signal)
+    fit = _Fit(operator, signal, non_negative)
+    limits = np.broadcast_to(np.asarray(thresholds, dtype=float), (operator.block_count,))
+    start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
+    best = fit.on(start[:sparsity], 0, Halt.ITERATIONS)
+    if not np.any(signal):
+        return best.halted(Halt.SILENCE)
+    for iteration in range(1, max_iterations + 1):
+        if best.residual_norm <= tolerance:
+            return best.halted(Halt.NOISE_LEVEL)
+        scores = operator.scores(operator.adjoint(best.residual))
+        found = strongest(operator, scores, limits, best.support, 2 * sparsity)
+        if len(found) == 0:
+            return best.halted(Halt.NOTHING_LEFT)
+        merged = fit.on(np.union1d(best.support, found), iteration, Halt.ITERATIONS)
+        kept = _prune(operator, merged, limits, sparsity)
+        if np.array_equal(kept, best.support):
+            return best.halted(Halt.STABLE_SUPPORT)
+        pruned = fit.on(kept, iteration, Halt.ITERATIONS)
+        if pruned.residual_norm >= best.residual_norm * (1.0 - 1e-9):
+            return best.halted(Halt.NO_PROGRESS)
+        best = pruned
+    return best
+
+
+def strongest(
+    operator: SensingOperator,
+    scores: FloatArray,
+    limits: FloatArray,
+    support: IndexArray,
+    count: int,
+) -> IndexArray:
+    """Blocks of highest score above their limits, at most `count`, outside each other's bands.
+
+    Parameters
+    ----------
+    operator : SensingOperator
+        Says which blocks exclude each other.
+    scores, limits : (blocks,) arrays
+        Scores, and what they must exceed.
+    support : (n,) array
+        Blocks already chosen, whose bands are excluded too.
+    count : int
+        How many to return at the most.
+    """
+    free = scores > limits
+    for block in support:
+        free[operator.excluded(block)] = False
+    candidates = np.flatnonzero(free)
+    chosen: list[int] = []
+    for block in candidates[np.argsort(-scores[candidates], kind="stable")]:
+        if len(chosen) == count:
+            break
+        if free[block]:
+            chosen.append(block)
+            free[operator.rivals(block)] = False
+    return np.array(chosen, dtype=np.intp)
+
+
+def _prune(
+    operator: SensingOperator, merged: Solution, limits: FloatArray, sparsity: int
+) -> IndexArray:
+    """Support of the `sparsity` blocks that contribute most, less those below their limit."""
+    strengths = operator.echo_scores(merged.support, merged.coefficients)
+    order = np.argsort(-strengths, kind="stable")[:sparsity]
+    kept = order[strengths[order] > limits[merged.support[order]]]
+    return np.sort(merged.support[kept])
+
+
+class _Fit:
+    """Least squares of one signal on the columns of a support."""
+
+    def __init__(self, operator: SensingOperator, signal: Signal, non_negative: bool) -> None:
+        self.operator, self.signal, self.non_negative = operator, signal, non_negative
+
+    def on(self, support: IndexArray, iterations: int, halt: Halt) -> Solution:
+        columns = self.operator.columns(support)
+        coefficients = (
+            _solve_non_negative(columns, self.signal)
+            if self.non_negative
+            else _solve(columns, self.signal)
+        )
+        residual = self.signal - columns @ coefficients
+        blocks = coefficients.reshape(len(support), self.operator.block_size)
+        return Solution(support, blocks, residual, iterations, halt)
+
+
+def _solve(columns: FloatArray, signal: Signal) -> Signal:
+    if columns.shape[1] == 0:
+        return np.zeros(0, dtype=signal.dtype)
+    gram = columns.T @ columns
+    diagonal = np.einsum("ii->i", gram)
+    diagonal += RIDGE * diagonal.mean()
+    solution: Signal = np.linalg.solve(gram, columns.T @ signal)
+    return solution
+
+
+def _solve_non_negative(columns: FloatArray, signal: Signal) -> FloatArray:
+    if columns.shape[1] == 0:
+        return np.zeros(0)
+    if np.iscomplexobj(signal):
+        columns = np.concatenate([columns, np.zeros_like(columns)])
+        signal = np.concatenate([signal.real, signal.imag])
+    return nnls(columns, signal)[0]
+
+
+def _check_signal(operator: SensingOperator, signal: Signal) -> None:
+    if signal.shape != (operator.sample_count,):
+        raise ValueError(f"signal has shape {signal.shape}, not ({operator.sample_count},)")
+    if not np.all(np.isfinite(signal)):
+        raise ValueError("signal is not finite")

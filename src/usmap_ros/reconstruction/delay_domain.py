@@ -1,0 +1,250 @@
+"""The sensing matrix on the delay axis, applied without being formed.
+
+All cells at one range have columns that are multiples of one another, so echoes are
+recovered as functions of delay, where atoms are distinct.  Φᴴ r is then a matched filter.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.reconstruction.baseband import Template
+from usmap_ros.reconstruction.operators import FloatArray, IndexArray, Signal
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """When a baseband signal was sampled."""
+
+    sample_rate_hz: float
+    start_delay_s: float
+    sample_count: int
+
+
+class DelayDomainOperator:
+    """Echoes at every delay of an even grid, each with its paths over the floor as one block.
+
+    Parameters
+    ----------
+    template : Template
+        Envelope of one echo.
+    sampling : Sampling
+        When the signal was sampled.
+    channel : Channel
+        Gives the delays of the paths.
+    min_range_m, max_range_m : float
+        Ranges on which blocks are laid.
+    oversampling : int
+        Delays per sample.
+    exclusion_s : float
+        Half-width of the band of delays around a chosen block in which no other is chosen.
+
+    Notes
+    -----
+    Every path of a block has a coefficient of its own: a centimetre of error in the floor's
+    height turns a phase by several radians, so only the magnitudes can be relied on.  They
+    enter in `scores`.
+    """
+
+    def __init__(
+        self,
+        template: Template,
+        sampling: Sampling,
+        channel: Channel,
+        min_range_m: float,
+        max_range_m: float,
+        oversampling: int,
+        exclusion_s: float,
+    ) -> None:
+        self.template, self.sampling, self.channel = template, sampling, channel
+        self.oversampling = oversampling
+        self.delay_step_s = 1.0 / (sampling.sample_rate_hz * oversampling)
+        self._band = max(1, round(exclusion_s / self.delay_step_s))
+        self._polyphase = self._sampled_template()
+        self.range_step_m = 0.5 * channel.sound_speed_m_s * self.delay_step_s
+        self.ranges_m = self._block_ranges(min_range_m, max_range_m)
+        self._path_index = self._grid_index(channel.delays_s(self.ranges_m))
+        self._norms = np.linalg.norm(self._polyphase, axis=1)[self._path_index % oversampling]
+        echo = channel.amplitudes(self.ranges_m) * self._norms
+        #: Share of a block's echo that each path carries.
+        self.path_weights = echo / np.linalg.norm(echo, axis=1, keepdims=True)
+        #: Norm of the echo of an object whose direct path has amplitude 1, shape (blocks,).
+        self.unit_norms = self._norms[:, 0] / self.path_weights[:, 0]
+        #: Ranges of the blocks that were moved off the grid; NaN where not.
+        self._moved_ranges_m = np.full(self.block_count, np.nan)
+
+    # ------------------------------------------------------------------ SensingOperator
+
+    @property
+    def sample_count(self) -> int:
+        """Samples of the signal."""
+        return self.sampling.sample_count
+
+    @property
+    def block_count(self) -> int:
+        """Delays at which an object can be placed."""
+        return len(self.ranges_m)
+
+    @property
+    def block_size(self) -> int:
+        """Paths from an object: one, or three with a floor."""
+        return self._path_index.shape[1]
+
+    def forward(self, coefficients: Signal) -> Signal:
+        """Sum of the echoes: every path's template at its delay, times its coefficient."""
+        moved = self._moved_blocks()
+        on_grid = coefficients.copy()
+        on_grid[moved] = 0.0
+        spikes = np.zeros(self._window_count * self.oversampling, dtype=coefficients.dtype)
+        np.add.at(spikes, self._path_index, on_grid)
+        trains = spikes.reshape(self._window_count, self.oversampling) @ self._polyphase
+        taps = trains.shape[1]
+        signal = np.zeros(self._window_count + taps - 1, dtype=trains.dtype)
+        for tap in range(taps):
+            signal[tap : tap + self._window_count] += trains[:, tap]
+        heard = signal[taps - 1 : taps - 1 + self.sample_count]
+        return heard + self.columns(moved) @ coefficients[moved].reshape(-1)
+
+    def adjoint(self, signal: Signal) -> Signal:
+        """Matched filter, read at the delays of all paths."""
+        taps = self._polyphase.shape[1]
+        padded = np.zeros(self._window_count + taps - 1, dtype=signal.dtype)
+        padded[taps - 1 : taps - 1 + self.sample_count] = signal
+        windows = np.lib.stride_tricks.sliding_window_view(padded, taps)
+        filtered = windows @ self._polyphase.T
+        proxy: Signal = filtered.reshape(-1)[self._path_index]
+        moved = self._moved_blocks()
+        if len(moved):
+            proxy[moved] = (self.columns(moved).T @ signal).reshape(len(moved), self.block_size)
+        return proxy
+
+    def columns(self, support: IndexArray) -> FloatArray:
+        """Templates at the delays of the blocks' paths."""
+        return self._scatter(self.delays_s(support).reshape(-1), self.template)
+
+    def scores(self, proxy: Signal) -> FloatArray:
+        """Magnitudes of the paths, weighted by what each should carry of the block's echo."""
+        scores: FloatArray = np.sum(self.path_weights * np.abs(proxy) / self._norms, axis=1)
+        return scores
+
+    def echo_scores(self, support: IndexArray, coefficients: Signal) -> FloatArray:
+        """Scores that the echoes of `support` have by themselves."""
+        weighted = self.path_weights[support] * np.abs(coefficients) * self._norms[support]
+        scores: FloatArray = weighted.sum(axis=1)
+        return scores
+
+    def excluded(self, block: int) -> slice:
+        """Band of delays in which two echoes cannot be told apart."""
+        return slice(max(0, block - self._band), block + self._band + 1)
+
+    def rivals(self, block: int) -> slice | IndexArray:
+        """Blocks of which any path falls into the band of any path of `block`."""
+        if self.block_size == 1:
+            return self.excluded(block)
+        distance = np.abs(self._path_index[:, :, np.newaxis] - self._path_index[block])
+        return np.flatnonzero((distance <= self._band).any(axis=(1, 2)))
+
+    # ------------------------------------------------------------------ off the grid
+
+    def moved(self, support: IndexArray, steps_s: FloatArray) -> DelayDomainOperator:
+        """Return an operator in which the direct paths of `support` are later by `steps_s`."""
+        refined = copy.copy(self)
+        steps_m = 0.5 * self.channel.sound_speed_m_s * steps_s
+        refined._moved_ranges_m = self._moved_ranges_m.copy()
+        refined._moved_ranges_m[support] = self.block_ranges_m(support) + steps_m
+        return refined
+
+    def block_ranges_m(self, support: IndexArray) -> FloatArray:
+        """Ranges of blocks, off the grid where they were moved."""
+        moved_m = self._moved_ranges_m[support]
+        return np.where(np.isnan(moved_m), self.ranges_m[support], moved_m)
+
+    def delays_s(self, support: IndexArray) -> FloatArray:
+        """Delays of the blocks' paths, shape (len(support), block_size).
+
+        On the grid every path is rounded to it, off the grid they are exact.
+        """
+        on_grid = self._grid_start_s + self._path_index[support] * self.delay_step_s
+        exact = self.channel.delays_s(self.block_ranges_m(support))
+        on_grid_m = np.isnan(self._moved_ranges_m[support])[:, np.newaxis]
+        return np.where(on_grid_m, on_grid, exact)
+
+    def slopes(self, support: IndexArray) -> FloatArray:
+        """Derivatives of `columns` with respect to the delay of each block's direct path."""
+        rates = self.channel.delay_rates(self.block_ranges_m(support)).reshape(-1)
+        delays_s = self.delays_s(support).reshape(-1)
+        return -rates * self._scatter(delays_s, self.template.slope)
+
+    def _moved_blocks(self) -> IndexArray:
+        return np.flatnonzero(~np.isnan(self._moved_ranges_m))
+
+    def _scatter(
+        self, delays_s: FloatArray, profile: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Profiles at delays as columns; each touches only the samples in its support."""
+        rate_hz, start_s = self.sampling.sample_rate_hz, self.sampling.start_delay_s
+        first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)
+        rows = first + np.arange(self._polyphase.shape[1])[:, np.newaxis]
+        values = profile(start_s + rows / rate_hz - delays_s)
+        values[(rows < 0) | (rows >= self.sample_count)] = 0.0
+        columns = np.zeros((self.sample_count, len(delays_s)))
+        columns[np.clip(rows, 0, self.sample_count - 1), np.arange(len(delays_s))] += values
+        return columns
+
+    @property
+    def pulse_blocks(self) -> int:
+        """Blocks that a pulse spans."""
+        return int(np.ceil(self.template.duration_s / self.delay_step_s))
+
+    @property
+    def template_skewness(self) -> float:
+        """Share of a sample's skewness that is left in the matched filter's output."""
+        template = self._polyphase[0]
+        return float(np.sum(template**3) / np.sum(template**2) ** 1.5)
+
+    # ------------------------------------------------------------------ the grid
+
+    @property
+    def _window_count(self) -> int:
+        """Sample positions at which a template can start and still touch the signal."""
+        return self.sample_count + self._polyphase.shape[1] - 1
+
+    @property
+    def _grid_start_s(self) -> float:
+        """Delay of the first grid point, from which on a template reaches the first sample."""
+        taps_before = self._polyphase.shape[1] - 1
+        return self.sampling.start_delay_s - taps_before / self.sampling.sample_rate_hz
+
+    def _sampled_template(self) -> FloatArray:
+        """Template at every sub-sample delay, shape (oversampling, taps)."""
+        rate_hz = self.sampling.sample_rate_hz
+        taps = int(np.ceil(self.template.duration_s * rate_hz)) + 2
+        delay_s = np.arange(self.oversampling) * self.delay_step_s
+        return self.template(np.arange(taps) / rate_hz - delay_s[:, np.newaxis])
+
+    def _block_ranges(self, min_range_m: float, max_range_m: float) -> FloatArray:
+        """Ranges on the grid whose direct echo lies within the limits and the trace."""
+        speed = self.channel.sound_speed_m_s
+        end_s = (
+            self.sampling.start_delay_s
+            + self.sample_count / self.sampling.sample_rate_hz
+            - self.template.duration_s
+        )
+        # A point at the transducer itself would return an infinite echo.
+        nearest_m = max(min_range_m, self.range_step_m)
+        first = np.ceil((2.0 * nearest_m / speed - self._grid_start_s) / self.delay_step_s)
+        last_delay_s = min(2.0 * max_range_m / speed, end_s)
+        last = np.floor((last_delay_s - self._grid_start_s) / self.delay_step_s + 1e-6)
+        delays_s = self._grid_start_s + np.arange(first, last + 1.0) * self.delay_step_s
+        return 0.5 * speed * delays_s
+
+    def _grid_index(self, delays_s: FloatArray) -> IndexArray:
+        """Nearest grid point to each delay; past the end of the trace, the last one."""
+        index = np.rint((delays_s - self._grid_start_s) / self.delay_step_s).astype(np.intp)
+        clipped: IndexArray = np.minimum(index, self._window_count * self.oversampling - 1)
+        return clipped

@@ -1,0 +1,66 @@
+"""How loud an echo must be to be told from noise, and what therefore may have gone unheard."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.stats import norm
+
+from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
+from usmap_ros.reconstruction.operators import FloatArray, IndexArray
+
+
+def noise_thresholds(
+    operator: DelayDomainOperator, baseband: Baseband, false_alarms: float
+) -> FloatArray:
+    """Scores that noise alone exceeds `false_alarms` times a ping, shape (blocks,).
+
+    The modulus of a matched filter's complex output is Rayleigh distributed, that of a real
+    one is normal; an envelope's noise is skewed, which the first Cornish-Fisher term corrects.
+    """
+    independent = max(1.0, operator.block_count / operator.oversampling)
+    tail = false_alarms / independent
+    if np.iscomplexobj(baseband.signal):
+        deviations = np.sqrt(-np.log(tail))
+    else:
+        quantile = float(norm.isf(tail))
+        skewness = baseband.noise_skewness * operator.template_skewness
+        deviations = quantile + (quantile**2 - 1.0) * skewness / 6.0
+    # Every further path adds the mean modulus of its noise to the weighted sum of `scores`.
+    extra_paths = operator.path_weights.sum(axis=1) - 1.0
+    return baseband.noise_std * (deviations + RAYLEIGH_MEAN * extra_paths)
+
+
+def loudness(operator: DelayDomainOperator, scores: FloatArray) -> FloatArray:
+    """Loudest score within a pulse of each block: what an imperfect pulse model may leak from."""
+    return maximum_filter1d(scores, 2 * operator.pulse_blocks + 1, mode="nearest")
+
+
+def unreported(
+    operator: DelayDomainOperator,
+    thresholds: FloatArray,
+    residual_scores: FloatArray,
+    support: IndexArray,
+) -> FloatArray:
+    """Amplitude below which an object at each block could have gone unreported.
+
+    It is the threshold, or the score that was left unexplained there; and without limit where
+    another echo excludes a second one.
+    """
+    limits = np.maximum(thresholds, residual_scores) / operator.unit_norms
+    for block in support:
+        limits[operator.excluded(block)] = np.inf
+    return limits
+
+
+def binned_maximum(
+    values: FloatArray, ranges_m: FloatArray, start_m: float, step_m: float, stop_m: float
+) -> FloatArray:
+    """Largest value in each range bin; bins that hold no range are without limit."""
+    bins = max(1, int(np.ceil((stop_m - start_m) / step_m - 1e-9)))
+    index = ((ranges_m - start_m) / step_m).astype(np.intp)
+    inside = (index >= 0) & (index < bins)
+    largest = np.full(bins, -np.inf)
+    np.maximum.at(largest, index[inside], values[inside])
+    return np.where(np.isfinite(largest), largest, np.inf)

@@ -1,0 +1,174 @@
+"""From an echo trace to the echoes in its cone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.cone import EchoCone, encode_limits
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.reconstruction.baseband import Baseband, Template, to_baseband
+from usmap_ros.reconstruction.cosamp import Solution, cosamp
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
+from usmap_ros.reconstruction.detection import (
+    binned_maximum,
+    loudness,
+    noise_thresholds,
+    unreported,
+)
+from usmap_ros.reconstruction.operators import FloatArray
+from usmap_ros.reconstruction.refinement import delay_step
+from usmap_ros.trace import EchoTrace
+
+#: A round of refinement whose largest step is below this share of a grid step is the last.
+SETTLED_STEP = 0.02
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """A trace explained by echoes, with everything that led there.
+
+    Parameters
+    ----------
+    baseband : Baseband
+        The signal that was explained.
+    operator : DelayDomainOperator
+        The sensing matrix, with the atoms of the support moved off the grid.
+    solution : Solution
+        Support, complex coefficients and residual.
+    cone : EchoCone
+        What fusion is told.
+    """
+
+    baseband: Baseband
+    operator: DelayDomainOperator
+    solution: Solution
+    cone: EchoCone
+
+
+def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconstruction:
+    """Recover the echoes in `trace`.
+
+    CoSaMP picks delays on a grid, Gauss-Newton steps move them off it, and CoSaMP goes on from
+    there: what a misplaced strong echo leaves behind would otherwise be taken for weak ones.
+
+    Parameters
+    ----------
+    trace : EchoTrace
+        A valid trace.
+    parameters : ReconstructionParameters
+        Sparsity, thresholds and grid.
+
+    Raises
+    ------
+    MalformedMessageError
+        If the trace cannot be brought to the baseband.
+    """
+    baseband = to_baseband(trace)
+    operator = _operator(trace, baseband, parameters)
+    signal = baseband.signal
+    noise = noise_thresholds(operator, baseband, parameters.false_alarms_per_ping)
+    heard = operator.scores(operator.adjoint(signal))
+    thresholds = noise + parameters.model_error * loudness(operator, heard)
+    non_negative = parameters.non_negative and not np.iscomplexobj(signal)
+
+    unit_std_s: FloatArray = np.empty(0)
+    support = np.empty(0, dtype=np.intp)
+    for remaining in reversed(range(parameters.refinements + 1)):
+        solution = cosamp(
+            operator,
+            signal,
+            parameters.sparsity,
+            thresholds=thresholds,
+            non_negative=non_negative,
+            warm_start=support,
+            max_iterations=parameters.max_iterations,
+        )
+        if len(solution.support) == 0 or not baseband.template.is_smooth:
+            break
+        step_s, unit_std_s = delay_step(operator, solution)
+        settled = np.abs(step_s).max() < SETTLED_STEP * operator.delay_step_s
+        if remaining == 0 or (settled and np.array_equal(support, solution.support)):
+            break
+        support = solution.support
+        operator = operator.moved(support, step_s)
+    cone = _cone(trace, baseband, operator, solution, thresholds, unit_std_s, parameters)
+    return Reconstruction(baseband, operator, solution, cone)
+
+
+def _operator(
+    trace: EchoTrace, baseband: Baseband, parameters: ReconstructionParameters
+) -> DelayDomainOperator:
+    sampling = Sampling(baseband.sample_rate_hz, baseband.start_delay_s, len(baseband.signal))
+    return _cached_operator(
+        baseband.template,
+        sampling,
+        trace.channel,
+        trace.transducer.min_range_m,
+        trace.transducer.max_range_m,
+        parameters.oversampling if baseband.template.is_smooth else 1,
+        parameters.exclusion * trace.transducer.pulse.duration_s,
+    )
+
+
+@lru_cache(maxsize=64)
+def _cached_operator(
+    template: Template,
+    sampling: Sampling,
+    channel: Channel,
+    min_range_m: float,
+    max_range_m: float,
+    oversampling: int,
+    exclusion_s: float,
+) -> DelayDomainOperator:
+    """One operator for all pings that were sent and sampled alike."""
+    return DelayDomainOperator(
+        template, sampling, channel, min_range_m, max_range_m, oversampling, exclusion_s
+    )
+
+
+def _cone(
+    trace: EchoTrace,
+    baseband: Baseband,
+    operator: DelayDomainOperator,
+    solution: Solution,
+    thresholds: FloatArray,
+    unit_std_s: FloatArray,
+    parameters: ReconstructionParameters,
+) -> EchoCone:
+    support = solution.support
+    unit_norms = operator.unit_norms[support]
+    amplitudes = operator.echo_scores(support, solution.coefficients) / unit_norms
+    delay_std_s = (
+        unit_std_s * baseband.noise_std
+        if len(unit_std_s) == len(support)
+        else np.full(len(support), operator.delay_step_s / np.sqrt(12.0))
+    )
+    limits = unreported(
+        operator, thresholds, operator.scores(operator.adjoint(solution.residual)), support
+    )
+    minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
+    binned = binned_maximum(
+        limits, operator.ranges_m, minimum_m, parameters.limit_step_m, maximum_m
+    )
+    ranges_m = operator.block_ranges_m(support)
+    order = np.argsort(ranges_m)
+    signal_norm = float(np.linalg.norm(baseband.signal))
+    return EchoCone(
+        stamp_ns=trace.stamp_ns,
+        frame_id=trace.frame_id,
+        child_frame_id=trace.child_frame_id,
+        pose=trace.pose,
+        transducer=trace.transducer,
+        attenuation_db_m=trace.channel.attenuation_db_m,
+        ranges_m=ranges_m[order].astype(np.float32),
+        range_stds_m=(0.5 * trace.channel.sound_speed_m_s * delay_std_s)[order].astype(np.float32),
+        amplitudes=amplitudes[order].astype(np.float32),
+        amplitude_stds=(baseband.noise_std / unit_norms)[order].astype(np.float32),
+        limit_step_m=parameters.limit_step_m,
+        detection_limits=encode_limits(binned),
+        residual=solution.residual_norm / signal_norm if signal_norm > 0.0 else 0.0,
+    )

@@ -6,7 +6,7 @@ VENV ?= .venv
 PYTEST_ARGS ?=
 
 BIN := $(VENV)/bin
-INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL := $(BIN)/python -m pip install -qq --disable-pip-version-check
 PINNED := $(INSTALL) --constraint constraints.txt
 MESSAGES := $(wildcard msg_schemas/* msg_schemas/*/*)
 

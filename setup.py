@@ -88,7 +88,7 @@ setup(
     ],
     zip_safe=False,
     install_requires=[
-        "lz4>=4.3",
+        "lz4>=4.3.3",
         "matplotlib>=3.6",
         "mcap>=1.1",
         "numpy>=1.26",
@@ -98,7 +98,7 @@ setup(
         "rich>=13",
         "rosbags>=0.10",
         "scipy>=1.11",
-        "typer>=0.12",
+        "typer>=0.16",
         "zstandard>=0.22",
     ],
     extras_require={

@@ -1,0 +1,236 @@
+"""Writing echo traces and cones to rosbag2 folders with MCAP files in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from mcap.writer import CompressionType, Writer
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import BagError
+from usmap_ros.io.atomic import new_folder, write_atomically
+from usmap_ros.io.conversions import cone_to_message, trace_to_message
+from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, BagMessageTypes, typestore
+from usmap_ros.trace import EchoTrace
+
+COMPRESSIONS = {
+    "none": CompressionType.NONE,
+    "lz4": CompressionType.LZ4,
+    "zstd": CompressionType.ZSTD,
+}
+
+#: A chunk is what a crash while recording can cost: this is about 20 pings of I/Q.
+_CHUNK_BYTES = 128 * 2**10
+_METADATA_VERSION = 9
+_FOREVER = {"sec": 9223372036, "nsec": 854775807}
+#: Depth of the queues that the nodes offer these messages with; a player does the same.
+_QUEUE_DEPTHS = {ECHO_TRACE: 10, ECHO_CONE: 50}
+
+
+@dataclass
+class _Topic:
+    """A topic that was written to."""
+
+    name: str
+    message_type: str
+    channel_id: int
+    count: int = 0
+
+
+class BagWriter:
+    """Writes one recording, the same bytes for the same messages.
+
+    mcap writes the file, because rosbags leaves chunks without a checksum.  Every message is
+    written with its stamp as the time of recording: nothing depends on when it runs.
+
+    Parameters
+    ----------
+    folder : path
+        An existing empty folder, which becomes a rosbag2 one when the writer is closed.
+    name : str
+        Name of the MCAP file in it, without suffix.
+    compression : str
+        Of chunks; one of `COMPRESSIONS`.
+    """
+
+    def __init__(self, folder: Path, name: str, compression: str = "none") -> None:
+        self._folder = folder
+        self._file_name = f"{name}.mcap"
+        self._types = BagMessageTypes()
+        self._file = (folder / self._file_name).open("wb")
+        self._writer = Writer(
+            self._file, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression]
+        )
+        # mcap's default library string holds its version, which would make files differ.
+        self._writer.start(profile="ros2", library="usmap_ros")
+        self._schemas: dict[str, int] = {}
+        self._topics: dict[tuple[str, str], _Topic] = {}
+        self._first_ns: int | None = None
+        self._last_ns = 0
+
+    def write_trace(self, topic: str, trace: EchoTrace) -> None:
+        """Append an echo trace."""
+        self._write(topic, ECHO_TRACE, trace.stamp_ns, trace_to_message(trace, self._types))
+
+    def write_cone(self, topic: str, cone: EchoCone) -> None:
+        """Append an echo cone."""
+        self._write(topic, ECHO_CONE, cone.stamp_ns, cone_to_message(cone, self._types))
+
+    def finish(self) -> None:
+        """Complete the file and write ``metadata.yaml``."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.close()
+        text = yaml.dump(self._metadata(), Dumper=_PlainDumper, sort_keys=False)
+        write_atomically(self._folder / "metadata.yaml", text.encode())
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._file.close()
+
+    def _write(self, topic: str, message_type: str, stamp_ns: int, message: Any) -> None:
+        entry = self._topics.get((topic, message_type)) or self._add_topic(topic, message_type)
+        payload = typestore().serialize_cdr(message, message_type)
+        self._writer.add_message(
+            entry.channel_id,
+            log_time=stamp_ns,
+            publish_time=stamp_ns,
+            sequence=entry.count,
+            data=bytes(payload),
+        )
+        entry.count += 1
+        self._first_ns = stamp_ns if self._first_ns is None else min(self._first_ns, stamp_ns)
+        self._last_ns = max(self._last_ns, stamp_ns)
+
+    def _add_topic(self, topic: str, message_type: str) -> _Topic:
+        if message_type not in self._schemas:
+            definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
+            self._schemas[message_type] = self._writer.register_schema(
+                name=message_type, encoding="ros2msg", data=definition.encode()
+            )
+        channel_id = self._writer.register_channel(
+            topic=topic,
+            message_encoding="cdr",
+            schema_id=self._schemas[message_type],
+            metadata={
+                "offered_qos_profiles": yaml.dump(
+                    _offered_qos(message_type), Dumper=_PlainDumper
+                ).strip(),
+                "topic_type_hash": typestore().hash_rihs01(message_type),
+            },
+        )
+        self._topics[topic, message_type] = entry = _Topic(topic, message_type, channel_id)
+        return entry
+
+    def _metadata(self) -> dict[str, Any]:
+        first_ns = self._first_ns or 0
+        span = {
+            "duration": {"nanoseconds": self._last_ns - first_ns},
+            "starting_time": {"nanoseconds_since_epoch": first_ns},
+            "message_count": sum(topic.count for topic in self._topics.values()),
+        }
+        topics = [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.message_type,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": _offered_qos(topic.message_type),
+                    "type_description_hash": typestore().hash_rihs01(topic.message_type),
+                },
+                "message_count": topic.count,
+            }
+            for topic in self._topics.values()
+        ]
+        return {
+            "rosbag2_bagfile_information": {
+                "version": _METADATA_VERSION,
+                "storage_identifier": "mcap",
+                **span,
+                "topics_with_message_count": topics,
+                "compression_format": "",
+                "compression_mode": "",
+                "relative_file_paths": [self._file_name],
+                "files": [{"path": self._file_name, **span}],
+                "custom_data": None,
+                "ros_distro": "jazzy",
+            }
+        }
+
+
+def _offered_qos(message_type: str) -> list[dict[str, Any]]:
+    """QoS of a topic's publisher, in the form that Jazzy's rosbag2 records."""
+    return [
+        {
+            "history": "keep_last",
+            "depth": _QUEUE_DEPTHS[message_type],
+            "reliability": "reliable",
+            "durability": "volatile",
+            "deadline": _FOREVER,
+            "lifespan": _FOREVER,
+            "liveliness": "automatic",
+            "liveliness_lease_duration": _FOREVER,
+            "avoid_ros_namespace_conventions": False,
+        }
+    ]
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """YAML without anchors, which rosbag2's parser for QoS profiles does not expect."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write equal values out each time."""
+        return True
+
+
+@contextmanager
+def new_bag(path: Path, *, replace: bool = False, compression: str = "none") -> Iterator[BagWriter]:
+    """Record into a folder that appears, complete, when the block ends without an error.
+
+    Parameters
+    ----------
+    path : path
+        The rosbag2 folder to make.
+    replace : bool
+        Whether a recording that is there may be replaced; nothing else ever is.
+    compression : str
+        Of chunks; one of `COMPRESSIONS`.
+
+    Raises
+    ------
+    BagError
+        If there is something at `path` that may not be replaced, or it cannot be written.
+    """
+    try:
+        _check_target(path, replace)
+        with new_folder(path) as folder:
+            writer = BagWriter(folder, path.name, compression)
+            try:
+                yield writer
+                writer.finish()
+            finally:
+                writer.abandon()
+    except OSError as error:
+        raise BagError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _check_target(path: Path, replace: bool) -> None:
+    """Refuse to overwrite what is not a recording, and a recording unless that is wanted."""
+    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return
+    if not _is_recording(path):
+        raise BagError(path, "is in the way and no recording, so it is not replaced")
+    if not replace:
+        raise BagError(path, "exists already; --force replaces it")
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether a folder holds the files of a recording and nothing else."""
+    return path.is_dir() and all(
+        entry.name == "metadata.yaml" or entry.suffix in (".mcap", ".db3")
+        for entry in path.iterdir()
+    )

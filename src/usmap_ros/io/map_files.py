@@ -1,0 +1,201 @@
+"""The folder that ``usmap map`` writes: the map for nav2, as log-odds, and a summary."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.errors import MapFileError
+from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.io.atomic import write_atomically
+from usmap_ros.io.nav2_map import save_nav2_map
+
+GRID_FILE = "map.npz"
+SUMMARY_FILE = "summary.json"
+
+#: A damaged archive fails in as many ways as zipfile, zlib and NumPy have layers.
+_ARCHIVE_ERRORS = (
+    OSError,
+    EOFError,
+    TypeError,
+    ValueError,
+    NotImplementedError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+@dataclass
+class RobotPaths:
+    """Where each transducer was at its pings, for pictures of the map.
+
+    Parameters
+    ----------
+    positions_m : dict of lists of (x, y)
+        By topic, in the order of stamps.
+    """
+
+    positions_m: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+
+    def add(self, topic: str, x_m: float, y_m: float) -> None:
+        """Append a position."""
+        self.positions_m.setdefault(topic, []).append((x_m, y_m))
+
+
+@contextmanager
+def map_folder(folder: Path) -> Iterator[None]:
+    """Make sure that a map can be saved in `folder`, before much work goes into the map.
+
+    A folder that had to be made is removed again if the block raises.
+
+    Raises
+    ------
+    MapFileError
+        If the folder cannot be made or written to.
+    """
+    existed = folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".usmap"
+        write_atomically(probe, b"")
+        probe.unlink()
+    except OSError as error:
+        raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
+    try:
+        yield
+    except BaseException:
+        if not existed:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def save_map(folder: Path, occupancy: OccupancyMap, paths: RobotPaths | None = None) -> None:
+    """Write ``map.npz``, ``map.pgm`` and ``map.yaml``, each in one step.
+
+    Parameters
+    ----------
+    folder : path
+        An existing folder; other files in it are left alone.
+    occupancy : OccupancyMap
+        The map.
+    paths : RobotPaths, optional
+        Kept in ``map.npz`` beside the map.
+
+    Raises
+    ------
+    MapFileError
+        If a file cannot be written.
+    """
+    try:
+        write_atomically(folder / GRID_FILE, _to_bytes(occupancy, paths or RobotPaths()))
+        save_nav2_map(folder, occupancy)
+    except OSError as error:
+        raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
+
+
+def save_summary(folder: Path, summary: Mapping[str, Any]) -> None:
+    """Write ``summary.json`` in one step.
+
+    Raises
+    ------
+    MapFileError
+        If it cannot be written.
+    """
+    try:
+        write_atomically(folder / SUMMARY_FILE, (json.dumps(summary, indent=2) + "\n").encode())
+    except OSError as error:
+        raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
+
+
+def load_map(folder: Path) -> tuple[OccupancyMap, RobotPaths]:
+    """Load what `save_map` saved.
+
+    Parameters
+    ----------
+    folder : path
+        The folder, or the ``map.npz`` itself.
+
+    Raises
+    ------
+    MapFileError
+        If there is no map, or its arrays do not fit together.
+    """
+    path = folder / GRID_FILE if folder.is_dir() else folder
+    if not path.exists():
+        raise MapFileError(path, "does not exist; 'usmap map' writes it")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = dict(archive)
+    except _ARCHIVE_ERRORS as error:
+        raise MapFileError(path, "is not a readable map.npz") from error
+    try:
+        return _map_from(arrays), _paths_from(arrays)
+    except KeyError as error:
+        raise MapFileError(path, f"lacks the array {error.args[0]!r}") from error
+    except (TypeError, ValueError) as error:
+        raise MapFileError(path, f"holds arrays that make no map: {error}") from error
+
+
+def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
+    positions = [np.reshape(path, (-1, 2)) for path in paths.positions_m.values()]
+    content = io.BytesIO()
+    np.savez_compressed(
+        content,
+        log_odds=occupancy.log_odds.astype(np.float32),
+        observed=occupancy.observed.astype(np.bool_),
+        resolution=np.float64(occupancy.geometry.resolution_m),
+        origin=np.array(occupancy.geometry.origin_m, dtype=np.float64),
+        frame_id=np.array(occupancy.frame_id),
+        stamp_ns=np.int64(occupancy.stamp_ns),
+        path_topics=np.array(list(paths.positions_m), dtype=np.str_),
+        path_lengths=np.array([len(path) for path in positions], dtype=np.int64),
+        path_positions=np.concatenate([np.zeros((0, 2)), *positions]).astype(np.float32),
+    )
+    return content.getvalue()
+
+
+def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
+    log_odds, observed = arrays["log_odds"].astype(np.float32), arrays["observed"].astype(np.bool_)
+    if log_odds.ndim != 2 or log_odds.shape != observed.shape:
+        raise ValueError(f"log_odds is {log_odds.shape} and observed {observed.shape}")
+    if not np.all(np.isfinite(log_odds)):
+        raise ValueError("log_odds is not finite everywhere")
+    resolution = float(arrays["resolution"])
+    x, y = (float(value) for value in arrays["origin"])
+    if not (np.isfinite(resolution) and resolution > 0.0 and np.isfinite([x, y]).all()):
+        raise ValueError(f"resolution is {resolution:g} and origin {x:g}, {y:g}")
+    rows, columns = log_odds.shape
+    return OccupancyMap(
+        geometry=GridGeometry(resolution, (x, y), (rows, columns)),
+        log_odds=log_odds,
+        observed=observed,
+        frame_id=str(arrays["frame_id"]),
+        # Optional: the contract does not name it.
+        stamp_ns=int(arrays.get("stamp_ns", np.int64(0))),
+    )
+
+
+def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
+    """Robots' paths; none in a map that another program wrote."""
+    if "path_topics" not in arrays:
+        return RobotPaths()
+    ends = np.cumsum(arrays["path_lengths"])
+    pieces = np.split(arrays["path_positions"].astype(float), ends[:-1])
+    topics = [str(topic) for topic in arrays["path_topics"]]
+    return RobotPaths(
+        {
+            topic: [(float(x), float(y)) for x, y in piece]
+            for topic, piece in zip(topics, pieces, strict=False)
+        }
+    )

@@ -1,0 +1,197 @@
+"""Maps in nav2's own format: an image, and a YAML file that says how to read it."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from usmap_ros.errors import MapFileError
+from usmap_ros.grids import (
+    FREE_VALUE,
+    OCCUPIED_PROBABILITY,
+    OCCUPIED_VALUE,
+    GridGeometry,
+    OccupancyMap,
+    TruthMap,
+)
+from usmap_ros.io.atomic import write_atomically
+
+#: Shades of gray that nav2 and the map server of ROS 1 use.
+_OCCUPIED_SHADE, _FREE_SHADE, _UNKNOWN_SHADE = 0, 254, 205
+#: Just below the 0.19608 that the shade of an unknown cell stands for; nav2's default frees it.
+_FREE_THRESHOLD = 0.196
+_MODES = ("trinary", "scale", "raw")
+
+
+@dataclass(frozen=True)
+class Nav2Map:
+    """A map as nav2 understands it.
+
+    Parameters
+    ----------
+    geometry : GridGeometry
+        Where the cells lie.
+    probability : (rows, columns) array
+        Of being occupied; NaN where unknown.
+    """
+
+    geometry: GridGeometry
+    probability: NDArray[np.float64]
+
+    def truth(self) -> TruthMap:
+        """Cells that count as occupied, as what a map is scored against."""
+        return TruthMap(self.geometry, self.probability >= OCCUPIED_PROBABILITY)
+
+
+def save_nav2_map(folder: Path, occupancy: OccupancyMap) -> None:
+    """Write ``map.pgm`` and ``map.yaml``, trinary, each in one step.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    values = occupancy.trinary()
+    shades = np.full(values.shape, _UNKNOWN_SHADE, dtype=np.uint8)
+    shades[values == FREE_VALUE] = _FREE_SHADE
+    shades[values == OCCUPIED_VALUE] = _OCCUPIED_SHADE
+    image = io.BytesIO()
+    # The first row of an image is the top one.
+    Image.fromarray(shades[::-1]).save(image, format="PPM")
+    description = {
+        "image": "map.pgm",
+        "mode": "trinary",
+        "resolution": float(occupancy.geometry.resolution_m),
+        "origin": [*map(float, occupancy.geometry.origin_m), 0.0],
+        "negate": 0,
+        "occupied_thresh": OCCUPIED_PROBABILITY,
+        "free_thresh": _FREE_THRESHOLD,
+    }
+    text = yaml.safe_dump(description, sort_keys=False, default_flow_style=None)
+    write_atomically(folder / "map.pgm", image.getvalue())
+    # Last, so that it never names an image that is not there.
+    write_atomically(folder / "map.yaml", text.encode())
+
+
+def load_nav2_map(path: Path) -> Nav2Map:
+    """Load any map that nav2's map server loads: modes trinary, scale and raw.
+
+    Parameters
+    ----------
+    path : path
+        The YAML file; the image's path in it is relative to it.
+
+    Raises
+    ------
+    MapFileError
+        If a file is missing, or says what cannot be.
+    """
+    description = _Description(path)
+    resolution = description.number("resolution")
+    if not resolution > 0.0:
+        raise MapFileError(path, f"resolution is {resolution:g}, must be above 0")
+    origin = description.origin()
+    mode = description.content.get("mode", "trinary")
+    if mode not in _MODES:
+        raise MapFileError(path, f"mode is {mode!r}, must be one of {', '.join(_MODES)}")
+    image = _load_image(path.parent / description.text("image"))
+    shade = _shade(image, mode)
+    occupied_share = shade if description.number("negate", 0) else 1.0 - shade
+    if mode == "raw":
+        value = np.rint(shade * 255.0)
+        probability = np.where(value <= 100.0, value / 100.0, np.nan)
+    else:
+        occupied = description.number("occupied_thresh", 0.65)
+        free = description.number("free_thresh", 0.25)
+        if not 0.0 <= free < occupied <= 1.0:
+            raise MapFileError(
+                path, f"free_thresh ({free:g}) must be below occupied_thresh ({occupied:g})"
+            )
+        between = (occupied_share - free) / (occupied - free) if mode == "scale" else np.nan
+        probability = np.where(occupied_share < free, 0.0, between)
+        probability = np.where(occupied_share > occupied, 1.0, probability)
+        if mode == "scale" and image.mode.endswith("A"):
+            probability = np.where(np.asarray(image)[..., -1] < 255, np.nan, probability)
+    geometry = GridGeometry(resolution, origin, probability.shape)
+    return Nav2Map(geometry, probability[::-1])
+
+
+def _load_image(path: Path) -> Image.Image:
+    """Load an image as gray or color, with or without transparency."""
+    try:
+        with Image.open(path) as image:
+            has_alpha = "A" in image.getbands() or "transparency" in image.info
+            color = "RGB" if image.mode in ("RGB", "RGBA", "P", "CMYK", "YCbCr") else "L"
+            target = {"RGB": "RGBA", "L": "LA"}[color] if has_alpha else color
+            return image.convert(target)
+    except FileNotFoundError as error:
+        raise MapFileError(path, "does not exist") from error
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
+        raise MapFileError(path, "is not a readable image") from error
+
+
+def _shade(image: Image.Image, mode: str) -> NDArray[np.float64]:
+    """Mean of an image's channels, from 0 to 1; nav2 counts opacity in where it is trinary."""
+    values = np.asarray(image, dtype=np.float64) / 255.0
+    if values.ndim == 2:
+        return values
+    channels = values if mode == "trinary" or not image.mode.endswith("A") else values[..., :-1]
+    return np.asarray(channels.mean(axis=-1))
+
+
+class _Description:
+    """The YAML file of a map."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise MapFileError(path, "does not exist") from error
+        except OSError as error:
+            raise MapFileError(path, f"cannot be read: {error.strerror}") from error
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise MapFileError(path, "is not a YAML file") from error
+        if not isinstance(content, dict):
+            raise MapFileError(path, "is not a map description: it has no keys")
+        self.content = content
+
+    def text(self, key: str) -> str:
+        """Value of a key that must be there."""
+        if key not in self.content:
+            raise MapFileError(self.path, f"has no {key!r}")
+        return str(self.content[key])
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """Value of a key as a finite number."""
+        text = self.text(key) if default is None else self.content.get(key, default)
+        try:
+            number = float(text)
+        except (TypeError, ValueError) as error:
+            raise MapFileError(self.path, f"{key} is {text!r}, must be a number") from error
+        if not math.isfinite(number):
+            raise MapFileError(self.path, f"{key} is {number}, must be finite")
+        return number
+
+    def origin(self) -> tuple[float, float]:
+        """Lower-left corner; a rotated map is refused, because nav2 ignores the rotation."""
+        origin = self.content.get("origin")
+        try:
+            x, y, yaw = (float(value) for value in origin or ())
+        except (TypeError, ValueError) as error:
+            raise MapFileError(
+                self.path, f"origin is {origin!r}, must be a list of x, y and yaw"
+            ) from error
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise MapFileError(self.path, f"origin is {origin!r}, must be finite")
+        if yaw != 0.0:
+            raise MapFileError(self.path, f"origin is turned by {yaw:g} rad, must be 0")
+        return x, y

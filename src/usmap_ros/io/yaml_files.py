@@ -1,0 +1,155 @@
+"""YAML files of parameters: read into checked models, and written with their documentation."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from usmap_ros.errors import ConfigurationError
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def load_yaml(path: Path, model: type[_Model]) -> _Model:
+    """Read a YAML file into a model.
+
+    Parameters
+    ----------
+    path : path
+        The file; an empty one gives the model's defaults.
+    model : type
+        A pydantic model that forbids unknown keys.
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: the file, the field with its groups, and what is wrong with it.
+    """
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
+    except FileNotFoundError as error:
+        raise ConfigurationError(path, "does not exist") from error
+    except OSError as error:
+        raise ConfigurationError(path, f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(path, "is not a text file") from error
+    except yaml.YAMLError as error:
+        raise ConfigurationError(path, _syntax_error(error)) from error
+    if content is None:
+        content = {}
+    if not isinstance(content, dict):
+        raise ConfigurationError(path, f"holds a {type(content).__name__} instead of keys")
+    return validated(path, model, content)
+
+
+def validated(source: str | Path, model: type[_Model], content: dict[str, Any]) -> _Model:
+    """Make a model of `content`; `source` is what an error names as its origin.
+
+    Raises
+    ------
+    ConfigurationError
+        As `load_yaml`.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        first, *others = error.errors()
+        more = f" (and {len(others)} more)" if others else ""
+        raise ConfigurationError(source, _cause(first, model) + more) from error
+
+
+def dump_yaml(model: BaseModel) -> str:
+    """Write a model as YAML in which a comment explains every field: unit, bounds, meaning."""
+    return "\n".join(_lines(model, indent="")) + "\n"
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Refuses a key that stands twice in one group, where YAML keeps the last in silence."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Build a mapping whose keys differ."""
+        keys = [key.value for key, _ in node.value]
+        for number, key in enumerate(keys):
+            if key in keys[:number]:
+                mark = node.value[number][0].start_mark
+                raise yaml.constructor.ConstructorError(None, None, f"{key!r} stands twice", mark)
+        return super().construct_mapping(node, deep)
+
+
+def _syntax_error(error: yaml.YAMLError) -> str:
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        return f"line {error.problem_mark.line + 1}: {error.problem or 'is not YAML'}"
+    return "is not a YAML file"
+
+
+def _cause(error: Any, model: type[BaseModel]) -> str:
+    """One clause for an error of pydantic, with the field in dots."""
+    where = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        nearest = difflib.get_close_matches(
+            str(error["loc"][-1]), _known_keys(model, error["loc"][:-1]), n=1
+        )
+        return f"{where}: unknown key" + (f", did you mean {nearest[0]!r}?" if nearest else "")
+    if error["type"] == "missing":
+        return f"{where}: is missing"
+    reason = error["msg"].removeprefix("Input ").removeprefix("Value error, ")
+    given = error["input"]
+    shown = f" (is {given!r})" if isinstance(given, str | int | float | bool | None) else ""
+    return f"{where}: {reason}{shown}" if where else f"{reason}{shown}"
+
+
+def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """Keys of the group at `location`; positions in lists and tags of unions have no names."""
+    candidates = [model]
+    for part in location:
+        inner = [
+            group
+            for candidate in candidates
+            if part in candidate.model_fields
+            for group in _models_in(candidate.model_fields[str(part)].annotation)
+        ]
+        candidates = inner or candidates
+    return [name for candidate in candidates for name in candidate.model_fields]
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models that a type annotation mentions, such as that of a list's items."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in getattr(annotation, "__args__", ()):
+        yield from _models_in(argument)
+
+
+def _lines(model: BaseModel, indent: str) -> Iterator[str]:
+    for name, info in type(model).model_fields.items():
+        value = getattr(model, name)
+        if isinstance(value, BaseModel):
+            heading = info.description or (type(value).__doc__ or "").splitlines()[0]
+            yield f"{indent}# {heading}"
+            yield f"{indent}{name}:"
+            yield from _lines(value, indent + "  ")
+            continue
+        plain = model.model_dump(mode="json", include={name})[name]
+        text = yaml.safe_dump({name: plain}, default_flow_style=None, width=1000).strip()
+        yield f"{indent}# {_documentation(info)}"
+        yield from (indent + line for line in text.splitlines())
+
+
+def _documentation(info: Any) -> str:
+    """Describe a field: its meaning, unit and bounds."""
+    extra = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
+    unit = f" [{extra['unit']}]" if extra.get("unit") else ""
+    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+    bounds = [
+        f"{sign} {getattr(constraint, name):g}"
+        for constraint in info.metadata
+        for name, sign in signs.items()
+        if getattr(constraint, name, None) is not None
+    ]
+    limits = f" ({', '.join(bounds)})" if bounds else ""
+    return f"{(info.description or '').rstrip('.')}{unit}{limits}"

@@ -16,8 +16,8 @@ HEADER = """\
 # Exact versions for reproducible environments: pip install -c constraints.txt .
 # Written by tools/pin_versions.py; setup.py says what is really required.
 """
-# Not ours, and not to be pinned: what it resolves for, and what builds it.
-SKIPPED = {"usmap-ros", "setuptools", "pip", "wheel"}
+# Not pinned: the package itself, and what only builds need, some of them older than the newest.
+SKIPPED = {"usmap-ros", "empy", "pip", "setuptools", "wheel"}
 
 
 def resolve(python: str) -> tuple[str, dict[str, str]]:

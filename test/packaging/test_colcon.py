@@ -1,0 +1,131 @@
+"""A workspace of colcon builds both packages and really runs the tests.
+
+colcon comes from pip and works on the ROS wheels, in an environment of its own: it needs an old
+setuptools, and neither usmap_ros nor usmap_msgs may be there already, or they would stand in for
+what colcon installs.
+"""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from importlib.metadata import requires
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from packaging.requirements import Requirement
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+EXECUTABLES = ["bag_replay", "cone_reconstructor", "echo_driver", "map_fusion", "usmap"]
+
+
+def colcon_requirements(root: Path) -> list[str]:
+    """List what colcon, the build of the messages, the package and its tests need."""
+    project = tomllib.loads((root / "msg_schemas/pyproject.toml").read_text())
+    lines = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
+    lines += [
+        str(requirement).partition(";")[0]
+        for requirement in map(Requirement, requires("usmap_ros") or [])
+        if requirement.marker is None or requirement.marker.evaluate({"extra": "test"})
+    ]
+    lines += ["colcon-common-extensions", "setuptools<80"]
+    if shutil.which("cmake") is None:
+        lines.append("cmake")
+    return sorted(set(lines))
+
+
+@pytest.fixture
+def environment(root, clean_environment) -> dict[str, str]:
+    """Give the environment in which colcon is found. It is made once and kept beside the tests'."""
+    wanted = colcon_requirements(root)
+    constraints = root / "constraints.txt"
+    content = "\n".join([*wanted, constraints.read_text()])
+    folder = Path(sys.prefix, "colcon")
+    stamp = folder / f"stamp-{hashlib.sha256(content.encode()).hexdigest()[:16]}"
+    if not stamp.exists():
+        venv.create(folder, clear=True)
+        # Without a pip of its own: Debian's Python may not have one to give.
+        command = [sys.executable, "-m", "pip", "--python", str(folder / "bin/python"), "install"]
+        subprocess.run(
+            [*command, "-qq", "--constraint", str(constraints), *wanted],
+            check=True,
+            env=clean_environment,
+        )
+        stamp.touch()
+    return clean_environment | {
+        "PATH": f"{folder / 'bin'}{os.pathsep}{clean_environment['PATH']}",
+        "AMENT_PREFIX_PATH": str(folder),
+        "CMAKE_PREFIX_PATH": str(folder),
+    }
+
+
+@pytest.fixture
+def run(copy, environment):
+    """Give a function that runs a command in a copy of the checkout and returns what it says."""
+
+    def run(*command: str) -> str:
+        process = subprocess.run(
+            command,
+            cwd=copy,
+            env=environment,
+            check=False,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        logs = sorted(copy.glob("log/latest_*/usmap_*/stdout_stderr.log"))
+        said = [*(log.read_text()[-3000:] for log in logs), process.stdout]
+        if process.returncode != 0:
+            pytest.fail("\n".join(said), pytrace=False)
+        return process.stdout
+
+    return run
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_workspace(run, copy):
+    wheels = f"-DCMAKE_PROJECT_INCLUDE={copy}/msg_schemas/cmake/pip_environment.cmake"
+
+    run("colcon", "build", "--cmake-args", wheels)
+
+    check_install(copy / "install", run)
+    assert f"{copy}/install/usmap_msgs/" in module_file("usmap_msgs.msg", copy / "install", run)
+    assert f"{copy}/install/usmap_ros/" in module_file("usmap_ros", copy / "install", run)
+
+    # "colcon test" succeeds whether tests fail or not, and also where there are none.
+    run("colcon", "test")
+    run("colcon", "test-result")
+    suite = ElementTree.parse(copy / "build/usmap_ros/pytest.xml").find(".//testsuite")
+    assert int(suite.get("tests")) - int(suite.get("skipped")) > 10
+
+    links = copy / "install-links"
+    command = ["colcon", "build", "--symlink-install", "--packages-select", "usmap_ros"]
+    run(*command, "--build-base", "build-links", "--install-base", str(links))
+
+    check_install(links, run)
+    assert f"{copy}/build-links/" in module_file("usmap_ros", links, run)
+
+
+def check_install(install: Path, run) -> None:
+    """Check that ``ros2 run`` will find every executable, and the package its definitions."""
+    prefix = install / "usmap_ros"
+    assert (prefix / "share/ament_index/resource_index/packages/usmap_ros").exists()
+    for name in EXECUTABLES:
+        assert os.access(prefix / "lib/usmap_ros" / name, os.X_OK), name
+    assert Path(module_file("usmap_ros.io", install, run).strip()).with_name("msg").is_dir()
+    run("bash", "-c", f". {install}/setup.bash && {prefix}/lib/usmap_ros/usmap --help")
+
+
+def module_file(module: str, install: Path, run) -> str:
+    """Return where a module is imported from after the set-up script was sourced."""
+    code = f"import {module}; print({module}.__file__)"
+    return run("bash", "-c", f". {install}/setup.bash && python -c '{code}'")

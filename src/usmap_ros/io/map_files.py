@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.errors import MapFileError
-from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.grids import OCCUPIED_PROBABILITY, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.atomic import write_atomically
-from usmap_ros.io.nav2_map import save_nav2_map
+from usmap_ros.io.nav2_map import load_nav2_map, save_nav2_map
 
 GRID_FILE = "map.npz"
 SUMMARY_FILE = "summary.json"
@@ -99,9 +99,9 @@ def save_map(folder: Path, occupancy: OccupancyMap, paths: RobotPaths | None = N
     """
     try:
         write_atomically(folder / GRID_FILE, _to_bytes(occupancy, paths or RobotPaths()))
-        save_nav2_map(folder, occupancy)
     except OSError as error:
         raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
+    save_nav2_map(folder / "map.yaml", occupancy.geometry, occupancy.trinary())
 
 
 def save_summary(folder: Path, summary: Mapping[str, Any]) -> None:
@@ -145,6 +145,24 @@ def load_map(folder: Path) -> tuple[OccupancyMap, RobotPaths]:
         raise MapFileError(path, f"lacks the array {error.args[0]!r}") from error
     except (TypeError, ValueError) as error:
         raise MapFileError(path, f"holds arrays that make no map: {error}") from error
+
+
+def load_truth(path: Path) -> TruthMap:
+    """Load the occupied cells of any nav2 map, as what a map is scored against.
+
+    Parameters
+    ----------
+    path : path
+        Its YAML file.
+
+    Raises
+    ------
+    MapFileError
+        If it cannot be read.
+    """
+    nav2_map = load_nav2_map(path)
+    # Unknown cells are NaN, which compares as not occupied.
+    return TruthMap(nav2_map.geometry, nav2_map.probability >= OCCUPIED_PROBABILITY)
 
 
 def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:

@@ -19,10 +19,11 @@ from usmap_ros.grids import (
     OCCUPIED_PROBABILITY,
     OCCUPIED_VALUE,
     GridGeometry,
-    OccupancyMap,
     TruthMap,
 )
 from usmap_ros.io.atomic import write_atomically
+
+FloatArray = NDArray[np.float64]
 
 #: Shades of gray that nav2 and the map server of ROS 1 use.
 _OCCUPIED_SHADE, _FREE_SHADE, _UNKNOWN_SHADE = 0, 254, 205
@@ -44,41 +45,61 @@ class Nav2Map:
     """
 
     geometry: GridGeometry
-    probability: NDArray[np.float64]
-
-    def truth(self) -> TruthMap:
-        """Cells that count as occupied, as what a map is scored against."""
-        return TruthMap(self.geometry, self.probability >= OCCUPIED_PROBABILITY)
+    probability: FloatArray
 
 
-def save_nav2_map(folder: Path, occupancy: OccupancyMap) -> None:
-    """Write ``map.pgm`` and ``map.yaml``, trinary, each in one step.
+def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> None:
+    """Write a trinary map: a YAML file at `path`, and an image of the same name beside it.
+
+    Parameters
+    ----------
+    path : path
+        Of the YAML file, ending in ``.yaml``.
+    geometry : GridGeometry
+        Where the cells lie.
+    values : (rows, columns) int8 array
+        As `OccupancyMap.trinary` gives them.
 
     Raises
     ------
-    OSError
+    MapFileError
         If a file cannot be written.
     """
-    values = occupancy.trinary()
     shades = np.full(values.shape, _UNKNOWN_SHADE, dtype=np.uint8)
     shades[values == FREE_VALUE] = _FREE_SHADE
     shades[values == OCCUPIED_VALUE] = _OCCUPIED_SHADE
     image = io.BytesIO()
     # The first row of an image is the top one.
     Image.fromarray(shades[::-1]).save(image, format="PPM")
+    image_path = path.with_suffix(".pgm")
     description = {
-        "image": "map.pgm",
+        "image": image_path.name,
         "mode": "trinary",
-        "resolution": float(occupancy.geometry.resolution_m),
-        "origin": [*map(float, occupancy.geometry.origin_m), 0.0],
+        "resolution": float(geometry.resolution_m),
+        "origin": [*map(float, geometry.origin_m), 0.0],
         "negate": 0,
         "occupied_thresh": OCCUPIED_PROBABILITY,
         "free_thresh": _FREE_THRESHOLD,
     }
     text = yaml.safe_dump(description, sort_keys=False, default_flow_style=None)
-    write_atomically(folder / "map.pgm", image.getvalue())
-    # Last, so that it never names an image that is not there.
-    write_atomically(folder / "map.yaml", text.encode())
+    try:
+        write_atomically(image_path, image.getvalue())
+        # Last, so that it never names an image that is not there.
+        write_atomically(path, text.encode())
+    except OSError as error:
+        raise MapFileError(path, f"cannot be written: {error.strerror}") from error
+
+
+def save_truth(path: Path, truth: TruthMap) -> None:
+    """Write a truth map in nav2's format: every cell is occupied or free.
+
+    Raises
+    ------
+    MapFileError
+        If a file cannot be written.
+    """
+    values = np.where(truth.occupied, OCCUPIED_VALUE, FREE_VALUE).astype(np.int8)
+    save_nav2_map(path, truth.geometry, values)
 
 
 def load_nav2_map(path: Path) -> Nav2Map:
@@ -103,25 +124,31 @@ def load_nav2_map(path: Path) -> Nav2Map:
     if mode not in _MODES:
         raise MapFileError(path, f"mode is {mode!r}, must be one of {', '.join(_MODES)}")
     image = _load_image(path.parent / description.text("image"))
+    probability = _probability(image, mode, description)
+    geometry = GridGeometry(resolution, origin, (image.height, image.width))
+    return Nav2Map(geometry, probability[::-1])
+
+
+def _probability(image: Image.Image, mode: str, description: _Description) -> FloatArray:
+    """Probability of every pixel in one of nav2's modes; NaN where unknown."""
     shade = _shade(image, mode)
     occupied_share = shade if description.number("negate", 0) else 1.0 - shade
     if mode == "raw":
         value = np.rint(shade * 255.0)
-        probability = np.where(value <= 100.0, value / 100.0, np.nan)
-    else:
-        occupied = description.number("occupied_thresh", 0.65)
-        free = description.number("free_thresh", 0.25)
-        if not 0.0 <= free < occupied <= 1.0:
-            raise MapFileError(
-                path, f"free_thresh ({free:g}) must be below occupied_thresh ({occupied:g})"
-            )
-        between = (occupied_share - free) / (occupied - free) if mode == "scale" else np.nan
-        probability = np.where(occupied_share < free, 0.0, between)
-        probability = np.where(occupied_share > occupied, 1.0, probability)
-        if mode == "scale" and image.mode.endswith("A"):
-            probability = np.where(np.asarray(image)[..., -1] < 255, np.nan, probability)
-    geometry = GridGeometry(resolution, origin, probability.shape)
-    return Nav2Map(geometry, probability[::-1])
+        return np.where(value <= 100.0, value / 100.0, np.nan)
+    occupied = description.number("occupied_thresh", 0.65)
+    free = description.number("free_thresh", 0.25)
+    if not 0.0 <= free < occupied <= 1.0:
+        raise MapFileError(
+            description.path,
+            f"free_thresh ({free:g}) must be below occupied_thresh ({occupied:g})",
+        )
+    between = (occupied_share - free) / (occupied - free) if mode == "scale" else np.nan
+    probability = np.where(occupied_share < free, 0.0, between)
+    probability = np.where(occupied_share > occupied, 1.0, probability)
+    if mode == "scale" and image.mode.endswith("A"):
+        probability = np.where(np.asarray(image)[..., -1] < 255, np.nan, probability)
+    return probability
 
 
 def _load_image(path: Path) -> Image.Image:
@@ -138,7 +165,7 @@ def _load_image(path: Path) -> Image.Image:
         raise MapFileError(path, "is not a readable image") from error
 
 
-def _shade(image: Image.Image, mode: str) -> NDArray[np.float64]:
+def _shade(image: Image.Image, mode: str) -> FloatArray:
     """Mean of an image's channels, from 0 to 1; nav2 counts opacity in where it is trinary."""
     values = np.asarray(image, dtype=np.float64) / 255.0
     if values.ndim == 2:

@@ -16,12 +16,12 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 def load_yaml(path: Path, model: type[_Model]) -> _Model:
-    """Read a YAML file into a model.
+    """Read a YAML file into a model; an empty file gives the model's defaults.
 
     Parameters
     ----------
     path : path
-        The file; an empty one gives the model's defaults.
+        The file.
     model : type
         A pydantic model that forbids unknown keys.
 
@@ -29,6 +29,17 @@ def load_yaml(path: Path, model: type[_Model]) -> _Model:
     ------
     ConfigurationError
         In one line: the file, the field with its groups, and what is wrong with it.
+    """
+    return validated(path, model, read_mapping(path))
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """Read a YAML file of keys and values; an empty file gives none.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such file, or something else in it.
     """
     try:
         content = yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
@@ -41,10 +52,10 @@ def load_yaml(path: Path, model: type[_Model]) -> _Model:
     except yaml.YAMLError as error:
         raise ConfigurationError(path, _syntax_error(error)) from error
     if content is None:
-        content = {}
+        return {}
     if not isinstance(content, dict):
         raise ConfigurationError(path, f"holds a {type(content).__name__} instead of keys")
-    return validated(path, model, content)
+    return content
 
 
 def validated(source: str | Path, model: type[_Model], content: dict[str, Any]) -> _Model:

@@ -1,1 +1,1 @@
-"""The physics: medium, pulse, beam pattern and propagation, shared by simulator and reconstruction."""
+"""The physics that simulator and reconstruction share: medium, pulse, beam, propagation."""

@@ -1,1 +1,6 @@
 """Scenes, robots on their paths, and the echo simulator."""
+
+from usmap_ros.simulation.scenario import Scenario
+from usmap_ros.simulation.simulator import EchoSimulator, MountedTransducer, simulate
+
+__all__ = ["EchoSimulator", "MountedTransducer", "Scenario", "simulate"]

@@ -1,0 +1,126 @@
+"""From the robots section of a scenario to robots that move and ping."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.errors import UsmapError
+from usmap_ros.geometry import Pose
+from usmap_ros.simulation.conditions import MediumModel, StatedModel
+from usmap_ros.simulation.fleet import (
+    PoseErrorModel,
+    RobotModel,
+    TransducerModel,
+    WaypointModel,
+)
+from usmap_ros.simulation.motion import Bounds, Motion, RandomWalk, WaypointMotion
+from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.scene import Scene
+from usmap_ros.simulation.simulator import MountedTransducer, SimulatedRobot
+
+
+def build_robot(
+    model: RobotModel,
+    *,
+    scene: Scene,
+    area: Bounds,
+    medium: MediumModel,
+    stated: StatedModel,
+    first_ping_s: float,
+    motion_seed: np.random.SeedSequence,
+    noise_seed: np.random.SeedSequence,
+) -> SimulatedRobot:
+    """A robot of a scenario.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot's section.
+    scene : Scene
+        What it must not run into.
+    area : (x_min, x_max, y_min, y_max)
+        Where it may wander.
+    medium, stated : MediumModel, StatedModel
+        What the sound goes through, and what the messages say of it.
+    first_ping_s : float
+        When its first transducer pings first; the others share the rest of the interval evenly,
+        since transducers of one robot would hear one another.
+    motion_seed, noise_seed : numpy.random.SeedSequence
+        For its path, and for the noise and pose errors of its transducers.
+
+    Raises
+    ------
+    UsmapError
+        If its path is blocked, or a transducer cannot exist.
+    """
+    count = len(model.transducers)
+    interval_s = 1.0 / model.ping_rate_hz
+    try:
+        return SimulatedRobot(
+            name=model.name,
+            motion=_motion(model, scene, area, np.random.default_rng(motion_seed)),
+            transducers=[
+                _mounted(model, transducer, medium, stated) for transducer in model.transducers
+            ],
+            first_ping_s=[first_ping_s + index * interval_s / count for index in range(count)],
+            ping_interval_s=interval_s,
+            noise_seeds=noise_seed.spawn(count),
+        )
+    except UsmapError as error:
+        raise UsmapError(f"robot {model.name!r}: {error}") from error
+
+
+def _motion(model: RobotModel, scene: Scene, area: Bounds, rng: np.random.Generator) -> Motion:
+    motion = model.motion
+    if isinstance(motion, WaypointModel):
+        return WaypointMotion(
+            Polyline(np.array(motion.waypoints_m), motion.loop),
+            motion.speed_m_s,
+            scene,
+            motion.clearance_m,
+            motion.spin_rad_s,
+            motion.heading_rad,
+        )
+    return RandomWalk(
+        scene,
+        area,
+        None if motion.start is None else Pose.planar(*motion.start),
+        motion.speed_m_s,
+        motion.turn_std_rad,
+        motion.step_s,
+        motion.clearance_m,
+        rng,
+    )
+
+
+def _mounted(
+    robot: RobotModel, model: TransducerModel, medium: MediumModel, stated: StatedModel
+) -> MountedTransducer:
+    pulse = model.pulse.build()
+    transducer = Transducer(pulse, model.beam.build(), model.min_range_m, model.max_range_m)
+    transducer.validate()
+    receiver = model.receiver.build()
+    channel = medium.channel(pulse.carrier_hz, model.mount.z_m)
+    # With several transducers each has a namespace of its own below the robot's.
+    parts = [robot.name, "echo"]
+    if len(robot.transducers) > 1:
+        parts.insert(1, model.name)
+    mount = model.mount
+    return MountedTransducer(
+        topic="/" + "/".join(parts),
+        child_frame_id=f"{robot.name}/{model.name}",
+        mount=Pose.planar(mount.x_m, mount.y_m, mount.yaw_rad, mount.z_m),
+        transducer=transducer,
+        receiver=receiver,
+        channel=channel,
+        stated_channel=stated.channel(channel),
+        stated_noise_std=(
+            receiver.stated_noise_std if stated.noise_std is None else stated.noise_std
+        ),
+        pose_stds=_pose_stds(robot.pose_error),
+    )
+
+
+def _pose_stds(error: PoseErrorModel) -> np.ndarray:
+    return np.array([error.position_std_m, error.position_std_m, error.yaw_std_rad])

@@ -1,0 +1,198 @@
+"""The robots section of a scenario: how they move, and what they carry."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.parameters import ParameterGroup, quantity
+from usmap_ros.simulation.receiver import Converter, Receiver
+from usmap_ros.simulation.world import Point
+from usmap_ros.trace import Encoding
+
+
+class PulseModel(ParameterGroup):
+    """The pulse that a transducer emits."""
+
+    shape: Literal["square", "tone_burst", "hann_burst"] = quantity(
+        "hann_burst", "A square pulse without carrier, or a sine under a window."
+    )
+    carrier_hz: float = quantity(
+        50_000.0, "Carrier frequency; ignored for a square pulse.", "Hz", gt=0.0, le=1e7
+    )
+    duration_s: float = quantity(0.00032, "Length of the window.", "s", gt=0.0, le=1.0)
+
+    def build(self) -> Pulse:
+        """The pulse itself."""
+        shape = PulseShape[self.shape.upper()]
+        carrier_hz = 0.0 if shape is PulseShape.SQUARE else self.carrier_hz
+        return Pulse(shape, carrier_hz, self.duration_s)
+
+
+class LinearBeamModel(ParameterGroup):
+    """Gain that falls linearly to 0, as the paper has it."""
+
+    kind: Literal["linear"] = quantity("linear", "Kind of pattern.")
+    half_angle_rad: float = quantity(
+        0.6981317, "Angle off axis at which the gain is 0.", "rad", gt=0.0, le=np.pi
+    )
+
+    def build(self) -> BeamPattern:
+        """The pattern itself."""
+        return BeamPattern.linear(self.half_angle_rad)
+
+
+class PistonBeamModel(ParameterGroup):
+    """Gain of a circular piston in a baffle."""
+
+    kind: Literal["piston"] = quantity(..., "Kind of pattern.")
+    radius_m: float = quantity(0.0075, "Radius of the piston.", "m", gt=0.0, le=1.0)
+    wavelength_m: float = quantity(0.00686, "Of the carrier.", "m", gt=0.0, le=10.0)
+
+    def build(self) -> BeamPattern:
+        """The pattern itself."""
+        return BeamPattern.circular_piston(self.radius_m, self.wavelength_m)
+
+
+class SensComp600BeamModel(ParameterGroup):
+    """Gain of a transducer like the SensComp 600 at 50 kHz."""
+
+    kind: Literal["senscomp_600"] = quantity(..., "Kind of pattern.")
+
+    def build(self) -> BeamPattern:
+        """The pattern itself."""
+        return BeamPattern.senscomp_600()
+
+
+class TableBeamModel(ParameterGroup):
+    """Gain as measured."""
+
+    kind: Literal["table"] = quantity(..., "Kind of pattern.")
+    angles_rad: list[float] = Field(
+        description="Ascending from 0.", min_length=2, json_schema_extra={"unit": "rad"}
+    )
+    gains: list[float] = Field(
+        description="Two-way amplitude gain at those angles, 1 on axis.",
+        min_length=2,
+        json_schema_extra={"unit": ""},
+    )
+
+    def build(self) -> BeamPattern:
+        """The pattern itself."""
+        return BeamPattern(np.array(self.angles_rad), np.array(self.gains))
+
+
+BeamModel = Annotated[
+    LinearBeamModel | PistonBeamModel | SensComp600BeamModel | TableBeamModel,
+    Field(discriminator="kind"),
+]
+
+
+class MountModel(ParameterGroup):
+    """Where a transducer sits in its robot's base frame."""
+
+    x_m: float = quantity(0.0, "Forward.", "m")
+    y_m: float = quantity(0.0, "To the left.", "m")
+    z_m: float = quantity(0.0, "Above the floor.", "m", ge=0.0)
+    yaw_rad: float = quantity(0.0, "Direction of the beam axis, to the left.", "rad")
+
+
+class ConverterModel(ParameterGroup):
+    """Analogue-to-digital converter."""
+
+    bits: int = quantity(12, "Resolution.", "bit", ge=2, le=24)
+    full_scale: float = quantity(
+        2.0, "Amplitude at which it saturates, in units of the samples.", gt=0.0
+    )
+
+    def build(self) -> Converter:
+        """The converter itself."""
+        return Converter(self.bits, self.full_scale)
+
+
+class ReceiverModel(ParameterGroup):
+    """What turns sound into samples."""
+
+    encoding: Literal["raw", "envelope", "iq"] = quantity("iq", "What the samples are.")
+    sample_rate_hz: float = quantity(25_000.0, "Of samples, or of I/Q pairs.", "Hz", gt=0.0, le=1e8)
+    start_delay_s: float = quantity(
+        0.0, "From the start of emission to the first sample.", "s", ge=0.0, le=10.0
+    )
+    noise_std: float = quantity(
+        0.01, "RMS of the complex baseband noise; an ideal point target at 1 m gives 1.", ge=0.0
+    )
+    converter: ConverterModel | None = quantity(None, "None: exact samples.")
+
+    def build(self) -> Receiver:
+        """The receiver itself."""
+        converter = None if self.converter is None else self.converter.build()
+        encoding = Encoding[self.encoding.upper()]
+        return Receiver(
+            encoding, self.sample_rate_hz, self.start_delay_s, self.noise_std, converter
+        )
+
+
+class TransducerModel(ParameterGroup):
+    """One transducer of a robot."""
+
+    name: str = quantity("sonar", "Its frame is ROBOT/NAME.", pattern=r"^[A-Za-z]\w*$")
+    mount: MountModel = quantity(MountModel(), "Where it sits on the robot.")
+    pulse: PulseModel = quantity(PulseModel(), "What it emits.")
+    beam: BeamModel = quantity(LinearBeamModel(), "Gain off axis.")
+    min_range_m: float = quantity(0.2, "Least range that it reports.", "m", ge=0.0, le=1000.0)
+    max_range_m: float = quantity(5.0, "Largest range.", "m", gt=0.0, le=1000.0)
+    receiver: ReceiverModel = quantity(ReceiverModel(), "Noise, converter and encoding.")
+
+
+class PoseErrorModel(ParameterGroup):
+    """Error of reported poses; the covariance in the message is that of the error."""
+
+    position_std_m: float = quantity(0.0, "Of x and of y.", "m", ge=0.0, le=100.0)
+    yaw_std_rad: float = quantity(0.0, "Of the heading.", "rad", ge=0.0, le=np.pi)
+
+
+class WaypointModel(ParameterGroup):
+    """A robot that follows waypoints."""
+
+    kind: Literal["waypoints"] = quantity(..., "Kind of motion.")
+    waypoints_m: list[Point] = Field(
+        description="x, y of each waypoint.", min_length=1, json_schema_extra={"unit": "m"}
+    )
+    loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
+    speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
+    heading_rad: float = quantity(0.0, "Added to the direction of the path.", "rad")
+    spin_rad_s: float = quantity(0.0, "Rate at which it turns as it goes.", "rad/s")
+    clearance_m: float = quantity(0.2, "Room that it needs around its centre.", "m", ge=0.0)
+
+
+class RandomWalkModel(ParameterGroup):
+    """A robot that wanders."""
+
+    kind: Literal["random_walk"] = quantity("random_walk", "Kind of motion.")
+    start: tuple[float, float, float] | None = quantity(
+        None, "x (m), y (m) and yaw (rad) at the start; None: at random where there is room."
+    )
+    speed_m_s: float = quantity(1.2, "Speed.", "m/s", ge=0.0, le=100.0)
+    turn_std_rad: float = quantity(
+        0.4, "Standard deviation of the turn from step to step.", "rad", ge=0.0, le=np.pi
+    )
+    step_s: float = quantity(0.1, "Duration of a step.", "s", gt=0.0, le=60.0)
+    clearance_m: float = quantity(0.2, "Room that it needs around its centre.", "m", ge=0.0)
+
+
+class RobotModel(ParameterGroup):
+    """One robot."""
+
+    name: str = quantity(..., "First part of its topics and frames.", pattern=r"^[A-Za-z]\w*$")
+    motion: Annotated[WaypointModel | RandomWalkModel, Field(discriminator="kind")] = quantity(
+        RandomWalkModel(), "How it moves."
+    )
+    transducers: list[TransducerModel] = quantity(
+        [TransducerModel()], "What it carries.", min_length=1, max_length=64
+    )
+    ping_rate_hz: float = quantity(10.0, "Of each transducer.", "Hz", gt=0.0, le=1000.0)
+    pose_error: PoseErrorModel = quantity(PoseErrorModel(), "Error of reported poses.")

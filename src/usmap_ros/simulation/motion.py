@@ -1,0 +1,181 @@
+"""How robots move: along waypoints, or at random, and never through anything that stands."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.errors import UsmapError
+from usmap_ros.geometry import Pose
+from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+#: Lowest and highest x, then y.
+Bounds = tuple[float, float, float, float]
+
+#: How often a random walk is redrawn where something is in the way, before the robot waits.
+_STEP_ATTEMPTS = 20
+#: How often a random start is redrawn.
+_START_ATTEMPTS = 10_000
+
+
+class BlockedPathError(UsmapError):
+    """A path that a robot cannot take."""
+
+
+class Motion(Protocol):
+    """Where a robot is, as a function of time."""
+
+    def pose(self, time_s: float) -> Pose:
+        """True pose of the robot's base at a time after the scene's start."""
+        ...
+
+
+class WaypointMotion:
+    """A robot that follows waypoints at constant speed and looks where it goes.
+
+    Parameters
+    ----------
+    path : Polyline
+        Its way.
+    speed_m_s : float
+        Along the path.
+    scene : Scene
+        What it must not run into.
+    clearance_m : float
+        Distance that its centre keeps from everything that stands.
+    spin_rad_s : float
+        Rate at which it turns on the spot as it goes, to look around.
+    heading_rad : float
+        Added to the direction of the path.
+
+    Raises
+    ------
+    BlockedPathError
+        If a leg of the path comes closer than that to something.
+    """
+
+    def __init__(
+        self,
+        path: Polyline,
+        speed_m_s: float,
+        scene: Scene,
+        clearance_m: float,
+        spin_rad_s: float = 0.0,
+        heading_rad: float = 0.0,
+    ) -> None:
+        self._path = path
+        self._speed_m_s = speed_m_s
+        self._spin_rad_s = spin_rad_s
+        self._heading_rad = heading_rad
+        corners = path.corners_m
+        # A single waypoint makes one leg without length.
+        for leg, (start, end) in enumerate(zip(corners, [*corners[1:], corners[-1]], strict=True)):
+            room = scene.clearance_m(start, end)
+            if room < clearance_m:
+                raise BlockedPathError(
+                    f"the leg from waypoint {leg} at ({start[0]:g}, {start[1]:g})"
+                    f" leaves {max(room, 0.0):.2f} m of room, less than {clearance_m:g} m"
+                )
+
+    def pose(self, time_s: float) -> Pose:
+        """True pose of the robot's base at a time after the scene's start."""
+        position, direction = self._path.at(self._speed_m_s * time_s)
+        heading = direction + self._heading_rad + self._spin_rad_s * time_s
+        return Pose.planar(position[0], position[1], heading)
+
+
+class RandomWalk:
+    """A robot that wanders: short straight steps, each in a slightly different direction.
+
+    The walk is drawn as far as it is asked for, and the same however it is asked.
+
+    Parameters
+    ----------
+    scene : Scene
+        What it must not run into.
+    bounds : (x_min, x_max, y_min, y_max)
+        It stays inside.
+    start : Pose or None
+        None: drawn at random where there is room.
+    speed_m_s : float
+        Along each step.
+    turn_std_rad : float
+        Standard deviation of the change of direction from step to step.
+    step_s : float
+        Duration of a step.
+    clearance_m : float
+        Distance that its centre keeps from everything that stands.
+    rng : numpy.random.Generator
+        For the start and the steps; it belongs to the walk from now on.
+
+    Raises
+    ------
+    BlockedPathError
+        If there is no room at the start.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        bounds: Bounds,
+        start: Pose | None,
+        speed_m_s: float,
+        turn_std_rad: float,
+        step_s: float,
+        clearance_m: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._scene = scene
+        self._bounds = bounds
+        self._step_m = speed_m_s * step_s
+        self._turn_std_rad = turn_std_rad
+        self._step_s = step_s
+        self._clearance_m = clearance_m
+        self._rng = rng
+        first = self._random_start() if start is None else start
+        self._positions = [first.position_m[:2]]
+        self._headings = [first.yaw_rad]
+        if not self._is_free(self._positions[0], self._positions[0]):
+            x, y = self._positions[0]
+            raise BlockedPathError(f"there is no room at the start ({x:g}, {y:g})")
+
+    def pose(self, time_s: float) -> Pose:
+        """True pose of the robot's base at a time after the scene's start."""
+        steps = max(time_s, 0.0) / self._step_s
+        step = int(steps)
+        while len(self._positions) < step + 2:
+            self._take_step()
+        fraction = steps - step
+        position = (1.0 - fraction) * self._positions[step] + fraction * self._positions[step + 1]
+        return Pose.planar(position[0], position[1], self._headings[step + 1])
+
+    def _take_step(self) -> None:
+        here = self._positions[-1]
+        heading = self._headings[-1] + self._turn_std_rad * self._rng.standard_normal()
+        for _ in range(_STEP_ATTEMPTS):
+            there = here + self._step_m * np.array([np.cos(heading), np.sin(heading)])
+            if self._is_free(here, there):
+                break
+            heading = self._rng.uniform(-np.pi, np.pi)
+        else:
+            there = here
+        self._positions.append(there)
+        self._headings.append(heading)
+
+    def _random_start(self) -> Pose:
+        x_min, x_max, y_min, y_max = self._bounds
+        for _ in range(_START_ATTEMPTS):
+            position = self._rng.uniform([x_min, y_min], [x_max, y_max])
+            if self._is_free(position, position):
+                return Pose.planar(position[0], position[1], self._rng.uniform(-np.pi, np.pi))
+        raise BlockedPathError("there is no room for a start anywhere in the area")
+
+    def _is_free(self, start_m: FloatArray, end_m: FloatArray) -> bool:
+        x_min, x_max, y_min, y_max = self._bounds
+        inside = x_min <= end_m[0] <= x_max and y_min <= end_m[1] <= y_max
+        return inside and self._scene.clearance_m(start_m, end_m) >= self._clearance_m

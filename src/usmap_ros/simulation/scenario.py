@@ -1,0 +1,167 @@
+"""A scenario: world, medium, robots, and what their messages state."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import PrivateAttr
+
+from usmap_ros.errors import ConfigurationError, FileError, UsmapError
+from usmap_ros.grids import TruthMap
+from usmap_ros.io.map_files import load_truth
+from usmap_ros.io.yaml_files import read_mapping, validated
+from usmap_ros.parameters import ParameterGroup, quantity
+from usmap_ros.simulation.build_fleet import build_robot
+from usmap_ros.simulation.build_world import build_scene, build_truth_map, world_bounds
+from usmap_ros.simulation.conditions import MediumModel, StatedModel
+from usmap_ros.simulation.fleet import RobotModel
+from usmap_ros.simulation.scene import Scene
+from usmap_ros.simulation.simulator import NANOSECONDS, SimulatedRobot, ping_count
+from usmap_ros.simulation.world import WorldModel
+
+#: What a stream of random numbers is for: each has a seed of its own, so that a scenario with
+#: another robot or another noise keeps its world.
+_WORLD_STREAM, _MOTION_STREAM, _NOISE_STREAM = range(3)
+
+
+class Scenario(ParameterGroup):
+    """Everything that a simulation needs, and all that its result depends on."""
+
+    description: str = quantity("", "What it shows, for people.")
+    seed: int = quantity(1, "Of everything random.", ge=0)
+    frame_id: str = quantity("map", "World frame of all poses.", min_length=1)
+    start_time_s: float = quantity(1_700_000_000.0, "Stamp of the first ping.", "s", ge=0.0, le=4e9)
+    duration_s: float = quantity(10.0, "Simulated time.", "s", gt=0.0, le=1e6)
+    robot_offset_s: float = quantity(
+        0.001, "From one robot's first ping to the next robot's.", "s", ge=0.0, le=10.0
+    )
+    world: WorldModel = quantity(WorldModel(), "What stands and moves.")
+    medium: MediumModel = quantity(MediumModel(), "Air and floor.")
+    robots: list[RobotModel] = quantity(..., "Who maps it.", min_length=1, max_length=1000)
+    stated: StatedModel = quantity(StatedModel(), "What messages say that is not true.")
+
+    _source: Path = PrivateAttr(default=Path("scenario"))
+
+    @classmethod
+    def load(cls, path: Path) -> Scenario:
+        """Read a scenario file.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such file, or a key in it is unknown or has a value out of range.
+        """
+        return cls.from_mapping(read_mapping(path), path)
+
+    @classmethod
+    def from_mapping(cls, content: Mapping[str, Any], source: Path) -> Scenario:
+        """A scenario from the content of a YAML file.
+
+        Parameters
+        ----------
+        content : mapping
+            As parsed.
+        source : path
+            The file: errors name it, and paths in it are relative to its folder.
+
+        Raises
+        ------
+        ConfigurationError
+            Naming the first key that is unknown or has a value out of range.
+        """
+        scenario = validated(source, cls, dict(content))
+        scenario._source = source
+        scenario._check()
+        return scenario
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first ping, nanoseconds since the epoch."""
+        return round(self.start_time_s * NANOSECONDS)
+
+    @property
+    def ping_count(self) -> int:
+        """Number of pings of all transducers."""
+        return sum(
+            len(robot.transducers) * ping_count(self.duration_s, 1.0 / robot.ping_rate_hz)
+            for robot in self.robots
+        )
+
+    @cached_property
+    def _map_cells(self) -> TruthMap | None:
+        if self.world.map is None:
+            return None
+        return load_truth(self._source.parent / self.world.map.path)
+
+    def scene(self) -> Scene:
+        """The world to sound out.
+
+        Raises
+        ------
+        ConfigurationError
+            If something in it has no place.
+        MapFileError
+            If its map cannot be read.
+        """
+        with self._errors_name_source():
+            return build_scene(self.world, self._map_cells, self._seed(_WORLD_STREAM))
+
+    def truth_map(self, resolution_m: float = 0.05) -> TruthMap:
+        """Cells that hold the surface of something that stands; see `build_truth_map`."""
+        scene = self.scene()
+        with self._errors_name_source():
+            area = world_bounds(self.world, self._map_cells)
+        return build_truth_map(scene, area, self._map_cells, resolution_m)
+
+    def fleet(self, scene: Scene) -> list[SimulatedRobot]:
+        """The robots, ready to move and ping.
+
+        Parameters
+        ----------
+        scene : Scene
+            What they must not run into.
+
+        Raises
+        ------
+        ConfigurationError
+            If a path is blocked, or a transducer cannot exist.
+        """
+        with self._errors_name_source():
+            area = world_bounds(self.world, self._map_cells)
+            return [
+                build_robot(
+                    model,
+                    scene=scene,
+                    area=area,
+                    medium=self.medium,
+                    stated=self.stated,
+                    first_ping_s=index * self.robot_offset_s,
+                    motion_seed=self._seed(_MOTION_STREAM, index),
+                    noise_seed=self._seed(_NOISE_STREAM, index),
+                )
+                for index, model in enumerate(self.robots)
+            ]
+
+    def _seed(self, *stream: int) -> np.random.SeedSequence:
+        return np.random.SeedSequence(self.seed, spawn_key=stream)
+
+    def _check(self) -> None:
+        names = Counter(robot.name for robot in self.robots)
+        repeated = [name for name, count in names.items() if count > 1]
+        if repeated:
+            raise ConfigurationError(self._source, f"robots: two have the name {repeated[0]!r}")
+
+    @contextmanager
+    def _errors_name_source(self) -> Iterator[None]:
+        try:
+            yield
+        except FileError:
+            raise
+        except UsmapError as error:
+            raise ConfigurationError(self._source, str(error)) from error

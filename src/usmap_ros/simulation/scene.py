@@ -1,0 +1,108 @@
+"""The world that is sounded out: discs, walls, their roughness, and what moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.surfaces import Scatterers, Walls
+from usmap_ros.simulation.visibility import path_wall_distances, point_segment_distances
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Discs:
+    """Upright cylinders seen from above; points are discs of radius 0.
+
+    Parameters
+    ----------
+    centers_m : (n, 2) array
+        Where they stand.
+    radii_m : (n,) array
+        Their radii.
+    reflectivities : (n,) array
+        Each echoes like a point target of this reflectivity at the nearest point of its surface.
+    """
+
+    centers_m: FloatArray
+    radii_m: FloatArray
+    reflectivities: FloatArray
+
+    @classmethod
+    def joined(cls, parts: list[Discs]) -> Discs:
+        """All discs of several collections, in order."""
+        return cls(
+            np.concatenate([np.zeros((0, 2)), *(part.centers_m for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.radii_m for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.reflectivities for part in parts)]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.centers_m)
+
+
+@dataclass(frozen=True)
+class MovingDisc:
+    """A disc that goes along a path.
+
+    Parameters
+    ----------
+    path : Polyline
+        Its way.
+    speed_m_s : float
+        Along the path.
+    radius_m, reflectivity : float
+        As in `Discs`.
+    """
+
+    path: Polyline
+    speed_m_s: float
+    radius_m: float
+    reflectivity: float
+
+    def at(self, time_s: float) -> Discs:
+        """The disc at a time after the scene's start."""
+        position, _ = self.path.at(self.speed_m_s * time_s)
+        return Discs(position[np.newaxis], np.array([self.radius_m]), np.array([self.reflectivity]))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that can echo or stand in the way.
+
+    Parameters
+    ----------
+    discs : Discs
+        Points and cylinders that stand still.
+    walls : Walls
+        Wall segments, those of a map among them.
+    scatterers : Scatterers
+        The roughness of the walls.
+    moving : list of MovingDisc
+        What moves.  Robots' paths do not keep clear of it.
+    """
+
+    discs: Discs
+    walls: Walls
+    scatterers: Scatterers
+    moving: list[MovingDisc] = field(default_factory=list)
+
+    def discs_at(self, time_s: float) -> Discs:
+        """All discs, the moving ones where they are at a time after the scene's start."""
+        if not self.moving:
+            return self.discs
+        return Discs.joined([self.discs, *(disc.at(time_s) for disc in self.moving)])
+
+    def clearance_m(self, start_m: FloatArray, end_m: FloatArray) -> float:
+        """Distance between a straight stretch of path and the nearest thing that stands still.
+
+        0 or less where the path touches or crosses it; infinite in an empty scene.
+        """
+        to_walls = path_wall_distances(start_m, end_m, self.walls.starts_m, self.walls.ends_m)
+        to_discs = point_segment_distances(self.discs.centers_m, start_m, end_m)
+        nearest = np.concatenate([to_walls, to_discs - self.discs.radii_m, [np.inf]]).min()
+        return float(nearest)

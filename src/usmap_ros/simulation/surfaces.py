@@ -1,0 +1,196 @@
+"""Extended surfaces: walls, what they scatter back, and the walls of an occupancy map.
+
+A wall answers in two ways.  Its flat part is a mirror: the echo comes from the foot of the
+perpendicular, and the image of the transducer is heard at twice the distance.  Its roughness
+scatters in all directions: scatterers sit along it at positions and with strengths that are drawn
+once for a scene, so that from ping to ping their echoes interfere as those of a real surface do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """How a surface returns sound.
+
+    Parameters
+    ----------
+    specular_reflectivity : float
+        Amplitude reflectivity of the surface as a mirror, 0 to 1.
+    diffuse_reflectivity : float
+        RMS reflectivity, in terms of point targets, of one metre of surface struck squarely.
+        Scattered energy adds up: a length L scatters √L times this.
+    scatterers_per_m : float
+        Density of the scatterers that stand for the roughness.
+    roughness_m : float
+        Scatterers are spread evenly over this depth.  From half a wavelength on, their phases
+        are unrelated.
+    """
+
+    specular_reflectivity: float
+    diffuse_reflectivity: float
+    scatterers_per_m: float
+    roughness_m: float
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Straight wall segments.
+
+    Parameters
+    ----------
+    starts_m, ends_m : (n, 2) arrays
+        End points.  The front is on the left hand of one who walks from start to end.
+    one_sided : (n,) bool array
+        Whether only the front can be seen, as of the walls of a map.
+    specular_reflectivity : (n,) array
+        See `Surface`.
+    """
+
+    starts_m: FloatArray
+    ends_m: FloatArray
+    one_sided: BoolArray
+    specular_reflectivity: FloatArray
+
+    @classmethod
+    def along(cls, corners_m: FloatArray, surface: Surface, *, one_sided: bool = False) -> Walls:
+        """Walls from each corner to the next; `corners_m` has shape (n + 1, 2)."""
+        return cls.between(corners_m[:-1], corners_m[1:], surface, one_sided=one_sided)
+
+    @classmethod
+    def between(
+        cls, starts_m: FloatArray, ends_m: FloatArray, surface: Surface, *, one_sided: bool
+    ) -> Walls:
+        """Walls of one surface between given end points."""
+        count = len(starts_m)
+        specular = np.full(count, surface.specular_reflectivity)
+        return cls(starts_m, ends_m, np.full(count, one_sided), specular)
+
+    @classmethod
+    def joined(cls, parts: list[Walls]) -> Walls:
+        """All walls of several collections, in order."""
+        ends = np.zeros((0, 2))
+        return cls(
+            np.concatenate([ends, *(part.starts_m for part in parts)]),
+            np.concatenate([ends, *(part.ends_m for part in parts)]),
+            np.concatenate([np.zeros(0, dtype=bool), *(part.one_sided for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.specular_reflectivity for part in parts)]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.starts_m)
+
+    @property
+    def normals(self) -> FloatArray:
+        """Unit vectors towards the front, shape (n, 2)."""
+        along = self.ends_m - self.starts_m
+        left = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+        return np.asarray(left / np.linalg.norm(along, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Scatterers:
+    """Points of rough walls.
+
+    Parameters
+    ----------
+    positions_m : (n, 2) array
+        Where they are.
+    reflectivities : (n,) array
+        Of each, struck squarely.
+    walls : (n,) int array
+        Index of the wall that each lies on.
+    """
+
+    positions_m: FloatArray
+    reflectivities: FloatArray
+    walls: NDArray[np.int64]
+
+    @classmethod
+    def joined(cls, parts: list[Scatterers]) -> Scatterers:
+        """All scatterers of several collections, in order."""
+        return cls(
+            np.concatenate([np.zeros((0, 2)), *(part.positions_m for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.reflectivities for part in parts)]),
+            np.concatenate([np.zeros(0, dtype=np.int64), *(part.walls for part in parts)]),
+        )
+
+
+def scatter_along(walls: Walls, surface: Surface, rng: np.random.Generator) -> Scatterers:
+    """Draw the scatterers of `walls`: one at random in every stretch of 1 / density.
+
+    Strengths are Rayleigh distributed, as the sum of many small facets is.
+    """
+    lengths = np.linalg.norm(walls.ends_m - walls.starts_m, axis=-1)
+    if surface.diffuse_reflectivity == 0.0:
+        counts = np.zeros(len(walls), dtype=np.int64)
+    else:
+        counts = np.ceil(lengths * surface.scatterers_per_m).astype(np.int64)
+    owners = np.repeat(np.arange(len(walls)), counts)
+    rank = np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)
+    fraction = (rank + rng.random(len(owners))) / counts[owners]
+    along = fraction[:, np.newaxis] * (walls.ends_m - walls.starts_m)[owners]
+    # Outwards, so that a neighbouring wall around a corner does not hide them.
+    depth = surface.roughness_m * rng.random(len(owners))
+    positions = walls.starts_m[owners] + along + depth[:, np.newaxis] * walls.normals[owners]
+    rms = surface.diffuse_reflectivity * np.sqrt(lengths[owners] / counts[owners])
+    return Scatterers(positions, rng.rayleigh(rms / np.sqrt(2.0)), owners)
+
+
+def walls_of_cells(
+    occupied: BoolArray, resolution_m: float, origin_m: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Edges between occupied and other cells, straight runs merged into one.
+
+    Parameters
+    ----------
+    occupied : (rows, columns) bool array
+        Row 0 at the lowest y.
+    resolution_m : float
+        Side of a cell.
+    origin_m : (float, float)
+        Lower-left corner of cell (0, 0).
+
+    Returns
+    -------
+    starts_m, ends_m : (n, 2) arrays
+        End points, the open side on the left hand.
+    """
+    padded = np.pad(occupied, 1)
+    below, above = padded[:-1, 1:-1], padded[1:, 1:-1]
+    left, right = padded[1:-1, :-1], padded[1:-1, 1:]
+    # Walking towards +x the left hand points to +y; towards +y it points to -x.
+    starts, ends = zip(
+        _runs(below & ~above, reverse=False, swap=False),
+        _runs(above & ~below, reverse=True, swap=False),
+        _runs((right & ~left).T, reverse=False, swap=True),
+        _runs((left & ~right).T, reverse=True, swap=True),
+        strict=True,
+    )
+    offset = np.asarray(origin_m)
+    return (
+        np.concatenate(starts) * resolution_m + offset,
+        np.concatenate(ends) * resolution_m + offset,
+    )
+
+
+def _runs(edges: BoolArray, *, reverse: bool, swap: bool) -> tuple[FloatArray, FloatArray]:
+    """Start and end (x, y in cells) of the runs of True along each row of `edges`.
+
+    `swap` exchanges x and y, for edges that were transposed; `reverse` exchanges start and end.
+    """
+    steps = np.diff(np.pad(edges, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    rows, firsts = np.nonzero(steps == 1)
+    lasts = np.nonzero(steps == -1)[1]
+    order = slice(None, None, -1) if swap else slice(None)
+    starts = np.stack([firsts, rows], axis=-1)[:, order].astype(float)
+    ends = np.stack([lasts, rows], axis=-1)[:, order].astype(float)
+    return (ends, starts) if reverse else (starts, ends)

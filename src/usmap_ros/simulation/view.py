@@ -1,0 +1,211 @@
+"""What a transducer can hear of a scene: the point targets in its cone that nothing hides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.simulation.scene import Discs, Scene
+from usmap_ros.simulation.surfaces import Walls
+from usmap_ros.simulation.visibility import (
+    NO_OWNER,
+    hidden_by_discs,
+    hidden_by_walls,
+    point_segment_distances,
+)
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class View:
+    """Where a sounding starts, and which way, how wide and how far it goes.
+
+    Parameters
+    ----------
+    position_m : (2,) array
+        Of the transducer.
+    heading_rad : float
+        Of the beam axis.
+    half_angle_rad : float
+        Of the cone.
+    reach_m : float
+        How far it can hear.
+    """
+
+    position_m: FloatArray
+    heading_rad: float
+    half_angle_rad: float
+    reach_m: float
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Point targets in view.
+
+    Parameters
+    ----------
+    ranges_m : (n,) array
+        Distance from the transducer.
+    bearings_rad : (n,) array
+        Off the beam axis, in (-π, π].
+    reflectivities : (n,) array
+        Of each as a point target.
+    """
+
+    ranges_m: FloatArray
+    bearings_rad: FloatArray
+    reflectivities: FloatArray
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """Points that would answer if nothing hid them, and the disc or wall each belongs to."""
+
+    positions_m: FloatArray
+    reflectivities: FloatArray
+    discs: IntArray
+    walls: IntArray
+
+    @classmethod
+    def joined(cls, parts: list[_Candidates]) -> _Candidates:
+        return cls(
+            np.concatenate([part.positions_m for part in parts]),
+            np.concatenate([part.reflectivities for part in parts]),
+            np.concatenate([part.discs for part in parts]),
+            np.concatenate([part.walls for part in parts]),
+        )
+
+    def where(self, kept: BoolArray) -> _Candidates:
+        return _Candidates(
+            self.positions_m[kept], self.reflectivities[kept], self.discs[kept], self.walls[kept]
+        )
+
+
+def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
+    """Everything of `scene` that answers a sounding.
+
+    Parameters
+    ----------
+    scene : Scene
+        The world.
+    view : View
+        Where the sounding starts, and its cone.
+    time_s : float
+        After the scene's start; moving objects stand still while a ping lasts.
+    """
+    discs = scene.discs_at(time_s)
+    near = _walls_near(scene.walls, view)
+    candidates = _Candidates.joined(
+        [
+            _disc_fronts(discs, view),
+            _mirror_points(scene.walls, near, view),
+            _rough_points(scene, view),
+        ]
+    )
+    candidates = candidates.where(_in_cone(candidates, view))
+    candidates = candidates.where(~_behind_walls(candidates, scene.walls, near, view))
+    hidden = hidden_by_discs(
+        view.position_m,
+        candidates.positions_m,
+        discs.centers_m,
+        discs.radii_m,
+        candidates.discs,
+    )
+    candidates = candidates.where(~hidden)
+    ranges, bearings = _polar(candidates.positions_m, view)
+    return Targets(ranges, bearings, candidates.reflectivities)
+
+
+def _polar(positions_m: FloatArray, view: View) -> tuple[FloatArray, FloatArray]:
+    offsets = positions_m - view.position_m
+    bearings = np.arctan2(offsets[:, 1], offsets[:, 0]) - view.heading_rad
+    return np.hypot(offsets[:, 0], offsets[:, 1]), _wrapped(bearings)
+
+
+def _wrapped(angles_rad: FloatArray) -> FloatArray:
+    return np.pi - np.mod(np.pi - angles_rad, 2.0 * np.pi)
+
+
+def _in_cone(candidates: _Candidates, view: View) -> BoolArray:
+    ranges, bearings = _polar(candidates.positions_m, view)
+    inside: BoolArray = (ranges <= view.reach_m) & (ranges > 0.0)
+    inside &= np.abs(bearings) <= view.half_angle_rad
+    return inside & (candidates.reflectivities > 0.0)
+
+
+def _walls_near(walls: Walls, view: View) -> IntArray:
+    """Walls that are within reach: only these can answer or hide anything."""
+    distances = point_segment_distances(view.position_m, walls.starts_m, walls.ends_m)
+    return np.flatnonzero(distances <= view.reach_m)
+
+
+def _disc_fronts(discs: Discs, view: View) -> _Candidates:
+    """The point of every disc that is nearest; a disc around the transducer has none."""
+    offsets = view.position_m - discs.centers_m
+    distances = np.hypot(offsets[:, 0], offsets[:, 1])
+    outside = distances > discs.radii_m
+    ratio = np.divide(discs.radii_m, distances, out=np.zeros_like(distances), where=outside)
+    fronts = discs.centers_m + ratio[:, np.newaxis] * offsets
+    reflectivities = np.where(outside, discs.reflectivities, 0.0)
+    return _Candidates(fronts, reflectivities, np.arange(len(discs)), _nobody(len(discs)))
+
+
+def _mirror_points(walls: Walls, near: IntArray, view: View) -> _Candidates:
+    """The foot of the perpendicular on every wall that has one.
+
+    A plane answers like the transducer's mirror image at twice the distance r, with amplitude
+    R / (2 r).  A point target of reflectivity s gives s / r², hence s = R r / 2.
+    """
+    starts, along = walls.starts_m[near], (walls.ends_m - walls.starts_m)[near]
+    fraction = np.sum((view.position_m - starts) * along, axis=-1) / np.sum(along**2, axis=-1)
+    feet = starts + fraction[:, np.newaxis] * along
+    ranges = np.hypot(*(view.position_m - feet).T)
+    answers = (fraction >= 0.0) & (fraction <= 1.0) & _faces(walls, near, view)
+    reflectivities = np.where(answers, walls.specular_reflectivity[near] * ranges / 2.0, 0.0)
+    return _Candidates(feet, reflectivities, _nobody(len(near)), near)
+
+
+def _rough_points(scene: Scene, view: View) -> _Candidates:
+    """Scatterers of the walls, weaker the more obliquely they are struck (Lambert's law).
+
+    The intensity that Lambert's law sends back to where it came from goes with the squared
+    cosine of the angle of incidence, the amplitude with the cosine.
+    """
+    scatterers, walls = scene.scatterers, scene.walls
+    offsets = view.position_m - scatterers.positions_m
+    ranges = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), np.finfo(float).tiny)
+    normals = walls.normals[scatterers.walls]
+    cosine = np.sum(offsets * normals, axis=-1) / ranges
+    cosine = np.where(walls.one_sided[scatterers.walls], np.maximum(cosine, 0.0), np.abs(cosine))
+    reflectivities = scatterers.reflectivities * cosine
+    nobody = _nobody(len(ranges))
+    return _Candidates(scatterers.positions_m, reflectivities, nobody, scatterers.walls)
+
+
+def _faces(walls: Walls, near: IntArray, view: View) -> BoolArray:
+    """Whether the transducer is on a side of the wall that can be seen."""
+    side = np.sum((view.position_m - walls.starts_m[near]) * walls.normals[near], axis=-1)
+    facing: BoolArray = (side > 0.0) | ~walls.one_sided[near]
+    return facing
+
+
+def _behind_walls(candidates: _Candidates, walls: Walls, near: IntArray, view: View) -> BoolArray:
+    # Owners count all walls, the test counts those within reach; index -1 is the last entry.
+    owner_within_reach = np.full(len(walls) + 1, NO_OWNER)
+    owner_within_reach[near] = np.arange(len(near))
+    return hidden_by_walls(
+        view.position_m,
+        candidates.positions_m,
+        walls.starts_m[near],
+        walls.ends_m[near],
+        owner_within_reach[candidates.walls],
+    )
+
+
+def _nobody(count: int) -> IntArray:
+    return np.full(count, NO_OWNER, dtype=np.int64)

@@ -1,0 +1,127 @@
+"""The world section of a scenario: what stands where, and what it is made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from usmap_ros.parameters import ParameterGroup, quantity
+from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.scene import MovingDisc
+from usmap_ros.simulation.surfaces import (
+    Surface,
+)
+
+FloatArray = NDArray[np.float64]
+
+Point = tuple[float, float]
+
+
+class SurfaceModel(ParameterGroup):
+    """How walls return sound; see `usmap_ros.simulation.surfaces.Surface`."""
+
+    specular_reflectivity: float = quantity(
+        0.2,
+        "Amplitude reflectivity as a mirror, heard where a wall is struck squarely.",
+        ge=0.0,
+        le=1.0,
+    )
+    diffuse_reflectivity: float = quantity(
+        0.9,
+        "RMS reflectivity, in terms of point targets, of a metre of wall struck squarely;"
+        " a length L scatters √L times this.",
+        "m^-1/2",
+        ge=0.0,
+        le=100.0,
+    )
+    scatterers_per_m: float = quantity(
+        40.0, "Density of the scatterers that stand for the roughness.", "1/m", gt=0.0, le=1000.0
+    )
+    roughness_m: float = quantity(
+        0.005, "Depth over which the scatterers are spread.", "m", ge=0.0, le=0.1
+    )
+
+    def build(self) -> Surface:
+        """The surface itself."""
+        return Surface(**self.model_dump())
+
+
+class PointModel(ParameterGroup):
+    """A thin pole."""
+
+    x_m: float = quantity(..., "Position.", "m")
+    y_m: float = quantity(..., "Position.", "m")
+    reflectivity: float = quantity(1.0, "As a point target.", gt=0.0, le=100.0)
+
+
+class CylinderModel(PointModel):
+    """A round pillar: hides what is behind it."""
+
+    radius_m: float = quantity(..., "Radius.", "m", gt=0.0, le=100.0)
+
+
+class RandomPolesModel(ParameterGroup):
+    """Poles at random places, with log-normal reflectivities."""
+
+    count: int = quantity(..., "How many.", ge=1, le=10_000)
+    separation_m: float = quantity(0.3, "Least distance between the centres of two.", "m", ge=0.0)
+    radius_m: float = quantity(0.0, "Radius; 0: points, which hide nothing.", "m", ge=0.0, le=10.0)
+    median_reflectivity: float = quantity(1.0, "Median, as point targets.", gt=0.0, le=100.0)
+    reflectivity_spread: float = quantity(
+        0.35, "Standard deviation of the reflectivity's natural logarithm.", ge=0.0, le=3.0
+    )
+
+
+class WallModel(ParameterGroup):
+    """Straight walls from corner to corner, seen from both sides."""
+
+    corners_m: list[Point] = Field(
+        description="x, y of each corner.", min_length=2, json_schema_extra={"unit": "m"}
+    )
+    closed: bool = quantity(False, "Whether a last wall leads back to the first corner.")
+    surface: SurfaceModel | None = quantity(None, "None: the world's surface.")
+
+
+class MapModel(ParameterGroup):
+    """An occupancy map: its occupied cells are walls."""
+
+    path: Path = quantity(..., "nav2 map YAML; relative to the scenario file.")
+    surface: SurfaceModel | None = quantity(None, "None: the world's surface.")
+
+
+class MovingModel(ParameterGroup):
+    """A disc that moves along waypoints."""
+
+    waypoints_m: list[Point] = Field(
+        description="x, y of each waypoint.", min_length=2, json_schema_extra={"unit": "m"}
+    )
+    loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
+    speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
+    radius_m: float = quantity(0.2, "Radius; 0: a point.", "m", ge=0.0, le=10.0)
+    reflectivity: float = quantity(1.0, "As a point target.", gt=0.0, le=100.0)
+
+    def build(self) -> MovingDisc:
+        """The disc and its path."""
+        path = Polyline(np.array(self.waypoints_m), self.loop)
+        return MovingDisc(path, self.speed_m_s, self.radius_m, self.reflectivity)
+
+
+class WorldModel(ParameterGroup):
+    """What stands and moves in the world."""
+
+    area_m: tuple[float, float, float, float] | None = quantity(
+        None,
+        "Lowest and highest x, lowest and highest y: where robots wander, random poles stand and"
+        " the truth map reaches. None: the bounding box of all that stands.",
+        "m",
+    )
+    points: list[PointModel] = quantity([], "Thin poles.")
+    cylinders: list[CylinderModel] = quantity([], "Round pillars.")
+    random_poles: RandomPolesModel | None = quantity(None, "Poles at random places.")
+    walls: list[WallModel] = quantity([], "Straight walls.")
+    map: MapModel | None = quantity(None, "A nav2 map whose occupied cells are walls.")
+    moving: list[MovingModel] = quantity([], "What moves; not part of the truth map.")
+    surface: SurfaceModel = quantity(SurfaceModel(), "Of all walls that state none.")

@@ -1,6 +1,7 @@
 """The message definitions are those of bags already recorded."""
 
 import json
+import os
 import sys
 from importlib import resources
 from pathlib import Path
@@ -43,7 +44,10 @@ def test_hashes_are_those_of_recorded_bags(hashes, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_compiled_messages_have_the_same_hashes(hashes, name):
     pytest.importorskip("usmap_msgs")
-    described = json.loads(Path(sys.prefix, f"share/usmap_msgs/msg/{name}.json").read_text())
+    # colcon says where it has installed packages; pip has but one place.
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", sys.prefix).split(os.pathsep)
+    candidates = [Path(prefix, f"share/usmap_msgs/msg/{name}.json") for prefix in prefixes]
+    described = json.loads(next(path for path in candidates if path.exists()).read_text())
 
     compiled = {entry["type_name"]: entry["hash_string"] for entry in described["type_hashes"]}
 

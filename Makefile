@@ -34,11 +34,13 @@ test: $(FULL) ## run linters and all tests, those on ROS 2 included
 	if [ $$lint -ne 0 ]; then exit $$lint; else exit $$tests; fi
 
 lint: $(FULL) ## check style and types
-	@echo "Checking style"
-	@$(BIN)/ruff check --quiet .
-	@$(BIN)/ruff format --quiet --check . || { echo "Not formatted: run make format"; exit 1; }
-	@echo "Checking types"
-	@$(BIN)/mypy
+	@status=0; \
+	echo "Checking style"; \
+	$(BIN)/ruff check --quiet . || status=1; \
+	$(BIN)/ruff format --check . || { echo "make format mends that"; status=1; }; \
+	echo "Checking types"; \
+	$(BIN)/mypy || status=1; \
+	exit $$status
 
 format: $(FULL) ## format the code
 	@$(BIN)/ruff check --quiet --fix-only .

@@ -96,7 +96,7 @@ setup(
         "pydantic>=2.5",
         "PyYAML>=6",
         "rich>=13",
-        "rosbags>=0.10",
+        "rosbags>=0.11",
         "scipy>=1.11",
         "typer>=0.16",
         "zstandard>=0.22",

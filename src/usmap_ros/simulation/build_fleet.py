@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
 from usmap_ros.simulation.conditions import MediumModel, StatedModel
@@ -97,11 +96,8 @@ def _motion(model: RobotModel, scene: Scene, area: Bounds, rng: np.random.Genera
 def _mounted(
     robot: RobotModel, model: TransducerModel, medium: MediumModel, stated: StatedModel
 ) -> MountedTransducer:
-    pulse = model.pulse.build()
-    transducer = Transducer(pulse, model.beam.build(), model.min_range_m, model.max_range_m)
-    transducer.validate()
-    receiver = model.receiver.build()
-    channel = medium.channel(pulse.carrier_hz, model.mount.z_m)
+    transducer, receiver = model.build(), model.receiver.build()
+    channel = medium.channel(transducer.pulse.carrier_hz, model.mount.z_m)
     # With several transducers each has a namespace of its own below the robot's.
     parts = [robot.name, "echo"]
     if len(robot.transducers) > 1:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.receiver import Converter, Receiver
 from usmap_ros.simulation.world import Point
@@ -147,6 +149,18 @@ class TransducerModel(ParameterGroup):
     max_range_m: float = quantity(5.0, "Largest range.", "m", gt=0.0, le=1000.0)
     receiver: ReceiverModel = quantity(ReceiverModel(), "Noise, converter and encoding.")
 
+    def build(self) -> Transducer:
+        """The transducer itself."""
+        return Transducer(self.pulse.build(), self.beam.build(), self.min_range_m, self.max_range_m)
+
+    @model_validator(mode="after")
+    def _can_exist(self) -> TransducerModel:
+        try:
+            self.build().validate()
+        except MalformedMessageError as error:
+            raise ValueError(str(error)) from error
+        return self
+
 
 class PoseErrorModel(ParameterGroup):
     """Error of reported poses; the covariance in the message is that of the error."""
@@ -196,3 +210,15 @@ class RobotModel(ParameterGroup):
     )
     ping_rate_hz: float = quantity(10.0, "Of each transducer.", "Hz", gt=0.0, le=1000.0)
     pose_error: PoseErrorModel = quantity(PoseErrorModel(), "Error of reported poses.")
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> RobotModel:
+        check_names_differ([transducer.name for transducer in self.transducers])
+        return self
+
+
+def check_names_differ(names: list[str]) -> None:
+    """Raise `ValueError` if a name stands twice."""
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise ValueError(f"two have the name {repeated!r}")

@@ -73,6 +73,10 @@ class WaypointMotion:
         self._spin_rad_s = spin_rad_s
         self._heading_rad = heading_rad
         corners = path.corners_m
+        if not scene.has_room(corners[0], clearance_m):
+            raise BlockedPathError(
+                f"there is no room at the start ({corners[0][0]:g}, {corners[0][1]:g})"
+            )
         # A single waypoint makes one leg without length.
         for leg, (start, end) in enumerate(zip(corners, [*corners[1:], corners[-1]], strict=True)):
             room = scene.clearance_m(start, end)
@@ -138,9 +142,11 @@ class RandomWalk:
         self._clearance_m = clearance_m
         self._rng = rng
         first = self._random_start() if start is None else start
+        self._start_heading_rad = first.yaw_rad
+        # A step leads from one position to the next; there is one heading for each step.
         self._positions = [first.position_m[:2]]
-        self._headings = [first.yaw_rad]
-        if not self._is_free(self._positions[0], self._positions[0]):
+        self._headings: list[float] = []
+        if not self._has_room(self._positions[0]):
             x, y = self._positions[0]
             raise BlockedPathError(f"there is no room at the start ({x:g}, {y:g})")
 
@@ -148,18 +154,19 @@ class RandomWalk:
         """True pose of the robot's base at a time after the scene's start."""
         steps = max(time_s, 0.0) / self._step_s
         step = int(steps)
-        while len(self._positions) < step + 2:
+        while len(self._headings) <= step:
             self._take_step()
         fraction = steps - step
         position = (1.0 - fraction) * self._positions[step] + fraction * self._positions[step + 1]
-        return Pose.planar(position[0], position[1], self._headings[step + 1])
+        return Pose.planar(position[0], position[1], self._headings[step])
 
     def _take_step(self) -> None:
-        here = self._positions[-1]
-        heading = self._headings[-1] + self._turn_std_rad * self._rng.standard_normal()
+        here, heading = self._positions[-1], self._start_heading_rad
+        if self._headings:
+            heading = self._headings[-1] + self._turn_std_rad * self._rng.standard_normal()
         for _ in range(_STEP_ATTEMPTS):
             there = here + self._step_m * np.array([np.cos(heading), np.sin(heading)])
-            if self._is_free(here, there):
+            if self._is_passable(here, there):
                 break
             heading = self._rng.uniform(-np.pi, np.pi)
         else:
@@ -171,11 +178,18 @@ class RandomWalk:
         x_min, x_max, y_min, y_max = self._bounds
         for _ in range(_START_ATTEMPTS):
             position = self._rng.uniform([x_min, y_min], [x_max, y_max])
-            if self._is_free(position, position):
+            if self._has_room(position):
                 return Pose.planar(position[0], position[1], self._rng.uniform(-np.pi, np.pi))
         raise BlockedPathError("there is no room for a start anywhere in the area")
 
-    def _is_free(self, start_m: FloatArray, end_m: FloatArray) -> bool:
+    def _has_room(self, position_m: FloatArray) -> bool:
+        return self._is_inside(position_m) and self._scene.has_room(position_m, self._clearance_m)
+
+    def _is_passable(self, start_m: FloatArray, end_m: FloatArray) -> bool:
+        if not self._is_inside(end_m):
+            return False
+        return self._scene.clearance_m(start_m, end_m) >= self._clearance_m
+
+    def _is_inside(self, position_m: FloatArray) -> bool:
         x_min, x_max, y_min, y_max = self._bounds
-        inside = x_min <= end_m[0] <= x_max and y_min <= end_m[1] <= y_max
-        return inside and self._scene.clearance_m(start_m, end_m) >= self._clearance_m
+        return bool(x_min <= position_m[0] <= x_max and y_min <= position_m[1] <= y_max)

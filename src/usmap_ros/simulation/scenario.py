@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -10,19 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import PrivateAttr
+from pydantic import PrivateAttr, model_validator
 
 from usmap_ros.errors import ConfigurationError, FileError, UsmapError
 from usmap_ros.grids import TruthMap
-from usmap_ros.io.map_files import load_truth
+from usmap_ros.io.nav2_map import Nav2Map, load_nav2_map
 from usmap_ros.io.yaml_files import read_mapping, validated
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.build_fleet import build_robot
-from usmap_ros.simulation.build_world import build_scene, build_truth_map, world_bounds
+from usmap_ros.simulation.build_world import build_scene, world_bounds
 from usmap_ros.simulation.conditions import MediumModel, StatedModel
-from usmap_ros.simulation.fleet import RobotModel
+from usmap_ros.simulation.fleet import RobotModel, check_names_differ
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import NANOSECONDS, SimulatedRobot, ping_count
+from usmap_ros.simulation.truth import build_truth_map
 from usmap_ros.simulation.world import WorldModel
 
 #: What a stream of random numbers is for: each has a seed of its own, so that a scenario with
@@ -45,6 +45,11 @@ class Scenario(ParameterGroup):
     medium: MediumModel = quantity(MediumModel(), "Air and floor.")
     robots: list[RobotModel] = quantity(..., "Who maps it.", min_length=1, max_length=1000)
     stated: StatedModel = quantity(StatedModel(), "What messages say that is not true.")
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Scenario:
+        check_names_differ([robot.name for robot in self.robots])
+        return self
 
     _source: Path = PrivateAttr(default=Path("scenario"))
 
@@ -77,7 +82,6 @@ class Scenario(ParameterGroup):
         """
         scenario = validated(source, cls, dict(content))
         scenario._source = source
-        scenario._check()
         return scenario
 
     @property
@@ -94,10 +98,10 @@ class Scenario(ParameterGroup):
         )
 
     @cached_property
-    def _map_cells(self) -> TruthMap | None:
+    def _plan(self) -> Nav2Map | None:
         if self.world.map is None:
             return None
-        return load_truth(self._source.parent / self.world.map.path)
+        return load_nav2_map(self._source.parent / self.world.map.path)
 
     def scene(self) -> Scene:
         """The world to sound out.
@@ -110,14 +114,14 @@ class Scenario(ParameterGroup):
             If its map cannot be read.
         """
         with self._errors_name_source():
-            return build_scene(self.world, self._map_cells, self._seed(_WORLD_STREAM))
+            return build_scene(self.world, self._plan, self._seed(_WORLD_STREAM))
 
     def truth_map(self, resolution_m: float = 0.05) -> TruthMap:
         """Cells that hold the surface of something that stands; see `build_truth_map`."""
         scene = self.scene()
         with self._errors_name_source():
-            area = world_bounds(self.world, self._map_cells)
-        return build_truth_map(scene, area, self._map_cells, resolution_m)
+            area = world_bounds(self.world, self._plan)
+        return build_truth_map(scene, area, self._plan, resolution_m)
 
     def fleet(self, scene: Scene) -> list[SimulatedRobot]:
         """The robots, ready to move and ping.
@@ -133,7 +137,7 @@ class Scenario(ParameterGroup):
             If a path is blocked, or a transducer cannot exist.
         """
         with self._errors_name_source():
-            area = world_bounds(self.world, self._map_cells)
+            area = world_bounds(self.world, self._plan)
             return [
                 build_robot(
                     model,
@@ -150,12 +154,6 @@ class Scenario(ParameterGroup):
 
     def _seed(self, *stream: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self.seed, spawn_key=stream)
-
-    def _check(self) -> None:
-        names = Counter(robot.name for robot in self.robots)
-        repeated = [name for name, count in names.items() if count > 1]
-        if repeated:
-            raise ConfigurationError(self._source, f"robots: two have the name {repeated[0]!r}")
 
     @contextmanager
     def _errors_name_source(self) -> Iterator[None]:

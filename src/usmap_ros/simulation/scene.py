@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.grids import GridGeometry
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.surfaces import Scatterers, Walls
 from usmap_ros.simulation.visibility import path_wall_distances, point_segment_distances
@@ -71,6 +72,29 @@ class MovingDisc:
 
 
 @dataclass(frozen=True)
+class FreeSpace:
+    """Cells of a map that are known to be free.
+
+    Parameters
+    ----------
+    geometry : GridGeometry
+        Where the cells lie.
+    free : (rows, columns) bool array
+        Neither occupied nor unknown.
+    """
+
+    geometry: GridGeometry
+    free: NDArray[np.bool_]
+
+    def contains(self, position_m: FloatArray) -> bool:
+        """Whether a position (2,) is in a free cell."""
+        origin, resolution = np.array(self.geometry.origin_m), self.geometry.resolution_m
+        column, row = np.floor((position_m - origin) / resolution).astype(int)
+        rows, columns = self.geometry.shape
+        return bool(0 <= row < rows and 0 <= column < columns and self.free[row, column])
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything that can echo or stand in the way.
 
@@ -84,18 +108,27 @@ class Scene:
         The roughness of the walls.
     moving : list of MovingDisc
         What moves.  Robots' paths do not keep clear of it.
+    free_space : FreeSpace or None
+        Where robots and random poles may be put down; None: anywhere.
     """
 
     discs: Discs
     walls: Walls
     scatterers: Scatterers
     moving: list[MovingDisc] = field(default_factory=list)
+    free_space: FreeSpace | None = None
 
     def discs_at(self, time_s: float) -> Discs:
         """All discs, the moving ones where they are at a time after the scene's start."""
         if not self.moving:
             return self.discs
         return Discs.joined([self.discs, *(disc.at(time_s) for disc in self.moving)])
+
+    def has_room(self, position_m: FloatArray, clearance_m: float) -> bool:
+        """Whether something may be put down at a position (2,) that needs `clearance_m` around."""
+        if self.free_space is not None and not self.free_space.contains(position_m):
+            return False
+        return self.clearance_m(position_m, position_m) >= clearance_m
 
     def clearance_m(self, start_m: FloatArray, end_m: FloatArray) -> float:
         """Distance between a straight stretch of path and the nearest thing that stands still.

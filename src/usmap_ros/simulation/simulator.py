@@ -76,9 +76,12 @@ class MountedTransducer:
 
     @property
     def listening_s(self) -> float:
-        """Until the end of an echo from the largest range, over the longest path."""
+        """Until one pulse length after the echo from the largest range, over the longest path.
+
+        What follows that echo is noise alone, and tells where it ends.
+        """
         longest = self.channel.delays_s(np.array(self.transducer.max_range_m)).max()
-        return float(longest) + self.transducer.pulse.duration_s
+        return float(longest) + 2.0 * self.transducer.pulse.duration_s
 
 
 class EchoSimulator:

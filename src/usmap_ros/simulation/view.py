@@ -11,6 +11,7 @@ from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.surfaces import Walls
 from usmap_ros.simulation.visibility import (
     NO_OWNER,
+    cross,
     hidden_by_discs,
     hidden_by_walls,
     point_segment_distances,
@@ -139,9 +140,24 @@ def _in_cone(candidates: _Candidates, view: View) -> BoolArray:
 
 
 def _walls_near(walls: Walls, view: View) -> IntArray:
-    """Walls that are within reach: only these can answer or hide anything."""
+    """Walls that can answer or hide anything: within reach, in the cone, not turned away.
+
+    A one-sided wall that is turned away belongs to a body whose front hides what it would.
+    """
     distances = point_segment_distances(view.position_m, walls.starts_m, walls.ends_m)
-    return np.flatnonzero(distances <= view.reach_m)
+    near = np.flatnonzero(distances <= view.reach_m)
+    near = near[_faces(walls, near, view)]
+    if view.half_angle_rad >= np.pi / 2.0:
+        return near
+    # Up to 90° the cone is where two half planes overlap: a wall is outside of it if both of its
+    # ends are beyond the same edge.
+    for sign in (1.0, -1.0):
+        edge_rad = view.heading_rad + sign * view.half_angle_rad
+        edge = np.array([np.cos(edge_rad), np.sin(edge_rad)])
+        beyond_start = sign * cross(edge, walls.starts_m[near] - view.position_m) > 0.0
+        beyond_end = sign * cross(edge, walls.ends_m[near] - view.position_m) > 0.0
+        near = near[~(beyond_start & beyond_end)]
+    return near
 
 
 def _disc_fronts(discs: Discs, view: View) -> _Candidates:
@@ -165,7 +181,7 @@ def _mirror_points(walls: Walls, near: IntArray, view: View) -> _Candidates:
     fraction = np.sum((view.position_m - starts) * along, axis=-1) / np.sum(along**2, axis=-1)
     feet = starts + fraction[:, np.newaxis] * along
     ranges = np.hypot(*(view.position_m - feet).T)
-    answers = (fraction >= 0.0) & (fraction <= 1.0) & _faces(walls, near, view)
+    answers = (fraction >= 0.0) & (fraction <= 1.0)
     reflectivities = np.where(answers, walls.specular_reflectivity[near] * ranges / 2.0, 0.0)
     return _Candidates(feet, reflectivities, _nobody(len(near)), near)
 

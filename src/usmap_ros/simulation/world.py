@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.polyline import Polyline
@@ -30,7 +30,7 @@ class SurfaceModel(ParameterGroup):
         le=1.0,
     )
     diffuse_reflectivity: float = quantity(
-        0.9,
+        2.0,
         "RMS reflectivity, in terms of point targets, of a metre of wall struck squarely;"
         " a length L scatters √L times this.",
         "m^-1/2",
@@ -125,3 +125,11 @@ class WorldModel(ParameterGroup):
     map: MapModel | None = quantity(None, "A nav2 map whose occupied cells are walls.")
     moving: list[MovingModel] = quantity([], "What moves; not part of the truth map.")
     surface: SurfaceModel = quantity(SurfaceModel(), "Of all walls that state none.")
+
+    @model_validator(mode="after")
+    def _area_is_one(self) -> WorldModel:
+        if self.area_m is not None:
+            x_min, x_max, y_min, y_max = self.area_m
+            if not (x_min < x_max and y_min < y_max):
+                raise ValueError("area_m: the lowest must be below the highest, in x and in y")
+        return self

@@ -107,12 +107,12 @@ def test_workspace(run, copy):
     suite = ElementTree.parse(copy / "build/usmap_ros/pytest.xml").find(".//testsuite")
     assert int(suite.get("tests")) - int(suite.get("skipped")) > 10
 
-    links = copy / "install-links"
-    command = ["colcon", "build", "--symlink-install", "--packages-select", "usmap_ros"]
-    run(*command, "--build-base", "build-links", "--install-base", str(links))
+    for folder in ["build", "install"]:
+        shutil.rmtree(copy / folder / "usmap_ros")
+    run("colcon", "build", "--symlink-install", "--packages-select", "usmap_ros")
 
-    check_install(links, run)
-    assert f"{copy}/build-links/" in module_file("usmap_ros", links, run)
+    check_install(copy / "install", run)
+    assert f"{copy}/build/usmap_ros/" in module_file("usmap_ros", copy / "install", run)
 
 
 def check_install(install: Path, run) -> None:

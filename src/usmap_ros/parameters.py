@@ -5,7 +5,7 @@ YAML files, ROS parameter descriptors and the reference page are derived from th
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -49,6 +49,12 @@ class ReconstructionParameters(ParameterGroup):
     refinements: int = quantity(
         4, "Rounds of moving delays off the grid and searching again.", ge=0, le=50
     )
+    masking: float = quantity(
+        2.0,
+        "Amplitude, relative to an echo, at which a second object under it would be noticed.",
+        gt=0.0,
+        le=100.0,
+    )
     max_iterations: int = quantity(20, "CoSaMP iterations in one round.", ge=1, le=1000)
     limit_step_m: float = quantity(
         0.025, "Range bins in which the detection limit is reported.", "m", ge=0.001, le=1.0
@@ -58,7 +64,49 @@ class ReconstructionParameters(ParameterGroup):
 class MappingParameters(ParameterGroup):
     """How cones become a map."""
 
+    method: Literal["noisy_or", "additive"] = quantity(
+        "noisy_or",
+        "Evidence of an echo: shared out among the cells of its ring, or added to each of them.",
+    )
     resolution_m: float = quantity(0.05, "Side of a map cell.", "m", ge=0.005, le=2.0)
+    prior: float = quantity(
+        0.001, "Probability that a cell of which nothing is known is occupied.", gt=0.0, lt=1.0
+    )
+    least_log_odds: float = quantity(-10.0, "Lower clamp of a cell's log-odds.", ge=-50.0, lt=0.0)
+    greatest_log_odds: float = quantity(8.0, "Upper clamp of a cell's log-odds.", gt=0.0, le=50.0)
+    reflectivity: float = quantity(
+        0.5, "Median reflectivity expected of an object.", gt=0.0, le=10.0
+    )
+    reflectivity_spread: float = quantity(
+        0.9, "Standard deviation of ln reflectivity from object to object.", gt=0.0, le=5.0
+    )
+    fluctuation: float = quantity(
+        0.4, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
+    )
+    audibility: float = quantity(
+        0.95, "Probability that a loud enough object in the clear is heard.", gt=0.0, lt=1.0
+    )
+    clutter: float = quantity(
+        0.01,
+        "Likelihood of an echo that comes from no cell, relative to one that fits perfectly.",
+        gt=0.0,
+        lt=1.0,
+    )
+    range_error_m: float = quantity(
+        0.003, "Error of range that neither trace nor pose states.", "m", gt=0.0, le=1.0
+    )
+    occlusion: bool = quantity(True, "Let what the map believes hide what is behind it.")
+    window: int = quantity(
+        300, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
+    )
+    revisits: int = quantity(4, "Earlier pings weighed again with each new one.", ge=0, le=1000)
+    observed_exposure: float = quantity(
+        0.5,
+        "Expected number of times that an object would have been heard, from which on a silent"
+        " cell counts as observed.",
+        gt=0.0,
+        le=100.0,
+    )
 
 
 class PipelineParameters(ParameterGroup):

@@ -1,1 +1,67 @@
 """The product in one object: echo traces in, a map out."""
+
+from __future__ import annotations
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.fusion import NoisyOrFusion
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.trace import EchoTrace
+
+
+class Pipeline:
+    """Reconstruct traces and fuse their cones.
+
+    Offline mapping and the live nodes both run this object, so that a bag mapped offline and
+    the same bag replayed through the nodes give the same map.
+
+    Parameters
+    ----------
+    parameters : PipelineParameters, optional
+        Of reconstruction and mapping.
+    """
+
+    def __init__(self, parameters: PipelineParameters | None = None) -> None:
+        self.parameters = parameters or PipelineParameters()
+        self._fusion = NoisyOrFusion(self.parameters.mapping)
+
+    def reconstruct(self, trace: EchoTrace) -> EchoCone:
+        """Return the echoes in a trace, and how loud an unheard one might have been.
+
+        Raises
+        ------
+        MalformedMessageError
+            If the trace cannot be reconstructed.
+        """
+        return reconstruct(trace, self.parameters.reconstruction).cone
+
+    def fuse(self, cone: EchoCone) -> None:
+        """Take a cone up into the map; cones are expected in the order of their stamps.
+
+        Raises
+        ------
+        MalformedMessageError
+            If the cone's frame is not the map's.
+        """
+        self._fusion.fuse(cone)
+
+    def process(self, trace: EchoTrace) -> EchoCone:
+        """Reconstruct a trace and take its cone up into the map."""
+        cone = self.reconstruct(trace)
+        self.fuse(cone)
+        return cone
+
+    def resume(self, occupancy: OccupancyMap) -> None:
+        """Start from an earlier map.
+
+        Raises
+        ------
+        ValueError
+            If its resolution or origin does not fit.
+        """
+        self._fusion.resume(occupancy)
+
+    def occupancy_map(self) -> OccupancyMap:
+        """Return the map so far."""
+        return self._fusion.occupancy_map()

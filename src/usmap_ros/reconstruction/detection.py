@@ -42,16 +42,20 @@ def unreported(
     thresholds: FloatArray,
     residual_scores: FloatArray,
     support: IndexArray,
+    echo_scores: FloatArray,
+    masking: float,
 ) -> FloatArray:
     """Amplitude below which an object at each block could have gone unreported.
 
-    It is the threshold, or the score that was left unexplained there; and without limit where
-    another echo excludes a second one.
+    It is the threshold, or the score that was left unexplained there.  In the band about an
+    echo, where no second one is reported, it is `masking` times that echo: a louder object
+    would have made the echo itself louder.
     """
-    limits = np.maximum(thresholds, residual_scores) / operator.unit_norms
-    for block in support:
-        limits[operator.excluded(block)] = np.inf
-    return limits
+    scores = np.maximum(thresholds, residual_scores)
+    for block, echo_score in zip(support, echo_scores, strict=True):
+        band = operator.excluded(block)
+        scores[band] = np.maximum(scores[band], masking * echo_score + thresholds[band])
+    return scores / operator.unit_norms
 
 
 def binned_maximum(

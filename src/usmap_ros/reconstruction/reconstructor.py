@@ -141,14 +141,19 @@ def _cone(
 ) -> EchoCone:
     support = solution.support
     unit_norms = operator.unit_norms[support]
-    amplitudes = operator.echo_scores(support, solution.coefficients) / unit_norms
+    echo_scores = operator.echo_scores(support, solution.coefficients)
     delay_std_s = (
         unit_std_s * baseband.noise_std
         if len(unit_std_s) == len(support)
         else np.full(len(support), operator.delay_step_s / np.sqrt(12.0))
     )
     limits = unreported(
-        operator, thresholds, operator.scores(operator.adjoint(solution.residual)), support
+        operator,
+        thresholds,
+        operator.scores(operator.adjoint(solution.residual)),
+        support,
+        echo_scores,
+        parameters.masking,
     )
     minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
     binned = binned_maximum(
@@ -166,7 +171,7 @@ def _cone(
         attenuation_db_m=trace.channel.attenuation_db_m,
         ranges_m=ranges_m[order].astype(np.float32),
         range_stds_m=(0.5 * trace.channel.sound_speed_m_s * delay_std_s)[order].astype(np.float32),
-        amplitudes=amplitudes[order].astype(np.float32),
+        amplitudes=(echo_scores / unit_norms)[order].astype(np.float32),
         amplitude_stds=(baseband.noise_std / unit_norms)[order].astype(np.float32),
         limit_step_m=parameters.limit_step_m,
         detection_limits=encode_limits(binned),

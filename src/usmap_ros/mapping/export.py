@@ -1,0 +1,63 @@
+"""Between the tiled grid and finished rectangular maps."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import logit
+
+from usmap_ros.grids import FREE_PROBABILITY, GridGeometry, OccupancyMap
+from usmap_ros.mapping.grid import TiledGrid
+from usmap_ros.parameters import MappingParameters
+
+
+def as_map(
+    grid: TiledGrid, parameters: MappingParameters, frame_id: str, stamp_ns: int
+) -> OccupancyMap:
+    """Rectangle around all observed cells.
+
+    Its origin is a multiple of the resolution, so that a map that grows never shifts.  With
+    nothing observed it is a single unobserved cell.
+    """
+    log_odds = grid.layer("log_odds")
+    observed = (grid.layer("exposure") >= parameters.observed_exposure) | (
+        log_odds > logit(FREE_PROBABILITY)
+    )
+    # A prior above the threshold must not make cells observed that no cone touched.
+    observed &= log_odds != np.float32(logit(parameters.prior))
+    rows, columns, slots = grid.cells(observed)
+    prior = np.float32(logit(parameters.prior))
+    if len(slots) == 0:
+        rows = columns = np.zeros(1, dtype=np.intp)
+    top, left = int(rows.min()), int(columns.min())
+    shape = (int(rows.max()) - top + 1, int(columns.max()) - left + 1)
+    values = np.full(shape, prior, dtype=np.float32)
+    mask = np.zeros(shape, dtype=np.bool_)
+    if len(slots):
+        values[rows - top, columns - left] = log_odds[slots]
+        mask[rows - top, columns - left] = True
+    resolution_m = grid.resolution_m
+    geometry = GridGeometry(resolution_m, (left * resolution_m, top * resolution_m), shape)
+    return OccupancyMap(geometry, values, mask, frame_id, stamp_ns)
+
+
+def load_map(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParameters) -> None:
+    """Take over the observed cells of a map that was exported before.
+
+    Raises
+    ------
+    ValueError
+        If its resolution is another, or its origin is not on this grid.
+    """
+    geometry = occupancy.geometry
+    if not np.isclose(geometry.resolution_m, grid.resolution_m, rtol=1e-6):
+        raise ValueError(
+            f"its cells are {geometry.resolution_m:g} m and not {grid.resolution_m:g} m"
+        )
+    first = np.array(geometry.origin_m) / grid.resolution_m
+    if np.any(np.abs(first - np.rint(first)) > 1e-3):
+        raise ValueError(f"its origin {geometry.origin_m} is not a multiple of the resolution")
+    left, top = (int(value) for value in np.rint(first))
+    rows, columns = np.nonzero(occupancy.observed)
+    slots = grid.slots(rows + top, columns + left)
+    grid.layer("log_odds")[slots] = occupancy.log_odds[rows, columns]
+    grid.layer("exposure")[slots] = parameters.observed_exposure

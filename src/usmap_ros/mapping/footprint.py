@@ -1,0 +1,112 @@
+"""The cells of a grid that one sensing cone covers, in polar coordinates of the transducer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.mapping.grid import FloatArray, IndexArray
+
+#: Gain at which the beam counts as silent: keeps logarithms finite.
+LEAST_GAIN = 1e-6
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Cells inside a cone, each array of shape (cells,).
+
+    Parameters
+    ----------
+    rows, columns : integer arrays
+        Of the cells.
+    range_m : array
+        From the transducer to the cell's centre.
+    bearing_rad : array
+        Of the centre off the beam axis.
+    half_depth_m : array
+        How far from the centre, along the ray, an object in the cell can stand.
+    range_std_m : array
+        Standard deviation of the range that the pose's covariance causes.
+    bearing_std_rad : array
+        Likewise of the bearing.
+    log_unit_amplitude : array
+        ln of the amplitude of the direct echo of an object of reflectivity 1 in the cell.
+    """
+
+    rows: IndexArray
+    columns: IndexArray
+    range_m: FloatArray
+    bearing_rad: FloatArray
+    half_depth_m: FloatArray
+    range_std_m: FloatArray
+    bearing_std_rad: FloatArray
+    log_unit_amplitude: FloatArray
+
+
+def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
+    """Cells whose centres lie in the beam of `cone`, between its least and greatest range.
+
+    Only cells in the box around the cone are looked at: the cost follows the cone, not the map.
+    """
+    beam = cone.transducer.beam
+    x_m, y_m = cone.pose.position_m[:2]
+    yaw_rad = cone.pose.yaw_rad
+    columns, rows = _cells_in_box(cone, resolution_m)
+    east_m = (columns + 0.5) * resolution_m - x_m
+    north_m = (rows + 0.5) * resolution_m - y_m
+    range_m = np.hypot(east_m[np.newaxis, :], north_m[:, np.newaxis])
+    ahead_m = np.cos(yaw_rad) * east_m[np.newaxis, :] + np.sin(yaw_rad) * north_m[:, np.newaxis]
+    in_beam = ahead_m > range_m * np.cos(min(beam.half_angle_rad, np.pi))
+    transducer = cone.transducer
+    in_range = (range_m > transducer.min_range_m) & (range_m < transducer.max_range_m)
+    row, column = np.nonzero(in_beam & in_range)
+    range_m = range_m[row, column]
+    cosine, sine = east_m[column] / range_m, north_m[row] / range_m
+    bearing_rad = np.arctan2(sine * np.cos(yaw_rad) - cosine * np.sin(yaw_rad),
+                             cosine * np.cos(yaw_rad) + sine * np.sin(yaw_rad))
+    range_std_m, bearing_std_rad = _pose_spread(cone.pose.planar_covariance, cosine, sine, range_m)
+    gain = np.maximum(beam.gain(bearing_rad), LEAST_GAIN)
+    absorption = cone.attenuation_db_m * np.log(10.0) / 20.0
+    log_unit_amplitude = np.log(gain) - 2.0 * (np.log(range_m) + absorption * range_m)
+    return Footprint(
+        rows=rows[row],
+        columns=columns[column],
+        range_m=range_m,
+        bearing_rad=bearing_rad,
+        half_depth_m=0.5 * resolution_m * (np.abs(cosine) + np.abs(sine)),
+        range_std_m=range_std_m,
+        bearing_std_rad=bearing_std_rad,
+        log_unit_amplitude=log_unit_amplitude,
+    )
+
+
+def _cells_in_box(cone: EchoCone, resolution_m: float) -> tuple[IndexArray, IndexArray]:
+    """Columns and rows of the box around the sector that the beam covers."""
+    x_m, y_m = cone.pose.position_m[:2]
+    reach_m, half_angle = cone.transducer.max_range_m, cone.transducer.beam.half_angle_rad
+    # The extremes of a sector lie at its edges or where it crosses an axis.
+    quarters = np.arange(-2, 3) * (np.pi / 2.0)
+    crossing = (quarters - cone.pose.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
+    offsets = np.concatenate([[-half_angle, half_angle], crossing[np.abs(crossing) <= half_angle]])
+    angles = cone.pose.yaw_rad + offsets
+    xs = x_m + reach_m * np.append(np.cos(angles), 0.0)
+    ys = y_m + reach_m * np.append(np.sin(angles), 0.0)
+    columns = np.arange(np.floor(xs.min() / resolution_m), np.ceil(xs.max() / resolution_m))
+    rows = np.arange(np.floor(ys.min() / resolution_m), np.ceil(ys.max() / resolution_m))
+    return columns.astype(np.intp), rows.astype(np.intp)
+
+
+def _pose_spread(
+    covariance: FloatArray, cosine: FloatArray, sine: FloatArray, range_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations of range and bearing of fixed points, to first order in the pose."""
+    if not covariance.any():
+        return np.zeros_like(range_m), np.zeros_like(range_m)
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = covariance
+    along = cosine**2 * xx + 2.0 * cosine * sine * xy + sine**2 * yy
+    across = sine**2 * xx - 2.0 * cosine * sine * xy + cosine**2 * yy
+    turning = 2.0 * range_m * (cosine * yt - sine * xt)
+    bearing_variance = (across + turning) / range_m**2 + tt
+    return np.sqrt(np.maximum(along, 0.0)), np.sqrt(np.maximum(bearing_variance, 0.0))

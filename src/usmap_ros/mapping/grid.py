@@ -1,0 +1,133 @@
+"""A sparse, tiled grid that grows in any direction and never shifts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.intp]
+
+#: Cells along the side of a tile.
+TILE_SIDE = 64
+TILE_CELLS = TILE_SIDE * TILE_SIDE
+
+
+class TiledGrid:
+    """Layers of numbers on square cells, kept in tiles that exist only where something was seen.
+
+    Cell (row, column) covers y from ``row * resolution_m`` and x from ``column * resolution_m``;
+    both may be negative.  The tiles lie one behind the other in a pool, so that a *slot*, the
+    position of a cell in the pool, stays valid when the grid grows.
+
+    Parameters
+    ----------
+    resolution_m : float
+        Side of a cell.
+    defaults : mapping of str to float
+        Names of the layers, each with the value of a cell of which nothing is known.
+    """
+
+    def __init__(self, resolution_m: float, defaults: Mapping[str, float]) -> None:
+        self.resolution_m = resolution_m
+        self._defaults = dict(defaults)
+        self._pools = {
+            name: np.empty((0, TILE_CELLS), dtype=np.float32) for name in self._defaults
+        }
+        self._tile_count = 0
+        # Number of each tile by its place; -1 where there is none.
+        self._directory = np.full((0, 0), -1, dtype=np.intp)
+        self._directory_origin = (0, 0)
+
+    @property
+    def tile_count(self) -> int:
+        """Tiles in memory."""
+        return self._tile_count
+
+    def layer(self, name: str) -> NDArray[np.float32]:
+        """Values of a layer by slot: a view, valid until `slots` adds tiles."""
+        return self._pools[name].reshape(-1)
+
+    def slots(self, rows: IndexArray, columns: IndexArray) -> IndexArray:
+        """Slots of cells, adding the tiles that they need.
+
+        Parameters
+        ----------
+        rows, columns : (n,) integer arrays
+            Of the cells, of either sign.
+        """
+        tile_rows, tile_columns = rows // TILE_SIDE, columns // TILE_SIDE
+        self._cover(tile_rows, tile_columns)
+        first_row, first_column = self._directory_origin
+        tiles = self._directory[tile_rows - first_row, tile_columns - first_column]
+        inside = (rows % TILE_SIDE) * TILE_SIDE + columns % TILE_SIDE
+        slots: IndexArray = tiles * TILE_CELLS + inside
+        return slots
+
+    def cells(self, chosen: NDArray[np.bool_]) -> tuple[IndexArray, IndexArray, IndexArray]:
+        """Rows, columns and slots of the chosen cells.
+
+        Parameters
+        ----------
+        chosen : (slots,) bool array
+            By slot, of the length of a layer.
+        """
+        slots = np.flatnonzero(chosen[: self._tile_count * TILE_CELLS])
+        tile_rows, tile_columns = np.nonzero(self._directory >= 0)
+        tiles = self._directory[tile_rows, tile_columns]
+        row_of = np.empty(self._tile_count, dtype=np.intp)
+        column_of = np.empty(self._tile_count, dtype=np.intp)
+        row_of[tiles] = (tile_rows + self._directory_origin[0]) * TILE_SIDE
+        column_of[tiles] = (tile_columns + self._directory_origin[1]) * TILE_SIDE
+        tile, inside = np.divmod(slots, TILE_CELLS)
+        rows = row_of[tile] + inside // TILE_SIDE
+        columns = column_of[tile] + inside % TILE_SIDE
+        return rows, columns, slots
+
+    def _cover(self, tile_rows: IndexArray, tile_columns: IndexArray) -> None:
+        """Add the tiles at these places that do not exist yet."""
+        if len(tile_rows) == 0:
+            return
+        self._stretch_directory(
+            int(tile_rows.min()), int(tile_rows.max()), int(tile_columns.min()),
+            int(tile_columns.max()),
+        )
+        rows = tile_rows - self._directory_origin[0]
+        columns = tile_columns - self._directory_origin[1]
+        missing = self._directory[rows, columns] < 0
+        if not missing.any():
+            return
+        width = self._directory.shape[1]
+        places = np.unique(rows[missing] * width + columns[missing])
+        self._reserve(self._tile_count + len(places))
+        new = np.arange(self._tile_count, self._tile_count + len(places))
+        self._directory[places // width, places % width] = new
+        self._tile_count += len(places)
+
+    def _stretch_directory(self, top: int, bottom: int, left: int, right: int) -> None:
+        """Make the directory cover these tile rows and columns, old ones staying where they are."""
+        rows, columns = self._directory.shape
+        first_row, first_column = self._directory_origin
+        if rows:
+            top, left = min(top, first_row), min(left, first_column)
+            bottom = max(bottom, first_row + rows - 1)
+            right = max(right, first_column + columns - 1)
+        shape = (bottom - top + 1, right - left + 1)
+        if shape == (rows, columns):
+            return
+        directory = np.full(shape, -1, dtype=np.intp)
+        directory[
+            first_row - top : first_row - top + rows,
+            first_column - left : first_column - left + columns,
+        ] = self._directory if rows else -1
+        self._directory, self._directory_origin = directory, (top, left)
+
+    def _reserve(self, tiles: int) -> None:
+        """Room for `tiles` tiles; growing by half makes growth cheap on the whole."""
+        for name, pool in self._pools.items():
+            if tiles > len(pool):
+                extra = max(tiles, len(pool) + len(pool) // 2) - len(pool)
+                blank = np.full((extra, TILE_CELLS), self._defaults[name], dtype=np.float32)
+                self._pools[name] = np.concatenate([pool, blank])

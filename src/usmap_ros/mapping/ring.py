@@ -1,0 +1,173 @@
+"""What an echo says of the cells on its ring.
+
+An echo says that at least one cell of its ring is occupied: a noisy-OR.  What one cell gains
+is what the echo still needs after what its ring-mates already explain, which is the message of
+belief propagation from the echo to the cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.mapping.footprint import Footprint
+from usmap_ros.mapping.grid import FloatArray, IndexArray
+from usmap_ros.mapping.reflectivity import LogReflectivity, Silence
+
+#: Standard deviations of range beyond which a cell is not on an echo's ring.
+RING_DEVIATIONS = 3.0
+#: An amplitude is never taken for smaller than this share of its standard deviation.
+LEAST_AMPLITUDE = 0.1
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Pairs of an echo and a cell that may have returned it.
+
+    Parameters
+    ----------
+    cells : (ring cells,) integer array
+        Cells of the footprint that are on any ring.
+    cell, echo : (pairs,) integer arrays
+        Of each pair: its cell, as an index into `cells`, and its echo.
+    range_fit : (pairs,) array
+        Probability that the echo's range lies inside the cell.
+    log_reflectivity : (pairs,) array
+        ln s that the echo's amplitude would mean, had it come from the cell.
+    variance : (pairs,) array
+        Of `log_reflectivity`: noise of the amplitude and fluctuation from look to look.
+    echo_count : int
+        Echoes in the cone.
+    """
+
+    cells: IndexArray
+    cell: IndexArray
+    echo: IndexArray
+    range_fit: FloatArray
+    log_reflectivity: FloatArray
+    variance: FloatArray
+    echo_count: int
+
+
+def find_ring(
+    cone: EchoCone, footprint: Footprint, range_error_m: float, fluctuation: float
+) -> Ring:
+    """Pair every echo with the cells whose range it fits.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        Echoes in ascending range.
+    footprint : Footprint
+        Cells of the cone.
+    range_error_m : float
+        Standard deviation of range for causes that neither cone nor pose states.
+    fluctuation : float
+        Standard deviation of ln s from look to look.
+    """
+    reach_m = footprint.half_depth_m + RING_DEVIATIONS * np.hypot(
+        footprint.range_std_m, range_error_m
+    )
+    first = np.searchsorted(cone.ranges_m, footprint.range_m - reach_m)
+    count = np.searchsorted(cone.ranges_m, footprint.range_m + reach_m) - first
+    cells = np.flatnonzero(count)
+    first, count = first[cells], count[cells]
+    cell = np.repeat(np.arange(len(cells)), count)
+    echo = np.arange(len(cell)) + np.repeat(first - (np.cumsum(count) - count), count)
+
+    place = cells[cell]
+    offset_m = cone.ranges_m[echo].astype(float) - footprint.range_m[place]
+    std_m = np.sqrt(
+        footprint.range_std_m[place] ** 2
+        + cone.range_stds_m[echo].astype(float) ** 2
+        + range_error_m**2
+    )
+    depth_m = footprint.half_depth_m[place]
+    amplitude_std = cone.amplitude_stds[echo].astype(float)
+    amplitude = np.maximum(cone.amplitudes[echo], LEAST_AMPLITUDE * amplitude_std)
+    return Ring(
+        cells=cells,
+        cell=cell,
+        echo=echo,
+        range_fit=ndtr((offset_m + depth_m) / std_m) - ndtr((offset_m - depth_m) / std_m),
+        log_reflectivity=np.log(amplitude) - footprint.log_unit_amplitude[place],
+        variance=(amplitude_std / amplitude) ** 2 + fluctuation**2,
+        echo_count=len(cone.ranges_m),
+    )
+
+
+@dataclass(frozen=True)
+class RingEvidence:
+    """What a ping says of the cells on its rings, each array of shape (ring cells,).
+
+    Parameters
+    ----------
+    log_ratio : array
+        Log-likelihood ratio of occupied against free.
+    precision, information : arrays
+        What is added to the belief about ln s.
+    """
+
+    log_ratio: FloatArray
+    precision: FloatArray
+    information: FloatArray
+
+
+def ring_evidence(
+    ring: Ring,
+    probability: FloatArray,
+    belief: LogReflectivity,
+    quiet: Silence,
+    audibility: FloatArray,
+    clutter: float,
+) -> RingEvidence:
+    """Messages from the echoes to the cells of their rings.
+
+    With q the likelihood of an echo given that a cell returned it, Q the probability that no
+    ring-mate did, λ the likelihood of clutter and m that of a second object going unnoticed
+    under the echo, an occupied cell makes the echo more likely by
+
+        ((λ + 1 − Q) m + Q q) / (λ + 1 − Q).
+
+    Parameters
+    ----------
+    ring : Ring
+        Pairs of echo and cell.
+    probability : (ring cells,) array
+        Belief that each cell is occupied, without what this ping says.
+    belief : LogReflectivity
+        Of the ring's cells, without what this ping says.
+    quiet : Silence
+        What the cells would be told, had they not been heard.
+    audibility : (ring cells,) array
+        Probability that a loud enough object is heard at all.
+    clutter : float
+        Likelihood λ of an echo that comes from no cell, relative to that of a perfect fit.
+    """
+    cell, echo, count = ring.cell, ring.echo, len(ring.cells)
+    spread = belief.variance[cell] + ring.variance
+    misfit = (ring.log_reflectivity - belief.mean[cell]) ** 2 / spread
+    returned = (
+        audibility[cell]
+        * ring.range_fit
+        * np.sqrt(ring.variance / spread)
+        * np.exp(-0.5 * misfit)
+    )
+    not_returned = np.log1p(-probability[cell] * returned)
+    by_echo = np.bincount(echo, not_returned, ring.echo_count)
+    unexplained = np.exp(by_echo[echo] - not_returned)
+    otherwise = clutter + 1.0 - unexplained
+    unnoticed = quiet.log_ratio[cell]
+    occupied = otherwise * np.exp(unnoticed) + unexplained * returned
+    gain = np.log(occupied / otherwise) - unnoticed
+    source = unexplained * returned / occupied
+    silent = np.maximum(1.0 - np.bincount(cell, source, count), 0.0)
+    return RingEvidence(
+        log_ratio=quiet.log_ratio + np.bincount(cell, gain, count),
+        precision=np.bincount(cell, source / ring.variance, count) + silent * quiet.precision,
+        information=np.bincount(cell, source * ring.log_reflectivity / ring.variance, count)
+        + silent * quiet.information,
+    )

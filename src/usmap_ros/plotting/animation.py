@@ -1,0 +1,160 @@
+"""Animation of a map that forms, ping by ping."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+from PIL import Image
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import FileError
+from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.io.atomic import write_atomically
+from usmap_ros.io.map_files import RobotPaths
+from usmap_ros.plotting import style
+from usmap_ros.plotting.cone import draw_probability
+from usmap_ros.plotting.map import figure_size_in
+
+_FRAME_MS = 90
+#: The finished map stays in view for a while.
+_LAST_FRAME_MS = 3000
+_DOTS_PER_INCH = 90
+_COLORS = 128
+
+
+@dataclass(frozen=True)
+class MapFrame:
+    """A map while it forms.
+
+    Parameters
+    ----------
+    occupancy : OccupancyMap
+        The map so far.
+    cones : dict
+        The newest cone of each topic.
+    positions : dict
+        How many positions of each topic's path lie behind it.
+    stamp_ns : int
+        Time of the frame.
+    """
+
+    occupancy: OccupancyMap
+    cones: dict[str, EchoCone]
+    positions: dict[str, int]
+    stamp_ns: int
+
+
+def save_animation(frames: Sequence[MapFrame], paths: RobotPaths, path: Path) -> None:
+    """Write snapshots of a map as an animated GIF.
+
+    Parameters
+    ----------
+    frames : sequence of MapFrame
+        In the order of time; the last one is the finished map.
+    paths : RobotPaths
+        The robots' whole paths.
+    path : path
+        The file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    with style.styled():
+        canvas = _MovingMap(frames[-1].occupancy, paths)
+        images = [canvas.draw(frame, frames[0].stamp_ns) for frame in frames]
+    palette = _common_palette(images)
+    indexed = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    durations = [_FRAME_MS] * (len(indexed) - 1) + [_LAST_FRAME_MS]
+    content = BytesIO()
+    indexed[0].save(
+        content, format="GIF", save_all=True, append_images=indexed[1:], duration=durations, loop=0
+    )
+    try:
+        write_atomically(path, content.getvalue())
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _common_palette(images: list[Image.Image]) -> Image.Image:
+    """Choose colours for all frames at once: with a palette for each, they would flicker."""
+    samples = [images[0], images[len(images) // 2], images[-1]]
+    mosaic = Image.new("RGB", (samples[0].width, samples[0].height * len(samples)))
+    for number, sample in enumerate(samples):
+        mosaic.paste(sample, (0, number * sample.height))
+    return mosaic.quantize(_COLORS)
+
+
+class _MovingMap:
+    """A figure of which each frame changes what differs, since making one takes long."""
+
+    def __init__(self, final: OccupancyMap, paths: RobotPaths) -> None:
+        self._geometry = final.geometry
+        self._paths = paths
+        self._figure = style.new_figure(*figure_size_in(final.geometry), _DOTS_PER_INCH)
+        self._axes = self._figure.subplots()
+        self._image = draw_probability(self._axes, final)
+        self._figure.colorbar(
+            self._image, ax=self._axes, shrink=0.6, label="probability of being occupied"
+        )
+        self._title = self._axes.set_title("Map")
+        topics = sorted(paths.positions_m)
+        self._trails = {topic: self._trail(number) for number, topic in enumerate(topics)}
+        self._beams = {topic: self._beam(number) for number, topic in enumerate(topics)}
+        x_min, x_max, y_min, y_max = final.geometry.extent_m
+        self._axes.set_xlim(x_min, x_max)
+        self._axes.set_ylim(y_min, y_max)
+        # The layout is that of the first drawing: to find it again takes longer than to draw.
+        self._figure.canvas.draw()
+        self._figure.set_layout_engine("none")
+
+    def draw(self, frame: MapFrame, start_ns: int) -> Image.Image:
+        """Draw a frame; `start_ns` is the time of the first one."""
+        self._image.set_data(_on_grid(frame.occupancy, self._geometry))
+        self._title.set_text(f"Map after {(frame.stamp_ns - start_ns) / 1e9:.1f} s")
+        for topic, cone in frame.cones.items():
+            behind = self._paths.positions_m[topic][: frame.positions[topic]]
+            self._trails[topic].set_data(*np.transpose(behind))
+            self._beams[topic].set_xy(_cone_outline(cone))
+        # Taking the pixels from the canvas spares the detour over a compressed picture.
+        self._figure.canvas.draw()
+        pixels = np.asarray(self._figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+        return Image.fromarray(pixels[..., :3])
+
+    def _trail(self, number: int) -> Line2D:
+        return self._axes.plot([], [], color=style.robot_color(number), linewidth=1.0, alpha=0.7)[0]
+
+    def _beam(self, number: int) -> Polygon:
+        color = style.robot_color(number)
+        beam = Polygon(np.zeros((1, 2)), facecolor=(color, 0.35), edgecolor=color, linewidth=1.0)
+        self._axes.add_patch(beam)
+        return beam
+
+
+def _cone_outline(cone: EchoCone) -> NDArray[np.float64]:
+    """Corners of the near part of a cone, (n, 2)."""
+    half, yaw = cone.transducer.beam.half_angle_rad, cone.pose.yaw_rad
+    reach_m = min(cone.transducer.max_range_m, 1.0)
+    angles = yaw + np.linspace(-half, half, 17)
+    arc = reach_m * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.concatenate([np.zeros((1, 2)), arc]) + cone.pose.position_m[:2]
+
+
+def _on_grid(occupancy: OccupancyMap, geometry: GridGeometry) -> NDArray[np.float64]:
+    """Probability on a larger grid with the same cells; NaN where nothing was observed."""
+    probability = np.full(geometry.shape, np.nan)
+    offset = np.subtract(occupancy.geometry.origin_m, geometry.origin_m) / geometry.resolution_m
+    column, row = (int(value) for value in np.rint(offset))
+    rows, columns = occupancy.geometry.shape
+    probability[row : row + rows, column : column + columns] = np.where(
+        occupancy.observed, occupancy.probability(), np.nan
+    )
+    return probability

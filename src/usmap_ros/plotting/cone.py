@@ -1,0 +1,120 @@
+"""Picture of one sensing cone: where the echoes of one ping may have come from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.markers import MarkerStyle
+from matplotlib.patches import Arc, Wedge
+from matplotlib.path import Path
+from numpy.typing import NDArray
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import OccupancyMap, TruthMap
+from usmap_ros.plotting import style
+
+#: Points to the right, where a transducer at angle 0 looks.
+_ARROW = Path([(1.0, 0.0), (-0.8, 0.6), (-0.4, 0.0), (-0.8, -0.6), (1.0, 0.0)])
+_ECHO_LINE: dict[str, Any] = {"color": style.RECONSTRUCTION, "linewidth": 0.8, "alpha": 0.7}
+#: Free space around the cone, m.
+_MARGIN_M = 0.25
+
+
+def cone_figure(cone: EchoCone, evidence: OccupancyMap, truth: TruthMap | None = None) -> Figure:
+    """Draw a cone with its candidate cells.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        The cone.
+    evidence : OccupancyMap
+        The map that this cone alone gives.
+    truth : TruthMap, optional
+        What is really there.
+    """
+    with style.styled():
+        figure = style.new_figure(6.4, 5.6)
+        axes = figure.subplots()
+        image = draw_cone(axes, cone, evidence, truth)
+        figure.colorbar(image, ax=axes, shrink=0.8, label="probability of being occupied")
+    return figure
+
+
+def draw_cone(
+    axes: Axes, cone: EchoCone, evidence: OccupancyMap, truth: TruthMap | None
+) -> AxesImage:
+    """Draw a cone into `axes`; returns what a colour bar needs."""
+    position_m, yaw_deg = cone.pose.position_m[:2], np.degrees(cone.pose.yaw_rad)
+    half_deg = np.degrees(cone.transducer.beam.half_angle_rad)
+    image = draw_probability(axes, evidence)
+    transducer = cone.transducer
+    axes.add_patch(
+        Wedge(
+            (position_m[0], position_m[1]), transducer.max_range_m,
+            yaw_deg - half_deg, yaw_deg + half_deg,
+            fill=False, edgecolor=style.FAINT, linewidth=1.0,
+        )
+    )  # fmt: skip
+    for range_m in cone.ranges_m:
+        axes.add_patch(
+            Arc(
+                (position_m[0], position_m[1]), 2 * range_m, 2 * range_m,
+                angle=yaw_deg, theta1=-half_deg, theta2=half_deg, **_ECHO_LINE,
+            )
+        )  # fmt: skip
+    axes.plot([], [], label="range of an echo", **_ECHO_LINE)
+    if truth is not None:
+        draw_truth(axes, truth)
+    axes.plot(
+        *position_m, marker=MarkerStyle(_ARROW).rotated(deg=float(yaw_deg)), markersize=12,
+        color=style.INK, linestyle="none", label="transducer",
+    )  # fmt: skip
+    _zoom(axes, cone)
+    axes.set_title(
+        f"Cone of {cone.child_frame_id}: {style.counted(len(cone.ranges_m), 'echo', 'echoes')}"
+    )
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.1), ncols=3)
+    return image
+
+
+def draw_probability(axes: Axes, occupancy: OccupancyMap) -> AxesImage:
+    """Draw a map's probability; cells never observed stay gray."""
+    probability = np.where(occupancy.observed, occupancy.probability(), np.nan)
+    image = axes.imshow(
+        probability, origin="lower", extent=occupancy.geometry.extent_m,
+        cmap=style.PROBABILITY, vmin=0.0, vmax=1.0, interpolation="nearest",
+    )  # fmt: skip
+    axes.set_facecolor(style.UNKNOWN)
+    axes.grid(visible=False)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    return image
+
+
+def draw_truth(axes: Axes, truth: TruthMap) -> None:
+    """Mark the cells that are really occupied."""
+    centers_m = truth.geometry.cell_centers_m(*np.nonzero(truth.occupied))
+    axes.plot(
+        centers_m[:, 0], centers_m[:, 1], linestyle="none", marker="o", markersize=7,
+        markerfacecolor="none", markeredgecolor=style.TRUTH, markeredgewidth=1.0, label="truth",
+    )  # fmt: skip
+
+
+def _zoom(axes: Axes, cone: EchoCone) -> None:
+    outline_m = _outline(cone)
+    (x_min, y_min), (x_max, y_max) = outline_m.min(axis=0), outline_m.max(axis=0)
+    axes.set_xlim(x_min - _MARGIN_M, x_max + _MARGIN_M)
+    axes.set_ylim(y_min - _MARGIN_M, y_max + _MARGIN_M)
+
+
+def _outline(cone: EchoCone) -> NDArray[np.float64]:
+    """Points on the outline of a cone, (n, 2)."""
+    half = cone.transducer.beam.half_angle_rad
+    angles = cone.pose.yaw_rad + np.linspace(-half, half, 65)
+    arc = np.column_stack([np.cos(angles), np.sin(angles)]) * cone.transducer.max_range_m
+    return np.concatenate([np.zeros((1, 2)), arc]) + cone.pose.position_m[:2]

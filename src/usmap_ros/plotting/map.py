@@ -1,0 +1,78 @@
+"""Picture of a fused map, with the paths of the robots that made it."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
+from usmap_ros.io.map_files import RobotPaths
+from usmap_ros.plotting import style
+from usmap_ros.plotting.cone import draw_probability
+
+_LONG_SIDE_IN = 7.0
+
+
+def map_figure(
+    occupancy: OccupancyMap,
+    paths: RobotPaths | None = None,
+    truth: TruthMap | None = None,
+    title: str = "Fused map",
+) -> Figure:
+    """Draw a map as probability.
+
+    Parameters
+    ----------
+    occupancy : OccupancyMap
+        The map.
+    paths : RobotPaths, optional
+        Where the robots were.
+    truth : TruthMap, optional
+        Drawn as an outline.
+    title : str
+        What stands above it.
+    """
+    with style.styled():
+        figure = style.new_figure(*figure_size_in(occupancy.geometry))
+        axes = figure.subplots()
+        image = draw_probability(axes, occupancy)
+        if truth is not None:
+            draw_truth_outline(axes, truth)
+        draw_paths(axes, paths or RobotPaths())
+        axes.set_title(title)
+        if axes.get_legend_handles_labels()[0]:
+            figure.legend(loc="outside lower center", ncols=5)
+        figure.colorbar(image, ax=axes, shrink=0.6, label="probability of being occupied")
+    return figure
+
+
+def figure_size_in(geometry: GridGeometry) -> tuple[float, float]:
+    """Size of a figure that a map fills, with room for its colour bar, legend and labels."""
+    rows, columns = geometry.shape
+    scale = _LONG_SIDE_IN / max(rows, columns)
+    return max(columns * scale, 3.0) + 1.9, max(rows * scale, 3.0) + 0.8
+
+
+def draw_paths(axes: Axes, paths: RobotPaths) -> None:
+    """Draw each transducer's path, with a dot where it ends."""
+    for number, (topic, positions_m) in enumerate(sorted(paths.positions_m.items())):
+        color = style.robot_color(number)
+        x, y = np.transpose(positions_m)
+        axes.plot(x, y, color=color, linewidth=1.2, alpha=0.85, label=topic)
+        axes.plot(x[-1:], y[-1:], color=color, marker="o", markersize=5, linestyle="none")
+
+
+def draw_truth_outline(axes: Axes, truth: TruthMap) -> None:
+    """Outline the cells that are really occupied."""
+    limits = axes.get_xlim(), axes.get_ylim()
+    padded = np.pad(truth.occupied, 1).astype(float)
+    geometry = truth.geometry
+    rows, columns = padded.shape
+    x = geometry.origin_m[0] + (np.arange(columns) - 0.5) * geometry.resolution_m
+    y = geometry.origin_m[1] + (np.arange(rows) - 0.5) * geometry.resolution_m
+    axes.contour(x, y, padded, levels=[0.5], colors=style.TRUTH, linewidths=0.9)
+    axes.plot([], [], color=style.TRUTH, linewidth=0.9, label="truth")
+    # Truth beyond what was observed must not shrink the picture.
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])

@@ -1,0 +1,45 @@
+"""Picture of one ping of a recording: trace above, cone below or beside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from usmap_ros.grids import OccupancyMap, TruthMap
+from usmap_ros.plotting import style
+from usmap_ros.plotting.cone import draw_cone
+from usmap_ros.plotting.trace import draw_trace
+from usmap_ros.reconstruction.reconstructor import Reconstruction
+from usmap_ros.trace import EchoTrace
+
+
+def overview_figure(
+    trace: EchoTrace,
+    reconstruction: Reconstruction,
+    evidence: OccupancyMap,
+    truth: TruthMap | None = None,
+) -> Figure:
+    """Draw a ping's trace, its residual, and the cone that came of it, side by side.
+
+    Parameters
+    ----------
+    trace : EchoTrace
+        The trace.
+    reconstruction : Reconstruction
+        What reconstruction made of it.
+    evidence : OccupancyMap
+        The map that this ping alone gives.
+    truth : TruthMap, optional
+        What is really there.
+    """
+    with style.styled():
+        figure = style.new_figure(12.5, 5.0)
+        panels: Any = figure.subfigures(1, 2, width_ratios=[1.25, 1.0])
+        left, right = panels
+        upper, lower = left.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
+        draw_trace(upper, lower, trace, reconstruction)
+        axes = right.subplots()
+        image = draw_cone(axes, reconstruction.cone, evidence, truth)
+        right.colorbar(image, ax=axes, shrink=0.8, label="probability of being occupied")
+    return figure

@@ -1,0 +1,112 @@
+"""The look that all pictures share, and how they are written to files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from usmap_ros.errors import FileError
+
+INK = "#22303c"
+FAINT = "#8a97a3"
+GRID = "#e3e8ec"
+UNKNOWN = "#dfe5ea"
+SIGNAL = "#5b7fa3"
+RECONSTRUCTION = "#e07a1f"
+RESIDUAL = "#7d5ba6"
+LIMIT = "#3a9d6e"
+TRUTH = "#00a37a"
+#: Of robots, in turn; told apart by colour-blind people too (Okabe & Ito).
+ROBOTS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7d5ba6", "#5c6b73")
+
+#: Probability of being occupied: free is paper, occupied is ink, doubt is warm.
+PROBABILITY = LinearSegmentedColormap.from_list(
+    "probability",
+    [(0.0, "#ffffff"), (0.35, "#fbe9cf"), (0.5, "#f4b860"), (0.65, "#d1495b"), (1.0, "#1d1135")],
+)
+PROBABILITY.set_bad(UNKNOWN)
+
+# Any: the type that matplotlib wants spells out all its settings.
+_STYLE: Any = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.edgecolor": FAINT,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.8,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "text.color": INK,
+    "legend.frameon": True,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "none",
+    "legend.fancybox": False,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.2,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+}
+_DOTS_PER_INCH = 160
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Apply the style to what is made in the block, and to nothing else."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def robot_color(number: int) -> str:
+    """Colour of a robot; they come round again after the last."""
+    return ROBOTS[number % len(ROBOTS)]
+
+
+def new_figure(width_in: float, height_in: float, dots_per_inch: float = _DOTS_PER_INCH) -> Figure:
+    """Make an empty figure that lays itself out."""
+    figure = Figure(figsize=(width_in, height_in), dpi=dots_per_inch, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def counted(number: int, singular: str, plural: str) -> str:
+    """Put a number before what is counted."""
+    return f"{number} {singular if number == 1 else plural}"
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure; the suffix chooses the format.
+
+    Raises
+    ------
+    FileError
+        If there is no such format, or the file cannot be written.
+    """
+    formats = figure.canvas.get_supported_filetypes()
+    suffix = path.suffix.lstrip(".").lower()
+    if suffix not in formats:
+        known = ", ".join(f".{name}" for name in ("png", "pdf", "svg", "jpg"))
+        raise FileError(path, f"has a suffix that is no kind of picture; use one of {known}")
+    # Without these, the same picture would differ from run to run.
+    metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    try:
+        with styled():
+            figure.savefig(path, metadata=metadata.get(suffix))
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error.strerror or error}") from error

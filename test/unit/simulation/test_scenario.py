@@ -1,0 +1,144 @@
+"""Scenario files: what they accept, what they refuse and how they say so."""
+
+import numpy as np
+import pytest
+
+from usmap_ros.acoustics.medium import Air
+from usmap_ros.errors import ConfigurationError, MapFileError
+from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.trace import Encoding
+
+MINIMAL = {
+    "world": {"area_m": [0, 10, 0, 10], "points": [{"x_m": 1, "y_m": 2}]},
+    "robots": [{"name": "robot1"}],
+}
+
+
+def scenario(**changes):
+    return Scenario.from_mapping(MINIMAL | changes, "file.yaml")
+
+
+def robot(**changes):
+    return {"robots": [{"name": "robot1"} | changes]}
+
+
+def test_a_minimal_one_has_sensible_defaults():
+    topic, trace = next(simulate(scenario()))
+    trace.validate()
+    assert topic == "/robot1/echo"
+    assert trace.frame_id == "map"
+    assert trace.encoding is Encoding.IQ
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"sed": 3}, "sed"),
+        ({"duration_s": 0.0}, "duration_s"),
+        ({"duration_s": "long"}, "duration_s"),
+        ({"robots": []}, "robots"),
+        ({"robots": [{"name": "a"}, {"name": "a"}]}, "'a'"),
+        (robot(name="a/b"), "name"),
+        (robot(transducers=[{"name": "s"}, {"name": "s"}]), "'s'"),
+        (robot(transducers=[{"min_range_m": 6.0}]), "max_range"),
+        (robot(transducers=[{"beam": {"kind": "cone"}}]), "beam"),
+        (
+            robot(transducers=[{"beam": {"kind": "table", "angles_rad": [0, 1], "gains": [1, -1]}}]),
+            "beam_gains",
+        ),
+        (robot(motion={"kind": "waypoints", "waypoints_m": []}), "waypoints_m"),
+        ({"world": {"area_m": [1, 0, 0, 1]}}, "area_m"),
+        ({"world": {"walls": [{"corners_m": [[0, 0]]}]}}, "corners_m"),
+        ({"medium": {"temperature_c": 300.0}}, "temperature_c"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(changes, named):
+    with pytest.raises(ConfigurationError, match=named) as refusal:
+        scenario(**changes)
+    assert str(refusal.value).startswith("file.yaml: ")
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        (
+            robot(motion={"kind": "waypoints", "waypoints_m": [[0, 2], [3, 2]]}),
+            "robot1.*waypoint 0",
+        ),
+        (robot(motion={"kind": "random_walk", "start": [50, 50, 0]}), "robot1.*no room"),
+        ({"world": {}}, "area_m"),
+        (
+            {"world": {"area_m": [0, 1, 0, 1], "random_poles": {"count": 99, "separation_m": 1}}},
+            "of 99 fit",
+        ),
+    ],
+)
+def test_what_has_no_place_is_refused_in_one_line(changes, named):
+    with pytest.raises(ConfigurationError, match=named) as refusal:
+        next(simulate(scenario(**changes)))
+    assert str(refusal.value).startswith("file.yaml: ")
+
+
+def test_a_missing_map_is_named(tmp_path):
+    world = {"map": {"path": "nowhere.yaml"}}
+    missing = Scenario.from_mapping(MINIMAL | {"world": world}, tmp_path / "file.yaml")
+    with pytest.raises(MapFileError, match=r"nowhere\.yaml"):
+        missing.scene()
+
+
+def test_files_are_read_and_their_mistakes_named(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("seed: 4\nrobots:\n  - {name: robot1}\nworld: {area_m: [0, 1, 0, 1]}\n")
+    assert Scenario.load(path).seed == 4
+    path.write_text("robots:\n  - {nme: robot1}\n")
+    with pytest.raises(ConfigurationError, match=r"mine\.yaml: robots\.0\.n"):
+        Scenario.load(path)
+    with pytest.raises(ConfigurationError, match="does not exist"):
+        Scenario.load(tmp_path / "none.yaml")
+
+
+def test_the_weather_makes_sound_speed_and_absorption():
+    weather = {"temperature_c": 5.0, "relative_humidity": 0.9}
+    _, trace = next(simulate(scenario(medium=weather)))
+    air = Air(5.0, 0.9)
+    assert trace.channel.sound_speed_m_s == air.sound_speed_m_s()
+    assert trace.channel.attenuation_db_m == air.attenuation_db_m(50_000.0)
+
+
+def test_stated_values_override_the_truth_in_messages_only():
+    floor = {"floor_reflectivity": 0.6, "sound_speed_m_s": 340.0}
+    mount = robot(transducers=[{"mount": {"z_m": 0.5}}])
+    stated = {"sound_speed_m_s": 350.0, "floor_reflectivity": 0.2, "noise_std": 0.0}
+    _, honest = next(simulate(scenario(medium=floor, **mount)))
+    _, wrong = next(simulate(scenario(medium=floor, stated=stated, **mount)))
+    assert (honest.channel.floor_height_m, honest.channel.floor_reflectivity) == (0.5, 0.6)
+    assert (wrong.channel.sound_speed_m_s, wrong.channel.floor_reflectivity) == (350.0, 0.2)
+    assert wrong.channel.floor_height_m == 0.5
+    assert (honest.noise_std, wrong.noise_std) == (0.01, 0.0)
+    np.testing.assert_array_equal(honest.samples, wrong.samples)
+
+
+def test_random_poles_keep_apart_and_have_the_spread_that_is_asked_for():
+    world = {
+        "area_m": [0, 40, 0, 40],
+        "random_poles": {"count": 500, "separation_m": 0.5, "reflectivity_spread": 0.35},
+        "walls": [{"corners_m": [[0, 20], [40, 20]]}],
+    }
+    scene = scenario(world=world).scene()
+    centers = scene.discs.centers_m
+    apart = np.hypot(*(centers[:, np.newaxis] - centers).T) + 9.0 * np.eye(500)
+    assert apart.min() >= 0.5
+    assert np.abs(centers[:, 1] - 20.0).min() >= 0.25
+    logarithms = np.log(scene.discs.reflectivities)
+    assert logarithms.mean() == pytest.approx(0.0, abs=0.05)
+    assert logarithms.std() == pytest.approx(0.35, rel=0.1)
+
+
+def test_every_field_says_what_it_is():
+    schema = Scenario.model_json_schema()
+    groups = [schema, *schema["$defs"].values()]
+    for group in groups:
+        for name, field in group.get("properties", {}).items():
+            assert field.get("description"), f"{group['title']}.{name} has no description"
+            assert "unit" in field, f"{group['title']}.{name} has no unit"

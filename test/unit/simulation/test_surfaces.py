@@ -1,0 +1,78 @@
+"""Walls, their roughness, and the walls of a map."""
+
+import numpy as np
+import pytest
+
+from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along, walls_of_cells
+from usmap_ros.simulation.visibility import point_segment_distances
+
+
+def scattered(density=40.0, roughness=0.005, length=10.0, seed=3):
+    surface = Surface(0.0, 2.0, density, roughness)
+    walls = Walls.along(np.array([[0.0, 0.0], [length, 0.0], [length, length]]), surface)
+    return walls, scatter_along(walls, surface, np.random.default_rng(seed))
+
+
+def test_scatterers_lie_along_their_walls_in_front():
+    walls, scatterers = scattered()
+    np.testing.assert_array_equal(np.bincount(scatterers.walls), [400, 400])
+    starts, ends = walls.starts_m[scatterers.walls], walls.ends_m[scatterers.walls]
+    assert point_segment_distances(scatterers.positions_m, starts, ends).max() <= 0.005
+    side = np.sum((scatterers.positions_m - starts) * walls.normals[scatterers.walls], axis=-1)
+    assert side.min() >= 0.0
+
+
+@pytest.mark.parametrize("density", [20.0, 80.0])
+def test_scattered_energy_does_not_depend_on_the_density(density):
+    _, scatterers = scattered(density, length=50.0)
+    energy_per_m = np.sum(scatterers.reflectivities**2) / 100.0
+    assert energy_per_m == pytest.approx(2.0**2, rel=0.1)
+
+
+def test_roughness_is_drawn_from_the_generator_alone():
+    _, first = scattered(seed=1)
+    _, again = scattered(seed=1)
+    _, other = scattered(seed=2)
+    np.testing.assert_array_equal(first.positions_m, again.positions_m)
+    assert not np.array_equal(first.positions_m, other.positions_m)
+
+
+def test_a_smooth_surface_has_no_scatterers():
+    surface = Surface(0.5, 0.0, 40.0, 0.005)
+    walls = Walls.along(np.array([[0.0, 0.0], [1.0, 0.0]]), surface)
+    assert len(scatter_along(walls, surface, np.random.default_rng(0)).reflectivities) == 0
+
+
+def test_one_cell_has_four_walls_that_look_outwards():
+    occupied = np.zeros((3, 4), dtype=bool)
+    occupied[1, 2] = True
+    starts, ends = walls_of_cells(occupied, 0.5, (10.0, -1.0))
+    assert len(starts) == 4
+    np.testing.assert_allclose(np.hypot(*(ends - starts).T), 0.5)
+    middle = (starts + ends) / 2.0
+    center = np.array([10.0 + 2.5 * 0.5, -1.0 + 1.5 * 0.5])
+    normals = Walls.between(starts, ends, Surface(0, 0, 1, 0), one_sided=True).normals
+    np.testing.assert_allclose(middle + 0.25 * -normals, np.tile(center, (4, 1)))
+
+
+def test_straight_runs_of_cells_make_one_wall():
+    occupied = np.zeros((5, 20), dtype=bool)
+    occupied[2, 1:19] = True
+    starts, ends = walls_of_cells(occupied, 0.05, (0.0, 0.0))
+    lengths = np.sort(np.hypot(*(ends - starts).T))
+    np.testing.assert_allclose(lengths, [0.05, 0.05, 0.9, 0.9])
+
+
+def test_walls_go_round_cells_at_the_border_of_the_map():
+    starts, ends = walls_of_cells(np.ones((2, 3), dtype=bool), 1.0, (0.0, 0.0))
+    assert np.hypot(*(ends - starts).T).sum() == pytest.approx(10.0)
+
+
+def test_walls_around_cells_are_closed():
+    cells = np.random.default_rng(5).random((12, 15)) < 0.4
+    starts, ends = walls_of_cells(cells, 0.1, (0.0, 0.0))
+    # Walking along all of them leads back: every corner is left as often as it is reached.
+    left, left_counts = np.unique(np.rint(starts * 10), axis=0, return_counts=True)
+    reached, reached_counts = np.unique(np.rint(ends * 10), axis=0, return_counts=True)
+    np.testing.assert_array_equal(left, reached)
+    np.testing.assert_array_equal(left_counts, reached_counts)

@@ -135,7 +135,8 @@ def load_map(folder: Path) -> tuple[OccupancyMap, RobotPaths]:
     if not path.exists():
         raise MapFileError(path, "does not exist; 'usmap map' writes it")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # Opened here, because np.load leaves a file open that is no archive.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = dict(archive)
     except _ARCHIVE_ERRORS as error:
         raise MapFileError(path, "is not a readable map.npz") from error

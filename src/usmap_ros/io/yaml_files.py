@@ -141,14 +141,15 @@ def _lines(model: BaseModel, indent: str) -> Iterator[str]:
         value = getattr(model, name)
         if isinstance(value, BaseModel):
             heading = info.description or (type(value).__doc__ or "").splitlines()[0]
-            yield f"{indent}# {heading}"
+            yield f"{indent}# {heading.rstrip('.')}"
             yield f"{indent}{name}:"
             yield from _lines(value, indent + "  ")
             continue
         plain = model.model_dump(mode="json", include={name})[name]
-        text = yaml.safe_dump({name: plain}, default_flow_style=None, width=1000).strip()
+        # A scalar is followed by the line "...", which ends a document.
+        text = yaml.safe_dump(plain, default_flow_style=True, width=10_000).splitlines()[0]
         yield f"{indent}# {_documentation(info)}"
-        yield from (indent + line for line in text.splitlines())
+        yield f"{indent}{name}: {text}"
 
 
 def _documentation(info: Any) -> str:

@@ -21,6 +21,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
+#: What is nearer is inside the transducer, where sound does not spread as from a point.
+_NEAREST_M = 0.01
+
 
 @dataclass(frozen=True)
 class View:
@@ -134,7 +137,7 @@ def _wrapped(angles_rad: FloatArray) -> FloatArray:
 
 def _in_cone(candidates: _Candidates, view: View) -> BoolArray:
     ranges, bearings = _polar(candidates.positions_m, view)
-    inside: BoolArray = (ranges <= view.reach_m) & (ranges > 0.0)
+    inside: BoolArray = (ranges <= view.reach_m) & (ranges >= _NEAREST_M)
     inside &= np.abs(bearings) <= view.half_angle_rad
     return inside & (candidates.reflectivities > 0.0)
 

@@ -30,7 +30,7 @@ class SurfaceModel(ParameterGroup):
         le=1.0,
     )
     diffuse_reflectivity: float = quantity(
-        2.0,
+        2.5,
         "RMS reflectivity, in terms of point targets, of a metre of wall struck squarely;"
         " a length L scatters √L times this.",
         "m^-1/2",

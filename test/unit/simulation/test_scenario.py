@@ -43,7 +43,9 @@ def test_a_minimal_one_has_sensible_defaults():
         (robot(transducers=[{"min_range_m": 6.0}]), "max_range"),
         (robot(transducers=[{"beam": {"kind": "cone"}}]), "beam"),
         (
-            robot(transducers=[{"beam": {"kind": "table", "angles_rad": [0, 1], "gains": [1, -1]}}]),
+            robot(
+                transducers=[{"beam": {"kind": "table", "angles_rad": [0, 1], "gains": [1, -1]}}]
+            ),
             "beam_gains",
         ),
         (robot(motion={"kind": "waypoints", "waypoints_m": []}), "waypoints_m"),

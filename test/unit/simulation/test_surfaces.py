@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along, walls_of_cells
-from usmap_ros.simulation.visibility import point_segment_distances
+from usmap_ros.simulation.visibility import (
+    NO_OWNER,
+    hidden_by_walls,
+    point_segment_distances,
+)
 
 
 def scattered(density=40.0, roughness=0.005, length=10.0, seed=3):
@@ -76,3 +80,19 @@ def test_walls_around_cells_are_closed():
     reached, reached_counts = np.unique(np.rint(ends * 10), axis=0, return_counts=True)
     np.testing.assert_array_equal(left, reached)
     np.testing.assert_array_equal(left_counts, reached_counts)
+
+
+def test_what_is_hidden_by_walls_is_what_cells_are_in_front_of():
+    rng = np.random.default_rng(6)
+    cells = rng.random((30, 30)) < 0.08
+    cells[15, 15] = False
+    starts, ends = walls_of_cells(cells, 0.1, (0.0, 0.0))
+    origin = np.array([1.55, 1.55])
+    targets = rng.uniform(0.0, 3.0, (300, 2))
+    hidden = hidden_by_walls(origin, targets, starts, ends, np.full(300, NO_OWNER))
+    steps = np.linspace(0.0, 1.0, 3000)[:, np.newaxis]
+    for target, is_hidden in zip(targets, hidden, strict=True):
+        column, row = (np.floor((origin + steps * (target - origin)) / 0.1).astype(int)).T
+        inside = np.count_nonzero(cells[row, column])
+        # A corner that is just touched may go either way.
+        assert is_hidden == (inside > 0) or inside < 5

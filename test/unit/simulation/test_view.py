@@ -106,3 +106,8 @@ def test_moving_objects_are_heard_where_they_are_now(scene):
 def test_an_empty_scene_is_silent(scene):
     targets = targets_in_view(scene(), AHEAD, 0.0)
     assert targets.ranges_m.shape == targets.bearings_rad.shape == (0,)
+
+
+def test_a_transducer_that_touches_something_hears_nothing_absurd(scene, points, walls):
+    touching = scene(points((0, 0), (1e-9, 0)), walls((0, -1), (0, 1)))
+    assert len(targets_in_view(touching, AHEAD, 0.0).ranges_m) == 0

@@ -38,7 +38,11 @@ class Pose:
 
     @classmethod
     def planar(
-        cls, x_m: float, y_m: float, yaw_rad: float, z_m: float = 0.0,
+        cls,
+        x_m: float,
+        y_m: float,
+        yaw_rad: float,
+        z_m: float = 0.0,
         planar_covariance: FloatArray | None = None,
     ) -> Pose:
         """Pose in the plane, with an optional (3, 3) covariance of x, y and yaw."""
@@ -61,7 +65,7 @@ class Pose:
         return self.covariance[np.ix_(PLANAR_AXES, PLANAR_AXES)]
 
     def validate(self) -> None:
-        """Raise `MalformedMessageError` unless the pose is finite, unit and its covariance a covariance."""
+        """Raise `MalformedMessageError` unless finite, turned by a unit, and of known error."""
         if not np.all(np.isfinite(self.position_m)):
             raise MalformedMessageError("pose.position", "is not finite")
         if not np.all(np.isfinite(self.orientation)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
@@ -17,6 +18,9 @@ from usmap_ros.simulation.motion import Bounds, Motion, RandomWalk, WaypointMoti
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import MountedTransducer, SimulatedRobot
+from usmap_ros.trace import MAX_SAMPLES
+
+FloatArray = NDArray[np.float64]
 
 
 def build_robot(
@@ -103,7 +107,7 @@ def _mounted(
     if len(robot.transducers) > 1:
         parts.insert(1, model.name)
     mount = model.mount
-    return MountedTransducer(
+    mounted = MountedTransducer(
         topic="/" + "/".join(parts),
         child_frame_id=f"{robot.name}/{model.name}",
         mount=Pose.planar(mount.x_m, mount.y_m, mount.yaw_rad, mount.z_m),
@@ -116,7 +120,25 @@ def _mounted(
         ),
         pose_stds=_pose_stds(robot.pose_error),
     )
+    _check_sampling(mounted)
+    return mounted
 
 
-def _pose_stds(error: PoseErrorModel) -> np.ndarray:
+def _check_sampling(mounted: MountedTransducer) -> None:
+    """Raise `UsmapError` where no reader would believe the traces."""
+    receiver, pulse = mounted.receiver, mounted.transducer.pulse
+    count = receiver.sample_count(mounted.listening_s)
+    if not 1 < count <= MAX_SAMPLES:
+        raise UsmapError(
+            f"receiver: takes {count} samples between {receiver.start_delay_s:g} s and"
+            f" {mounted.listening_s:g} s, must be 2 to {MAX_SAMPLES}"
+        )
+    if receiver.sample_rate_hz * pulse.duration_s < 1.0:
+        raise UsmapError(
+            f"receiver.sample_rate_hz: {receiver.sample_rate_hz:g} Hz is less than one sample in"
+            f" a pulse of {pulse.duration_s:g} s"
+        )
+
+
+def _pose_stds(error: PoseErrorModel) -> FloatArray:
     return np.array([error.position_std_m, error.position_std_m, error.yaw_std_rad])

@@ -46,12 +46,12 @@ class Scenario(ParameterGroup):
     robots: list[RobotModel] = quantity(..., "Who maps it.", min_length=1, max_length=1000)
     stated: StatedModel = quantity(StatedModel(), "What messages say that is not true.")
 
+    _source: Path = PrivateAttr(default=Path("scenario"))
+
     @model_validator(mode="after")
     def _names_differ(self) -> Scenario:
         check_names_differ([robot.name for robot in self.robots])
         return self
-
-    _source: Path = PrivateAttr(default=Path("scenario"))
 
     @classmethod
     def load(cls, path: Path) -> Scenario:
@@ -65,7 +65,7 @@ class Scenario(ParameterGroup):
         return cls.from_mapping(read_mapping(path), path)
 
     @classmethod
-    def from_mapping(cls, content: Mapping[str, Any], source: Path) -> Scenario:
+    def from_mapping(cls, content: Mapping[str, Any], source: str | Path) -> Scenario:
         """A scenario from the content of a YAML file.
 
         Parameters
@@ -81,7 +81,7 @@ class Scenario(ParameterGroup):
             Naming the first key that is unknown or has a value out of range.
         """
         scenario = validated(source, cls, dict(content))
-        scenario._source = source
+        scenario._source = Path(source)
         return scenario
 
     @property

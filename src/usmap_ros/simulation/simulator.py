@@ -87,6 +87,8 @@ class MountedTransducer:
 class EchoSimulator:
     """Simulates pings in a scene.
 
+    Each ping is heard alone: the next one, and other robots, come when it has faded.
+
     Parameters
     ----------
     scene : Scene

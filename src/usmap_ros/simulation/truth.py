@@ -34,11 +34,16 @@ def build_truth_map(
     resolution_m : float
         Side of a cell.
     """
-    outlines = [_disc_outlines(scene.discs, resolution_m)]
-    drawn = ~scene.walls.one_sided
-    outlines.append(_along(scene.walls.starts_m[drawn], scene.walls.ends_m[drawn], resolution_m))
+    walls = scene.walls
+    # Those of a map have one side; the cells behind them are what counts.
+    thin = ~walls.one_sided
+    outlines = [
+        _disc_outlines(scene.discs, resolution_m),
+        _along(walls.starts_m[thin], walls.ends_m[thin], resolution_m),
+    ]
     if plan is not None:
         outlines.append(_cell_samples(plan, resolution_m))
+    # Cell borders are multiples of a number that has no exact binary form.
     index = np.floor(np.concatenate(outlines) / resolution_m + 1e-9).astype(np.int64)
     lowest = np.floor(np.array(area[0::2]) / resolution_m + 1e-9).astype(np.int64)
     highest = np.ceil(np.array(area[1::2]) / resolution_m - 1e-9).astype(np.int64)

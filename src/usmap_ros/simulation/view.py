@@ -108,7 +108,7 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
         [
             _disc_fronts(discs, view),
             _mirror_points(scene.walls, near, view),
-            _rough_points(scene, view),
+            _rough_points(scene, near, view),
         ]
     )
     candidates = candidates.where(_in_cone(candidates, view))
@@ -189,21 +189,23 @@ def _mirror_points(walls: Walls, near: IntArray, view: View) -> _Candidates:
     return _Candidates(feet, reflectivities, _nobody(len(near)), near)
 
 
-def _rough_points(scene: Scene, view: View) -> _Candidates:
+def _rough_points(scene: Scene, near: IntArray, view: View) -> _Candidates:
     """Scatterers of the walls, weaker the more obliquely they are struck (Lambert's law).
 
     The intensity that Lambert's law sends back to where it came from goes with the squared
     cosine of the angle of incidence, the amplitude with the cosine.
     """
     scatterers, walls = scene.scatterers, scene.walls
-    offsets = view.position_m - scatterers.positions_m
-    ranges = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), np.finfo(float).tiny)
-    normals = walls.normals[scatterers.walls]
-    cosine = np.sum(offsets * normals, axis=-1) / ranges
-    cosine = np.where(walls.one_sided[scatterers.walls], np.maximum(cosine, 0.0), np.abs(cosine))
-    reflectivities = scatterers.reflectivities * cosine
-    nobody = _nobody(len(ranges))
-    return _Candidates(scatterers.positions_m, reflectivities, nobody, scatterers.walls)
+    is_near = np.zeros(len(walls), dtype=bool)
+    is_near[near] = True
+    kept = np.flatnonzero(is_near[scatterers.walls])
+    positions, owners = scatterers.positions_m[kept], scatterers.walls[kept]
+    offsets = view.position_m - positions
+    ranges = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), _NEAREST_M)
+    # Walls that are near do not turn away: the sign only tells the sides of a two-sided one.
+    cosine = np.abs(np.sum(offsets * walls.normals[owners], axis=-1)) / ranges
+    reflectivities = scatterers.reflectivities[kept] * cosine
+    return _Candidates(positions, reflectivities, _nobody(len(kept)), owners)
 
 
 def _faces(walls: Walls, near: IntArray, view: View) -> BoolArray:

@@ -70,6 +70,9 @@ def test_what_cannot_be_is_refused_in_one_line(changes, named):
         ),
         (robot(motion={"kind": "random_walk", "start": [50, 50, 0]}), "robot1.*no room"),
         ({"world": {}}, "area_m"),
+        (robot(transducers=[{"receiver": {"start_delay_s": 1.0}}]), "receiver"),
+        (robot(transducers=[{"receiver": {"sample_rate_hz": 1e8}, "max_range_m": 50}]), "samples"),
+        (robot(transducers=[{"receiver": {"sample_rate_hz": 1000}}]), "sample_rate_hz"),
         (
             {"world": {"area_m": [0, 1, 0, 1], "random_poles": {"count": 99, "separation_m": 1}}},
             "of 99 fit",

@@ -1,5 +1,10 @@
 """Pings, one by one, and whole scenarios."""
 
+import hashlib
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy.stats import kstest
@@ -11,6 +16,11 @@ from usmap_ros.simulation.simulator import ping_count, reported_pose
 from usmap_ros.trace import Encoding
 
 HOME = Pose.planar(0.0, 0.0, 0.0)
+CONTENT = {
+    "duration_s": 0.5,
+    "world": {"area_m": [0, 4, 0, 4], "random_poles": {"count": 5}},
+    "robots": [{"name": "robot1"}, {"name": "robot2"}],
+}
 
 
 def ping(world, transducer, pose=HOME, *, stamp_ns=0, seed=0, start_ns=0):
@@ -18,13 +28,8 @@ def ping(world, transducer, pose=HOME, *, stamp_ns=0, seed=0, start_ns=0):
     return simulator.ping(transducer, pose, stamp_ns, np.random.default_rng(seed))
 
 
-def scenario(source="scenario.yaml", **changes):
-    content = {
-        "duration_s": 0.5,
-        "world": {"area_m": [0, 4, 0, 4], "random_poles": {"count": 5}},
-        "robots": [{"name": "robot1"}, {"name": "robot2"}],
-    }
-    return Scenario.from_mapping(content | changes, source)
+def scenario(**changes):
+    return Scenario.from_mapping(CONTENT | changes, "scenario.yaml")
 
 
 def test_unit_target_on_axis_at_a_metre_peaks_at_one(scene, points, sonar):
@@ -138,6 +143,22 @@ def test_the_same_scenario_gives_the_same_traces():
     for (_, one), (_, other) in zip(first, again, strict=True):
         np.testing.assert_array_equal(one.samples, other.samples)
         np.testing.assert_array_equal(one.pose.position_m, other.pose.position_m)
+
+
+@pytest.mark.parametrize("hash_seed", ["1", "2"])
+def test_the_order_of_hashes_does_not_matter(hash_seed):
+    script = (
+        "import hashlib; from usmap_ros.simulation import *;"
+        f"pings = simulate(Scenario.from_mapping({CONTENT}, 'scenario.yaml'));"
+        "samples = b''.join(trace.samples.tobytes() for _, trace in pings);"
+        "print(hashlib.sha256(samples).hexdigest())"
+    )
+    environment = os.environ | {"PYTHONHASHSEED": hash_seed}
+    there = subprocess.run(
+        [sys.executable, "-c", script], env=environment, check=True, capture_output=True, text=True
+    )
+    here = b"".join(trace.samples.tobytes() for _, trace in simulate(scenario()))
+    assert there.stdout.strip() == hashlib.sha256(here).hexdigest()
 
 
 def test_another_seed_gives_another_world():

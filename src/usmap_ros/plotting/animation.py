@@ -19,8 +19,8 @@ from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.plotting import style
-from usmap_ros.plotting.cone import draw_probability
 from usmap_ros.plotting.map import figure_size_in
+from usmap_ros.plotting.plan import draw_probability
 
 _FRAME_MS = 90
 #: The finished map stays in view for a while.

@@ -14,51 +14,57 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import OccupancyMap, TruthMap
+from usmap_ros.grids import GridGeometry, TruthMap
+from usmap_ros.mapping.candidates import CandidateCells
 from usmap_ros.plotting import style
+from usmap_ros.plotting.plan import draw_plane, draw_truth
 
 #: Points to the right, where a transducer at angle 0 looks.
 _ARROW = Path([(1.0, 0.0), (-0.8, 0.6), (-0.4, 0.0), (-0.8, -0.6), (1.0, 0.0)])
-_ECHO_LINE: dict[str, Any] = {"color": style.RECONSTRUCTION, "linewidth": 0.8, "alpha": 0.7}
+LIKELIHOOD_LABEL = "likelihood, relative to the best cell of the echo"
+_ECHO_LINE: dict[str, Any] = {"color": style.RECONSTRUCTION, "linewidth": 0.6, "alpha": 0.6}
 #: Free space around the cone, m.
 _MARGIN_M = 0.25
 
 
-def cone_figure(cone: EchoCone, evidence: OccupancyMap, truth: TruthMap | None = None) -> Figure:
+def cone_figure(
+    cone: EchoCone, candidates: CandidateCells, truth: TruthMap | None = None
+) -> Figure:
     """Draw a cone with its candidate cells.
 
     Parameters
     ----------
     cone : EchoCone
         The cone.
-    evidence : OccupancyMap
-        The map that this cone alone gives.
+    candidates : CandidateCells
+        Cells that may have returned its echoes.
     truth : TruthMap, optional
         What is really there.
     """
     with style.styled():
         figure = style.new_figure(6.4, 5.6)
         axes = figure.subplots()
-        image = draw_cone(axes, cone, evidence, truth)
-        figure.colorbar(image, ax=axes, shrink=0.8, label="probability of being occupied")
+        image = draw_cone(axes, cone, candidates, truth)
+        figure.colorbar(image, ax=axes, shrink=0.8, label=LIKELIHOOD_LABEL)
     return figure
 
 
 def draw_cone(
-    axes: Axes, cone: EchoCone, evidence: OccupancyMap, truth: TruthMap | None
+    axes: Axes, cone: EchoCone, candidates: CandidateCells, truth: TruthMap | None
 ) -> AxesImage:
-    """Draw a cone into `axes`; returns what a colour bar needs."""
+    """Draw a cone into `axes`; returns the image that a colour bar explains."""
     position_m, yaw_deg = cone.pose.position_m[:2], np.degrees(cone.pose.yaw_rad)
     half_deg = np.degrees(cone.transducer.beam.half_angle_rad)
-    image = draw_probability(axes, evidence)
+    draw_plane(axes)
     transducer = cone.transducer
     axes.add_patch(
         Wedge(
             (position_m[0], position_m[1]), transducer.max_range_m,
             yaw_deg - half_deg, yaw_deg + half_deg,
-            fill=False, edgecolor=style.FAINT, linewidth=1.0,
+            facecolor="white", edgecolor=style.FAINT, linewidth=1.0, zorder=0.5,
         )
     )  # fmt: skip
+    image = _draw_candidates(axes, candidates)
     for range_m in cone.ranges_m:
         axes.add_patch(
             Arc(
@@ -81,27 +87,20 @@ def draw_cone(
     return image
 
 
-def draw_probability(axes: Axes, occupancy: OccupancyMap) -> AxesImage:
-    """Draw a map's probability; cells never observed stay gray."""
-    probability = np.where(occupancy.observed, occupancy.probability(), np.nan)
-    image = axes.imshow(
-        probability, origin="lower", extent=occupancy.geometry.extent_m,
-        cmap=style.PROBABILITY, vmin=0.0, vmax=1.0, interpolation="nearest",
-    )  # fmt: skip
-    axes.set_facecolor(style.UNKNOWN)
-    axes.grid(visible=False)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
-    return image
-
-
-def draw_truth(axes: Axes, truth: TruthMap) -> None:
-    """Mark the cells that are really occupied."""
-    centers_m = truth.geometry.cell_centers_m(*np.nonzero(truth.occupied))
-    axes.plot(
-        centers_m[:, 0], centers_m[:, 1], linestyle="none", marker="o", markersize=7,
-        markerfacecolor="none", markeredgecolor=style.TRUTH, markeredgewidth=1.0, label="truth",
+def _draw_candidates(axes: Axes, candidates: CandidateCells) -> AxesImage:
+    """Draw candidate cells as an image of the box around them."""
+    rows, columns = candidates.rows, candidates.columns
+    # Without a candidate, one empty cell carries the colour scale.
+    first_row, last_row = (int(rows.min()), int(rows.max())) if len(rows) else (0, 0)
+    first_column, last_column = (int(columns.min()), int(columns.max())) if len(rows) else (0, 0)
+    shape = (last_row - first_row + 1, last_column - first_column + 1)
+    likelihood = np.full(shape, np.nan)
+    likelihood[rows - first_row, columns - first_column] = candidates.likelihood
+    side_m = candidates.resolution_m
+    geometry = GridGeometry(side_m, (first_column * side_m, first_row * side_m), shape)
+    return axes.imshow(
+        likelihood, origin="lower", extent=geometry.extent_m, cmap=style.LIKELIHOOD,
+        vmin=0.0, vmax=1.0, interpolation="nearest", zorder=1.0,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.plotting import style
-from usmap_ros.plotting.cone import draw_probability
+from usmap_ros.plotting.plan import draw_probability, draw_truth
 
 _LONG_SIDE_IN = 7.0
 
@@ -38,7 +38,7 @@ def map_figure(
         axes = figure.subplots()
         image = draw_probability(axes, occupancy)
         if truth is not None:
-            draw_truth_outline(axes, truth)
+            draw_truth(axes, truth)
         draw_paths(axes, paths or RobotPaths())
         axes.set_title(title)
         if axes.get_legend_handles_labels()[0]:
@@ -61,18 +61,3 @@ def draw_paths(axes: Axes, paths: RobotPaths) -> None:
         x, y = np.transpose(positions_m)
         axes.plot(x, y, color=color, linewidth=1.2, alpha=0.85, label=topic)
         axes.plot(x[-1:], y[-1:], color=color, marker="o", markersize=5, linestyle="none")
-
-
-def draw_truth_outline(axes: Axes, truth: TruthMap) -> None:
-    """Outline the cells that are really occupied."""
-    limits = axes.get_xlim(), axes.get_ylim()
-    padded = np.pad(truth.occupied, 1).astype(float)
-    geometry = truth.geometry
-    rows, columns = padded.shape
-    x = geometry.origin_m[0] + (np.arange(columns) - 0.5) * geometry.resolution_m
-    y = geometry.origin_m[1] + (np.arange(rows) - 0.5) * geometry.resolution_m
-    axes.contour(x, y, padded, levels=[0.5], colors=style.TRUTH, linewidths=0.9)
-    axes.plot([], [], color=style.TRUTH, linewidth=0.9, label="truth")
-    # Truth beyond what was observed must not shrink the picture.
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])

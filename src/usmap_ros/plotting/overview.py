@@ -6,9 +6,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from usmap_ros.grids import OccupancyMap, TruthMap
+from usmap_ros.grids import TruthMap
+from usmap_ros.mapping.candidates import CandidateCells
 from usmap_ros.plotting import style
-from usmap_ros.plotting.cone import draw_cone
+from usmap_ros.plotting.cone import LIKELIHOOD_LABEL, draw_cone
 from usmap_ros.plotting.trace import draw_trace
 from usmap_ros.reconstruction.reconstructor import Reconstruction
 from usmap_ros.trace import EchoTrace
@@ -17,7 +18,7 @@ from usmap_ros.trace import EchoTrace
 def overview_figure(
     trace: EchoTrace,
     reconstruction: Reconstruction,
-    evidence: OccupancyMap,
+    candidates: CandidateCells,
     truth: TruthMap | None = None,
 ) -> Figure:
     """Draw a ping's trace, its residual, and the cone that came of it, side by side.
@@ -28,8 +29,8 @@ def overview_figure(
         The trace.
     reconstruction : Reconstruction
         What reconstruction made of it.
-    evidence : OccupancyMap
-        The map that this ping alone gives.
+    candidates : CandidateCells
+        Cells that may have returned its echoes.
     truth : TruthMap, optional
         What is really there.
     """
@@ -40,6 +41,6 @@ def overview_figure(
         upper, lower = left.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
         draw_trace(upper, lower, trace, reconstruction)
         axes = right.subplots()
-        image = draw_cone(axes, reconstruction.cone, evidence, truth)
-        right.colorbar(image, ax=axes, shrink=0.8, label="probability of being occupied")
+        image = draw_cone(axes, reconstruction.cone, candidates, truth)
+        right.colorbar(image, ax=axes, shrink=0.8, label=LIKELIHOOD_LABEL)
     return figure

@@ -23,8 +23,8 @@ RECONSTRUCTION = "#e07a1f"
 RESIDUAL = "#7d5ba6"
 LIMIT = "#3a9d6e"
 TRUTH = "#00a37a"
-#: Of robots, in turn; told apart by colour-blind people too (Okabe & Ito).
-ROBOTS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7d5ba6", "#5c6b73")
+#: Of robots, in turn: mostly from the palette of Okabe and Ito, whose green is the truth's.
+ROBOTS = ("#0072b2", "#d55e00", "#8a5fbf", "#e69f00", "#56b4e9", "#cc79a7", "#5c6b73", "#8c5a2b")
 
 #: Probability of being occupied: free is paper, occupied is ink, doubt is warm.
 PROBABILITY = LinearSegmentedColormap.from_list(
@@ -32,6 +32,11 @@ PROBABILITY = LinearSegmentedColormap.from_list(
     [(0.0, "#ffffff"), (0.35, "#fbe9cf"), (0.5, "#f4b860"), (0.65, "#d1495b"), (1.0, "#1d1135")],
 )
 PROBABILITY.set_bad(UNKNOWN)
+
+#: How likely a cell is the source of an echo.
+LIKELIHOOD = LinearSegmentedColormap.from_list(
+    "likelihood", ["#fdf3e3", "#f9c784", "#ee7b30", "#b3305c", "#2b1247"]
+)
 
 # Any: the type that matplotlib wants spells out all its settings.
 _STYLE: Any = {

@@ -1,0 +1,63 @@
+"""The program ``usmap``: its commands, and the one place where errors end."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+import usmap_ros
+from usmap_ros.cli import console, evaluate, info, map, plot, simulate
+from usmap_ros.errors import UsmapError
+
+app = typer.Typer(
+    name="usmap",
+    help="Multi-robot occupancy mapping from in-air ultrasound.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("simulate")(simulate.simulate)
+app.command("map")(map.map_bags)
+app.command("evaluate")(evaluate.evaluate)
+app.command("plot")(plot.plot)
+app.command("info")(info.info)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"usmap {usmap_ros.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    verbose: Annotated[
+        int, typer.Option("--verbose", "-v", count=True, help="Say what is done; -vv: in detail.")
+    ] = 0,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """Set up what all commands share."""
+    console.set_up_logging(verbose)
+
+
+def main() -> None:
+    """Run the command line; the only place where errors of usmap_ros are caught for good.
+
+    Exit status 1: the data or a file was unusable. 2: wrong usage, which typer sees to.
+    """
+    # The matrices are small: threads of the linear algebra would only wait for each other.
+    for library in ("OPENBLAS", "MKL", "OMP"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    try:
+        app()
+    except UsmapError as error:
+        console.print_error(str(error))
+        sys.exit(1)

@@ -1,0 +1,57 @@
+"""``usmap evaluate``: a map against the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from usmap_ros.cli import console
+
+if TYPE_CHECKING:
+    from usmap_ros.mapping.scoring import Score
+
+
+def evaluate(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that 'usmap map' wrote.")],
+    truth: Annotated[
+        Path, typer.Option(metavar="MAP.yaml", help="nav2 map of what is really there.")
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the score as JSON.")] = False,
+) -> None:
+    """Score a map against a truth map."""
+    from dataclasses import asdict
+
+    from usmap_ros.errors import MapFileError
+    from usmap_ros.io.map_files import load_map, load_truth
+    from usmap_ros.mapping.scoring import score
+
+    occupancy, _ = load_map(folder)
+    try:
+        result = score(occupancy, load_truth(truth))
+    except ValueError as error:
+        raise MapFileError(truth, f"does not fit {folder}: {error}") from error
+    if as_json:
+        # JSON knows no NaN.
+        finite = {
+            name: value if math.isfinite(value) else None for name, value in asdict(result).items()
+        }
+        typer.echo(json.dumps(finite, indent=2))
+    else:
+        console.print_facts(f"{folder} against {truth}", describe(result))
+
+
+def describe(score: Score) -> dict[str, str]:
+    """Score in words and figures, for people."""
+    return {
+        "F1": f"{score.f1:.3f}",
+        "precision": f"{score.precision:.3f}",
+        "recall": f"{score.recall:.3f}",
+        "log loss": f"{score.log_loss:.4f}",
+        "Brier score": f"{score.brier:.4f}",
+        "mean distance": f"{score.mean_distance_m * 100:.1f} cm",
+        "truth called free": f"{score.truth_called_free:.1%}",
+    }

@@ -1,0 +1,59 @@
+"""``usmap info``: what is in a bag."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from usmap_ros.cli import console
+
+
+def info(
+    bags: Annotated[
+        list[Path], typer.Argument(metavar="BAG...", help="rosbag2 folders, .mcap or .db3 files.")
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
+) -> None:
+    """Tell what is in a bag: robots, pings, duration, encodings, extent."""
+    from usmap_ros.io.bag_info import describe_bag
+    from usmap_ros.io.bag_reader import BagReader
+
+    with (
+        BagReader(bags) as bag,
+        console.progress("reading", bag.trace_count + bag.cone_count) as step,
+    ):
+        description = describe_bag(bag, step)
+    if as_json:
+        typer.echo(json.dumps(description, indent=2))
+        return
+    console.print_facts(", ".join(map(str, bags)), _facts(description))
+    console.print_table(
+        "", ["topic", "pings", "rate", "encoding", "sample rate", "pulse", "range"],
+        [_row(topic) for topic in description["topics"]],
+    )  # fmt: skip
+
+
+def _facts(description: dict[str, Any]) -> dict[str, str]:
+    x_min, x_max, y_min, y_max = description["extent_m"]
+    facts = {
+        "pings": str(description["pings"]),
+        "duration": f"{description['seconds']:.1f} s",
+        "frames": ", ".join(description["frames"]),
+        "positions": f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m",
+        "other topics": ", ".join(description["other_topics"]),
+        "skipped": ", ".join(f"{name} ({n})" for name, n in description["skipped"].items()),
+    }
+    return {name: value for name, value in facts.items() if value}
+
+
+def _row(topic: dict[str, Any]) -> list[str]:
+    rate = f"{topic['rate_hz']:.1f} Hz" if topic["rate_hz"] else "–"
+    sampling = f"{topic['sample_rate_hz'] / 1e3:g} kS/s" if topic["sample_rate_hz"] else "–"
+    pulse = f"{topic['pulse']}, {topic['pulse_duration_s'] * 1e3:g} ms"
+    if topic["carrier_hz"]:
+        pulse += f", {topic['carrier_hz'] / 1e3:g} kHz"
+    reach = f"{topic['min_range_m']:g} to {topic['max_range_m']:g} m"
+    return [topic["topic"], str(topic["pings"]), rate, topic["encoding"], sampling, pulse, reach]

@@ -1,0 +1,59 @@
+"""``usmap map``: bags to a map."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from usmap_ros.cli import console
+from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
+
+
+def map_bags(
+    bags: Annotated[
+        list[Path], typer.Argument(metavar="BAG...", help="rosbag2 folders, .mcap or .db3 files.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the map's files.")
+    ],
+    resolution: Annotated[
+        float | None, typer.Option(metavar="M", help="Side of a map cell in metres.")
+    ] = None,
+    parameters_file: ParametersFile = None,
+    settings: Settings = None,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Continue the map in this folder.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+) -> None:
+    """Turn recorded bags into a map: for nav2, as log-odds, and a summary."""
+    from usmap_ros.io.bag_reader import BagReader
+    from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
+    from usmap_ros.offline import map_bag, resume_map
+    from usmap_ros.pipeline import Pipeline
+
+    started = time.perf_counter()
+    parameters = pipeline_parameters(parameters_file, settings, resolution)
+    if resume is None:
+        pipeline, paths = Pipeline(parameters), RobotPaths()
+    else:
+        pipeline, paths = resume_map(resume, parameters)
+    with BagReader(bags) as bag, map_folder(output):
+        with console.progress("mapping", bag.trace_count or bag.cone_count) as step:
+            run = map_bag(bag, pipeline, paths, lambda topic, cone: step())
+        occupancy = pipeline.occupancy_map()
+        save_map(output, occupancy, paths)
+        summary = run.summary(occupancy, time.perf_counter() - started)
+        save_summary(output, summary)
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2))
+    else:
+        typer.echo(
+            f"{output / 'map.yaml'}: {run.pings} pings, {run.echoes} echoes,"
+            f" {summary['cells_occupied']} of {summary['cells_observed']} observed cells occupied;"
+            f" {summary['seconds']:.1f} s, {summary['pings_per_second']:.0f} pings/s"
+        )

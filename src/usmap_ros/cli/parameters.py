@@ -1,0 +1,75 @@
+"""Options for the parameters of reconstruction and mapping, shared by several commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from usmap_ros.parameters import PipelineParameters
+
+ParametersFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--parameters", "-p", metavar="FILE.yaml", help="Parameters of reconstruction and mapping."
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Set one parameter, such as mapping.resolution_m=0.1; may be repeated.",
+    ),
+]
+
+
+def pipeline_parameters(
+    file: Path | None, settings: list[str] | None, resolution_m: float | None = None
+) -> PipelineParameters:
+    """Parameters from a file, with single ones set on the command line on top.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is unusable.
+    typer.BadParameter
+        If a setting is: that is wrong usage.
+    """
+    from usmap_ros.errors import ConfigurationError
+    from usmap_ros.io.yaml_files import read_mapping, validated
+    from usmap_ros.parameters import PipelineParameters
+
+    content = read_mapping(file) if file else {}
+    parameters = validated(file or "defaults", PipelineParameters, content)
+    for setting in settings or []:
+        _apply(content, setting)
+    if resolution_m is not None:
+        content.setdefault("mapping", {})["resolution_m"] = resolution_m
+    if settings or resolution_m is not None:
+        try:
+            parameters = validated("command line", PipelineParameters, content)
+        except ConfigurationError as error:
+            raise typer.BadParameter(error.cause) from error
+    return parameters
+
+
+def _apply(content: dict[str, Any], setting: str) -> None:
+    """Put one ``group.key=value`` into the nested `content`."""
+    import yaml
+
+    key, separator, text = setting.partition("=")
+    *groups, name = key.strip().split(".")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise typer.BadParameter(f"{setting!r} has no value that could be read") from error
+    if not separator or not name:
+        raise typer.BadParameter(f"{setting!r} is not of the form KEY=VALUE")
+    for group in groups:
+        content = content.setdefault(group, {})
+        if not isinstance(content, dict):
+            raise typer.BadParameter(f"{group!r} in {key!r} is no group of parameters")
+    content[name] = value

@@ -1,0 +1,79 @@
+"""``usmap plot``: a picture of a bag, a cone, or a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from matplotlib.figure import Figure
+
+    from usmap_ros.cone import EchoCone
+    from usmap_ros.grids import TruthMap
+    from usmap_ros.parameters import PipelineParameters
+
+
+def plot(
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", help="A bag, or a folder that 'usmap map' wrote.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Picture: .png, .pdf or .svg.")
+    ],
+    ping: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Which ping of a bag, in order of stamps.")
+    ] = 0,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="MAP.yaml", help="Show what is really there, too.")
+    ] = None,
+    parameters_file: ParametersFile = None,
+    settings: Settings = None,
+) -> None:
+    """Draw a map, or one ping of a bag: its trace, what was found in it, and its cone."""
+    from usmap_ros.io.map_files import GRID_FILE, load_map, load_truth
+    from usmap_ros.plotting import map_figure, save_figure
+
+    true_cells = load_truth(truth) if truth else None
+    if path.name == GRID_FILE or (path / GRID_FILE).exists():
+        occupancy, paths = load_map(path)
+        figure = map_figure(occupancy, paths, true_cells, title=path.resolve().name)
+    else:
+        parameters = pipeline_parameters(parameters_file, settings)
+        figure = _ping_figure(path, ping, parameters, true_cells)
+    save_figure(figure, output)
+    typer.echo(output)
+
+
+def _ping_figure(
+    bag_path: Path, ping: int, parameters: PipelineParameters, truth: TruthMap | None
+) -> Figure:
+    """Draw ping number `ping` of a bag, with its trace if the bag has traces."""
+    from itertools import islice
+
+    from usmap_ros.errors import BagError
+    from usmap_ros.io.bag_reader import BagReader
+    from usmap_ros.mapping.candidates import candidate_cells
+    from usmap_ros.plotting import cone_figure, overview_figure
+    from usmap_ros.reconstruction.reconstructor import reconstruct
+    from usmap_ros.trace import EchoTrace
+
+    with BagReader([bag_path]) as bag:
+        pings: Iterator[tuple[str, EchoTrace | EchoCone]] = bag.traces()
+        if not bag.trace_count:
+            pings = bag.cones()
+        chosen = next(islice(pings, ping, None), None)
+        if chosen is None:
+            usable = (bag.trace_count or bag.cone_count) - bag.skipped.total
+            raise BagError(bag_path, f"has no ping {ping}: its {usable} pings count from 0")
+    found = chosen[1]
+    if isinstance(found, EchoTrace):
+        reconstruction = reconstruct(found, parameters.reconstruction)
+        candidates = candidate_cells(reconstruction.cone, parameters.mapping)
+        return overview_figure(found, reconstruction, candidates, truth)
+    return cone_figure(found, candidate_cells(found, parameters.mapping), truth)

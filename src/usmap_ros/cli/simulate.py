@@ -1,0 +1,59 @@
+"""``usmap simulate``: a scenario to a bag."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from usmap_ros.cli import console
+
+
+class Compression(str, Enum):
+    """Compression of a recording's chunks."""
+
+    none = "none"
+    lz4 = "lz4"
+    zstd = "zstd"
+
+
+def simulate(
+    scenario_file: Annotated[
+        Path, typer.Argument(metavar="SCENARIO.yaml", help="World, robots and noise.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="BAG", help="Folder of the recording.")
+    ],
+    compression: Annotated[
+        Compression, typer.Option(help="Compression of the recording.")
+    ] = Compression.none,
+    truth: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP.yaml", help="Write the true map as well, in nav2's format."),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", "-f", help="Replace a recording that is there already.")
+    ] = False,
+) -> None:
+    """Simulate a scenario and record it: the same scenario gives the same bag, byte for byte."""
+    from usmap_ros.io.bag_writer import new_bag
+    from usmap_ros.io.nav2_map import save_truth
+    from usmap_ros.io.yaml_files import read_mapping
+    from usmap_ros.simulation import Scenario
+    from usmap_ros.simulation import simulate as pings_of
+
+    scenario = Scenario.from_mapping(read_mapping(scenario_file), scenario_file)
+    count = 0
+    with (
+        new_bag(output, replace=force, compression=compression.value) as writer,
+        console.progress("simulating", scenario.ping_count) as step,
+    ):
+        for topic, trace in pings_of(scenario):
+            writer.write_trace(topic, trace)
+            count += 1
+            step()
+    if truth is not None:
+        save_truth(truth, scenario.truth_map())
+    typer.echo(f"{output}: {count} pings of {len(scenario.robots)} robots")

@@ -1,0 +1,71 @@
+"""The cells that the echoes of one cone may have come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.mapping.footprint import footprint
+from usmap_ros.mapping.grid import FloatArray, IndexArray
+from usmap_ros.mapping.ring import find_ring
+from usmap_ros.parameters import MappingParameters
+
+#: A cell less likely than this, relative to the best one for its echo, is no candidate.
+LEAST_LIKELIHOOD = 0.01
+
+
+@dataclass(frozen=True)
+class CandidateCells:
+    """Cells that may have returned an echo, each array of shape (cells,).
+
+    Parameters
+    ----------
+    rows, columns : integer arrays
+        Of the cells, counted from the world's origin.
+    likelihood : array
+        How well the cell fits range and strength of an echo, 1 for the cell that fits best.
+    resolution_m : float
+        Side of a cell.
+    """
+
+    rows: IndexArray
+    columns: IndexArray
+    likelihood: FloatArray
+    resolution_m: float
+
+    @property
+    def centers_m(self) -> FloatArray:
+        """Centres of the cells, shape (cells, 2), x before y."""
+        cells = np.column_stack([self.columns, self.rows]).astype(np.float64)
+        return (cells + 0.5) * self.resolution_m
+
+
+def candidate_cells(cone: EchoCone, parameters: MappingParameters) -> CandidateCells:
+    """Weigh all cells of a cone by how well they explain its echoes.
+
+    This is what a single ping can say: mirror images are as likely as what they mirror.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        The cone.
+    parameters : MappingParameters
+        Cells and sensor model.
+    """
+    cells = footprint(cone, parameters.resolution_m)
+    ring = find_ring(cone, cells, parameters.range_error_m, parameters.fluctuation)
+    spread = parameters.reflectivity_spread**2 + ring.variance
+    misfit = (ring.log_reflectivity - np.log(parameters.reflectivity)) ** 2 / spread
+    fit = ring.range_fit * np.exp(-0.5 * misfit)
+    best = np.zeros(ring.echo_count)
+    np.maximum.at(best, ring.echo, fit)
+    relative = fit / np.maximum(best[ring.echo], np.finfo(float).tiny)
+    likelihood = np.zeros(len(ring.cells))
+    np.maximum.at(likelihood, ring.cell, relative)
+    kept = likelihood >= LEAST_LIKELIHOOD
+    places = ring.cells[kept]
+    return CandidateCells(
+        cells.rows[places], cells.columns[places], likelihood[kept], parameters.resolution_m
+    )

@@ -1,0 +1,147 @@
+"""From recordings to a map, with an account of what was done."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
+from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.map_files import RobotPaths, load_map
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pipeline import Pipeline
+
+#: Called with topic and cone after each ping that was fused.
+ConeCallback = Callable[[str, EchoCone], None]
+
+
+@dataclass
+class MappingRun:
+    """What became of the pings of a recording.
+
+    Parameters
+    ----------
+    pings : int
+        Pings that went into the map.
+    echoes : int
+        Echoes found in them.
+    skipped : dict
+        Number of pings left out, by the field of the message that was to blame.
+    """
+
+    pings: int = 0
+    echoes: int = 0
+    skipped: dict[str, int] = field(default_factory=dict)
+
+    def summary(self, occupancy: OccupancyMap, seconds: float) -> dict[str, Any]:
+        """Contents of ``summary.json``."""
+        occupied = occupancy.observed & (occupancy.probability() >= OCCUPIED_PROBABILITY)
+        return {
+            "pings": self.pings,
+            "echoes": self.echoes,
+            "seconds": seconds,
+            "pings_per_second": self.pings / seconds,
+            "cells_observed": int(np.count_nonzero(occupancy.observed)),
+            "cells_occupied": int(np.count_nonzero(occupied)),
+            "peak_memory_mb": peak_memory_mb(),
+            "skipped": self.skipped,
+            "frame_id": occupancy.frame_id,
+            "resolution_m": occupancy.geometry.resolution_m,
+        }
+
+
+def map_bag(
+    bag: BagReader, pipeline: Pipeline, paths: RobotPaths, on_cone: ConeCallback | None = None
+) -> MappingRun:
+    """Put every ping of an open recording into a pipeline's map.
+
+    Parameters
+    ----------
+    bag : BagReader
+        The recording; its traces are mapped, or its cones if it holds no traces.
+    pipeline : Pipeline
+        Where the map forms.
+    paths : RobotPaths
+        Gets the position of each ping.
+    on_cone : callable, optional
+        Called after each ping.
+
+    Raises
+    ------
+    BagError
+        If not a single ping could be used.
+    """
+    run = MappingRun()
+    for topic, cone in _cones(bag, pipeline):
+        try:
+            pipeline.fuse(cone)
+        except MalformedMessageError as error:
+            bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)
+            continue
+        run.pings += 1
+        run.echoes += len(cone.ranges_m)
+        paths.add(topic, float(cone.pose.position_m[0]), float(cone.pose.position_m[1]))
+        if on_cone is not None:
+            on_cone(topic, cone)
+    run.skipped = dict(bag.skipped.by_field)
+    if not run.pings:
+        causes = ", ".join(f"{field} ({n})" for field, n in bag.skipped.by_field.most_common())
+        raise BagError(
+            ", ".join(map(str, bag.paths)),
+            f"none of its {bag.skipped.total} pings can be used, by field: {causes}",
+        )
+    return run
+
+
+def _cones(bag: BagReader, pipeline: Pipeline) -> Iterator[tuple[str, EchoCone]]:
+    """Cones of a recording: reconstructed from traces, or else as recorded.
+
+    Never both, because a recorded cone most often stems from a recorded trace, and evidence must
+    not count twice.
+    """
+    if not bag.trace_count:
+        yield from bag.cones()
+        return
+    for topic, trace in bag.traces():
+        try:
+            cone = pipeline.reconstruct(trace)
+        except MalformedMessageError as error:
+            bag.skipped.add(f"{topic} at {trace.stamp_ns / 1e9:.6f} s", error)
+        else:
+            yield topic, cone
+
+
+def resume_map(folder: Path, parameters: PipelineParameters) -> tuple[Pipeline, RobotPaths]:
+    """Continue the map that was saved in `folder`.
+
+    Raises
+    ------
+    MapFileError
+        If there is none, or its cells are not those of `parameters`.
+    """
+    occupancy, paths = load_map(folder)
+    pipeline = Pipeline(parameters)
+    try:
+        pipeline.resume(occupancy)
+    except ValueError as error:
+        raise MapFileError(folder, f"cannot be continued: {error}") from error
+    return pipeline, paths
+
+
+def peak_memory_mb() -> float:
+    """Largest memory that this process ever took, MB."""
+    # Not on Windows, where nothing but this figure would be missing.
+    try:
+        import resource
+    except ImportError:
+        return float("nan")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Bytes on macOS, kilobytes elsewhere.
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

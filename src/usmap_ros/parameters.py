@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 def quantity(default: Any, description: str, unit: str = "", **bounds: Any) -> Any:
@@ -27,6 +27,20 @@ class ParameterGroup(BaseModel):
 class ReconstructionParameters(ParameterGroup):
     """How echoes are recovered from one trace."""
 
+    dictionary: Literal["delay", "cells"] = quantity(
+        "delay",
+        "What echoes are looked for by: their delay, or, as in the paper, the grid cell at whose"
+        " centre an object would return them.",
+    )
+    solver: Literal["cosamp", "omp", "l1", "tv", "nnls", "integer", "binary"] = quantity(
+        "cosamp",
+        "How few echoes are found that explain a trace: CoSaMP, orthogonal matching pursuit, least"
+        " l1 norm, least total variation, non-negative least squares, whole or binary"
+        " coefficients. All but CoSaMP need the dictionary of cells.",
+    )
+    cell_size_m: float = quantity(
+        0.05, "Side of a cell of the dictionary of cells.", "m", ge=0.005, le=2.0
+    )
     sparsity: int = quantity(
         32, "Most echoes that are looked for in one ping (k of CoSaMP).", ge=1, le=1000
     )
@@ -59,6 +73,12 @@ class ReconstructionParameters(ParameterGroup):
     limit_step_m: float = quantity(
         0.025, "Range bins in which the detection limit is reported.", "m", ge=0.001, le=1.0
     )
+
+    @model_validator(mode="after")
+    def _solver_has_its_dictionary(self) -> ReconstructionParameters:
+        if self.dictionary == "delay" and self.solver != "cosamp":
+            raise ValueError(f"solver: {self.solver} needs the dictionary of cells")
+        return self
 
 
 class MappingParameters(ParameterGroup):

@@ -32,6 +32,7 @@ class Halt(enum.Enum):
     STABLE_SUPPORT = "the support no longer changes"
     NO_PROGRESS = "the residual no longer falls"
     ITERATIONS = "the iteration limit was reached"
+    MINIMUM = "the minimum of a convex problem was found"
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ def cosamp(
         If the signal is not finite, or has not as many samples as the operator.
     """
     _check_signal(operator, signal)
-    fit = _Fit(operator, signal, non_negative)
+    fit = Fit(operator, signal, non_negative)
     limits = np.broadcast_to(np.asarray(thresholds, dtype=float), (operator.block_count,))
     start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
     best = fit.on(start[:sparsity], 0, Halt.ITERATIONS)
@@ -179,13 +180,24 @@ def _prune(
     return np.sort(merged.support[kept])
 
 
-class _Fit:
-    """Least squares of one signal on the columns of a support."""
+class Fit:
+    """Least squares of one signal on the columns of a support.
+
+    Parameters
+    ----------
+    operator : SensingOperator
+        Has the columns.
+    signal : (samples,) array
+        What they are fitted to.
+    non_negative : bool
+        Whether coefficients must be real and not negative.
+    """
 
     def __init__(self, operator: SensingOperator, signal: Signal, non_negative: bool) -> None:
         self.operator, self.signal, self.non_negative = operator, signal, non_negative
 
     def on(self, support: IndexArray, iterations: int, halt: Halt) -> Solution:
+        """Fit the blocks of `support`; `iterations` and `halt` are put into the solution."""
         columns = self.operator.columns(support)
         coefficients = (
             _solve_non_negative(columns, self.signal)

@@ -1,0 +1,195 @@
+"""The sensing matrix of the paper: a column for each grid cell in the cone.
+
+Sanchez & Andersson, "Using compressive sensing with in-air ultrasonic measurements for robotic
+mapping", DSCC 2018-9140, sections 2 to 4.  The column of a cell is the echo of an ideal object
+at its centre; Ψ is the identity, because the scene itself is sparse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.geometry import Pose
+from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN
+from usmap_ros.reconstruction.delay_domain import Sampling
+from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatrix
+from usmap_ros.reconstruction.operators import FloatArray, IndexArray, Signal
+from usmap_ros.trace import EchoTrace, Encoding
+
+
+@dataclass(frozen=True)
+class ConeCells:
+    """Cells of a grid whose centres lie in a sensing cone, by ascending range.
+
+    Parameters
+    ----------
+    resolution_m : float
+        Side of a cell; cell (row, column) covers y from ``row * resolution_m`` and x from
+        ``column * resolution_m`` in the world frame.
+    rows, columns : (cells,) integer arrays
+        Which cells they are.
+    ranges_m, bearings_rad : (cells,) arrays
+        Of their centres, from the transducer and off its axis.
+    gains : (cells,) arrays
+        Of the beam.
+    """
+
+    resolution_m: float
+    rows: IndexArray
+    columns: IndexArray
+    ranges_m: FloatArray
+    bearings_rad: FloatArray
+    gains: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def centers_m(self) -> FloatArray:
+        """Centres in the world frame, shape (cells, 2)."""
+        places = np.stack([self.columns, self.rows], axis=-1).astype(float)
+        return (places + 0.5) * self.resolution_m
+
+    @classmethod
+    def seen(cls, pose: Pose, transducer: Transducer, resolution_m: float) -> ConeCells:
+        """Cells within the range limits of a transducer that its beam reaches."""
+        x_m, y_m = pose.position_m[:2]
+        reach = transducer.max_range_m / resolution_m + 1.0
+        first_column, first_row = np.floor(np.array([x_m, y_m]) / resolution_m - reach).astype(int)
+        side = np.arange(2 * int(np.ceil(reach)) + 2)
+        row, column = (grid.reshape(-1) for grid in np.meshgrid(side, side, indexing="ij"))
+        row, column = row + first_row, column + first_column
+        east_m = (column + 0.5) * resolution_m - x_m
+        north_m = (row + 0.5) * resolution_m - y_m
+        range_m = np.hypot(east_m, north_m)
+        turned = np.arctan2(north_m, east_m) - pose.yaw_rad
+        bearing = np.arctan2(np.sin(turned), np.cos(turned))
+        gain = transducer.beam.gain(bearing)
+        seen = (range_m >= transducer.min_range_m) & (range_m <= transducer.max_range_m)
+        inside = np.flatnonzero(seen & (gain > 0.0) & (range_m > 0.0))
+        order = inside[np.lexsort((bearing[inside], range_m[inside]))]
+        return cls(
+            resolution_m, row[order], column[order], range_m[order], bearing[order], gain[order]
+        )
+
+
+class CellDictionary(MatrixOperator):
+    """Φ of Sanchez & Andersson: a column per cell, the cells sorted by distance.
+
+    Parameters
+    ----------
+    cells : ConeCells
+        The cells.
+    pulse : Pulse
+        What was emitted.
+    channel : Channel
+        With a floor, a column is the coherent sum of all paths over it; without, the direct
+        path alone (the paper's simple Φ).
+    sampling : Sampling
+        When the signal was sampled.
+    encoding : Encoding
+        How it was sampled.
+    as_sparse : bool
+        Store only the samples that an echo touches.
+
+    Notes
+    -----
+    Coefficients are reflectivities, which are real, so a complex column is stored as its real
+    and imaginary parts: the rows of an I/Q dictionary are interleaved like the samples of an
+    I/Q trace.
+    """
+
+    def __init__(
+        self,
+        cells: ConeCells,
+        pulse: Pulse,
+        channel: Channel,
+        sampling: Sampling,
+        encoding: Encoding,
+        *,
+        as_sparse: bool = False,
+    ) -> None:
+        self.cells = cells
+        matrix = _echoes(cells, pulse, channel, sampling, encoding)
+        super().__init__(matrix if as_sparse else matrix.toarray())
+        #: Amplitude of the direct path of an ideal object in each cell.
+        self.unit_amplitudes: FloatArray = cells.gains * channel.amplitudes(cells.ranges_m)[:, 0]
+
+    @classmethod
+    def for_trace(
+        cls,
+        trace: EchoTrace,
+        resolution_m: float,
+        *,
+        floor: bool = True,
+        as_sparse: bool = False,
+    ) -> CellDictionary:
+        """Dictionary that explains a trace, after what the trace states of itself.
+
+        Parameters
+        ----------
+        trace : EchoTrace
+            Gives pose, transducer, channel and sampling.
+        resolution_m : float
+            Side of a cell.
+        floor : bool
+            Whether to model the paths over the floor.
+        as_sparse : bool
+            Store only the samples that an echo touches.
+        """
+        channel = trace.channel if floor else replace(trace.channel, floor_height_m=0.0)
+        return cls(
+            ConeCells.seen(trace.pose, trace.transducer, resolution_m),
+            trace.transducer.pulse,
+            channel,
+            Sampling(trace.sample_rate_hz, trace.start_delay_s, len(trace.sample_times_s())),
+            trace.encoding,
+            as_sparse=as_sparse,
+        )
+
+
+def cell_signal(trace: EchoTrace) -> tuple[Signal, float]:
+    """What a `CellDictionary` explains of a trace, and the standard deviation of its noise.
+
+    An envelope is freed of the mean that its noise has.  The deviation is 0 where the trace
+    does not state its noise.
+    """
+    samples = np.asarray(trace.samples, dtype=float)
+    if trace.encoding is Encoding.IQ:
+        return samples, trace.noise_std / np.sqrt(2.0)
+    if trace.encoding is Encoding.ENVELOPE:
+        mean = RAYLEIGH_MEAN * trace.noise_std
+        return samples - mean, float(np.sqrt(trace.noise_std**2 - mean**2))
+    return samples, trace.noise_std
+
+
+def _echoes(
+    cells: ConeCells, pulse: Pulse, channel: Channel, sampling: Sampling, encoding: Encoding
+) -> SparseMatrix:
+    """Echo of an ideal object in each cell, as columns of a sparse matrix."""
+    rate_hz, start_s = sampling.sample_rate_hz, sampling.start_delay_s
+    delays_s = channel.delays_s(cells.ranges_m)
+    amplitudes = cells.gains[:, np.newaxis] * channel.amplitudes(cells.ranges_m)
+    first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)
+    taps = np.arange(int(np.ceil(pulse.duration_s * rate_hz)) + 1)
+    sample = first[..., np.newaxis] + taps
+    age_s = sample / rate_hz + start_s - delays_s[..., np.newaxis]
+    column = np.broadcast_to(np.arange(len(cells))[:, np.newaxis, np.newaxis], sample.shape)
+    heard = (sample >= 0) & (sample < sampling.sample_count)
+
+    shape = pulse.waveform if encoding is Encoding.RAW else pulse.window
+    values = amplitudes[..., np.newaxis] * shape(age_s)
+    if encoding is not Encoding.IQ:
+        entries = (values[heard], (sample[heard], column[heard]))
+        return sparse.csc_array(entries, shape=(sampling.sample_count, len(cells)))
+    carrier = np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)[..., np.newaxis]
+    pairs = (values * carrier)[heard].view(float).reshape(-1, 2)
+    rows = 2 * sample[heard][:, np.newaxis] + np.arange(2)
+    entries = (pairs.reshape(-1), (rows.reshape(-1), np.repeat(column[heard], 2)))
+    return sparse.csc_array(entries, shape=(2 * sampling.sample_count, len(cells)))

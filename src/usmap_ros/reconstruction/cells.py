@@ -1,0 +1,197 @@
+"""From an echo trace to coefficients of grid cells: the method of the paper, whole.
+
+Sanchez & Andersson, "Using compressive sensing with in-air ultrasonic measurements for robotic
+mapping", DSCC 2018-9140, sections 2 to 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from usmap_ros.cone import EchoCone, encode_limits
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
+from usmap_ros.reconstruction.cosamp import Solution
+from usmap_ros.reconstruction.detection import binned_maximum
+from usmap_ros.reconstruction.matrix_operator import (
+    MatrixOperator,
+    SparseMatrix,
+    identical,
+    merged,
+    represented,
+    same_direction,
+)
+from usmap_ros.reconstruction.operators import FloatArray, IndexArray, Signal
+from usmap_ros.reconstruction.solvers import Problem, solve
+from usmap_ros.trace import EchoTrace
+
+#: Of the random projections that find columns alike: fixed, so that results repeat.
+_SEED = 20180930
+#: Share of a signal that its samples' single precision may amount to.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class CellReconstruction:
+    """A trace explained by the cells of a grid.
+
+    Parameters
+    ----------
+    dictionary : CellDictionary
+        Φ and its cells.
+    sets : (cells,) integer array
+        Cells with the same number have parallel columns: no trace tells them apart.
+    coefficients : (cells,) array
+        q.  Cells with parallel columns share what their set was given, equal columns equally.
+    signal, residual : (samples,) arrays
+        y and y − Φ q.
+    solution : Solution
+        What the solver returned, in terms of sets.
+    noise_std : float
+        Standard deviation of the noise of `signal`; of the residual where it is not stated.
+    """
+
+    dictionary: CellDictionary
+    sets: IndexArray
+    coefficients: FloatArray
+    signal: Signal
+    residual: Signal
+    solution: Solution
+    noise_std: float
+
+    @property
+    def relative_residual(self) -> float:
+        """‖y − Φ q‖ / ‖y‖; 0 for a silent trace."""
+        total = float(np.linalg.norm(self.signal))
+        return float(np.linalg.norm(self.residual)) / total if total > 0.0 else 0.0
+
+
+def reconstruct_cells(
+    trace: EchoTrace, parameters: ReconstructionParameters, *, floor: bool = True
+) -> CellReconstruction:
+    """Explain `trace` by objects at the centres of grid cells.
+
+    Parameters
+    ----------
+    trace : EchoTrace
+        A valid trace.
+    parameters : ReconstructionParameters
+        Cell size, sparsity, solver.  There are never more than `sparsity` cells, mirror images
+        counted, that have a coefficient.
+    floor : bool
+        False: the paper's simple Φ, which knows nothing of the floor.
+    """
+    dictionary = CellDictionary.for_trace(
+        trace, parameters.cell_size_m, floor=floor, as_sparse=parameters.solver == "cosamp"
+    )
+    return explain(dictionary, trace, parameters)
+
+
+def explain(
+    dictionary: CellDictionary, trace: EchoTrace, parameters: ReconstructionParameters
+) -> CellReconstruction:
+    """`reconstruct_cells` with a dictionary that is at hand."""
+    signal, noise_std = cell_signal(trace)
+    sets, operator, shares = _told_apart(dictionary, parameters)
+    problem = Problem(
+        operator=operator,
+        signal=signal,
+        sparsity=parameters.sparsity,
+        tolerance=noise_std * float(np.sqrt(len(signal))),
+        threshold=max(
+            _threshold(operator, noise_std, parameters.false_alarms_per_ping),
+            _ROUNDING * float(np.linalg.norm(signal)),
+        ),
+        non_negative=parameters.non_negative,
+        places=_places(dictionary, sets),
+        max_iterations=parameters.max_iterations,
+    )
+    solution = _few_cells(solve(problem, parameters.solver), problem, shares)
+    coefficients = shares[:, solution.support] @ solution.coefficients[:, 0]
+    rms = float(np.sqrt(np.mean(solution.residual**2)))
+    return CellReconstruction(
+        dictionary, sets, coefficients, signal, solution.residual, solution, noise_std or rms
+    )
+
+
+def cell_cone(
+    trace: EchoTrace, found: CellReconstruction, parameters: ReconstructionParameters
+) -> EchoCone:
+    """What fusion is told of a reconstruction by cells: an echo for each set of cells."""
+    dictionary, solution = found.dictionary, found.solution
+    unit = dictionary.unit_amplitudes
+    per_score = np.divide(unit, dictionary.norms, out=np.zeros_like(unit), where=unit > 0.0)
+    amplitudes = np.bincount(found.sets, found.coefficients * unit)[solution.support]
+    _, first = np.unique(found.sets, return_index=True)
+    ranges_m = dictionary.cells.ranges_m[first[solution.support]]
+    threshold = _threshold(dictionary, found.noise_std, parameters.false_alarms_per_ping)
+    left = dictionary.scores(dictionary.adjoint(found.residual))
+    limits = np.maximum(threshold, left) * per_score
+    reach_m = 0.5 * trace.channel.sound_speed_m_s * trace.transducer.pulse.duration_s
+    for range_m, amplitude in zip(ranges_m, amplitudes, strict=True):
+        masked = np.abs(dictionary.cells.ranges_m - range_m) < reach_m
+        limits[masked] = np.maximum(limits[masked], parameters.masking * amplitude)
+    order = np.argsort(ranges_m)
+    count = len(order)
+    minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
+    binned = binned_maximum(
+        limits, dictionary.cells.ranges_m, minimum_m, parameters.limit_step_m, maximum_m
+    )
+    return EchoCone(
+        stamp_ns=trace.stamp_ns,
+        frame_id=trace.frame_id,
+        child_frame_id=trace.child_frame_id,
+        pose=trace.pose,
+        transducer=trace.transducer,
+        attenuation_db_m=trace.channel.attenuation_db_m,
+        ranges_m=ranges_m[order].astype(np.float32),
+        range_stds_m=np.full(count, parameters.cell_size_m / np.sqrt(12.0), dtype=np.float32),
+        amplitudes=amplitudes[order].astype(np.float32),
+        amplitude_stds=(found.noise_std * per_score[first[solution.support]])[order].astype(
+            np.float32
+        ),
+        limit_step_m=parameters.limit_step_m,
+        detection_limits=encode_limits(binned),
+        residual=found.relative_residual,
+    )
+
+
+def _threshold(operator: MatrixOperator, noise_std: float, false_alarms: float) -> float:
+    """Score that normal noise alone exceeds in any column `false_alarms` times a ping."""
+    return noise_std * float(norm.isf(false_alarms / max(operator.block_count, 1)))
+
+
+def _told_apart(
+    dictionary: CellDictionary, parameters: ReconstructionParameters
+) -> tuple[IndexArray, MatrixOperator, SparseMatrix]:
+    """Label the sets of cells that look alike, and give a column for each, and their shares."""
+    generator = np.random.default_rng(_SEED)
+    if parameters.solver in ("integer", "binary"):
+        # Where the reflectivity is known, gain tells columns apart that are parallel.
+        sets = identical(dictionary, generator)
+        return sets, *represented(dictionary, sets)
+    sets = same_direction(dictionary, generator)
+    return sets, *merged(dictionary, sets)
+
+
+def _places(dictionary: CellDictionary, sets: IndexArray) -> IndexArray:
+    """Row and column of the first cell of each set."""
+    _, first = np.unique(sets, return_index=True)
+    places: IndexArray = np.stack(
+        [dictionary.cells.rows[first], dictionary.cells.columns[first]], axis=-1
+    )
+    return places
+
+
+def _few_cells(solution: Solution, problem: Problem, shares: SparseMatrix) -> Solution:
+    """Drop the weakest sets until no more than `sparsity` cells are left, and fit again."""
+    sizes = np.diff(shares.indptr)[solution.support]
+    strengths = problem.operator.echo_scores(solution.support, solution.coefficients)
+    order = np.argsort(-strengths, kind="stable")
+    kept = np.sort(order[np.cumsum(sizes[order]) <= problem.sparsity])
+    if len(kept) == len(order):
+        return solution
+    return problem.fitted(solution.support[kept], solution.iterations, solution.halt)

@@ -6,6 +6,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.fusion import NoisyOrFusion
 from usmap_ros.parameters import PipelineParameters
+from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
 
@@ -34,7 +35,10 @@ class Pipeline:
         MalformedMessageError
             If the trace cannot be reconstructed.
         """
-        return reconstruct(trace, self.parameters.reconstruction).cone
+        parameters = self.parameters.reconstruction
+        if parameters.dictionary == "cells":
+            return cell_cone(trace, reconstruct_cells(trace, parameters), parameters)
+        return reconstruct(trace, parameters).cone
 
     def fuse(self, cone: EchoCone) -> None:
         """Take a cone up into the map; cones are expected in the order of their stamps.

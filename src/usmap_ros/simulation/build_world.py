@@ -12,13 +12,13 @@ from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY
 from usmap_ros.io.nav2_map import Nav2Map
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.scene import Discs, FreeSpace, Scene
-from usmap_ros.simulation.surfaces import Scatterers, Walls, scatter_along, walls_of_cells
-from usmap_ros.simulation.world import PointModel, RandomPolesModel, SurfaceModel, WorldModel
+from usmap_ros.simulation.surfaces import Scatterers, Surface, Walls, scatter_along, walls_of_cells
+from usmap_ros.simulation.world import PointModel, RandomPolesModel, WorldModel
 
 FloatArray = NDArray[np.float64]
 
-#: How often the place of a random pole is redrawn.
-_POLE_ATTEMPTS = 10_000
+#: How many places are tried on average for a random pole.
+_ATTEMPTS_PER_POLE = 300
 
 
 def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSequence) -> Scene:
@@ -92,20 +92,20 @@ def world_bounds(world: WorldModel, plan: Nav2Map | None) -> Bounds:
 def _rough_walls(
     world: WorldModel, plan: Nav2Map | None, rng: np.random.Generator
 ) -> tuple[Walls, Scatterers]:
-    parts: list[tuple[Walls, SurfaceModel]] = []
+    parts: list[tuple[Walls, Surface]] = []
     for wall in world.walls:
         corners = [*wall.corners_m, wall.corners_m[0]] if wall.closed else wall.corners_m
-        surface = wall.surface or world.surface
-        parts.append((Walls.along(np.array(corners), surface.build()), surface))
+        surface = (wall.surface or world.surface).build()
+        parts.append((Walls.along(np.array(corners), surface), surface))
     if plan is not None and world.map is not None:
-        surface = world.map.surface or world.surface
+        surface = (world.map.surface or world.surface).build()
         occupied = plan.probability >= OCCUPIED_PROBABILITY
         geometry = plan.geometry
         starts, ends = walls_of_cells(occupied, geometry.resolution_m, geometry.origin_m)
-        parts.append((Walls.between(starts, ends, surface.build(), one_sided=True), surface))
+        parts.append((Walls.between(starts, ends, surface, one_sided=True), surface))
     drawn, first = [], 0
     for walls, surface in parts:
-        part = scatter_along(walls, surface.build(), rng)
+        part = scatter_along(walls, surface, rng)
         drawn.append(Scatterers(part.positions_m, part.reflectivities, part.walls + first))
         first += len(walls)
     return Walls.joined([walls for walls, _ in parts]), Scatterers.joined(drawn)
@@ -118,14 +118,14 @@ def _random_poles(
     spread, median = model.reflectivity_spread, model.median_reflectivity
     reflectivities = median * np.exp(spread * rng.standard_normal(model.count))
     centers: FloatArray = np.zeros((0, 2))
-    for _ in range(_POLE_ATTEMPTS):
-        if len(centers) == model.count:
-            return Discs(centers, np.full(model.count, model.radius_m), reflectivities)
+    for _ in range(_ATTEMPTS_PER_POLE * model.count):
         center = rng.uniform(area[0::2], area[1::2])
         apart = np.hypot(*(centers - center).T)
         room_m = max(model.radius_m, model.separation_m / 2.0)
         if np.all(apart >= model.separation_m) and scene.has_room(center, room_m):
             centers = np.concatenate([centers, center[np.newaxis]])
+        if len(centers) == model.count:
+            return Discs(centers, np.full(model.count, model.radius_m), reflectivities)
     raise UsmapError(
         f"world.random_poles: only {len(centers)} of {model.count} fit"
         f" {model.separation_m:g} m apart"

@@ -45,7 +45,7 @@ class StatedModel(ParameterGroup):
     floor_height_m: float | None = quantity(None, "None: the truth.", "m", ge=0.0, le=1000.0)
     floor_reflectivity: float | None = quantity(None, "None: the truth.", ge=0.0, le=1.0)
     noise_std: float | None = quantity(
-        None, "In units of the samples; 0: unknown; None: the truth.", ge=0.0
+        None, "In units of the samples; 0: unknown; None: the truth.", ge=0.0, le=1e9
     )
 
     def channel(self, true: Channel) -> Channel:

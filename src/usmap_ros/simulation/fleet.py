@@ -13,7 +13,7 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.receiver import Converter, Receiver
-from usmap_ros.simulation.world import Point
+from usmap_ros.simulation.world import Coordinate, Point
 from usmap_ros.trace import Encoding
 
 
@@ -74,13 +74,9 @@ class TableBeamModel(ParameterGroup):
     """Gain as measured."""
 
     kind: Literal["table"] = quantity(..., "Kind of pattern.")
-    angles_rad: list[float] = Field(
-        description="Ascending from 0.", min_length=2, json_schema_extra={"unit": "rad"}
-    )
-    gains: list[float] = Field(
-        description="Two-way amplitude gain at those angles, 1 on axis.",
-        min_length=2,
-        json_schema_extra={"unit": ""},
+    angles_rad: list[float] = quantity(..., "Ascending from 0.", "rad", min_length=2)
+    gains: list[float] = quantity(
+        ..., "Two-way amplitude gain at those angles, 1 on axis.", "", min_length=2
     )
 
     def build(self) -> BeamPattern:
@@ -97,10 +93,12 @@ BeamModel = Annotated[
 class MountModel(ParameterGroup):
     """Where a transducer sits in its robot's base frame."""
 
-    x_m: float = quantity(0.0, "Forward.", "m")
-    y_m: float = quantity(0.0, "To the left.", "m")
-    z_m: float = quantity(0.0, "Above the floor.", "m", ge=0.0)
-    yaw_rad: float = quantity(0.0, "Direction of the beam axis, to the left.", "rad")
+    x_m: float = quantity(0.0, "Forward.", "m", ge=-100.0, le=100.0)
+    y_m: float = quantity(0.0, "To the left.", "m", ge=-100.0, le=100.0)
+    z_m: float = quantity(0.0, "Above the floor.", "m", ge=0.0, le=100.0)
+    yaw_rad: float = quantity(
+        0.0, "Direction of the beam axis, to the left.", "rad", ge=-2.0 * np.pi, le=2.0 * np.pi
+    )
 
 
 class ConverterModel(ParameterGroup):
@@ -108,7 +106,7 @@ class ConverterModel(ParameterGroup):
 
     bits: int = quantity(12, "Resolution.", "bit", ge=2, le=24)
     full_scale: float = quantity(
-        2.0, "Amplitude at which it saturates, in units of the samples.", gt=0.0
+        2.0, "Amplitude at which it saturates, in units of the samples.", gt=0.0, le=1e9
     )
 
     def build(self) -> Converter:
@@ -125,7 +123,10 @@ class ReceiverModel(ParameterGroup):
         0.0, "From the start of emission to the first sample.", "s", ge=0.0, le=10.0
     )
     noise_std: float = quantity(
-        0.01, "RMS of the complex baseband noise; an ideal point target at 1 m gives 1.", ge=0.0
+        0.01,
+        "RMS of the complex baseband noise; an ideal point target at 1 m gives 1.",
+        ge=0.0,
+        le=1e9,
     )
     converter: ConverterModel | None = quantity(None, "None: exact samples.")
 
@@ -173,21 +174,25 @@ class WaypointModel(ParameterGroup):
     """A robot that follows waypoints."""
 
     kind: Literal["waypoints"] = quantity(..., "Kind of motion.")
-    waypoints_m: list[Point] = Field(
-        description="x, y of each waypoint.", min_length=1, json_schema_extra={"unit": "m"}
-    )
+    waypoints_m: list[Point] = quantity(..., "x, y of each waypoint.", "m", min_length=1)
     loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
     speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
-    heading_rad: float = quantity(0.0, "Added to the direction of the path.", "rad")
-    spin_rad_s: float = quantity(0.0, "Rate at which it turns as it goes.", "rad/s")
-    clearance_m: float = quantity(0.2, "Room that it needs around its centre.", "m", ge=0.0)
+    heading_rad: float = quantity(
+        0.0, "Added to the direction of the path.", "rad", ge=-2.0 * np.pi, le=2.0 * np.pi
+    )
+    spin_rad_s: float = quantity(
+        0.0, "Rate at which it turns as it goes.", "rad/s", ge=-100.0, le=100.0
+    )
+    clearance_m: float = quantity(
+        0.2, "Room that it needs around its centre.", "m", ge=0.0, le=100.0
+    )
 
 
 class RandomWalkModel(ParameterGroup):
     """A robot that wanders."""
 
     kind: Literal["random_walk"] = quantity("random_walk", "Kind of motion.")
-    start: tuple[float, float, float] | None = quantity(
+    start: tuple[Coordinate, Coordinate, Coordinate] | None = quantity(
         None, "x (m), y (m) and yaw (rad) at the start; None: at random where there is room."
     )
     speed_m_s: float = quantity(1.2, "Speed.", "m/s", ge=0.0, le=100.0)
@@ -195,7 +200,9 @@ class RandomWalkModel(ParameterGroup):
         0.4, "Standard deviation of the turn from step to step.", "rad", ge=0.0, le=np.pi
     )
     step_s: float = quantity(0.1, "Duration of a step.", "s", gt=0.0, le=60.0)
-    clearance_m: float = quantity(0.2, "Room that it needs around its centre.", "m", ge=0.0)
+    clearance_m: float = quantity(
+        0.2, "Room that it needs around its centre.", "m", ge=0.0, le=100.0
+    )
 
 
 class RobotModel(ParameterGroup):

@@ -121,7 +121,7 @@ class Scenario(ParameterGroup):
         scene = self.scene()
         with self._errors_name_source():
             area = world_bounds(self.world, self._plan)
-        return build_truth_map(scene, area, self._plan, resolution_m)
+            return build_truth_map(scene, area, self._plan, resolution_m)
 
     def fleet(self, scene: Scene) -> list[SimulatedRobot]:
         """The robots, ready to move and ping.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
+from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY, GridGeometry, TruthMap
 from usmap_ros.io.nav2_map import Nav2Map
 from usmap_ros.simulation.motion import Bounds
@@ -13,6 +14,8 @@ from usmap_ros.simulation.scene import Discs, Scene
 
 FloatArray = NDArray[np.float64]
 
+#: What nav2 takes.
+MAX_SIDE = 32_767
 #: Distance between the points that trace an outline, in cells.
 _SAMPLING = 0.1
 
@@ -33,6 +36,11 @@ def build_truth_map(
         eight neighbours: what is deeper inside no sound can reach.
     resolution_m : float
         Side of a cell.
+
+    Raises
+    ------
+    UsmapError
+        If it would have more than `MAX_SIDE` rows or columns.
     """
     walls = scene.walls
     # Those of a map have one side; the cells behind them are what counts.
@@ -51,6 +59,11 @@ def build_truth_map(
         lowest = np.minimum(lowest, index.min(axis=0))
         highest = np.maximum(highest, index.max(axis=0) + 1)
     columns, rows = highest - lowest
+    if max(columns, rows) > MAX_SIDE:
+        raise UsmapError(
+            f"world: a truth map of {columns} x {rows} cells is larger than {MAX_SIDE} a side;"
+            " choose a coarser resolution"
+        )
     occupied = np.zeros((rows, columns), dtype=bool)
     occupied[index[:, 1] - lowest[1], index[:, 0] - lowest[0]] = True
     origin = (float(lowest[0] * resolution_m), float(lowest[1] * resolution_m))

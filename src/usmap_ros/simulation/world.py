@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import MovingDisc
-from usmap_ros.simulation.surfaces import (
-    Surface,
-)
+from usmap_ros.simulation.surfaces import Surface
 
-FloatArray = NDArray[np.float64]
-
-Point = tuple[float, float]
+#: Bounded, so that neither infinity nor NaN gets through.
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+Point = tuple[Coordinate, Coordinate]
 
 
 class SurfaceModel(ParameterGroup):
@@ -52,8 +50,8 @@ class SurfaceModel(ParameterGroup):
 class PointModel(ParameterGroup):
     """A thin pole."""
 
-    x_m: float = quantity(..., "Position.", "m")
-    y_m: float = quantity(..., "Position.", "m")
+    x_m: Coordinate = quantity(..., "Position.", "m")
+    y_m: Coordinate = quantity(..., "Position.", "m")
     reflectivity: float = quantity(1.0, "As a point target.", gt=0.0, le=100.0)
 
 
@@ -67,7 +65,9 @@ class RandomPolesModel(ParameterGroup):
     """Poles at random places, with log-normal reflectivities."""
 
     count: int = quantity(..., "How many.", ge=1, le=10_000)
-    separation_m: float = quantity(0.3, "Least distance between the centres of two.", "m", ge=0.0)
+    separation_m: float = quantity(
+        0.3, "Least distance between the centres of two.", "m", ge=0.0, le=1e3
+    )
     radius_m: float = quantity(0.0, "Radius; 0: points, which hide nothing.", "m", ge=0.0, le=10.0)
     median_reflectivity: float = quantity(1.0, "Median, as point targets.", gt=0.0, le=100.0)
     reflectivity_spread: float = quantity(
@@ -78,11 +78,17 @@ class RandomPolesModel(ParameterGroup):
 class WallModel(ParameterGroup):
     """Straight walls from corner to corner, seen from both sides."""
 
-    corners_m: list[Point] = Field(
-        description="x, y of each corner.", min_length=2, json_schema_extra={"unit": "m"}
-    )
+    corners_m: list[Point] = quantity(..., "x, y of each corner.", "m", min_length=2)
     closed: bool = quantity(False, "Whether a last wall leads back to the first corner.")
     surface: SurfaceModel | None = quantity(None, "None: the world's surface.")
+
+    @model_validator(mode="after")
+    def _corners_differ(self) -> WallModel:
+        ends = [*self.corners_m[1:], self.corners_m[0] if self.closed else None]
+        for corner, end in zip(self.corners_m, ends, strict=True):
+            if corner == end:
+                raise ValueError(f"corners_m: the wall at {corner} has no length")
+        return self
 
 
 class MapModel(ParameterGroup):
@@ -95,9 +101,7 @@ class MapModel(ParameterGroup):
 class MovingModel(ParameterGroup):
     """A disc that moves along waypoints."""
 
-    waypoints_m: list[Point] = Field(
-        description="x, y of each waypoint.", min_length=2, json_schema_extra={"unit": "m"}
-    )
+    waypoints_m: list[Point] = quantity(..., "x, y of each waypoint.", "m", min_length=2)
     loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
     speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
     radius_m: float = quantity(0.2, "Radius; 0: a point.", "m", ge=0.0, le=10.0)
@@ -112,7 +116,7 @@ class MovingModel(ParameterGroup):
 class WorldModel(ParameterGroup):
     """What stands and moves in the world."""
 
-    area_m: tuple[float, float, float, float] | None = quantity(
+    area_m: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = quantity(
         None,
         "Lowest and highest x, lowest and highest y: where robots wander, random poles stand and"
         " the truth map reaches. None: the bounding box of all that stands.",

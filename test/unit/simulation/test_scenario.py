@@ -51,6 +51,10 @@ def test_a_minimal_one_has_sensible_defaults():
         (robot(motion={"kind": "waypoints", "waypoints_m": []}), "waypoints_m"),
         ({"world": {"area_m": [1, 0, 0, 1]}}, "area_m"),
         ({"world": {"walls": [{"corners_m": [[0, 0]]}]}}, "corners_m"),
+        ({"world": {"walls": [{"corners_m": [[0, 0], [0, 0]]}]}}, "no length"),
+        ({"world": {"walls": [{"corners_m": [[0, 0], [float("nan"), 0]]}]}}, "corners_m"),
+        ({"world": {"points": [{"x_m": float("inf"), "y_m": 0}]}}, "x_m"),
+        (robot(transducers=[{"receiver": {"noise_std": float("nan")}}]), "noise_std"),
         ({"medium": {"temperature_c": 300.0}}, "temperature_c"),
     ],
 )
@@ -138,6 +142,12 @@ def test_random_poles_keep_apart_and_have_the_spread_that_is_asked_for():
     logarithms = np.log(scene.discs.reflectivities)
     assert logarithms.mean() == pytest.approx(0.0, abs=0.05)
     assert logarithms.std() == pytest.approx(0.35, rel=0.1)
+
+
+def test_a_truth_map_that_nothing_can_hold_is_refused():
+    wide = scenario(world={"area_m": [0, 9e4, 0, 10]})
+    with pytest.raises(ConfigurationError, match="coarser"):
+        wide.truth_map(0.05)
 
 
 def test_every_field_says_what_it_is():

@@ -71,7 +71,7 @@ class Air:
         return self.temperature_c + ZERO_CELSIUS_K
 
     def sound_speed_m_s(self) -> float:
-        """Speed of sound at low frequency; [2]_, equation 15, with the coefficients of table III.
+        """Speed of sound at low frequency, by the approximate polynomial of [2]_.
 
         Above the relaxation frequencies of oxygen and nitrogen it is higher by up to 0.1 m/s.
         """
@@ -131,7 +131,7 @@ class Air:
         return oxygen, nitrogen
 
     def _water_vapour_fraction(self) -> float:
-        """Mole fraction of water vapour; [2]_, equations A1 to A3."""
+        """Mole fraction of water vapour, from saturation pressure and enhancement factor of [2]_."""
         t, kelvin = self.temperature_c, self.temperature_k
         enhancement = 1.00062 + 3.14e-8 * self.pressure_pa + 5.6e-7 * t**2
         saturation_pa = math.exp(

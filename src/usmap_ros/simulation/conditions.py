@@ -28,13 +28,10 @@ class MediumModel(ParameterGroup):
     def channel(self, carrier_hz: float, height_m: float) -> Channel:
         """What a transducer at `height_m` above the floor sounds through."""
         air = Air(self.temperature_c, self.relative_humidity, self.pressure_pa)
-        speed, attenuation = self.sound_speed_m_s, self.attenuation_db_m
-        return Channel(
-            air.sound_speed_m_s() if speed is None else speed,
-            air.attenuation_db_m(carrier_hz) if attenuation is None else attenuation,
-            height_m if self.floor_reflectivity > 0.0 else 0.0,
-            self.floor_reflectivity,
-        )
+        floor_height_m = height_m if self.floor_reflectivity > 0.0 else 0.0
+        channel = air.channel(carrier_hz, floor_height_m, self.floor_reflectivity)
+        stated = self.model_dump(include={"sound_speed_m_s", "attenuation_db_m"}, exclude_none=True)
+        return replace(channel, **stated)
 
 
 class StatedModel(ParameterGroup):

@@ -131,7 +131,7 @@ class Air:
         return oxygen, nitrogen
 
     def _water_vapour_fraction(self) -> float:
-        """Mole fraction of water vapour, from saturation pressure and enhancement factor of [2]_."""
+        """Mole fraction, from the saturation pressure and the enhancement factor of [2]_."""
         t, kelvin = self.temperature_c, self.temperature_k
         enhancement = 1.00062 + 3.14e-8 * self.pressure_pa + 5.6e-7 * t**2
         saturation_pa = math.exp(

@@ -121,25 +121,15 @@ def cell_cone(
     trace: EchoTrace, found: CellReconstruction, parameters: ReconstructionParameters
 ) -> EchoCone:
     """What fusion is told of a reconstruction by cells: an echo for each set of cells."""
-    dictionary, solution = found.dictionary, found.solution
-    unit = dictionary.unit_amplitudes
-    per_score = np.divide(unit, dictionary.norms, out=np.zeros_like(unit), where=unit > 0.0)
-    amplitudes = np.bincount(found.sets, found.coefficients * unit)[solution.support]
+    dictionary, support = found.dictionary, found.solution.support
     _, first = np.unique(found.sets, return_index=True)
-    ranges_m = dictionary.cells.ranges_m[first[solution.support]]
-    threshold = _threshold(dictionary, found.noise_std, parameters.false_alarms_per_ping)
-    left = dictionary.scores(dictionary.adjoint(found.residual))
-    limits = np.maximum(threshold, left) * per_score
-    reach_m = 0.5 * trace.channel.sound_speed_m_s * trace.transducer.pulse.duration_s
-    for range_m, amplitude in zip(ranges_m, amplitudes, strict=True):
-        masked = np.abs(dictionary.cells.ranges_m - range_m) < reach_m
-        limits[masked] = np.maximum(limits[masked], parameters.masking * amplitude)
+    cell = first[support]
+    ranges_m = dictionary.cells.ranges_m[cell]
+    unit = dictionary.unit_amplitudes
+    by_set = np.bincount(found.sets, found.coefficients * unit, len(first))
+    amplitudes = by_set[support].astype(float)
+    stds = found.noise_std * unit[cell] / dictionary.norms[cell]
     order = np.argsort(ranges_m)
-    count = len(order)
-    minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
-    binned = binned_maximum(
-        limits, dictionary.cells.ranges_m, minimum_m, parameters.limit_step_m, maximum_m
-    )
     return EchoCone(
         stamp_ns=trace.stamp_ns,
         frame_id=trace.frame_id,
@@ -148,15 +138,44 @@ def cell_cone(
         transducer=trace.transducer,
         attenuation_db_m=trace.channel.attenuation_db_m,
         ranges_m=ranges_m[order].astype(np.float32),
-        range_stds_m=np.full(count, parameters.cell_size_m / np.sqrt(12.0), dtype=np.float32),
+        range_stds_m=np.full(len(order), parameters.cell_size_m / np.sqrt(12.0), dtype=np.float32),
         amplitudes=amplitudes[order].astype(np.float32),
-        amplitude_stds=(found.noise_std * per_score[first[solution.support]])[order].astype(
-            np.float32
-        ),
-        limit_step_m=parameters.limit_step_m,
-        detection_limits=encode_limits(binned),
+        amplitude_stds=stds[order].astype(np.float32),
+        limit_step_m=float(np.float32(parameters.limit_step_m)),
+        detection_limits=encode_limits(_limits(trace, found, ranges_m, amplitudes, parameters)),
         residual=found.relative_residual,
     )
+
+
+def _limits(
+    trace: EchoTrace,
+    found: CellReconstruction,
+    echo_ranges_m: FloatArray,
+    echo_amplitudes: FloatArray,
+    parameters: ReconstructionParameters,
+) -> FloatArray:
+    """Amplitude below which an object could have gone unreported, by range bin.
+
+    Between the ranges of cells nothing is looked for; there it is that of the cells around.
+    """
+    dictionary = found.dictionary
+    ranges_m, unit = dictionary.cells.ranges_m, dictionary.unit_amplitudes
+    heard = dictionary.norms > 0.0
+    score = np.maximum(
+        _threshold(dictionary, found.noise_std, parameters.false_alarms_per_ping),
+        dictionary.scores(dictionary.adjoint(found.residual)),
+    )
+    limits = score[heard] * unit[heard] / dictionary.norms[heard]
+    reach_m = 0.5 * trace.channel.sound_speed_m_s * trace.transducer.pulse.duration_s
+    for range_m, amplitude in zip(echo_ranges_m, echo_amplitudes, strict=True):
+        masked = np.abs(ranges_m[heard] - range_m) < reach_m
+        limits[masked] = np.maximum(limits[masked], parameters.masking * amplitude)
+    start_m, stop_m = trace.transducer.min_range_m, trace.transducer.max_range_m
+    step_m = parameters.limit_step_m
+    bins_m = np.arange(start_m, stop_m, step_m)
+    between = np.interp(bins_m, ranges_m[heard], limits) if heard.any() else np.inf * bins_m
+    every_m = np.concatenate([bins_m, ranges_m[heard]])
+    return binned_maximum(np.concatenate([between, limits]), every_m, start_m, step_m, stop_m)
 
 
 def _threshold(operator: MatrixOperator, noise_std: float, false_alarms: float) -> float:

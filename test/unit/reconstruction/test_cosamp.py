@@ -1,0 +1,170 @@
+"""CoSaMP on matrices."""
+
+import numpy as np
+import pytest
+
+from usmap_ros.reconstruction.cosamp import Halt, cosamp, strongest
+from usmap_ros.reconstruction.matrix_operator import MatrixOperator
+
+
+@pytest.fixture
+def operator():
+    matrix = np.random.default_rng(1).normal(size=(80, 120))
+    return MatrixOperator(matrix / np.linalg.norm(matrix, axis=0))
+
+
+@pytest.fixture
+def sparse_vector():
+    x = np.zeros(120)
+    x[[3, 40, 41, 99]] = 1.0, -2.0, 0.5, 3.0
+    return x
+
+
+def test_recovers_sparse_vector_exactly(operator, sparse_vector):
+    solution = cosamp(operator, operator.matrix @ sparse_vector, 4, tolerance=1e-9)
+
+    np.testing.assert_array_equal(solution.support, [3, 40, 41, 99])
+    np.testing.assert_allclose(solution.coefficients[:, 0], [1.0, -2.0, 0.5, 3.0], rtol=1e-6)
+    assert solution.residual_norm < 1e-6
+
+
+def test_recovers_complex_coefficients(operator, sparse_vector):
+    phases = np.exp(1j * np.arange(120))
+    solution = cosamp(operator, operator.matrix @ (sparse_vector * phases), 4, tolerance=1e-9)
+
+    expected = (sparse_vector * phases)[solution.support]
+    np.testing.assert_allclose(solution.coefficients[:, 0], expected, rtol=1e-6)
+
+
+def test_non_negative_fit_of_a_complex_signal_is_real_and_not_negative(operator):
+    x = np.zeros(120)
+    x[[7, 70]] = 1.0, 2.0
+    solution = cosamp(operator, operator.matrix @ x + 0.0j, 6, non_negative=True)
+
+    assert not np.iscomplexobj(solution.coefficients)
+    assert np.all(solution.coefficients >= 0.0)
+    np.testing.assert_allclose(solution.coefficients.sum(), 3.0, rtol=1e-6)
+
+
+def test_silence(operator):
+    solution = cosamp(operator, np.zeros(80), 5)
+
+    assert solution.halt is Halt.SILENCE
+    assert len(solution.support) == 0
+    assert solution.coefficients.shape == (0, 1)
+
+
+def test_halts_at_the_noise_level(operator, sparse_vector):
+    noise = 1e-3 * np.random.default_rng(2).normal(size=80)
+    solution = cosamp(operator, operator.matrix @ sparse_vector + noise, 4, tolerance=0.02)
+
+    assert solution.halt is Halt.NOISE_LEVEL
+    assert solution.residual_norm <= 0.02
+
+
+def test_halts_when_nothing_rises_above_the_threshold(operator):
+    signal = 0.1 * operator.matrix[:, 0]
+    solution = cosamp(operator, signal, 4, thresholds=0.2)
+
+    assert solution.halt is Halt.NOTHING_LEFT
+    assert len(solution.support) == 0
+    np.testing.assert_array_equal(solution.residual, signal)
+
+
+def test_threshold_may_differ_from_block_to_block(operator):
+    limits = np.full(120, 0.5)
+    limits[5] = 2.0
+    signal = operator.matrix[:, 5] + operator.matrix[:, 50]
+
+    assert list(cosamp(operator, signal, 4, thresholds=limits).support) == [50]
+
+
+def test_halts_when_the_support_is_stable(operator):
+    signal = np.random.default_rng(3).normal(size=80)
+    solution = cosamp(operator, signal, 2, max_iterations=100)
+
+    assert solution.halt in (Halt.STABLE_SUPPORT, Halt.NO_PROGRESS)
+    assert len(solution.support) == 2
+
+
+def test_halts_at_the_iteration_limit(operator):
+    signal = np.random.default_rng(4).normal(size=80)
+    solution = cosamp(operator, signal, 20, max_iterations=1)
+
+    assert solution.halt is Halt.ITERATIONS
+    assert solution.iterations == 1
+
+
+def test_warm_start_at_the_solution_does_not_move(operator, sparse_vector):
+    signal = operator.matrix @ sparse_vector
+    start = np.flatnonzero(sparse_vector)
+    solution = cosamp(operator, signal, 4, tolerance=1e-6, warm_start=start[::-1])
+
+    assert solution.halt is Halt.NOISE_LEVEL
+    assert solution.iterations == 0
+    np.testing.assert_array_equal(solution.support, start)
+
+
+def test_wrong_warm_start_is_given_up(operator, sparse_vector):
+    signal = operator.matrix @ sparse_vector
+    solution = cosamp(operator, signal, 4, tolerance=1e-9, warm_start=np.array([0, 1, 2, 4]))
+
+    np.testing.assert_array_equal(solution.support, np.flatnonzero(sparse_vector))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_signal_that_is_not_finite_is_refused(operator, value):
+    signal = np.zeros(80)
+    signal[3] = value
+    with pytest.raises(ValueError, match="finite"):
+        cosamp(operator, signal, 4)
+
+
+def test_signal_of_wrong_length_is_refused(operator):
+    with pytest.raises(ValueError, match="shape"):
+        cosamp(operator, np.zeros(79), 4)
+
+
+@pytest.mark.parametrize("non_negative", [False, True])
+def test_duplicate_columns_explain_the_signal_together(operator, non_negative):
+    doubled = MatrixOperator(np.repeat(operator.matrix, 2, axis=1))
+    signal = 2.0 * operator.matrix[:, 10]
+    solution = cosamp(doubled, signal, 4, non_negative=non_negative)
+
+    assert set(solution.support[np.abs(solution.coefficients[:, 0]) > 1e-6]) <= {20, 21}
+    np.testing.assert_allclose(solution.coefficients.sum(), 2.0, rtol=1e-6)
+    assert solution.residual_norm < 1e-6
+
+
+def test_free_fit_of_duplicate_columns_shares_equally(operator):
+    doubled = MatrixOperator(np.repeat(operator.matrix, 2, axis=1))
+    solution = cosamp(doubled, 2.0 * operator.matrix[:, 10], 2)
+
+    np.testing.assert_array_equal(solution.support, [20, 21])
+    np.testing.assert_allclose(solution.coefficients[:, 0], [1.0, 1.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("non_negative", [False, True])
+def test_columns_of_zeros_are_never_chosen(operator, non_negative):
+    matrix = operator.matrix.copy()
+    matrix[:, ::2] = 0.0
+    signal = np.random.default_rng(5).normal(size=80)
+    solution = cosamp(MatrixOperator(matrix), signal, 30, non_negative=non_negative)
+
+    assert np.all(np.isfinite(solution.coefficients))
+    assert np.all(solution.support % 2 == 1)
+
+
+def test_matrix_of_zeros_explains_nothing():
+    solution = cosamp(MatrixOperator(np.zeros((10, 5))), np.ones(10), 3)
+
+    assert solution.halt is Halt.NOTHING_LEFT
+    assert len(solution.support) == 0
+
+
+def test_strongest_leaves_out_the_support_and_what_is_too_weak(operator):
+    scores = np.zeros(120)
+    scores[[4, 5, 6, 7]] = 4.0, 3.0, 2.0, 0.5
+    found = strongest(operator, scores, np.ones(120), np.array([4]), 10)
+
+    np.testing.assert_array_equal(found, [5, 6])

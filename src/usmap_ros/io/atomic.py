@@ -6,6 +6,7 @@ reader, or a crash, never meets half of it.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -44,6 +45,8 @@ def new_folder(path: Path) -> Iterator[Path]:
     OSError
         If it cannot be written; what was there before is then still there.
     """
+    if path.parent.is_file():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     try:

@@ -87,6 +87,7 @@ class BagReader:
         if not self.trace_count and not self.cone_count:
             self.close()
             raise BagError(", ".join(map(str, self.paths)), self._why_nothing())
+        self._warn_of_damage()
 
     def __enter__(self) -> BagReader:
         """Return the reader itself."""
@@ -180,18 +181,22 @@ class BagReader:
         for channel in index.channels:
             if channel.message_type in (ECHO_TRACE, ECHO_CONE):
                 check_definition(storage.path, channel)
-        if index.damage is not None:
-            stamps = index.stamp_ns
-            seconds = (max(stamps) - min(stamps)) / 1e9 if stamps else 0.0
-            logger.warning(
-                "%s: %s; kept %d messages over %.1f s (%d of %d bytes)",
-                storage.path, index.damage.cause, len(index), seconds,
-                index.damage.kept_bytes, index.damage.total_bytes,
-            )  # fmt: skip
+
+    def _warn_of_damage(self) -> None:
+        for storage, index in zip(self._storages, self._indexes, strict=True):
+            if index.damage is not None:
+                stamps = index.stamp_ns
+                seconds = (max(stamps) - min(stamps)) / 1e9 if stamps else 0.0
+                logger.warning(
+                    "%s: %s; kept %d messages over %.1f s (%d of %d bytes)",
+                    storage.path, index.damage.cause, len(index), seconds,
+                    index.damage.kept_bytes, index.damage.total_bytes,
+                )  # fmt: skip
 
     def _why_nothing(self) -> str:
-        if any(index.damage for index in self._indexes):
-            return "is damaged before its first echo trace"
+        for index in self._indexes:
+            if index.damage is not None:
+                return f"{index.damage.cause} before its first echo trace"
         types = sorted({channel.message_type for channel in self.channels})
         others = f", only {', '.join(types)}" if types else ""
         return f"holds no {ECHO_TRACE} messages{others}"

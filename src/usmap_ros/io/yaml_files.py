@@ -69,7 +69,8 @@ def validated(source: str | Path, model: type[_Model], content: dict[str, Any]) 
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        first, *others = error.errors()
+        # A key that is unknown comes first: it may be why another one is missing.
+        first, *others = sorted(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
         more = f" (and {len(others)} more)" if others else ""
         raise ConfigurationError(source, _cause(first, model) + more) from error
 

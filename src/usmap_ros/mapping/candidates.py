@@ -55,7 +55,9 @@ def candidate_cells(cone: EchoCone, parameters: MappingParameters) -> CandidateC
         Cells and sensor model.
     """
     cells = footprint(cone, parameters.resolution_m)
-    ring = find_ring(cone, cells, parameters.range_error_m, parameters.fluctuation)
+    ring = find_ring(
+        cone, cells, parameters.range_error_m, parameters.fluctuation, parameters.clutter
+    )
     spread = parameters.reflectivity_spread**2 + ring.variance
     misfit = (ring.log_reflectivity - np.log(parameters.reflectivity)) ** 2 / spread
     fit = ring.range_fit * np.exp(-0.5 * misfit)

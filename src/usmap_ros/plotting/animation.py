@@ -19,7 +19,7 @@ from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.plotting import style
-from usmap_ros.plotting.map import figure_size_in
+from usmap_ros.plotting.map import figure_size_in, show_all
 from usmap_ros.plotting.plan import draw_probability
 
 _FRAME_MS = 90
@@ -109,9 +109,7 @@ class _MovingMap:
         topics = sorted(paths.positions_m)
         self._trails = {topic: self._trail(number) for number, topic in enumerate(topics)}
         self._beams = {topic: self._beam(number) for number, topic in enumerate(topics)}
-        x_min, x_max, y_min, y_max = final.geometry.extent_m
-        self._axes.set_xlim(x_min, x_max)
-        self._axes.set_ylim(y_min, y_max)
+        show_all(self._axes, final.geometry, paths)
         # The layout is that of the first drawing: to find it again takes longer than to draw.
         self._figure.canvas.draw()
         self._figure.set_layout_engine("none")

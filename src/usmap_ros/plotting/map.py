@@ -40,6 +40,7 @@ def map_figure(
         if truth is not None:
             draw_truth(axes, truth)
         draw_paths(axes, paths or RobotPaths())
+        show_all(axes, occupancy.geometry, paths or RobotPaths())
         axes.set_title(title)
         if axes.get_legend_handles_labels()[0]:
             figure.legend(loc="outside lower center", ncols=5)
@@ -52,6 +53,17 @@ def figure_size_in(geometry: GridGeometry) -> tuple[float, float]:
     rows, columns = geometry.shape
     scale = _LONG_SIDE_IN / max(rows, columns)
     return max(columns * scale, 3.0) + 1.9, max(rows * scale, 3.0) + 0.8
+
+
+def show_all(axes: Axes, geometry: GridGeometry, paths: RobotPaths) -> None:
+    """Set the limits of the axes to hold a map and all paths, which may lead out of it."""
+    x_min, x_max, y_min, y_max = geometry.extent_m
+    corners_m = [[(x_min, y_min), (x_max, y_max)], *paths.positions_m.values()]
+    points_m = np.concatenate([np.reshape(positions, (-1, 2)) for positions in corners_m])
+    (x_min, y_min), (x_max, y_max) = points_m.min(axis=0), points_m.max(axis=0)
+    margin_m = 2.0 * geometry.resolution_m
+    axes.set_xlim(x_min - margin_m, x_max + margin_m)
+    axes.set_ylim(y_min - margin_m, y_max + margin_m)
 
 
 def draw_paths(axes: Axes, paths: RobotPaths) -> None:

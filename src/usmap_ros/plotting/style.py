@@ -30,8 +30,7 @@ ROBOTS = ("#0072b2", "#d55e00", "#8a5fbf", "#e69f00", "#56b4e9", "#cc79a7", "#5c
 PROBABILITY = LinearSegmentedColormap.from_list(
     "probability",
     [(0.0, "#ffffff"), (0.35, "#fbe9cf"), (0.5, "#f4b860"), (0.65, "#d1495b"), (1.0, "#1d1135")],
-)
-PROBABILITY.set_bad(UNKNOWN)
+).with_extremes(bad=UNKNOWN)
 
 #: How likely a cell is the source of an echo.
 LIKELIHOOD = LinearSegmentedColormap.from_list(

@@ -293,7 +293,7 @@ class TestDamaged:
 
     def test_cut_before_the_first_trace(self, bag: Path, tmp_path: Path) -> None:
         (tmp_path / "cut.mcap").write_bytes((bag / "bag.mcap").read_bytes()[:60])
-        with pytest.raises(BagError, match=r"is damaged before its first echo trace$"):
+        with pytest.raises(BagError, match=r"is cut off before its first echo trace$"):
             BagReader([tmp_path / "cut.mcap"])
 
     def test_a_length_that_cannot_be(self, bag: Path) -> None:
@@ -302,7 +302,7 @@ class TestDamaged:
         # The first record behind the magic is the header: its length now exceeds any file.
         struct.pack_into("<Q", content, 9, 2**62)
         file.write_bytes(content)
-        with pytest.raises(BagError, match=r"is damaged before its first echo trace$"):
+        with pytest.raises(BagError, match=r"is cut off before its first echo trace$"):
             BagReader([bag])
 
     def test_a_cut_database(

@@ -48,6 +48,7 @@ def test_a_file_becomes_a_model(tmp_path: Path) -> None:
          "spare.radios_m: unknown key, did you mean 'radius_m'?"),
         ("mass_kg: 1\nwheels: [{}, {radius: 1}]",
          "wheels.1.radius: unknown key, did you mean 'radius_m'?"),
+        ("mess_kg: 1", "mess_kg: unknown key, did you mean 'mass_kg'? (and 1 more)"),
         ("{}", "mass_kg: is missing"),
         ("mass_kg: -1", "mass_kg: should be greater than or equal to 0 (is -1)"),
         ("mass_kg: heavy",

@@ -1,0 +1,136 @@
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+Run = Callable[..., Any]
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def test_the_same_scenario_gives_the_same_bag(usmap: Run, workspace: Path) -> None:
+    (workspace / "other").mkdir()
+    usmap("simulate", "scenario.yaml", "-o", "other/bag", cwd=workspace)
+    assert files(workspace / "other" / "bag") == files(workspace / "bag")
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_a_compressed_bag_gives_the_same_map(usmap: Run, workspace: Path, compression: str) -> None:
+    usmap("simulate", "scenario.yaml", "-o", "b", "--compression", compression, cwd=workspace)
+    usmap("map", "b", "-o", "m", cwd=workspace)
+    for name in ("map.npz", "map.pgm", "map.yaml"):
+        assert (workspace / "m" / name).read_bytes() == (workspace / "map" / name).read_bytes()
+
+
+def test_map_writes_what_the_contract_names(recorded: Path) -> None:
+    assert sorted(files(recorded / "map")) == ["map.npz", "map.pgm", "map.yaml", "summary.json"]
+    summary = json.loads((recorded / "map" / "summary.json").read_text())
+    assert summary["pings"] == 10
+    assert summary["echoes"] >= 10
+    assert summary["pings_per_second"] == pytest.approx(10 / summary["seconds"])
+    assert summary["cells_observed"] > 100
+    assert 10 < summary["peak_memory_mb"] < 500
+    assert summary["skipped"] == {}
+
+
+def test_map_finds_the_poles(usmap: Run, recorded: Path) -> None:
+    done = usmap("evaluate", "map", "--truth", "truth.yaml", "--json", cwd=recorded)
+    score = json.loads(done.stdout)
+    assert score["precision"] == 1.0
+    assert score["predicted_cells"] >= 2
+
+
+def test_a_score_for_people(usmap: Run, recorded: Path) -> None:
+    lines = usmap("evaluate", "map", "--truth", "truth.yaml", cwd=recorded).stdout.splitlines()
+    assert lines[0] == "map against truth.yaml"
+    assert lines[1].split()[0] == "F1"
+
+
+def test_resume_goes_on_where_the_map_was_left(usmap: Run, workspace: Path) -> None:
+    done = usmap("map", "bag", "-o", "more", "--resume", "map", "--json", cwd=workspace)
+    assert json.loads(done.stdout)["pings"] == 10
+    with (
+        np.load(workspace / "map" / "map.npz") as once,
+        np.load(workspace / "more" / "map.npz") as twice,
+    ):
+        assert len(twice["path_positions"]) == 2 * len(once["path_positions"])
+        assert np.count_nonzero(twice["observed"]) >= np.count_nonzero(once["observed"])
+
+
+def test_the_resolution_can_be_chosen(usmap: Run, workspace: Path) -> None:
+    for number, choice in enumerate(
+        (["--resolution", "0.1"], ["--set", "mapping.resolution_m=0.1"])
+    ):
+        usmap("map", "bag", "-o", f"m{number}", *choice, cwd=workspace)
+        with np.load(workspace / f"m{number}" / "map.npz") as arrays:
+            assert float(arrays["resolution"]) == 0.1
+
+
+def test_info(usmap: Run, recorded: Path) -> None:
+    done = usmap("info", "bag", "--json", cwd=recorded)
+    description = json.loads(done.stdout)
+    (topic,) = description["topics"]
+    assert description["pings"] == topic["pings"] == 10
+    assert description["seconds"] == pytest.approx(0.9)
+    assert topic["encoding"] == "IQ"
+    assert topic["rate_hz"] == pytest.approx(10.0)
+    shown = usmap("info", "bag", cwd=recorded).stdout
+    assert "/robot1/echo" in shown
+    assert "25 kS/s" in shown
+
+
+@pytest.mark.parametrize("source", ["bag", "map", "map/map.npz"])
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_plot(usmap: Run, workspace: Path, source: str, suffix: str) -> None:
+    name = f"picture.{suffix}"
+    done = usmap("plot", source, "-o", name, "--truth", "truth.yaml", cwd=workspace)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{name}\n"
+    if suffix == "png":
+        with Image.open(workspace / name) as picture:
+            assert min(picture.size) > 500
+
+
+class TestProcess:
+    """The program in a process of its own."""
+
+    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        program = [sys.executable, "-c", "from usmap_ros.cli import main; main()", *arguments]
+        return subprocess.run(program, capture_output=True, text=True, check=False)
+
+    def test_version_and_help_come_at_once(self) -> None:
+        self.run("--help")
+        started = time.perf_counter()
+        assert "simulate" in self.run("--help").stdout
+        # Half a second on an idle machine; this one may be busy.
+        assert time.perf_counter() - started < 2.0
+        assert self.run("--version").stdout == "usmap 0.1.0\n"
+
+    def test_an_error_ends_it_with_one_line(self, tmp_path: Path) -> None:
+        done = self.run("map", str(tmp_path / "none"), "-o", str(tmp_path / "map"))
+        assert done.returncode == 1
+        assert done.stderr == f"usmap: error: {tmp_path / 'none'}: does not exist\n"
+
+    def test_help_needs_no_heavy_module(self) -> None:
+        program = "import sys, usmap_ros.cli; print(*sys.modules)"
+        loaded = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        ).stdout.split()
+        assert not {"numpy", "scipy", "matplotlib", "pydantic", "rosbags"} & set(loaded)
+
+    def test_a_reader_that_stops_reading_is_no_error(self, recorded: Path) -> None:
+        program = f"{sys.executable} -c 'from usmap_ros.cli import main; main()'"
+        done = subprocess.run(
+            f"{program} info bag | true", shell=True, capture_output=True, text=True,
+            cwd=recorded, check=False,
+        )  # fmt: skip
+        assert "Traceback" not in done.stderr

@@ -1,0 +1,196 @@
+"""Whatever is wrong with the input: one line that names it, status 1, nothing half-written."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.bag_writer import new_bag
+
+Run = Callable[..., Any]
+
+
+def assert_refused(done: Any, message: str) -> None:
+    assert done.stderr == f"usmap: error: {message}\n"
+    assert done.stdout == ""
+    assert done.returncode == 1
+
+
+def test_a_missing_bag(usmap: Run, tmp_path: Path) -> None:
+    done = usmap("map", "none.mcap", "-o", "map", cwd=tmp_path)
+    assert_refused(done, "none.mcap: does not exist")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_empty_file(usmap: Run, tmp_path: Path) -> None:
+    (tmp_path / "empty.mcap").touch()
+    assert_refused(usmap("map", "empty.mcap", "-o", "m", cwd=tmp_path), "empty.mcap: is empty")
+    assert not (tmp_path / "m").exists()
+
+
+def test_a_text_file(usmap: Run, tmp_path: Path) -> None:
+    (tmp_path / "text.mcap").write_text("Dear diary,\n")
+    done = usmap("map", "text.mcap", "-o", "m", cwd=tmp_path)
+    assert_refused(done, "text.mcap: is not an MCAP file")
+
+
+def test_a_bag_without_traces(usmap: Run, tmp_path: Path) -> None:
+    with new_bag(tmp_path / "bag"):
+        pass
+    done = usmap("map", "bag", "-o", "m", cwd=tmp_path)
+    assert_refused(done, "bag: holds no usmap_msgs/msg/EchoTrace messages")
+
+
+def test_a_truncated_bag_is_kept_up_to_the_cut(usmap: Run, workspace: Path) -> None:
+    content = (workspace / "bag" / "bag.mcap").read_bytes()
+    (workspace / "cut.mcap").write_bytes(content[: len(content) * 3 // 4])
+    done = usmap("map", "cut.mcap", "-o", "cut", cwd=workspace)
+    assert done.returncode == 0
+    assert done.stderr.startswith(
+        "usmap: warning: cut.mcap: is cut off; kept 7 messages over 0.6 s"
+    )
+    assert done.stderr.count("\n") == 1
+    assert (workspace / "cut" / "map.yaml").exists()
+
+
+def test_a_bag_cut_before_its_first_trace(usmap: Run, workspace: Path) -> None:
+    content = (workspace / "bag" / "bag.mcap").read_bytes()
+    (workspace / "cut.mcap").write_bytes(content[:100])
+    done = usmap("map", "cut.mcap", "-o", "cut", cwd=workspace)
+    assert_refused(done, "cut.mcap: is cut off before its first echo trace")
+
+
+def rewrite(source: Path, target: Path, bad: int, **changes: object) -> None:
+    """Copy a recording, its first `bad` traces spoilt."""
+    with BagReader([source]) as bag, new_bag(target) as writer:
+        for number, (topic, trace) in enumerate(bag.traces()):
+            writer.write_trace(topic, replace(trace, **changes) if number < bad else trace)
+
+
+def test_malformed_traces_are_skipped_counted_and_named(usmap: Run, workspace: Path) -> None:
+    rewrite(workspace / "bag", workspace / "bad", 2, samples=np.full(8, np.nan, np.float32))
+    done = usmap("map", "bad", "-o", "m", "--json", cwd=workspace)
+    assert done.returncode == 0
+    first, second = done.stderr.splitlines()
+    assert first == (
+        "usmap: warning: bad/bad.mcap: /robot1/echo at 1700000000.000000 s:"
+        " skipped, samples: has 8 of 8 not finite"
+    )
+    assert second.startswith("usmap: warning: bad/bad.mcap: /robot1/echo at 1700000000.1")
+    assert '"samples": 2' in done.stdout
+    assert '"pings": 8' in done.stdout
+
+
+def test_a_bag_of_nothing_but_malformed_traces(usmap: Run, workspace: Path) -> None:
+    rewrite(workspace / "bag", workspace / "bad", 10, sample_rate_hz=0.0)
+    done = usmap("map", "bad", "-o", "m", cwd=workspace)
+    assert done.returncode == 1
+    *warnings, error = done.stderr.splitlines()
+    assert len(warnings) == 4
+    assert warnings[-1] == ("usmap: warning: skipped 10 of 10 messages, by field: sample_rate (10)")
+    assert error == (
+        "usmap: error: bad: none of its 10 pings can be used, by field: sample_rate (10)"
+    )
+    assert not (workspace / "m").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("mapping: {resolutoin_m: 0.1}",
+         "mapping.resolutoin_m: unknown key, did you mean 'resolution_m'?"),
+        ("mapping: {resolution_m: -1}",
+         "mapping.resolution_m: should be greater than or equal to 0.005 (is -1)"),
+        ("maping: {}", "maping: unknown key, did you mean 'mapping'?"),
+        ("mapping: [", "line 1: expected the node content, but found '<stream end>'"),
+    ],
+)  # fmt: skip
+def test_a_parameter_file(usmap: Run, workspace: Path, text: str, message: str) -> None:
+    (workspace / "p.yaml").write_text(text)
+    done = usmap("map", "bag", "-o", "m", "--parameters", "p.yaml", cwd=workspace)
+    assert_refused(done, f"p.yaml: {message}")
+    assert not (workspace / "m").exists()
+
+
+@pytest.mark.parametrize("command", ["map", "simulate"])
+def test_an_unwritable_folder(usmap: Run, workspace: Path, command: str) -> None:
+    (workspace / "file").touch()
+    source = {"map": "bag", "simulate": "scenario.yaml"}[command]
+    before = sorted(workspace.iterdir())
+    done = usmap(command, source, "-o", "file/out", cwd=workspace)
+    assert_refused(done, "file/out: cannot be written: Not a directory")
+    assert sorted(workspace.iterdir()) == before
+
+
+def test_a_recording_is_not_overwritten(usmap: Run, workspace: Path) -> None:
+    done = usmap("simulate", "scenario.yaml", "-o", "bag", cwd=workspace)
+    assert_refused(done, "bag: exists already; --force replaces it")
+    assert usmap("simulate", "scenario.yaml", "-o", "bag", "-f", cwd=workspace).returncode == 0
+
+
+def test_a_map_that_is_no_recording_is_not_overwritten(usmap: Run, workspace: Path) -> None:
+    done = usmap("simulate", "scenario.yaml", "-o", "map", "--force", cwd=workspace)
+    assert_refused(done, "map: is in the way and no recording, so it is not replaced")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["evaluate", "none", "--truth", "truth.yaml"],
+         "none: does not exist; 'usmap map' writes it"),
+        (["evaluate", "bag", "--truth", "truth.yaml"],
+         "bag/map.npz: does not exist; 'usmap map' writes it"),
+        (["evaluate", "map", "--truth", "none.yaml"], "none.yaml: does not exist"),
+        (["evaluate", "map", "--truth", "scenario.yaml"], "scenario.yaml: has no 'resolution'"),
+        (["map", "bag", "-o", "m", "--resume", "none"],
+         "none: does not exist; 'usmap map' writes it"),
+        (["simulate", "none.yaml", "-o", "b"], "none.yaml: does not exist"),
+        (["plot", "none", "-o", "p.png"], "none: does not exist"),
+        (["plot", "bag", "-o", "p.png", "--ping", "10"],
+         "bag: has no ping 10: its 10 pings count from 0"),
+        (["plot", "map", "-o", "p.docx"],
+         "p.docx: has a suffix that is no kind of picture; use one of .png, .pdf, .svg, .jpg"),
+        (["plot", "map", "-o", "none/p.png"],
+         "none/p.png: cannot be written: No such file or directory"),
+        (["info", "map"], "map: is not a recording: it holds no .mcap or .db3 file"),
+    ],
+)  # fmt: skip
+def test_other_unusable_files(
+    usmap: Run, recorded: Path, arguments: list[str], message: str
+) -> None:
+    assert_refused(usmap(*arguments, cwd=recorded), message)
+
+
+def test_a_truth_with_other_cells(usmap: Run, workspace: Path) -> None:
+    usmap("map", "bag", "-o", "coarse", "--resolution", "0.1", cwd=workspace)
+    done = usmap("evaluate", "coarse", "--truth", "truth.yaml", cwd=workspace)
+    assert_refused(
+        done,
+        "truth.yaml: does not fit coarse: the map's cells are 0.1 m and the truth's 0.05 m",
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["fly"],
+        ["map"],
+        ["map", "bag"],
+        ["map", "bag", "-o", "m", "--resolution", "coarse"],
+        ["map", "bag", "-o", "m", "--resolution", "-1"],
+        ["map", "bag", "-o", "m", "--set", "resolution"],
+        ["map", "bag", "-o", "m", "--set", "mapping.resolution=0.1"],
+        ["evaluate", "map"],
+        ["plot", "bag", "-o", "p.png", "--ping", "-1"],
+        ["simulate", "scenario.yaml", "-o", "b", "--compression", "rar"],
+    ],
+)
+def test_wrong_usage(usmap: Run, recorded: Path, arguments: list[str]) -> None:
+    done = usmap(*arguments, cwd=recorded)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr

@@ -191,9 +191,9 @@ class DelayDomainOperator:
         first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)
         rows = first + np.arange(self._polyphase.shape[1])[:, np.newaxis]
         values = profile(start_s + rows / rate_hz - delays_s)
-        values[(rows < 0) | (rows >= self.sample_count)] = 0.0
+        row, column = np.nonzero((rows >= 0) & (rows < self.sample_count))
         columns = np.zeros((self.sample_count, len(delays_s)))
-        columns[np.clip(rows, 0, self.sample_count - 1), np.arange(len(delays_s))] += values
+        columns[rows[row, column], column] = values[row, column]
         return columns
 
     @property
@@ -237,7 +237,8 @@ class DelayDomainOperator:
         )
         # A point at the transducer itself would return an infinite echo.
         nearest_m = max(min_range_m, self.range_step_m)
-        first = np.ceil((2.0 * nearest_m / speed - self._grid_start_s) / self.delay_step_s)
+        first_delay_s = max(2.0 * nearest_m / speed, self.sampling.start_delay_s)
+        first = np.ceil((first_delay_s - self._grid_start_s) / self.delay_step_s - 1e-6)
         last_delay_s = min(2.0 * max_range_m / speed, end_s)
         last = np.floor((last_delay_s - self._grid_start_s) / self.delay_step_s + 1e-6)
         delays_s = self._grid_start_s + np.arange(first, last + 1.0) * self.delay_step_s

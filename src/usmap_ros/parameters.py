@@ -69,6 +69,12 @@ class ReconstructionParameters(ParameterGroup):
         gt=0.0,
         le=100.0,
     )
+    interference: float = quantity(
+        1.0,
+        "Uncertainty of an amplitude, relative to the echoes that overlap with it.",
+        ge=0.0,
+        le=10.0,
+    )
     max_iterations: int = quantity(20, "CoSaMP iterations in one round.", ge=1, le=1000)
     limit_step_m: float = quantity(
         0.025, "Range bins in which the detection limit is reported.", "m", ge=0.001, le=1.0
@@ -93,7 +99,7 @@ class MappingParameters(ParameterGroup):
         0.001, "Probability that a cell of which nothing is known is occupied.", gt=0.0, lt=1.0
     )
     least_log_odds: float = quantity(-10.0, "Lower clamp of a cell's log-odds.", ge=-50.0, lt=0.0)
-    greatest_log_odds: float = quantity(8.0, "Upper clamp of a cell's log-odds.", gt=0.0, le=50.0)
+    greatest_log_odds: float = quantity(2.5, "Upper clamp of a cell's log-odds.", gt=0.0, le=50.0)
     reflectivity: float = quantity(
         0.5, "Median reflectivity expected of an object.", gt=0.0, le=10.0
     )
@@ -101,7 +107,7 @@ class MappingParameters(ParameterGroup):
         0.9, "Standard deviation of ln reflectivity from object to object.", gt=0.0, le=5.0
     )
     fluctuation: float = quantity(
-        0.4, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
+        0.2, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
     )
     audibility: float = quantity(
         0.95, "Probability that a loud enough object in the clear is heard.", gt=0.0, lt=1.0

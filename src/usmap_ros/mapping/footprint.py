@@ -27,6 +27,9 @@ class Footprint:
         Of the centre off the beam axis.
     half_depth_m : array
         How far from the centre, along the ray, an object in the cell can stand.
+    taper_m : array
+        Length over which, at either end of that depth, the likelihood of a range falls off: a
+        square seen along its side has none, one seen across a corner tapers all the way.
     range_std_m : array
         Standard deviation of the range that the pose's covariance causes.
     bearing_std_rad : array
@@ -40,6 +43,7 @@ class Footprint:
     range_m: FloatArray
     bearing_rad: FloatArray
     half_depth_m: FloatArray
+    taper_m: FloatArray
     range_std_m: FloatArray
     bearing_std_rad: FloatArray
     log_unit_amplitude: FloatArray
@@ -76,6 +80,7 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
         range_m=range_m,
         bearing_rad=bearing_rad,
         half_depth_m=0.5 * resolution_m * (np.abs(cosine) + np.abs(sine)),
+        taper_m=resolution_m * np.minimum(np.abs(cosine), np.abs(sine)),
         range_std_m=range_std_m,
         bearing_std_rad=bearing_std_rad,
         log_unit_amplitude=log_unit_amplitude,

@@ -77,10 +77,13 @@ class NoisyOrFusion:
             If the cone's frame is not the map's.
         """
         self._check_frame(cone)
-        look = self._hear(cone)
+        look,rest = self._hear(cone)
         self._weigh(look)
+        cells,slots,bound,quiet=rest
+        audibility = self.parameters.audibility * self._visibility(cells, slots)
+        self._free(slots[quiet], bound[quiet], audibility[quiet])
         self._window.append(look)
-        for _ in range(min(self.parameters.revisits, len(self._window) - 1)):
+        for _ in range(self.parameters.revisits):
             self._next_revisit = (self._next_revisit + 1) % len(self._window)
             self._weigh(self._window[self._next_revisit])
 
@@ -117,18 +120,17 @@ class NoisyOrFusion:
         parameters = self.parameters
         cells = footprint(cone, parameters.resolution_m)
         slots = self._grid.slots(cells.rows, cells.columns)
-        ring = find_ring(cone, cells, parameters.range_error_m, parameters.fluctuation)
+        ring = find_ring(cone, cells, parameters.range_error_m, parameters.fluctuation, parameters.clutter)
         bound = np.log(_limit_at(cone, cells)) - cells.log_unit_amplitude
         audibility = parameters.audibility * self._visibility(cells, slots)
 
         quiet = np.ones(len(slots), dtype=bool)
         quiet[ring.cells] = False
-        self._free(slots[quiet], bound[quiet], audibility[quiet])
         on_ring = ring.cells
         nothing = np.zeros(len(on_ring))
         return _Look(
             slots[on_ring], ring, bound[on_ring], audibility[on_ring], nothing, nothing, nothing
-        )
+        ),(cells,slots,bound,quiet)
 
     def _free(self, slots: IndexArray, bound: FloatArray, audibility: FloatArray) -> None:
         heard_nothing = silence(
@@ -148,7 +150,7 @@ class NoisyOrFusion:
         belief = self._belief(slots, look.precision, look.information)
         quiet = silence(belief, look.bound, look.audibility, parameters.fluctuation)
         evidence = ring_evidence(
-            look.ring, expit(without), belief, quiet, look.audibility, parameters.clutter
+            look.ring, expit(without), belief, quiet, look.audibility
         )
         updated = self._clamped(without + evidence.log_ratio)
         log_odds[slots] = updated

@@ -39,6 +39,8 @@ class Ring:
         ln s that the echo's amplitude would mean, had it come from the cell.
     variance : (pairs,) array
         Of `log_reflectivity`: noise of the amplitude and fluctuation from look to look.
+    clutter : (pairs,) array
+        Likelihood that the echo comes from no cell, relative to that of a perfect fit.
     echo_count : int
         Echoes in the cone.
     """
@@ -49,11 +51,12 @@ class Ring:
     range_fit: FloatArray
     log_reflectivity: FloatArray
     variance: FloatArray
+    clutter: FloatArray
     echo_count: int
 
 
 def find_ring(
-    cone: EchoCone, footprint: Footprint, range_error_m: float, fluctuation: float
+    cone: EchoCone, footprint: Footprint, range_error_m: float, fluctuation: float, clutter: float
 ) -> Ring:
     """Pair every echo with the cells whose range it fits.
 
@@ -67,6 +70,9 @@ def find_ring(
         Standard deviation of range for causes that neither cone nor pose states.
     fluctuation : float
         Standard deviation of ln s from look to look.
+    clutter : float
+        Likelihood of an echo that comes from no cell, relative to that of a perfect fit, where
+        the echo's amplitude is known exactly.
     """
     reach_m = footprint.half_depth_m + RING_DEVIATIONS * np.hypot(
         footprint.range_std_m, range_error_m
@@ -85,18 +91,36 @@ def find_ring(
         + cone.range_stds_m[echo].astype(float) ** 2
         + range_error_m**2
     )
-    depth_m = footprint.half_depth_m[place]
     amplitude_std = cone.amplitude_stds[echo].astype(float)
     amplitude = np.maximum(cone.amplitudes[echo], LEAST_AMPLITUDE * amplitude_std)
+    variance = (amplitude_std / amplitude) ** 2 + fluctuation**2
     return Ring(
         cells=cells,
         cell=cell,
         echo=echo,
-        range_fit=ndtr((offset_m + depth_m) / std_m) - ndtr((offset_m - depth_m) / std_m),
+        range_fit=_range_fit(offset_m, footprint.half_depth_m[place], footprint.taper_m[place], std_m),
         log_reflectivity=np.log(amplitude) - footprint.log_unit_amplitude[place],
-        variance=(amplitude_std / amplitude) ** 2 + fluctuation**2,
+        variance=variance,
+        # The vaguer an amplitude, the lower the likelihood of the best fit to it.
+        clutter=clutter * np.sqrt(variance) / fluctuation,
         echo_count=len(cone.ranges_m),
     )
+
+
+def _range_fit(
+    offset_m: FloatArray, half_depth_m: FloatArray, taper_m: FloatArray, std_m: FloatArray
+) -> FloatArray:
+    """Likelihood of a range offset for an object anywhere in a square cell, 1 at its best.
+
+    The projection of a square on a ray is a trapezoid: a box smeared over the taper, for which
+    a mean over three places stands.
+    """
+    plateau_m = half_depth_m - 0.5 * taper_m
+    fit = np.zeros_like(offset_m)
+    for place in (-1.0 / 3.0, 0.0, 1.0 / 3.0):
+        shifted_m = offset_m + place * taper_m
+        fit += ndtr((shifted_m + plateau_m) / std_m) - ndtr((shifted_m - plateau_m) / std_m)
+    return fit / 3.0
 
 
 @dataclass(frozen=True)
@@ -122,7 +146,6 @@ def ring_evidence(
     belief: LogReflectivity,
     quiet: Silence,
     audibility: FloatArray,
-    clutter: float,
 ) -> RingEvidence:
     """Messages from the echoes to the cells of their rings.
 
@@ -144,8 +167,6 @@ def ring_evidence(
         What the cells would be told, had they not been heard.
     audibility : (ring cells,) array
         Probability that a loud enough object is heard at all.
-    clutter : float
-        Likelihood λ of an echo that comes from no cell, relative to that of a perfect fit.
     """
     cell, echo, count = ring.cell, ring.echo, len(ring.cells)
     spread = belief.variance[cell] + ring.variance
@@ -159,7 +180,7 @@ def ring_evidence(
     not_returned = np.log1p(-probability[cell] * returned)
     by_echo = np.bincount(echo, not_returned, ring.echo_count)
     unexplained = np.exp(by_echo[echo] - not_returned)
-    otherwise = clutter + 1.0 - unexplained
+    otherwise = ring.clutter + 1.0 - unexplained
     unnoticed = quiet.log_ratio[cell]
     occupied = otherwise * np.exp(unnoticed) + unexplained * returned
     gain = np.log(occupied / otherwise) - unnoticed

@@ -25,6 +25,8 @@ TAPS_PER_SAMPLE = 8
 PASS_BAND = 0.8
 #: Points a raw sample at which the filtered pulse is tabulated.
 TABLE_POINTS = 4
+#: Points at which the overlap of two echoes is tabulated.
+LAGS = 257
 #: Mean and standard deviation of the modulus of complex noise of RMS 1 (Rayleigh).
 RAYLEIGH_MEAN = float(np.sqrt(np.pi) / 2.0)
 RAYLEIGH_STD = float(np.sqrt(1.0 - np.pi / 4.0))
@@ -65,10 +67,24 @@ class Template:
         step_s = self.duration_s * 1e-4
         return (self(time_s + step_s) - self(time_s - step_s)) / (2.0 * step_s)
 
+    def overlap(self, delay_s: FloatArray) -> FloatArray:
+        """Correlation of two echoes whose delays differ by `delay_s`, 1 at 0."""
+        lags_s, correlation = _autocorrelation(self)
+        return np.interp(delay_s, lags_s, correlation)
+
     @property
     def is_smooth(self) -> bool:
         """Whether a delay can be told finer than a sample from it."""
         return self.table is not None or self.pulse.shape is PulseShape.HANN_BURST
+
+
+@lru_cache(maxsize=16)
+def _autocorrelation(template: Template) -> tuple[FloatArray, FloatArray]:
+    """Lags from 0 to the template's length, and its normalised autocorrelation there."""
+    time_s = np.linspace(template.start_s, template.start_s + template.duration_s, LAGS)
+    values = template(time_s)
+    correlation = np.correlate(values, values, mode="full")[LAGS - 1 :]
+    return time_s - template.start_s, correlation / correlation[0]
 
 
 @dataclass(frozen=True)

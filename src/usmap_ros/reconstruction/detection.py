@@ -58,6 +58,20 @@ def unreported(
     return scores / operator.unit_norms
 
 
+def crowding(
+    operator: DelayDomainOperator, support: IndexArray, amplitudes: FloatArray
+) -> FloatArray:
+    """Loudness of the other echoes as far as they overlap with each, shape (echoes,).
+
+    Overlapping echoes interfere, and what is taken for one echo may be several that could not
+    be told apart: an amplitude is uncertain by a share of theirs.
+    """
+    delays_s = operator.delays_s(support)[:, 0]
+    overlap = operator.template.overlap(np.abs(delays_s[:, np.newaxis] - delays_s))
+    np.fill_diagonal(overlap, 0.0)
+    return np.sqrt((overlap**2) @ (amplitudes**2))
+
+
 def binned_maximum(
     values: FloatArray, ranges_m: FloatArray, start_m: float, step_m: float, stop_m: float
 ) -> FloatArray:

@@ -15,6 +15,7 @@ from usmap_ros.reconstruction.cosamp import Solution, cosamp
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
 from usmap_ros.reconstruction.detection import (
     binned_maximum,
+    crowding,
     loudness,
     noise_thresholds,
     unreported,
@@ -160,6 +161,11 @@ def _cone(
         limits, operator.ranges_m, minimum_m, parameters.limit_step_m, maximum_m
     )
     ranges_m = operator.block_ranges_m(support)
+    amplitudes = echo_scores / unit_norms
+    amplitude_stds = np.hypot(
+        baseband.noise_std / unit_norms,
+        parameters.interference * crowding(operator, support, amplitudes),
+    )
     order = np.argsort(ranges_m)
     signal_norm = float(np.linalg.norm(baseband.signal))
     return EchoCone(
@@ -171,9 +177,9 @@ def _cone(
         attenuation_db_m=trace.channel.attenuation_db_m,
         ranges_m=ranges_m[order].astype(np.float32),
         range_stds_m=(0.5 * trace.channel.sound_speed_m_s * delay_std_s)[order].astype(np.float32),
-        amplitudes=(echo_scores / unit_norms)[order].astype(np.float32),
-        amplitude_stds=(baseband.noise_std / unit_norms)[order].astype(np.float32),
-        limit_step_m=parameters.limit_step_m,
+        amplitudes=amplitudes[order].astype(np.float32),
+        amplitude_stds=amplitude_stds[order].astype(np.float32),
+        limit_step_m=float(np.float32(parameters.limit_step_m)),
         detection_limits=encode_limits(binned),
         residual=solution.residual_norm / signal_norm if signal_norm > 0.0 else 0.0,
     )

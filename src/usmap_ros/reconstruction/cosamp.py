@@ -97,14 +97,15 @@ def cosamp(
     non_negative : bool
         Fit with coefficients that are real and not negative.
     warm_start : (n,) array, optional
-        Support to start from, n ≤ `sparsity`.
+        Support to start from; of it no more is kept than the thresholds and `sparsity` allow.
     max_iterations : int
         Iterations at most.
 
     Returns
     -------
     Solution
-        Never more than `sparsity` blocks; the residual is never larger than that of the start.
+        Never more than `sparsity` blocks; the residual is never larger than that of what is
+        kept of the start.
 
     Raises
     ------
@@ -115,7 +116,10 @@ def cosamp(
     fit = Fit(operator, signal, non_negative)
     limits = np.broadcast_to(np.asarray(thresholds, dtype=float), (operator.block_count,))
     start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
-    best = fit.on(start[:sparsity], 0, Halt.ITERATIONS)
+    best = fit.on(start, 0, Halt.ITERATIONS)
+    kept = _prune(operator, best, limits, sparsity)
+    if len(kept) < len(start):
+        best = fit.on(kept, 0, Halt.ITERATIONS)
     if not np.any(signal):
         return best.halted(Halt.SILENCE)
     for iteration in range(1, max_iterations + 1):

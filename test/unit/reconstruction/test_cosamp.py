@@ -112,6 +112,21 @@ def test_wrong_warm_start_is_given_up(operator, sparse_vector):
     np.testing.assert_array_equal(solution.support, np.flatnonzero(sparse_vector))
 
 
+def test_what_is_too_weak_in_a_warm_start_is_not_kept(operator):
+    signal = 5.0 * operator.matrix[:, 30] + 1e-3 * operator.matrix[:, 60]
+    start = np.array([30, 60, 90])
+    solution = cosamp(operator, signal, 4, thresholds=0.1, warm_start=start)
+
+    np.testing.assert_array_equal(solution.support, [30])
+
+
+def test_warm_start_beyond_the_sparsity_keeps_the_strongest(operator, sparse_vector):
+    signal = operator.matrix @ sparse_vector
+    solution = cosamp(operator, signal, 2, warm_start=np.flatnonzero(sparse_vector))
+
+    np.testing.assert_array_equal(solution.support, [40, 99])
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_signal_that_is_not_finite_is_refused(operator, value):
     signal = np.zeros(80)

@@ -98,7 +98,8 @@ class Baseband:
     sample_rate_hz, start_delay_s : float
         Where its samples lie.
     noise_std : float
-        Standard deviation of the noise in `signal` (of the complex value, where complex).
+        Standard deviation of the noise in `signal` (of the complex value, where complex), or of
+        white noise as dense as it is within the pulse's band.
     noise_skewness : float
         Third standardised moment of the noise: 0 unless the trace is an envelope.
     template : Template
@@ -165,8 +166,11 @@ def _demodulated(trace: EchoTrace) -> Baseband:
     phase = 2.0 * np.pi * pulse.carrier_hz * trace.sample_times_s()
     mixed = 2.0 * trace.signal() * np.exp(-1j * phase)
     filtered = upfirdn(taps, mixed, up=1, down=decimation)
-    gain = 2.0 * float(np.sqrt(np.sum(taps**2)))
-    noise_std = trace.noise_std * gain or _estimate_noise(filtered)
+    # The low-pass takes the edges of the band from the noise, where the pulse has nothing: what
+    # is left is as dense as white noise that is stronger by this factor.
+    passed = float(np.sqrt(decimation * np.sum(taps**2)))
+    gain = 2.0 / float(np.sqrt(decimation))
+    noise_std = trace.noise_std * gain or _estimate_noise(filtered) / passed
     return Baseband(
         signal=filtered,
         sample_rate_hz=rate_hz / decimation,

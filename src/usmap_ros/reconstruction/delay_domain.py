@@ -218,13 +218,23 @@ class DelayDomainOperator:
     def _grid_start_s(self) -> float:
         """Delay of the first grid point, from which on a template reaches the first sample."""
         taps_before = self._polyphase.shape[1] - 1
-        return self.sampling.start_delay_s - taps_before / self.sampling.sample_rate_hz
+        start_s = self.sampling.start_delay_s - taps_before / self.sampling.sample_rate_hz
+        return start_s + self._grid_offset_s
+
+    @property
+    def _grid_offset_s(self) -> float:
+        """Delay of the grid behind the samples.
+
+        The edge of a pulse never falls on a sample exactly, so that the grid avoids the samples
+        where edges are sharp: there it would take one sample too many for a part of the pulse.
+        """
+        return 0.0 if self.template.is_smooth else 0.5 * self.delay_step_s
 
     def _sampled_template(self) -> FloatArray:
         """Template at every sub-sample delay, shape (oversampling, taps)."""
         rate_hz = self.sampling.sample_rate_hz
         taps = int(np.ceil(self.template.duration_s * rate_hz)) + 2
-        delay_s = np.arange(self.oversampling) * self.delay_step_s
+        delay_s = self._grid_offset_s + np.arange(self.oversampling) * self.delay_step_s
         return self.template(np.arange(taps) / rate_hz - delay_s[:, np.newaxis])
 
     def _block_ranges(self, min_range_m: float, max_range_m: float) -> FloatArray:

@@ -110,7 +110,7 @@ def _operator(
         trace.channel,
         trace.transducer.min_range_m,
         trace.transducer.max_range_m,
-        parameters.oversampling if baseband.template.is_smooth else 1,
+        parameters.oversampling,
         parameters.exclusion * trace.transducer.pulse.duration_s,
     )
 

@@ -43,13 +43,17 @@ def test_raw_trace_is_decimated_but_keeps_samples_on_the_pulse(hear):
 
 
 @pytest.mark.parametrize("reception", RECEPTIONS)
-def test_noise_level_is_that_of_the_signal(hear, reception):
+def test_noise_level_is_that_behind_the_matched_filter(hear, reception):
+    heard = []
     for seed in range(3):
-        trace = hear([], reception=reception, noise_std=0.01, seed=seed)
-        baseband = to_baseband(trace)
-        inside = baseband.signal[10:-10]
-        assert baseband.noise_std == pytest.approx(np.std(inside), rel=0.15)
-        assert abs(np.mean(inside)) < 5.0 * baseband.noise_std / np.sqrt(len(inside))
+        baseband = to_baseband(hear([], reception=reception, noise_std=0.01, seed=seed))
+        template = baseband.template
+        times_s = np.arange(template.start_s, template.duration_s, 1.0 / baseband.sample_rate_hz)
+        shape = template(times_s) / np.linalg.norm(template(times_s))
+        heard.append(np.convolve(baseband.signal, shape, "valid") / baseband.noise_std)
+
+    assert np.std(heard) == pytest.approx(1.0, rel=0.1)
+    assert abs(np.mean(heard)) < 0.2
 
 
 @pytest.mark.parametrize("reception", RECEPTIONS)

@@ -125,7 +125,11 @@ def cosamp(
     for iteration in range(1, max_iterations + 1):
         if best.residual_norm <= tolerance:
             return best.halted(Halt.NOISE_LEVEL)
-        scores = operator.scores(operator.adjoint(best.residual))
+        proxy = operator.adjoint(best.residual)
+        if non_negative:
+            # What would need a negative coefficient cannot explain anything.
+            proxy = np.maximum(proxy.real, 0.0)
+        scores = operator.scores(proxy)
         found = strongest(operator, scores, limits, best.support, 2 * sparsity)
         if len(found) == 0:
             return best.halted(Halt.NOTHING_LEFT)

@@ -46,6 +46,13 @@ def test_non_negative_fit_of_a_complex_signal_is_real_and_not_negative(operator)
     np.testing.assert_allclose(solution.coefficients.sum(), 3.0, rtol=1e-6)
 
 
+def test_column_that_would_need_a_negative_coefficient_is_not_taken_up():
+    operator = MatrixOperator(np.array([[-2.0, 1.0, -1.0], [0.0, 0.5, 0.0]]))
+    solution = cosamp(operator, np.array([1.0, 0.0]), 1, non_negative=True)
+
+    np.testing.assert_array_equal(solution.support, [1])
+
+
 def test_silence(operator):
     solution = cosamp(operator, np.zeros(80), 5)
 

@@ -93,7 +93,8 @@ def test_echoes_before_a_late_start_are_not_reported(hear, reception):
 
     np.testing.assert_allclose(cone.ranges_m, ranges_m(POINTS)[1:], atol=0.002)
     unheard = cone.limit_amplitudes()[: int((1.0 - 0.2) / cone.limit_step_m)]
-    assert np.all(unheard == unheard.max()) and unheard[0] > 20.0
+    assert np.all(unheard == unheard.max())
+    assert unheard[0] > 20.0
 
 
 def test_saturated_echo_keeps_its_place(hear):

@@ -66,6 +66,8 @@ _STYLE: Any = {
     "lines.linewidth": 1.2,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
+    # Identifiers in an SVG would differ from run to run.
+    "svg.hashsalt": "usmap",
 }
 _DOTS_PER_INCH = 160
 

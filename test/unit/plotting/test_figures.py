@@ -1,0 +1,185 @@
+"""Pictures: what is drawn, not how it looks."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from PIL import Image
+
+from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.errors import FileError
+from usmap_ros.geometry import Pose
+from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
+from usmap_ros.io.map_files import RobotPaths
+from usmap_ros.mapping.candidates import candidate_cells
+from usmap_ros.parameters import MappingParameters, ReconstructionParameters
+from usmap_ros.plotting import (
+    cone_figure,
+    map_figure,
+    overview_figure,
+    save_figure,
+    trace_figure,
+)
+from usmap_ros.plotting.animation import MapFrame, save_animation
+from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct
+from usmap_ros.trace import EchoTrace, Encoding
+
+ECHO_RANGE_M = 2.0
+TRUTH = TruthMap(GridGeometry(0.05, (0.0, 0.0), (20, 20)), np.eye(20, dtype=np.bool_))
+
+
+@pytest.fixture(scope="module")
+def trace() -> EchoTrace:
+    """Give an I/Q trace of one echo from 2 m."""
+    pulse = Pulse(PulseShape.HANN_BURST, 50e3, 0.32e-3)
+    times_s = np.arange(750) / 25e3
+    noise = np.random.default_rng(0).standard_normal((2, 750)) * 0.005
+    signal = 0.25 * pulse.window(times_s - 2.0 * ECHO_RANGE_M / 343.0) + noise[0] + 1j * noise[1]
+    return EchoTrace(
+        stamp_ns=0,
+        frame_id="map",
+        child_frame_id="robot1/sonar",
+        pose=Pose.planar(0.5, 0.5, 0.3),
+        transducer=Transducer(
+            pulse, BeamPattern(np.array([0.0, 0.7]), np.array([1.0, 0.0])), 0.2, 5.0
+        ),
+        channel=Channel(343.0),
+        encoding=Encoding.IQ,
+        sample_rate_hz=25e3,
+        start_delay_s=0.0,
+        noise_std=0.007,
+        samples=signal.view(np.float64).astype(np.float32),
+    )
+
+
+@pytest.fixture(scope="module")
+def reconstruction(trace: EchoTrace) -> Reconstruction:
+    return reconstruct(trace, ReconstructionParameters())
+
+
+@pytest.fixture
+def occupancy() -> OccupancyMap:
+    log_odds = np.full((20, 30), -3.0, dtype=np.float32)
+    log_odds[5, 7] = 3.0
+    observed = np.ones((20, 30), dtype=np.bool_)
+    observed[:, 25:] = False
+    return OccupancyMap(GridGeometry(0.05, (0.0, 0.0), (20, 30)), log_odds, observed, "map")
+
+
+def legend_of(axes: Axes) -> set[str]:
+    return set(axes.get_legend_handles_labels()[1])
+
+
+def labelled(axes: Axes) -> bool:
+    return bool(axes.get_xlabel() and axes.get_ylabel())
+
+
+def test_a_trace_is_drawn_with_its_reconstruction_and_residual(
+    trace: EchoTrace, reconstruction: Reconstruction
+) -> None:
+    upper, lower = trace_figure(trace, reconstruction).axes
+    assert legend_of(upper) == {"received", "reconstructed", "detection limit", "1 echo"}
+    assert legend_of(lower) == {"residual", "receiver noise"}
+    assert lower.get_xlabel() == "range (m)"
+    # The reconstructed echo peaks where the object is.
+    (reconstructed,) = [line for line in upper.lines if line.get_label() == "reconstructed"]
+    peak = np.argmax(reconstructed.get_ydata())
+    assert reconstructed.get_xdata()[peak] == pytest.approx(ECHO_RANGE_M, abs=0.01)
+
+
+def test_a_cone_is_drawn_with_its_candidates(reconstruction: Reconstruction) -> None:
+    cone = reconstruction.cone
+    candidates = candidate_cells(cone, MappingParameters())
+    axes, bar = cone_figure(cone, candidates, TRUTH).axes
+    assert legend_of(axes) == {"range of an echo", "truth, within one cell", "transducer"}
+    assert labelled(axes)
+    assert axes.get_aspect() == 1.0
+    assert bar.get_ylabel().startswith("likelihood")
+    (image,) = axes.images
+    drawn = np.ma.filled(image.get_array(), np.nan)
+    assert np.count_nonzero(np.isfinite(drawn)) == len(candidates.likelihood) > 0
+
+
+def test_candidates_lie_at_the_range_of_their_echo(reconstruction: Reconstruction) -> None:
+    cone = reconstruction.cone
+    candidates = candidate_cells(cone, MappingParameters())
+    ranges_m = np.hypot(*(candidates.centers_m - cone.pose.position_m[:2]).T)
+    np.testing.assert_allclose(ranges_m, ECHO_RANGE_M, atol=0.06)
+    assert candidates.likelihood.max() == 1.0
+
+
+def test_a_cone_without_echoes_can_be_drawn(reconstruction: Reconstruction) -> None:
+    nothing = np.zeros(0, dtype=np.float32)
+    silent = replace(
+        reconstruction.cone, ranges_m=nothing, range_stds_m=nothing, amplitudes=nothing,
+        amplitude_stds=nothing,
+    )  # fmt: skip
+    axes, _ = cone_figure(silent, candidate_cells(silent, MappingParameters())).axes
+    assert axes.get_title(loc="left").endswith("0 echoes")
+
+
+def test_an_overview_has_all_of_it(trace: EchoTrace, reconstruction: Reconstruction) -> None:
+    candidates = candidate_cells(reconstruction.cone, MappingParameters())
+    figure = overview_figure(trace, reconstruction, candidates, TRUTH)
+    assert len([axes for part in figure.subfigs for axes in part.axes]) == 4
+
+
+def test_a_map_is_drawn_with_paths_and_truth(occupancy: OccupancyMap) -> None:
+    paths = RobotPaths({"/robot1/echo": [(0.1, 0.1), (3.0, 0.2)]})
+    figure = map_figure(occupancy, paths, TRUTH, title="Room")
+    axes, _ = figure.axes
+    assert legend_of(axes) == {"truth, within one cell", "/robot1/echo"}
+    assert labelled(axes)
+    # The path leads out of the map, and is seen all the same.
+    assert axes.get_xlim()[1] > 3.0
+    drawn = axes.images[0].get_array()
+    assert np.ma.getmaskarray(np.ma.masked_invalid(drawn))[:, 25:].all()
+
+
+def test_drawing_changes_no_global_settings(occupancy: OccupancyMap) -> None:
+    before = dict(mpl.rcParams)
+    map_figure(occupancy)
+    assert dict(mpl.rcParams) == before
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_the_same_picture_gives_the_same_bytes(
+    occupancy: OccupancyMap, tmp_path: Path, suffix: str
+) -> None:
+    contents = []
+    for name in ("one", "two"):
+        save_figure(map_figure(occupancy), tmp_path / f"{name}.{suffix}")
+        contents.append((tmp_path / f"{name}.{suffix}").read_bytes())
+    assert contents[0] == contents[1]
+
+
+def test_a_kind_of_picture_that_is_none_is_refused(occupancy: OccupancyMap, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="has a suffix that is no kind of picture"):
+        save_figure(map_figure(occupancy), tmp_path / "map.docx")
+
+
+def test_a_folder_that_is_missing_is_told(occupancy: OccupancyMap, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be written: No such file or directory"):
+        save_figure(map_figure(occupancy), tmp_path / "none" / "map.png")
+
+
+def test_an_animation_shows_every_frame(
+    occupancy: OccupancyMap, reconstruction: Reconstruction, tmp_path: Path
+) -> None:
+    empty = replace(occupancy, observed=np.zeros_like(occupancy.observed))
+    cones = {"/echo": reconstruction.cone}
+    frames = [
+        MapFrame(empty, cones, {"/echo": 1}, 0),
+        MapFrame(occupancy, cones, {"/echo": 2}, 1_000_000_000),
+    ]
+    paths = RobotPaths({"/echo": [(0.5, 0.5), (0.6, 0.5)]})
+    save_animation(frames, paths, tmp_path / "map.gif")
+    with Image.open(tmp_path / "map.gif") as animation:
+        assert animation.n_frames == 2
+        assert animation.info["loop"] == 0

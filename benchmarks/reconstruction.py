@@ -1,0 +1,111 @@
+"""How long reconstruction takes, beside the paper's way on the same traces.
+
+The paper's way is to build the sensing matrix, dense and complex, and to run ten iterations of
+CoSaMP on it, as they are defined: every sample of every column, and Φ q with the whole of Φ.
+Both run on one core, turn by turn, and what counts is the processor's time, so that whatever
+else the machine does changes little.
+"""
+
+from __future__ import annotations
+
+import time
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.reconstruction.cell_dictionary import ConeCells
+from usmap_ros.reconstruction.cells import reconstruct_cells
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.trace import EchoTrace
+
+SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
+CELL_M = 0.05
+ITERATIONS = 10
+SPARSITY = 15
+ComplexArray = NDArray[np.complex128]
+
+
+def run(pings: int = 60, dense_pings: int = 5) -> dict[str, Any]:
+    """Measure; the times are medians in milliseconds a ping."""
+    scenario = Scenario.load(SCENARIO)
+    traces = [trace for _, trace in islice(simulate(scenario), pings)]
+    parameters = ReconstructionParameters()
+    for trace in traces[:5]:
+        reconstruct(trace, parameters)
+    delay_domain, build, solve, cells = [], [], [], []
+    every = max(1, pings // dense_pings)
+    for number, trace in enumerate(traces):
+        delay_domain.append(_milliseconds(lambda trace=trace: reconstruct(trace, parameters)))
+        if number % every == 0:
+            build_ms, solve_ms, shape = dense(trace)
+            build.append(build_ms)
+            solve.append(solve_ms)
+            cells.append(_milliseconds(lambda trace=trace: paper(trace)))
+    ours, theirs = float(np.median(delay_domain)), float(np.median(np.add(build, solve)))
+    return {
+        "pings": pings,
+        "dense_pings": len(build),
+        "samples": shape[0],
+        "cells": shape[1],
+        "delay_domain_ms": ours,
+        "delay_domain_90_percent_ms": float(np.quantile(delay_domain, 0.9)),
+        "dense_build_ms": float(np.median(build)),
+        "dense_cosamp_ms": float(np.median(solve)),
+        "sparse_cells_ms": float(np.median(cells)),
+        "times_faster_than_dense": theirs / ours,
+    }
+
+
+def paper(trace: EchoTrace) -> None:
+    """Run the product's own version of the paper's method, on a sparse matrix."""
+    parameters = ReconstructionParameters(
+        dictionary="cells", cell_size_m=CELL_M, sparsity=SPARSITY, max_iterations=ITERATIONS
+    )
+    reconstruct_cells(trace, parameters)
+
+
+def dense(trace: EchoTrace) -> tuple[float, float, tuple[int, int]]:
+    """Milliseconds to build Φ and to run CoSaMP on it, and the shape of Φ."""
+    cells = ConeCells.seen(trace.pose, trace.transducer, CELL_M)
+    started = time.process_time()
+    matrix = sensing_matrix(trace, cells)
+    built = time.process_time()
+    dense_cosamp(matrix, trace.signal())
+    solved = time.process_time()
+    return 1e3 * (built - started), 1e3 * (solved - built), matrix.shape
+
+
+def sensing_matrix(trace: EchoTrace, cells: ConeCells) -> ComplexArray:
+    """Build Φ of an I/Q trace as its definition reads: every pulse at every sample."""
+    pulse, delays_s = trace.transducer.pulse, trace.channel.delays_s(cells.ranges_m)[:, 0]
+    amplitudes = cells.gains * trace.channel.amplitudes(cells.ranges_m)[:, 0]
+    carrier = amplitudes * np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)
+    return pulse.window(trace.sample_times_s()[:, np.newaxis] - delays_s) * carrier
+
+
+def dense_cosamp(matrix: ComplexArray, signal: ComplexArray) -> ComplexArray:
+    """Run the given number of CoSaMP iterations of Needell & Tropp (2009), algorithm 2.1."""
+    coefficients = np.zeros(matrix.shape[1], dtype=complex)
+    residual = signal
+    adjoint = matrix.conj().T
+    for _ in range(ITERATIONS):
+        proxy = np.abs(adjoint @ residual)
+        found = np.argpartition(-proxy, 2 * SPARSITY)[: 2 * SPARSITY]
+        merged = np.union1d(np.flatnonzero(coefficients), found)
+        fitted = np.linalg.lstsq(matrix[:, merged], signal, rcond=None)[0]
+        order = np.argsort(-np.abs(fitted))[:SPARSITY]
+        coefficients[:] = 0.0
+        coefficients[merged[order]] = fitted[order]
+        residual = signal - matrix @ coefficients
+    return coefficients
+
+
+def _milliseconds(call: Any) -> float:
+    started = time.process_time()
+    call()
+    return 1e3 * (time.process_time() - started)

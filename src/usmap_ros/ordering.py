@@ -1,0 +1,140 @@
+"""Messages of several sources in the order of their stamps, within a bounded wait."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+_Item = TypeVar("_Item")
+
+
+@dataclass(order=True)
+class _Entry(Generic[_Item]):
+    """An item in the heap; those with the same stamp come in the order of their sources."""
+
+    stamp_ns: int
+    source: str
+    number: int
+    item: _Item = field(compare=False)
+    received_s: float = field(compare=False)
+    is_out: bool = field(compare=False, default=False)
+
+
+@dataclass
+class _Source:
+    """What is known of a source: its latest stamp, and whether others wait for it."""
+
+    latest_ns: int | None = None
+    is_waited_for: bool = True
+
+
+class StampOrder(Generic[_Item]):
+    """Releases items in the order of their stamps, ties in the order of their sources' names.
+
+    An item is released as soon as every source that is waited for has sent one at least as new,
+    since each source sends in order.  A source that stays silent holds the others up once, for
+    `wait_s` at most; it is waited for again when it speaks.
+
+    Nothing here asks for the time: callers pass a clock reading that never runs backwards.
+
+    Parameters
+    ----------
+    wait_s : float
+        Longest time that an item is held back.
+    capacity : int
+        Items held at most; beyond it the oldest is dropped.
+
+    Attributes
+    ----------
+    dropped : int
+        Items dropped because too many were held.
+    late : int
+        Items older than one that had been released before they came; they are released all the
+        same.
+    """
+
+    def __init__(self, wait_s: float, capacity: int) -> None:
+        self.wait_s = wait_s
+        self.capacity = capacity
+        self.dropped = 0
+        self.late = 0
+        self._heap: list[_Entry[_Item]] = []
+        self._arrivals: deque[_Entry[_Item]] = deque()
+        self._sources: dict[str, _Source] = {}
+        self._released_ns: int | None = None
+        self._numbers = itertools.count()
+
+    def __len__(self) -> int:
+        """Count the items held."""
+        return len(self._heap)
+
+    def add_source(self, source: str) -> None:
+        """Wait for a source from now on, even before it has sent anything."""
+        self._sources.setdefault(source, _Source())
+
+    def remove_source(self, source: str) -> None:
+        """Wait for a source no longer; its items stay."""
+        self._sources.pop(source, None)
+
+    def push(self, source: str, stamp_ns: int, item: _Item, now_s: float) -> None:
+        """Take an item that was received at `now_s`."""
+        known = self._sources.setdefault(source, _Source())
+        # The latest, not the greatest: a source whose clock was set back keeps its place.
+        known.latest_ns, known.is_waited_for = stamp_ns, True
+        if self._released_ns is not None and stamp_ns < self._released_ns:
+            self.late += 1
+        entry = _Entry(stamp_ns, source, next(self._numbers), item, now_s)
+        heapq.heappush(self._heap, entry)
+        self._arrivals.append(entry)
+        if len(self._heap) > self.capacity:
+            heapq.heappop(self._heap).is_out = True
+            self.dropped += 1
+
+    def pop(self, now_s: float) -> tuple[str, _Item] | None:
+        """Release the next item and its source, or nothing if it must still wait."""
+        if not self._heap:
+            return None
+        head = self._heap[0]
+        if not self._all_are_past(head.stamp_ns):
+            if self._oldest_arrival_s() + self.wait_s > now_s:
+                return None
+            self._give_up_on_those_before(head.stamp_ns)
+        heapq.heappop(self._heap)
+        head.is_out = True
+        self._released_ns = head.stamp_ns
+        return head.source, head.item
+
+    def due_in_s(self, now_s: float) -> float | None:
+        """How long until `pop` gives an item even if no more come; None: nothing is held."""
+        if not self._heap:
+            return None
+        if self._all_are_past(self._heap[0].stamp_ns):
+            return 0.0
+        return max(0.0, self._oldest_arrival_s() + self.wait_s - now_s)
+
+    def clear(self) -> None:
+        """Forget all items, and what was released; sources stay."""
+        self._heap.clear()
+        self._arrivals.clear()
+        self._released_ns = None
+
+    def _all_are_past(self, stamp_ns: int) -> bool:
+        return all(
+            source.latest_ns is not None and source.latest_ns >= stamp_ns
+            for source in self._sources.values()
+            if source.is_waited_for
+        )
+
+    def _oldest_arrival_s(self) -> float:
+        """When the item that is held the longest came; there must be one."""
+        while self._arrivals[0].is_out:
+            self._arrivals.popleft()
+        return self._arrivals[0].received_s
+
+    def _give_up_on_those_before(self, stamp_ns: int) -> None:
+        for source in self._sources.values():
+            if source.latest_ns is None or source.latest_ns < stamp_ns:
+                source.is_waited_for = False

@@ -10,12 +10,40 @@ cannot be true.
 
 from usmap_ros.io.conversions.common import MessageTypes
 from usmap_ros.io.conversions.cone import cone_from_message, cone_to_message
+from usmap_ros.io.conversions.grid import (
+    grid_from_message,
+    grid_to_message,
+    grid_update_to_message,
+    metadata_to_message,
+)
+from usmap_ros.io.conversions.odometry import (
+    odometry_from_message,
+    odometry_to_message,
+    transform_from_message,
+    transform_to_message,
+)
+from usmap_ros.io.conversions.sensors import (
+    points_from_message,
+    points_to_message,
+    range_to_message,
+)
 from usmap_ros.io.conversions.trace import trace_from_message, trace_to_message
 
 __all__ = [
     "MessageTypes",
     "cone_from_message",
     "cone_to_message",
+    "grid_from_message",
+    "grid_to_message",
+    "grid_update_to_message",
+    "metadata_to_message",
+    "odometry_from_message",
+    "odometry_to_message",
+    "points_from_message",
+    "points_to_message",
+    "range_to_message",
     "trace_from_message",
     "trace_to_message",
+    "transform_from_message",
+    "transform_to_message",
 ]

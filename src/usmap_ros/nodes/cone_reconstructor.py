@@ -1,0 +1,138 @@
+"""Node that recovers the echoes in each trace."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+
+from usmap_ros.candidates import candidate_cells
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.io.conversions import cone_to_message, points_to_message, trace_from_message
+from usmap_ros.nodes.endpoints import advertise, subscribe, within
+from usmap_ros.nodes.health import Health
+from usmap_ros.nodes.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO
+from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.parameter_server import ParameterServer
+from usmap_ros.nodes.parameters import ConeReconstructorParameters
+from usmap_ros.nodes.run import run_node
+from usmap_ros.nodes.worker import Worker
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pipeline import Pipeline
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """Where the cones of one transducer go."""
+
+    cone: Any
+    cells: Any
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A trace that waits."""
+
+    channel: _Channel
+    message: Any
+    received_s: float
+
+
+class ConeReconstructor(Node):
+    """From ``echo`` to ``cone``: traces wait in a bounded queue for a thread that works on them.
+
+    Keyword arguments are those of `rclpy.node.Node`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(
+            CONE_RECONSTRUCTOR.name, automatically_declare_parameters_from_overrides=True, **options
+        )
+        self.parameters = ParameterServer(self, ConeReconstructorParameters)
+        self.parameters.on_change.append(self._renew_pipeline)
+        self._renew_pipeline()
+        self.health = Health(
+            self,
+            self.parameters.value.diagnostics_period_s,
+            ("received", "published", "malformed", "dropped", "failed"),
+        )
+        self._types = RosMessageTypes()
+        self._queue: deque[_Job] = deque()
+        self._worker = Worker(self, self._step)
+        for transducer in self.parameters.value.transducers or [""]:
+            self._connect(transducer)
+
+    def close(self) -> None:
+        """Finish the trace at hand, and destroy the node."""
+        self._worker.stop()
+        self.destroy_node()
+
+    def _connect(self, transducer: str) -> None:
+        channel = _Channel(
+            cone=advertise(self, CONE, within(transducer, CONE)),
+            cells=advertise(self, CONE_CELLS, within(transducer, CONE_CELLS)),
+        )
+        subscribe(
+            self, ECHO, lambda message: self._receive(channel, message), within(transducer, ECHO)
+        )
+
+    def _renew_pipeline(self) -> None:
+        parameters = PipelineParameters(reconstruction=self.parameters.value.reconstruction)
+        self._pipeline = Pipeline(parameters)
+
+    def _receive(self, channel: _Channel, message: Any) -> None:
+        self.health.received()
+        depth = self.parameters.value.queue_depth
+        while len(self._queue) >= depth:
+            self._queue.popleft()
+            self.health.problem(
+                "dropped", f"traces come faster than they are worked on; {depth} wait already"
+            )
+        self._queue.append(_Job(channel, message, time.monotonic()))
+        self._worker.wake()
+
+    def _step(self) -> float | None:
+        """Reconstruct the trace that has waited longest."""
+        try:
+            job = self._queue.popleft()
+        except IndexError:
+            return None
+        try:
+            cone = self._pipeline.reconstruct(trace_from_message(job.message))
+        except MalformedMessageError as error:
+            self.health.problem("malformed", str(error))
+        except Exception as error:  # One odd message must not end the others' mapping.
+            self.get_logger().error(traceback.format_exc())
+            self.health.problem("failed", repr(error), is_error=True)
+        else:
+            self._publish(job, cone)
+        return 0.0
+
+    def _publish(self, job: _Job, cone: EchoCone) -> None:
+        job.channel.cone.publish(cone_to_message(cone, self._types))
+        self.health.count("published")
+        self.health.latency(time.monotonic() - job.received_s)
+        if job.channel.cells.get_subscription_count():
+            job.channel.cells.publish(self._cells_message(cone))
+
+    def _cells_message(self, cone: EchoCone) -> Any:
+        parameters = self.parameters.value
+        cells = candidate_cells(cone, parameters.cell_resolution_m, parameters.greatest_coefficient)
+        columns = {
+            "x": cells.x_m, "y": cells.y_m, "z": cells.z_m, "coefficient": cells.coefficient
+        }  # fmt: skip
+        return points_to_message(columns, cone.frame_id, cone.stamp_ns, self._types)
+
+
+def main() -> None:
+    """Run the node."""
+    run_node(ConeReconstructor)
+
+
+if __name__ == "__main__":
+    main()

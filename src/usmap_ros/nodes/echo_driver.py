@@ -1,0 +1,185 @@
+"""Node that simulates the transducers of one robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+
+from usmap_ros.errors import ConfigurationError, MalformedMessageError
+from usmap_ros.geometry import Pose
+from usmap_ros.io.conversions import range_to_message, trace_to_message
+from usmap_ros.nodes.endpoints import advertise, within
+from usmap_ros.nodes.frames import Transforms
+from usmap_ros.nodes.health import Health
+from usmap_ros.nodes.interfaces import ECHO, ECHO_DRIVER, RANGE
+from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.parameter_server import ParameterServer
+from usmap_ros.nodes.parameters import EchoDriverParameters
+from usmap_ros.nodes.pose_sources import (
+    NoPoseError,
+    OdometryPose,
+    PathPose,
+    PoseSource,
+    TransformPose,
+)
+from usmap_ros.nodes.run import run_node
+from usmap_ros.pipeline import Pipeline
+from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
+from usmap_ros.simulation.simulator import SimulatedRobot
+from usmap_ros.trace import EchoTrace
+
+
+@dataclass
+class _Sonar:
+    """A transducer, where its messages go, and its noise."""
+
+    mounted: MountedTransducer
+    rng: np.random.Generator
+    echo: Any
+    range: Any
+    last_stamp_ns: int = -1
+
+
+class EchoDriver(Node):
+    """Publishes ``echo`` and ``range`` of a robot in a scenario's world.
+
+    Keyword arguments are those of `rclpy.node.Node`.
+
+    Raises
+    ------
+    UsmapError
+        If the scenario is unusable, or has no such robot.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(
+            ECHO_DRIVER.name, automatically_declare_parameters_from_overrides=True, **options
+        )
+        self.parameters = ParameterServer(self, EchoDriverParameters)
+        parameters = self.parameters.value
+        self.health = Health(
+            self,
+            parameters.diagnostics_period_s,
+            ("received", "malformed", "published", "without pose"),
+        )
+        self._types = RosMessageTypes()
+        self._pipeline = Pipeline()
+        scenario = self._load_scenario()
+        scene = scenario.scene()
+        robot = self._choose(scenario.fleet(scene))
+        self._world = scenario.frame_id
+        start_ns = round(parameters.start_time_s * 1e9) or self.get_clock().now().nanoseconds
+        self._simulator = EchoSimulator(scene, scenario.frame_id, start_ns)
+        self._transforms = self._make_transforms()
+        self._pose_source = self._make_pose_source(robot, start_ns)
+        self._sonars = cycle(self._make_sonars(robot))
+        rate_hz = parameters.ping_rate_hz or 1.0 / robot.ping_interval_s
+        # One at a time: transducers of one robot would hear one another.
+        self.create_timer(1.0 / (rate_hz * len(robot.transducers)), self._ping)
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self.destroy_node()
+
+    def _load_scenario(self) -> Scenario:
+        path = self.parameters.value.scenario
+        if not path:
+            raise ConfigurationError(
+                f"parameters of {self.get_fully_qualified_name()}", "scenario: is missing"
+            )
+        return Scenario.load(Path(path).expanduser())
+
+    def _choose(self, fleet: list[SimulatedRobot]) -> SimulatedRobot:
+        name = self.parameters.value.robot
+        for robot in fleet:
+            if name in ("", robot.name):
+                return robot
+        known = ", ".join(robot.name for robot in fleet)
+        raise ConfigurationError(
+            f"parameters of {self.get_fully_qualified_name()}",
+            f"robot: is {name!r}, the scenario has {known}",
+        )
+
+    def _make_transforms(self) -> Transforms | None:
+        """TF, if anything needs it."""
+        parameters = self.parameters.value
+        if parameters.pose_source != "tf" and not parameters.publish_tf:
+            return None
+        transforms = Transforms(self, "neither is the robot's pose taken from TF nor published")
+        if parameters.pose_source == "tf" and not transforms.is_available:
+            raise ConfigurationError(
+                f"parameters of {self.get_fully_qualified_name()}",
+                "pose_source: is 'tf', and tf2_ros is not installed; 'odometry' needs no TF",
+            )
+        return transforms
+
+    def _make_pose_source(self, robot: SimulatedRobot, start_ns: int) -> PoseSource:
+        parameters = self.parameters.value
+        if parameters.pose_source == "odometry":
+            return OdometryPose(self, self.health, parameters.pose_timeout_s)
+        if parameters.pose_source == "tf" and self._transforms is not None:
+            base_frame = parameters.base_frame or f"{robot.name}/base_link"
+            return TransformPose(
+                self._transforms, base_frame, self._world, parameters.pose_timeout_s
+            )
+        return PathPose(robot.motion, start_ns)
+
+    def _make_sonars(self, robot: SimulatedRobot) -> list[_Sonar]:
+        sonars = []
+        for mounted, seed in zip(robot.transducers, robot.noise_seeds, strict=True):
+            # The robot's name is the node's namespace; with several transducers each has its own.
+            is_alone = len(robot.transducers) == 1
+            namespace = "" if is_alone else mounted.child_frame_id.rpartition("/")[2]
+            sonars.append(
+                _Sonar(
+                    mounted,
+                    np.random.default_rng(seed),
+                    advertise(self, ECHO, within(namespace, ECHO)),
+                    advertise(self, RANGE, within(namespace, RANGE)),
+                )
+            )
+        return sonars
+
+    def _ping(self) -> None:
+        """Let the next transducer ping."""
+        sonar = next(self._sonars)
+        try:
+            base, stamp_ns = self._pose_source.sample(self.get_clock().now().nanoseconds)
+        except NoPoseError as error:
+            self.health.problem("without pose", str(error))
+            return
+        if stamp_ns == sonar.last_stamp_ns:
+            return  # Nothing new is known of where it is.
+        sonar.last_stamp_ns = stamp_ns
+        pose = sonar.mounted.pose_on(base)
+        trace = self._simulator.ping(sonar.mounted, pose, stamp_ns, sonar.rng)
+        sonar.echo.publish(trace_to_message(trace, self._types))
+        self.health.count("published")
+        self._publish_extras(sonar, trace, pose)
+
+    def _publish_extras(self, sonar: _Sonar, trace: EchoTrace, pose: Pose) -> None:
+        parameters = self.parameters.value
+        if parameters.publish_tf and self._transforms is not None and self._transforms.is_available:
+            self._transforms.broadcast(pose, self._world, trace.child_frame_id, trace.stamp_ns)
+        # Finding the first echo costs more than simulating it: only if somebody listens.
+        if parameters.publish_range and sonar.range.get_subscription_count():
+            try:
+                cone = self._pipeline.reconstruct(trace)
+            except MalformedMessageError as error:
+                self.health.problem("malformed", f"the scenario's own trace: {error}")
+            else:
+                sonar.range.publish(range_to_message(cone, self._types))
+
+
+def main() -> None:
+    """Run the node."""
+    run_node(EchoDriver)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Cones whose pose is in another frame than the map's."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.nodes.frames import NoTransformError, Transforms
+from usmap_ros.nodes.health import Health
+
+
+class ForeignCones:
+    """Moves cones into the map's frame as soon as their transforms are known, or refuses them.
+
+    Parameters
+    ----------
+    transforms : Transforms
+        TF, if there is any.
+    health : Health
+        Counts what is refused.
+    on_cone : callable
+        Gets topic and cone of what could be moved.
+    """
+
+    def __init__(
+        self, transforms: Transforms, health: Health, on_cone: Callable[[str, EchoCone], None]
+    ) -> None:
+        self._transforms = transforms
+        self._health = health
+        self._on_cone = on_cone
+        self._waiting: deque[tuple[float, str, EchoCone]] = deque()
+
+    def add(self, topic: str, cone: EchoCone, frame_id: str, wait_s: float) -> None:
+        """Move a cone into the frame `frame_id`, within `wait_s`."""
+        self._waiting.append((time.monotonic() + wait_s, topic, cone))
+        self.retry(frame_id)
+
+    def retry(self, frame_id: str) -> None:
+        """Move those whose transforms have come by now; refuse those that waited too long."""
+        for _ in range(len(self._waiting)):
+            deadline_s, topic, cone = self._waiting.popleft()
+            try:
+                moved = self._transforms.moved(cone, frame_id)
+            except (NoTransformError, MalformedMessageError) as error:
+                if self._transforms.is_available and time.monotonic() < deadline_s:
+                    self._waiting.append((deadline_s, topic, cone))
+                    continue
+                self._health.problem(
+                    "refused",
+                    f"{topic}: its frame is '{cone.frame_id}', the map's is '{frame_id}',"
+                    f" and {error}",
+                )
+            else:
+                self._on_cone(topic, moved)
+
+    def clear(self) -> None:
+        """Forget all that wait."""
+        self._waiting.clear()

@@ -1,0 +1,159 @@
+"""The fusion of cones as they come: ordering, counting, and a map that can be looked at.
+
+No rclpy here: the node `map_fusion` runs it in a worker's thread.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, replace
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.ordering import StampOrder
+from usmap_ros.parameters import MappingParameters, PipelineParameters
+from usmap_ros.pipeline import Pipeline
+
+
+@dataclass(frozen=True)
+class _Received:
+    """A cone, and when it came."""
+
+    cone: EchoCone
+    at_s: float
+
+
+@dataclass(frozen=True)
+class Fused:
+    """What became of one cone.
+
+    Parameters
+    ----------
+    topic : str
+        Where it came from.
+    latency_s : float
+        From its arrival until it was in the map, the wait for older ones included.
+    """
+
+    topic: str
+    latency_s: float
+
+
+class LiveFusion:
+    """Fuses cones in the order of their stamps; safe to use from several threads.
+
+    Parameters
+    ----------
+    parameters : MappingParameters
+        Of the map.
+    order_wait_s : float
+        How long a cone waits for older ones of other sources.
+    capacity : int
+        Cones that may wait.
+    frame_id : str
+        The map's frame; empty: that of the first cone.
+    """
+
+    def __init__(
+        self, parameters: MappingParameters, order_wait_s: float, capacity: int, frame_id: str = ""
+    ) -> None:
+        self._parameters = PipelineParameters(mapping=parameters)
+        self._pipeline = Pipeline(self._parameters)
+        self._order: StampOrder[_Received] = StampOrder(order_wait_s, capacity)
+        # Two locks, so that cones go on being received while one is fused.
+        self._map_lock = threading.Lock()
+        self._order_lock = threading.Lock()
+        self._frame_id = frame_id
+        self._stamp_ns = 0
+        self.version = 0
+
+    @property
+    def frame_id(self) -> str:
+        """The map's frame; empty until it is known."""
+        return self._frame_id
+
+    @property
+    def dropped(self) -> int:
+        """Cones dropped because too many waited."""
+        return self._order.dropped
+
+    @property
+    def late(self) -> int:
+        """Cones that came after a newer one had been fused."""
+        return self._order.late
+
+    def set_limits(self, order_wait_s: float, capacity: int) -> None:
+        """Change how long and how many cones may wait."""
+        with self._order_lock:
+            self._order.wait_s, self._order.capacity = order_wait_s, capacity
+
+    def set_sources(self, present: dict[str, bool]) -> None:
+        """Wait for the sources that are present, and not for those that are gone."""
+        with self._order_lock:
+            for source, is_present in present.items():
+                if is_present:
+                    self._order.add_source(source)
+                else:
+                    self._order.remove_source(source)
+
+    def receive(self, topic: str, cone: EchoCone) -> None:
+        """Take a cone in, to be fused when its turn comes; its frame must be the map's."""
+        if not self._frame_id:
+            self._frame_id = cone.frame_id
+        now_s = time.monotonic()
+        with self._order_lock:
+            self._order.push(topic, cone.stamp_ns, _Received(cone, now_s), now_s)
+
+    def fuse_next(self) -> Fused | None:
+        """Fuse the next cone, if its turn has come.
+
+        Raises
+        ------
+        MalformedMessageError
+            If it cannot be fused.
+        """
+        with self._order_lock:
+            released = self._order.pop(time.monotonic())
+        if released is None:
+            return None
+        topic, received = released
+        with self._map_lock:
+            self._pipeline.fuse(received.cone)
+            self._stamp_ns = max(self._stamp_ns, received.cone.stamp_ns)
+            self.version += 1
+        return Fused(topic, time.monotonic() - received.at_s)
+
+    def due_in_s(self) -> float | None:
+        """How long until `fuse_next` has something to do; None: not before another cone comes."""
+        with self._order_lock:
+            return self._order.due_in_s(time.monotonic())
+
+    def occupancy_map(self) -> OccupancyMap:
+        """The map so far, in the frame that it has even while it is empty."""
+        with self._map_lock:
+            occupancy = self._pipeline.occupancy_map()
+            return replace(occupancy, frame_id=self._frame_id, stamp_ns=self._stamp_ns)
+
+    def resume(self, occupancy: OccupancyMap) -> None:
+        """Start from an earlier map.
+
+        Raises
+        ------
+        ValueError
+            If its resolution, origin or frame does not fit.
+        """
+        if self._frame_id and occupancy.frame_id and occupancy.frame_id != self._frame_id:
+            raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self._frame_id}'")
+        with self._map_lock:
+            self._pipeline.resume(occupancy)
+            self._frame_id = occupancy.frame_id or self._frame_id
+            self._stamp_ns = occupancy.stamp_ns
+            self.version += 1
+
+    def reset(self) -> None:
+        """Forget the map and the cones that wait; the frame stays."""
+        with self._map_lock, self._order_lock:
+            self._pipeline = Pipeline(self._parameters)
+            self._order.clear()
+            self.version += 1

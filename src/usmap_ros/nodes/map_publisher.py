@@ -1,0 +1,148 @@
+"""The map on its topics: whole, as nav2 wants it, and only when it has changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.grids import UNKNOWN_VALUE, GridGeometry, OccupancyMap
+from usmap_ros.io.conversions import (
+    grid_to_message,
+    grid_update_to_message,
+    metadata_to_message,
+)
+from usmap_ros.nodes.endpoints import advertise, advertise_managed
+from usmap_ros.nodes.interfaces import MAP, MAP_METADATA, MAP_PROBABILITY, MAP_UPDATES
+from usmap_ros.nodes.message_types import RosMessageTypes
+
+#: Published maps grow by whole blocks of so many cells: each growth makes nav2 allocate its
+#: costmaps anew and forget what its other layers had marked.
+BLOCK_CELLS = 64
+
+
+def block_geometry(geometry: GridGeometry, at_least: GridGeometry | None = None) -> GridGeometry:
+    """Smallest grid of whole blocks that covers a grid, and another one if it is given.
+
+    Blocks lie at fixed places, so that cells never move as the grid grows.
+    """
+    resolution_m = geometry.resolution_m
+    first, last = _cell_range(geometry)
+    if at_least is not None:
+        other_first, other_last = _cell_range(at_least)
+        first, last = np.minimum(first, other_first), np.maximum(last, other_last)
+    first = first // BLOCK_CELLS * BLOCK_CELLS
+    last = -(-last // BLOCK_CELLS) * BLOCK_CELLS
+    columns, rows = (int(count) for count in last - first)
+    x, y = (float(cell) * resolution_m for cell in first)
+    return GridGeometry(resolution_m, (x, y), (rows, columns))
+
+
+def placed(
+    values: NDArray[np.int8], geometry: GridGeometry, target: GridGeometry
+) -> NDArray[np.int8]:
+    """`values` of one grid on a larger one, unknown around them."""
+    left, top = _cell_range(geometry)[0] - _cell_range(target)[0]
+    rows, columns = geometry.shape
+    whole = np.full(target.shape, UNKNOWN_VALUE, dtype=np.int8)
+    whole[top : top + rows, left : left + columns] = values
+    return whole
+
+
+def _cell_range(geometry: GridGeometry) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Column and row of the first cell, and of the one behind the last, counted from 0, 0."""
+    first = np.rint(np.array(geometry.origin_m) / geometry.resolution_m).astype(np.int64)
+    return first, first + np.array(geometry.shape[::-1])
+
+
+def changed_part(
+    before: NDArray[np.int8], after: NDArray[np.int8]
+) -> tuple[tuple[int, int], NDArray[np.int8]] | None:
+    """First row and column, and new values, of the smallest rectangle that holds all changes."""
+    rows, columns = np.nonzero(before != after)
+    if len(rows) == 0:
+        return None
+    first = (int(rows.min()), int(columns.min()))
+    return first, after[first[0] : rows.max() + 1, first[1] : columns.max() + 1]
+
+
+class MapPublisher:
+    """Publishes ``map``, ``map_probability`` and ``map_metadata``, and updates if wanted.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+        Whose topics they are; they are silent unless it is active.
+    with_updates : bool
+        Whether ``map_updates`` is published too; ``map_msgs`` must be installed.
+    """
+
+    def __init__(self, node: Any, with_updates: bool) -> None:
+        self._node = node
+        self._types = RosMessageTypes()
+        self._map = advertise_managed(node, MAP)
+        self._probability = advertise_managed(node, MAP_PROBABILITY)
+        self._metadata = advertise_managed(node, MAP_METADATA)
+        self._updates = advertise(node, MAP_UPDATES) if with_updates else None
+        self._geometry: GridGeometry | None = None
+        self._values: NDArray[np.int8] | None = None
+
+    def publish(self, occupancy: OccupancyMap) -> None:
+        """Publish a map.
+
+        Raises
+        ------
+        MalformedMessageError
+            If nav2 would refuse it.
+        """
+        geometry = block_geometry(occupancy.geometry, self._geometry)
+        values = placed(occupancy.trinary(), occupancy.geometry, geometry)
+        percent = placed(occupancy.percent(), occupancy.geometry, geometry)
+        frame_id, stamp_ns = occupancy.frame_id, occupancy.stamp_ns
+        grid = grid_to_message(geometry, values, frame_id, stamp_ns, self._types)
+        self._map.publish(grid)
+        self._probability.publish(
+            grid_to_message(geometry, percent, frame_id, stamp_ns, self._types)
+        )
+        self._metadata.publish(metadata_to_message(geometry, stamp_ns, self._types))
+        if self._updates is not None and geometry == self._geometry:
+            self._publish_update(values, occupancy)
+        self._geometry, self._values = geometry, values
+
+    def message(self, occupancy: OccupancyMap) -> Any:
+        """``nav_msgs/OccupancyGrid`` of a map, of the extent that it would be published with.
+
+        Raises
+        ------
+        MalformedMessageError
+            If nav2 would refuse it.
+        """
+        geometry = block_geometry(occupancy.geometry, self._geometry)
+        values = placed(occupancy.trinary(), occupancy.geometry, geometry)
+        return grid_to_message(
+            geometry, values, occupancy.frame_id, occupancy.stamp_ns, self._types
+        )
+
+    def forget_extent(self) -> None:
+        """Let the next map be smaller than the last one."""
+        self._geometry = self._values = None
+
+    def destroy(self) -> None:
+        """Take the topics back."""
+        for publisher in (self._map, self._probability, self._metadata):
+            self._node.destroy_lifecycle_publisher(publisher)
+        if self._updates is not None:
+            self._node.destroy_publisher(self._updates)
+
+    def _publish_update(self, values: NDArray[np.int8], occupancy: OccupancyMap) -> None:
+        assert self._values is not None
+        assert self._updates is not None
+        changed = changed_part(self._values, values)
+        if changed is not None:
+            first, part = changed
+            self._updates.publish(
+                grid_update_to_message(
+                    part, first, occupancy.frame_id, occupancy.stamp_ns, self._types
+                )
+            )

@@ -1,0 +1,199 @@
+"""Every parameter of every node, declared once.
+
+ROS descriptors, the example files and the reference page are derived from these models.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import ClassVar, Literal
+
+from pydantic import field_validator
+
+from usmap_ros.parameters import (
+    MappingParameters,
+    ParameterGroup,
+    ReconstructionParameters,
+    quantity,
+)
+
+
+class NodeParameters(ParameterGroup):
+    """What all nodes have."""
+
+    #: Parameters, or groups of them, that cannot be changed while the node runs.
+    fixed: ClassVar[frozenset[str]] = frozenset()
+
+    diagnostics_period_s: float = quantity(
+        1.0, "Time from one diagnostic message to the next.", "s", ge=0.05, le=60.0
+    )
+
+
+class EchoDriverParameters(NodeParameters):
+    """Of echo_driver."""
+
+    fixed: ClassVar[frozenset[str]] = frozenset(
+        {
+            "scenario",
+            "robot",
+            "pose_source",
+            "base_frame",
+            "ping_rate_hz",
+            "publish_tf",
+            "start_time_s",
+        }
+    )
+
+    scenario: str = quantity("", "Scenario file with the world and the robot; it must be given.")
+    robot: str = quantity("", "Name of the robot in it; empty: the scenario's first.")
+    pose_source: Literal["path", "tf", "odometry"] = quantity(
+        "path",
+        "Where the robot is: on the scenario's path, where TF has its base frame, or where the"
+        " topic 'odom' says.",
+    )
+    base_frame: str = quantity(
+        "", "The robot's base frame, for pose source tf; empty: ROBOT/base_link."
+    )
+    ping_rate_hz: float = quantity(
+        0.0, "Pings of each transducer; 0: as the scenario says.", "Hz", ge=0.0, le=1000.0
+    )
+    start_time_s: float = quantity(
+        0.0,
+        "ROS time at which the scenario begins: the same for all robots lets them share its moving"
+        " objects, and one that is restarted rejoin its path; 0: when this node starts.",
+        "s",
+        ge=0.0,
+        le=4e9,
+    )
+    pose_timeout_s: float = quantity(
+        0.5, "Age from which on a pose from TF or odometry is too old to ping.", "s", gt=0.0, le=1e6
+    )
+    publish_range: bool = quantity(True, "Whether the first echo goes out as sensor_msgs/Range.")
+    publish_tf: bool = quantity(False, "Whether transducers are broadcast on TF, if it is there.")
+
+
+def _check_pattern(pattern: str) -> str:
+    try:
+        re.compile(pattern)
+    except re.error as error:
+        raise ValueError(f"is no regular expression: {error}") from error
+    return pattern
+
+
+class ConeReconstructorParameters(NodeParameters):
+    """Of cone_reconstructor."""
+
+    fixed: ClassVar[frozenset[str]] = frozenset({"transducers"})
+
+    transducers: list[str] = quantity(
+        [""],
+        "For robots with several transducers: the namespace of each, such as left for left/echo"
+        " and left/cone; an empty name stands for echo and cone.",
+    )
+    queue_depth: int = quantity(
+        20, "Traces that wait to be reconstructed; beyond it the oldest is dropped.", ge=1, le=10000
+    )
+    cell_resolution_m: float = quantity(
+        0.05, "Side of the cells in cone_cells.", "m", ge=0.005, le=2.0
+    )
+    greatest_coefficient: float = quantity(
+        10.0, "Reflectivity beyond which a cell is no candidate.", gt=0.0, le=1e6
+    )
+    reconstruction: ReconstructionParameters = ReconstructionParameters()
+
+
+class MapFusionParameters(NodeParameters):
+    """Of map_fusion."""
+
+    fixed: ClassVar[frozenset[str]] = frozenset({"autostart"})
+    #: Taken over when the node is configured.
+    fixed_while_configured: ClassVar[frozenset[str]] = frozenset(
+        {
+            "cone_topics",
+            "checkpoint_path",
+            "discovery_period_s",
+            "frame_id",
+            "mapping",
+            "resume",
+            "transform_wait_s",
+        }
+    )
+
+    autostart: bool = quantity(True, "Whether the node configures and activates itself.")
+    topic_pattern: str = quantity(
+        ".*", "Regular expression that the whole name of a cone topic must match to be fused."
+    )
+    cone_topics: list[str] = quantity(
+        [""], "Cone topics to fuse; empty: every one there is, found by its type."
+    )
+    discovery_period_s: float = quantity(
+        0.5, "Time from one look for new cone topics to the next.", "s", ge=0.05, le=60.0
+    )
+    frame_id: str = quantity("", "The map's frame; empty: that of the first cone.")
+    transform_wait_s: float = quantity(
+        0.2, "How long a cone in another frame waits for its transform.", "s", ge=0.0, le=10.0
+    )
+    publish_rate_hz: float = quantity(
+        1.0, "Rate at which the map is published if it has changed.", "Hz", gt=0.0, le=100.0
+    )
+    publish_updates: bool = quantity(
+        False, "Whether changes go out on map_updates too, if map_msgs is there."
+    )
+    order_wait_s: float = quantity(
+        0.25, "How long a cone waits for older ones of other robots.", "s", ge=0.0, le=60.0
+    )
+    queue_depth: int = quantity(
+        1000, "Cones that wait to be fused; beyond it the oldest is dropped.", ge=1, le=1_000_000
+    )
+    checkpoint_path: str = quantity("", "Folder that the map is kept in; empty: none.")
+    checkpoint_period_s: float = quantity(
+        10.0, "Time from one checkpoint to the next.", "s", ge=0.1, le=86_400.0
+    )
+    resume: bool = quantity(True, "Whether to start from the checkpoint, if there is one.")
+    save_path: str = quantity("usmap_map", "Folder that the service save_map writes into.")
+    mapping: MappingParameters = MappingParameters()
+
+    _pattern_compiles = field_validator("topic_pattern")(_check_pattern)
+
+
+class BagReplayParameters(NodeParameters):
+    """Of bag_replay."""
+
+    fixed: ClassVar[frozenset[str]] = frozenset(
+        {"bag", "clock", "clock_rate_hz", "start_paused", "topic_pattern", "wait_s"}
+    )
+
+    bag: str = quantity("", "The recording; it must be given.")
+    rate: float = quantity(1.0, "Speed, relative to that of the recording.", gt=0.0, le=1000.0)
+    loop: bool = quantity(False, "Whether to start over at the end.")
+    start_paused: bool = quantity(False, "Whether to wait for the service pause to let go.")
+    topic_pattern: str = quantity(
+        ".*", "Regular expression that the whole name of a topic must match to be published."
+    )
+    clock: bool = quantity(True, "Whether to publish the recording's time on /clock.")
+    clock_rate_hz: float = quantity(100.0, "Rate of /clock, in real time.", "Hz", gt=0.0, le=1000.0)
+    wait_s: float = quantity(
+        5.0,
+        "Longest wait for a subscriber on every topic before the start.",
+        "s",
+        ge=0.0,
+        le=1e6,
+    )
+
+    _pattern_compiles = field_validator("topic_pattern")(_check_pattern)
+
+
+class BagRecorderParameters(NodeParameters):
+    """Of bag_recorder."""
+
+    fixed: ClassVar[frozenset[str]] = frozenset({"bag", "topic_pattern", "discovery_period_s"})
+
+    bag: str = quantity("", "Folder of the new recording; it must be given.")
+    topic_pattern: str = quantity(
+        ".*", "Regular expression that the whole name of a topic must match to be recorded."
+    )
+    discovery_period_s: float = quantity(
+        0.5, "Time from one look for new topics to the next.", "s", ge=0.05, le=60.0
+    )
+
+    _pattern_compiles = field_validator("topic_pattern")(_check_pattern)

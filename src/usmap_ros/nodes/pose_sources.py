@@ -1,0 +1,126 @@
+"""Where a simulated robot is: on its own path, or where another program moves it."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from rclpy.node import Node
+
+from usmap_ros.errors import MalformedMessageError, UsmapError
+from usmap_ros.geometry import Pose
+from usmap_ros.io.conversions import odometry_from_message
+from usmap_ros.nodes.endpoints import subscribe
+from usmap_ros.nodes.frames import NoTransformError, Transforms
+from usmap_ros.nodes.health import Health
+from usmap_ros.nodes.interfaces import ODOM
+from usmap_ros.simulation.motion import Motion
+
+
+class NoPoseError(UsmapError):
+    """A pose that is not known, or not any more."""
+
+
+class PoseSource(Protocol):
+    """Where a robot's base is."""
+
+    def sample(self, now_ns: int) -> tuple[Pose, int]:
+        """True pose of the base, and its stamp.
+
+        Raises
+        ------
+        NoPoseError
+            If it is not known.
+        """
+        ...
+
+
+class PathPose:
+    """A robot on the path that its scenario gives it.
+
+    Parameters
+    ----------
+    motion : Motion
+        Its path.
+    start_ns : int
+        When it starts.
+    """
+
+    def __init__(self, motion: Motion, start_ns: int) -> None:
+        self._motion = motion
+        self._start_ns = start_ns
+
+    def sample(self, now_ns: int) -> tuple[Pose, int]:
+        """Pose at this time."""
+        return self._motion.pose(max(0.0, (now_ns - self._start_ns) / 1e9)), now_ns
+
+
+class OdometryPose:
+    """A robot that another program moves, which says so on ``odom``.
+
+    Parameters
+    ----------
+    node : Node
+        Which subscribes.
+    health : Health
+        Counts what is no odometry.
+    timeout_s : float
+        Age from which on a pose is too old.
+    """
+
+    def __init__(self, node: Node, health: Health, timeout_s: float) -> None:
+        self._health = health
+        self._timeout_s = timeout_s
+        self._latest: tuple[Pose, int] | None = None
+        subscribe(node, ODOM, self._receive)
+
+    def sample(self, now_ns: int) -> tuple[Pose, int]:
+        """Latest pose."""
+        if self._latest is None:
+            raise NoPoseError("no odometry has come yet")
+        return _young_enough(self._latest, now_ns, self._timeout_s)
+
+    def _receive(self, message: Any) -> None:
+        self._health.received()
+        try:
+            self._latest = odometry_from_message(message)
+        except MalformedMessageError as error:
+            self._health.problem("malformed", f"odom: {error}")
+
+
+class TransformPose:
+    """A robot that TF knows.
+
+    Parameters
+    ----------
+    transforms : Transforms
+        TF.
+    base_frame, world : str
+        The robot's frame, and that of the scenario.
+    timeout_s : float
+        Age from which on a pose is too old.
+    """
+
+    def __init__(
+        self, transforms: Transforms, base_frame: str, world: str, timeout_s: float
+    ) -> None:
+        self._transforms = transforms
+        self._base_frame = base_frame
+        self._world = world
+        self._timeout_s = timeout_s
+
+    def sample(self, now_ns: int) -> tuple[Pose, int]:
+        """Latest pose."""
+        try:
+            latest = self._transforms.pose_of(self._base_frame, self._world)
+        except (NoTransformError, MalformedMessageError) as error:
+            raise NoPoseError(f"{self._base_frame} in {self._world}: {error}") from error
+        return _young_enough(latest, now_ns, self._timeout_s)
+
+
+def _young_enough(latest: tuple[Pose, int], now_ns: int, timeout_s: float) -> tuple[Pose, int]:
+    age_s = (now_ns - latest[1]) / 1e9
+    if abs(age_s) > timeout_s:
+        raise NoPoseError(
+            f"the latest pose is {age_s:.3g} s old; with simulated time, use_sim_time must be true"
+        )
+    return latest

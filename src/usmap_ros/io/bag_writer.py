@@ -32,6 +32,9 @@ _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 _QUEUE_DEPTHS = {ECHO_TRACE: 10, ECHO_CONE: 50}
 
 
+QosProfiles = list[dict[str, Any]]
+
+
 @dataclass
 class _Topic:
     """A topic that was written to."""
@@ -39,14 +42,16 @@ class _Topic:
     name: str
     message_type: str
     channel_id: int
+    type_hash: str
+    qos: QosProfiles
     count: int = 0
 
 
 class BagWriter:
     """Writes one recording, the same bytes for the same messages.
 
-    mcap writes the file, because rosbags leaves chunks without a checksum.  Every message is
-    written with its stamp as the time of recording: nothing depends on when it runs.
+    mcap writes the file, because rosbags leaves chunks without a checksum.  Every trace and cone
+    is written with its stamp as the time of recording: nothing depends on when it runs.
 
     Parameters
     ----------
@@ -56,15 +61,23 @@ class BagWriter:
         Name of the MCAP file in it, without suffix.
     compression : str
         Of chunks; one of `COMPRESSIONS`.
+    chunk_bytes : int
+        Size of a chunk: what a crash while recording can cost.
     """
 
-    def __init__(self, folder: Path, name: str, compression: str = "none") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        compression: str = "none",
+        chunk_bytes: int = _CHUNK_BYTES,
+    ) -> None:
         self._folder = folder
         self._file_name = f"{name}.mcap"
         self._types = BagMessageTypes()
         self._file = (folder / self._file_name).open("wb")
         self._writer = Writer(
-            self._file, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression]
+            self._file, chunk_size=chunk_bytes, compression=COMPRESSIONS[compression]
         )
         # mcap's default library string holds its version, which would make files differ.
         self._writer.start(profile="ros2", library="usmap_ros")
@@ -81,6 +94,47 @@ class BagWriter:
         """Append an echo cone."""
         self._write(topic, ECHO_CONE, cone.stamp_ns, cone_to_message(cone, self._types))
 
+    def add_topic(
+        self, topic: str, message_type: str, definition: str, type_hash: str, qos: QosProfiles
+    ) -> None:
+        """Announce a topic of any type, for `write_serialized`.
+
+        Parameters
+        ----------
+        topic, message_type : str
+            Name, and type such as ``sensor_msgs/msg/Range``.
+        definition : str
+            Of the type and all those in it, in the form that rosbag2 records.
+        type_hash : str
+            Its RIHS01 hash.
+        qos : list of dict
+            Profiles of its publishers.
+        """
+        if message_type not in self._schemas:
+            self._schemas[message_type] = self._writer.register_schema(
+                name=message_type, encoding="ros2msg", data=definition.encode()
+            )
+        channel_id = self._writer.register_channel(
+            topic=topic,
+            message_encoding="cdr",
+            schema_id=self._schemas[message_type],
+            metadata={
+                "offered_qos_profiles": yaml.dump(qos, Dumper=_PlainDumper).strip(),
+                "topic_type_hash": type_hash,
+            },
+        )
+        self._topics[topic, message_type] = _Topic(topic, message_type, channel_id, type_hash, qos)
+
+    def write_serialized(
+        self, topic: str, message_type: str, recorded_ns: int, payload: bytes
+    ) -> None:
+        """Append a message as it came, to a topic that `add_topic` announced."""
+        self._append(self._topics[topic, message_type], recorded_ns, payload)
+
+    def flush(self) -> None:
+        """Hand all complete chunks to the operating system, where a kill cannot reach them."""
+        self._file.flush()
+
     def finish(self) -> None:
         """Complete the file and write ``metadata.yaml``."""
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -93,38 +147,25 @@ class BagWriter:
         self._file.close()
 
     def _write(self, topic: str, message_type: str, stamp_ns: int, message: Any) -> None:
-        entry = self._topics.get((topic, message_type)) or self._add_topic(topic, message_type)
+        if (topic, message_type) not in self._topics:
+            definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
+            type_hash = typestore().hash_rihs01(message_type)
+            qos = [qos_profile(depth=_QUEUE_DEPTHS[message_type])]
+            self.add_topic(topic, message_type, definition, type_hash, qos)
         payload = typestore().serialize_cdr(message, message_type)
+        self._append(self._topics[topic, message_type], stamp_ns, bytes(payload))
+
+    def _append(self, entry: _Topic, recorded_ns: int, payload: bytes) -> None:
         self._writer.add_message(
             entry.channel_id,
-            log_time=stamp_ns,
-            publish_time=stamp_ns,
+            log_time=recorded_ns,
+            publish_time=recorded_ns,
             sequence=entry.count,
-            data=bytes(payload),
+            data=payload,
         )
         entry.count += 1
-        self._first_ns = stamp_ns if self._first_ns is None else min(self._first_ns, stamp_ns)
-        self._last_ns = max(self._last_ns, stamp_ns)
-
-    def _add_topic(self, topic: str, message_type: str) -> _Topic:
-        if message_type not in self._schemas:
-            definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
-            self._schemas[message_type] = self._writer.register_schema(
-                name=message_type, encoding="ros2msg", data=definition.encode()
-            )
-        channel_id = self._writer.register_channel(
-            topic=topic,
-            message_encoding="cdr",
-            schema_id=self._schemas[message_type],
-            metadata={
-                "offered_qos_profiles": yaml.dump(
-                    _offered_qos(message_type), Dumper=_PlainDumper
-                ).strip(),
-                "topic_type_hash": typestore().hash_rihs01(message_type),
-            },
-        )
-        self._topics[topic, message_type] = entry = _Topic(topic, message_type, channel_id)
-        return entry
+        self._first_ns = recorded_ns if self._first_ns is None else min(self._first_ns, recorded_ns)
+        self._last_ns = max(self._last_ns, recorded_ns)
 
     def _metadata(self) -> dict[str, Any]:
         first_ns = self._first_ns or 0
@@ -139,8 +180,8 @@ class BagWriter:
                     "name": topic.name,
                     "type": topic.message_type,
                     "serialization_format": "cdr",
-                    "offered_qos_profiles": _offered_qos(topic.message_type),
-                    "type_description_hash": typestore().hash_rihs01(topic.message_type),
+                    "offered_qos_profiles": topic.qos,
+                    "type_description_hash": topic.type_hash,
                 },
                 "message_count": topic.count,
             }
@@ -162,21 +203,21 @@ class BagWriter:
         }
 
 
-def _offered_qos(message_type: str) -> list[dict[str, Any]]:
-    """QoS of a topic's publisher, in the form that Jazzy's rosbag2 records."""
-    return [
-        {
-            "history": "keep_last",
-            "depth": _QUEUE_DEPTHS[message_type],
-            "reliability": "reliable",
-            "durability": "volatile",
-            "deadline": _FOREVER,
-            "lifespan": _FOREVER,
-            "liveliness": "automatic",
-            "liveliness_lease_duration": _FOREVER,
-            "avoid_ros_namespace_conventions": False,
-        }
-    ]
+def qos_profile(
+    depth: int, *, is_reliable: bool = True, is_latched: bool = False
+) -> dict[str, Any]:
+    """QoS of a publisher, in the form that Jazzy's rosbag2 records."""
+    return {
+        "history": "keep_last",
+        "depth": depth,
+        "reliability": "reliable" if is_reliable else "best_effort",
+        "durability": "transient_local" if is_latched else "volatile",
+        "deadline": _FOREVER,
+        "lifespan": _FOREVER,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": _FOREVER,
+        "avoid_ros_namespace_conventions": False,
+    }
 
 
 class _PlainDumper(yaml.SafeDumper):

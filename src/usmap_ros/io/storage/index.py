@@ -32,6 +32,8 @@ class Channel:
         Serialization of the messages; ``cdr`` is the only one that is understood.
     count : int
         Messages found so far.
+    offered_qos : str
+        QoS profiles of its publishers, in the YAML that rosbag2 records; empty if unknown.
     """
 
     topic: str
@@ -40,6 +42,7 @@ class Channel:
     definition_format: str = "ros2msg"
     encoding: str = "cdr"
     count: int = 0
+    offered_qos: str = ""
 
 
 @dataclass(frozen=True)
@@ -71,22 +74,27 @@ class MessageIndex:
         Every topic of the file, wanted or not.
     damage : Damage or None
         Set if the file could not be read to its end.
-    channel, stamp_ns, block, offset, size : arrays of integers
-        Per message: position in `channels`, stamp of its header, and what `Storage.payload` takes.
+    channel, stamp_ns, recorded_ns, block, offset, size : arrays of integers
+        Per message: position in `channels`, stamp of its header, time of recording, and what
+        `Storage.payload` takes.  The stamp means something only where the type has a header.
     """
 
     channels: list[Channel] = field(default_factory=list)
     damage: Damage | None = None
     channel: array[int] = field(default_factory=lambda: array("q"))
     stamp_ns: array[int] = field(default_factory=lambda: array("q"))
+    recorded_ns: array[int] = field(default_factory=lambda: array("q"))
     block: array[int] = field(default_factory=lambda: array("q"))
     offset: array[int] = field(default_factory=lambda: array("q"))
     size: array[int] = field(default_factory=lambda: array("q"))
 
-    def append(self, channel: int, stamp_ns: int, block: int, offset: int, size: int) -> None:
+    def append(
+        self, channel: int, stamp_ns: int, recorded_ns: int, block: int, offset: int, size: int
+    ) -> None:
         """Note one message."""
         self.channel.append(channel)
         self.stamp_ns.append(stamp_ns)
+        self.recorded_ns.append(recorded_ns)
         self.block.append(block)
         self.offset.append(offset)
         self.size.append(size)

@@ -239,6 +239,7 @@ class _Scan:
         if schema:
             channel.definition = schema.data.decode()
             channel.definition_format = schema.encoding
+        channel.offered_qos = record.metadata.get("offered_qos_profiles", "")
         self._channel_numbers[record.id] = len(self.index.channels)
         self.index.channels.append(channel)
 
@@ -256,7 +257,7 @@ class _Scan:
             payload = memoryview(decompress(payload, self._compression))
         stamp_ns = header_stamp_ns(payload, otherwise=log_time_ns)
         size = len(body) - _MESSAGE_HEAD.size
-        self.index.append(number, stamp_ns, block, offset + _MESSAGE_HEAD.size, size)
+        self.index.append(number, stamp_ns, log_time_ns, block, offset + _MESSAGE_HEAD.size, size)
 
 
 def _records_of(content: memoryview) -> Iterator[tuple[int, int, int]]:

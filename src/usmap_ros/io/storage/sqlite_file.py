@@ -47,10 +47,12 @@ class SqliteFile:
             for row, topic, log_time_ns, data in self._open().execute(
                 "SELECT rowid, topic_id, timestamp, data FROM messages ORDER BY rowid"
             ):
-                payload = self._unpack(data)
-                self._note(
-                    index, numbers[topic], row, header_stamp_ns(payload, log_time_ns), wanted
-                )
+                number = numbers[topic]
+                channel = index.channels[number]
+                channel.count += 1
+                if channel.message_type in wanted:
+                    stamp_ns = header_stamp_ns(self._unpack(data), log_time_ns)
+                    index.append(number, stamp_ns, log_time_ns, block=0, offset=row, size=0)
                 kept_bytes += len(data)
         except (sqlite3.Error, KeyError, TypeError, *DECOMPRESSION_ERRORS) as error:
             cause = f"is damaged ({error})"
@@ -96,22 +98,19 @@ class SqliteFile:
                     " FROM message_definitions"
                 )
             }
+        columns = {name for _, name, *_ in database.execute("PRAGMA table_info(topics)")}
+        # The first versions of rosbag2 did not record QoS.
+        qos_column = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
         numbers = {}
-        for topic_id, topic, message_type, encoding in database.execute(
-            "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+        for topic_id, topic, message_type, encoding, qos in database.execute(
+            f"SELECT id, name, type, serialization_format, {qos_column} FROM topics ORDER BY id"
         ):
             text, definition_format = definitions.get(message_type, ("", "ros2msg"))
             numbers[topic_id] = len(index.channels)
-            index.channels.append(Channel(topic, message_type, text, definition_format, encoding))
+            index.channels.append(
+                Channel(topic, message_type, text, definition_format, encoding, offered_qos=qos)
+            )
         return numbers
-
-    def _note(
-        self, index: MessageIndex, number: int, row: int, stamp_ns: int, wanted: Container[str]
-    ) -> None:
-        channel = index.channels[number]
-        channel.count += 1
-        if channel.message_type in wanted:
-            index.append(number, stamp_ns, block=0, offset=row, size=0)
 
     def _unpack(self, data: bytes) -> memoryview:
         return memoryview(decompress(data, self._compression) if self._compression else data)

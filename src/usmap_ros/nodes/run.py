@@ -35,6 +35,11 @@ def run_node(create: Callable[[], Any]) -> None:
         print(f"{os.path.basename(sys.argv[0])}: error: {error}", file=sys.stderr)
         rclpy.try_shutdown()
         sys.exit(1)
+    except Exception:
+        # A context that ends while the node is being made breaks whatever was at hand.
+        if rclpy.ok():
+            raise
+        return
     try:
         spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -79,7 +79,8 @@ setup(
     package_dir={"": "src"},
     packages=find_packages("src"),
     # The message definitions are read as text, so that bags can be read without any ROS package.
-    package_data={NAME: ["py.typed", "io/msg/*.msg"]},
+    # The scenarios come with the package as well as in share/: the demo runs one of them.
+    package_data={NAME: ["py.typed", "io/msg/*.msg", "config/**/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

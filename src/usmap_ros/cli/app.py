@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import usmap_ros
-from usmap_ros.cli import console, evaluate, info, map, plot, simulate
+from usmap_ros.cli import console, demo, evaluate, info, map, plot, simulate
 from usmap_ros.errors import UsmapError
 
 app = typer.Typer(
@@ -19,6 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.command("demo")(demo.demo)
 app.command("simulate")(simulate.simulate)
 app.command("map")(map.map_bags)
 app.command("evaluate")(evaluate.evaluate)

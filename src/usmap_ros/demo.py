@@ -1,0 +1,177 @@
+"""The main job, end to end: simulate, record, reconstruct, fuse, score, draw."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import TruthMap
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
+from usmap_ros.io.nav2_map import save_truth
+from usmap_ros.io.yaml_files import read_mapping
+from usmap_ros.mapping.candidates import candidate_cells
+from usmap_ros.mapping.range_sensor import RangeSensorFusion
+from usmap_ros.mapping.scoring import Score, score
+from usmap_ros.offline import map_bag
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pipeline import Pipeline
+from usmap_ros.plotting import map_figure, overview_figure, save_figure
+from usmap_ros.plotting.animation import MapFrame, save_animation
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.simulation import Scenario, simulate
+
+#: Shows how far something is that takes a number of steps; gives what tells of each step.
+Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
+
+#: Frames of the animation.
+FRAMES = 48
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What the demo made.
+
+    Parameters
+    ----------
+    paths : dict
+        Where it is, by what it is.
+    summary : dict
+        As in ``summary.json``.
+    score, range_score : Score
+        Of the map, and of what a range-only sonar model makes of the same recording.
+    """
+
+    paths: dict[str, Path]
+    summary: dict[str, Any]
+    score: Score
+    range_score: Score
+
+
+def run_demo(folder: Path, progress: Progress) -> DemoResult:
+    """Simulate a fleet, record it, map the recording, score the map and draw it all.
+
+    Parameters
+    ----------
+    folder : path
+        Where everything goes; what an earlier demo left there is replaced.
+    progress : callable
+        Shows how far it is.
+    """
+    with map_folder(folder):
+        scenario = _demo_scenario()
+        paths = {
+            "recording": folder / "bag",
+            "map for nav2": folder / "map.yaml",
+            "map as log-odds": folder / "map.npz",
+            "truth": folder / "truth.yaml",
+            "picture of the map": folder / "map.png",
+            "range-only sonar": folder / "range_only.png",
+            "picture of a ping": folder / "ping.png",
+            "map forming": folder / "map.gif",
+        }
+        _record(scenario, paths["recording"], progress)
+        truth = scenario.truth_map()
+        save_truth(paths["truth"], truth)
+        started = time.perf_counter()
+        recorder = _Observer(scenario.ping_count)
+        with (
+            BagReader([paths["recording"]]) as bag,
+            progress("mapping", bag.trace_count) as step,
+        ):
+            run = map_bag(bag, recorder.pipeline, recorder.paths, recorder.watch(step))
+        occupancy = recorder.pipeline.occupancy_map()
+        save_map(folder, occupancy, recorder.paths)
+        summary = run.summary(occupancy, time.perf_counter() - started)
+        save_summary(folder, summary)
+        _draw(recorder, truth, paths, progress)
+        range_only = recorder.range_only.occupancy_map()
+        return DemoResult(paths, summary, score(occupancy, truth), score(range_only, truth))
+
+
+def _demo_scenario() -> Scenario:
+    source = Path(str(files("usmap_ros").joinpath("config", "scenarios", "room.yaml")))
+    return Scenario.from_mapping(read_mapping(source), source)
+
+
+def _record(scenario: Scenario, path: Path, progress: Progress) -> None:
+    with (
+        new_bag(path, replace=True) as writer,
+        progress("simulating", scenario.ping_count) as step,
+    ):
+        for topic, trace in simulate(scenario):
+            writer.write_trace(topic, trace)
+            step()
+
+
+class _Observer:
+    """Looks on while the map forms: takes snapshots, and feeds the same cones to the baseline."""
+
+    def __init__(self, pings: int) -> None:
+        parameters = PipelineParameters()
+        self.pipeline = Pipeline(parameters)
+        self.range_only = RangeSensorFusion(parameters.mapping)
+        self.paths = RobotPaths()
+        self.frames: list[MapFrame] = []
+        self._cones: dict[str, EchoCone] = {}
+        self._pings, self._seen = pings, 0
+
+    def watch(self, step: Callable[[], None]) -> Callable[[str, EchoCone], None]:
+        """Make the function that is called after each ping."""
+
+        def on_cone(topic: str, cone: EchoCone) -> None:
+            self.range_only.fuse(cone)
+            self._cones[topic] = cone
+            self._seen += 1
+            # Evenly spread, the last one on the last ping.
+            if self._seen * FRAMES // self._pings > (self._seen - 1) * FRAMES // self._pings:
+                self._snapshot(cone.stamp_ns)
+            step()
+
+        return on_cone
+
+    def _snapshot(self, stamp_ns: int) -> None:
+        behind = {topic: len(path) for topic, path in self.paths.positions_m.items()}
+        occupancy = self.pipeline.occupancy_map()
+        self.frames.append(MapFrame(occupancy, dict(self._cones), behind, stamp_ns))
+
+
+def _draw(observer: _Observer, truth: TruthMap, paths: dict[str, Path], progress: Progress) -> None:
+    """Draw both maps, one ping, and the map forming."""
+    with progress("drawing", 4) as step:
+        occupancy = observer.pipeline.occupancy_map()
+        save_figure(
+            map_figure(occupancy, observer.paths, truth, title="Three robots, one map"),
+            paths["picture of the map"],
+        )
+        step()
+        save_figure(
+            map_figure(
+                observer.range_only.occupancy_map(), observer.paths, truth,
+                title="The same recording, from the first echoes' ranges alone",
+            ),
+            paths["range-only sonar"],
+        )  # fmt: skip
+        step()
+        _draw_ping(observer.pipeline, truth, paths)
+        step()
+        save_animation(observer.frames, observer.paths, paths["map forming"])
+        step()
+
+
+def _draw_ping(pipeline: Pipeline, truth: TruthMap, paths: dict[str, Path]) -> None:
+    """Draw the first ping of the recording."""
+    parameters = pipeline.parameters
+    with BagReader([paths["recording"]]) as bag:
+        _, trace = next(bag.traces())
+    reconstruction = reconstruct(trace, parameters.reconstruction)
+    candidates = candidate_cells(reconstruction.cone, parameters.mapping)
+    figure = overview_figure(trace, reconstruction, candidates, truth)
+    save_figure(figure, paths["picture of a ping"])

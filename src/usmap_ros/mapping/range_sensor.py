@@ -1,0 +1,93 @@
+"""What a map from the first echo's range alone looks like: the model that others are held to.
+
+nav2's costmap treats an ultrasonic sensor as one that measures a single range.  Cells in front
+of it become freer, cells at it more occupied, the more so the nearer they are to the axis; see
+``range_sensor_layer`` and Moravec & Elfes, "High resolution maps from wide angle sonar", 1985.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import logit
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.export import as_map
+from usmap_ros.mapping.footprint import footprint
+from usmap_ros.mapping.grid import FloatArray, TiledGrid
+from usmap_ros.parameters import MappingParameters
+
+LOG_ODDS, EXPOSURE = "log_odds", "exposure"
+#: Range at which the sensor is believed half as much as close up, as in nav2.
+HALF_BELIEF_M = 1.2
+#: A reading that shifts a cell from ignorance by less than this says nothing of it.
+LEAST_NEWS = 0.005
+#: No single reading makes a cell surer than this.
+GREATEST_PROBABILITY = 0.98
+
+
+class RangeSensorFusion:
+    """A map that adds up what single range readings say of each cell.
+
+    Parameters
+    ----------
+    parameters : MappingParameters
+        Only cell size and clamps count.
+    """
+
+    def __init__(self, parameters: MappingParameters) -> None:
+        # The model knows no prior but ignorance.
+        self._parameters = parameters.model_copy(update={"prior": 0.5})
+        self._grid = TiledGrid(parameters.resolution_m, {LOG_ODDS: 0.0, EXPOSURE: 0.0})
+        self._frame_id, self._stamp_ns = "", 0
+
+    def fuse(self, cone: EchoCone) -> None:
+        """Take up the range of a cone's first echo, or its silence."""
+        self._frame_id, self._stamp_ns = cone.frame_id, cone.stamp_ns
+        cells = footprint(cone, self._parameters.resolution_m)
+        slots = self._grid.slots(cells.rows, cells.columns)
+        probability = occupied_probability(
+            cells.range_m,
+            cells.bearing_rad / cone.transducer.beam.half_angle_rad,
+            float(cone.ranges_m[0]) if len(cone.ranges_m) else np.inf,
+            self._parameters.resolution_m,
+        )
+        told = np.abs(probability - 0.5) > LEAST_NEWS
+        slots = slots[told]
+        log_odds = self._grid.layer(LOG_ODDS)
+        log_odds[slots] = np.clip(
+            log_odds[slots] + logit(probability[told]),
+            self._parameters.least_log_odds,
+            self._parameters.greatest_log_odds,
+        )
+        self._grid.layer(EXPOSURE)[slots] = self._parameters.observed_exposure
+
+    def occupancy_map(self) -> OccupancyMap:
+        """Return the map so far."""
+        return as_map(self._grid, self._parameters, self._frame_id, self._stamp_ns)
+
+
+def occupied_probability(
+    range_m: FloatArray, off_axis: FloatArray, echo_m: float, depth_m: float
+) -> FloatArray:
+    """Probability that cells are occupied, by a single range reading.
+
+    Parameters
+    ----------
+    range_m : (cells,) array
+        Distance of the cells.
+    off_axis : (cells,) array
+        Their bearing, 1 at the edge of the beam.
+    echo_m : float
+        The reading; infinite if nothing was heard.
+    depth_m : float
+        How far before and behind the reading its object may stand.
+    """
+    nearness = 0.5 * (1.0 - np.tanh(2.0 * (range_m - HALF_BELIEF_M)))
+    belief = nearness * np.maximum(1.0 - off_axis**2, 0.0)
+    # From 0 at the reading to 1 and beyond, before it and behind.
+    offset = np.abs(range_m - echo_m) / depth_m if np.isfinite(echo_m) else np.full_like(belief, 9)
+    free = 0.5 * (1.0 - belief)
+    occupied = 0.5 + 0.5 * belief * np.maximum(1.0 - offset**2, 0.0)
+    probability = np.where(offset < 1.0, occupied, np.where(range_m < echo_m, free, 0.5))
+    return np.clip(probability, 1.0 - GREATEST_PROBABILITY, GREATEST_PROBABILITY)

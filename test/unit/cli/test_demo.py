@@ -1,0 +1,36 @@
+"""The demo, on the scenario that is shipped for it."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from usmap_ros.io.bag_reader import BagReader
+
+
+@pytest.mark.slow
+def test_the_demo_does_the_main_job(usmap: Callable[..., Any], tmp_path: Path) -> None:
+    started = time.perf_counter()
+    done = usmap("demo", "-o", "demo", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    # Thirty seconds on an idle machine; this one may be busy.
+    assert time.perf_counter() - started < 120.0
+
+    folder = tmp_path / "demo"
+    for name in ("bag", "map.yaml", "map.npz", "truth.yaml", "map.png", "ping.png", "map.gif"):
+        assert (folder / name).exists()
+        assert f"demo/{name}" in done.stdout
+    assert "range-only sonar" in done.stdout
+    with BagReader([folder / "bag"]) as bag:
+        assert len({channel.topic for channel in bag.channels}) >= 3
+        assert json.loads((folder / "summary.json").read_text())["pings"] == bag.trace_count
+    with Image.open(folder / "map.gif") as animation:
+        assert animation.n_frames == 48
+
+    # Once more into the same folder.
+    assert usmap("demo", "-o", "demo", cwd=tmp_path).returncode == 0

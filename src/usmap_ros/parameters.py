@@ -96,7 +96,7 @@ class MappingParameters(ParameterGroup):
     )
     resolution_m: float = quantity(0.05, "Side of a map cell.", "m", ge=0.005, le=2.0)
     prior: float = quantity(
-        0.001, "Probability that a cell of which nothing is known is occupied.", gt=0.0, lt=1.0
+        0.0002, "Probability that a cell of which nothing is known is occupied.", gt=0.0, lt=1.0
     )
     least_log_odds: float = quantity(-10.0, "Lower clamp of a cell's log-odds.", ge=-50.0, lt=0.0)
     greatest_log_odds: float = quantity(2.5, "Upper clamp of a cell's log-odds.", gt=0.0, le=50.0)
@@ -107,13 +107,13 @@ class MappingParameters(ParameterGroup):
         0.9, "Standard deviation of ln reflectivity from object to object.", gt=0.0, le=5.0
     )
     fluctuation: float = quantity(
-        0.2, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
+        0.15, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
     )
     audibility: float = quantity(
         0.95, "Probability that a loud enough object in the clear is heard.", gt=0.0, lt=1.0
     )
     clutter: float = quantity(
-        0.01,
+        0.003,
         "Likelihood of an echo that comes from no cell, relative to one that fits perfectly.",
         gt=0.0,
         lt=1.0,

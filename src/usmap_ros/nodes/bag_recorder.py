@@ -1,0 +1,125 @@
+"""Node that records live topics so that what is written outlives a kill."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+from usmap_ros.errors import BagError, ConfigurationError
+from usmap_ros.io.bag_writer import BagWriter
+from usmap_ros.io.bag_writer import qos_profile as recorded_profile
+from usmap_ros.nodes.definitions import UnknownTypeError, definition_of
+from usmap_ros.nodes.endpoints import every, qos_profile
+from usmap_ros.nodes.health import Health
+from usmap_ros.nodes.interfaces import BAG_RECORDER, Qos
+from usmap_ros.nodes.message_types import interface_class
+from usmap_ros.nodes.parameter_server import ParameterServer
+from usmap_ros.nodes.parameters import BagRecorderParameters
+from usmap_ros.nodes.run import run_node
+
+#: What a kill can cost: a few pings.
+_CHUNK_BYTES = 32 * 2**10
+#: Messages of one topic that may wait to be written.
+_DEPTH = 100
+
+
+class BagRecorder(Node):
+    """Writes every topic there is, undecoded, into a rosbag2 folder with an MCAP file.
+
+    Keyword arguments are those of `rclpy.node.Node`.
+
+    Raises
+    ------
+    UsmapError
+        If the recording cannot be written.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(
+            BAG_RECORDER.name, automatically_declare_parameters_from_overrides=True, **options
+        )
+        self.parameters = ParameterServer(self, BagRecorderParameters)
+        parameters = self.parameters.value
+        if not parameters.bag:
+            raise ConfigurationError(
+                f"parameters of {self.get_fully_qualified_name()}", "bag: is missing"
+            )
+        self.health = Health(self, parameters.diagnostics_period_s, ("received", "failed"))
+        self._writer = _start_recording(Path(parameters.bag).expanduser())
+        self._known: set[str] = set()
+        every(self, parameters.discovery_period_s, self._look_for_topics)
+        self._look_for_topics()
+
+    def close(self) -> None:
+        """Complete the recording, and destroy the node."""
+        self._writer.finish()
+        self.destroy_node()
+
+    def _look_for_topics(self) -> None:
+        self._writer.flush()
+        for topic, (message_type, *_) in self.get_topic_names_and_types():
+            is_new = topic not in self._known and self.count_publishers(topic) > 0
+            if is_new and re.fullmatch(self.parameters.value.topic_pattern, topic):
+                self._known.add(topic)
+                try:
+                    self._record(topic, message_type)
+                except (ImportError, UnknownTypeError) as error:
+                    self.get_logger().warning(f"{topic} is not recorded: {error}")
+
+    def _record(self, topic: str, message_type: str) -> None:
+        message_class = interface_class(message_type)
+        definition, type_hash = definition_of(message_type)
+        offered = [info.qos_profile for info in self.get_publishers_info_by_topic(topic)]
+        is_reliable = [p.reliability == ReliabilityPolicy.RELIABLE for p in offered]
+        is_latched = [p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered]
+        profiles = [
+            recorded_profile(profile.depth, is_reliable=reliable, is_latched=latched)
+            for profile, reliable, latched in zip(offered, is_reliable, is_latched, strict=True)
+        ]
+        self._writer.add_topic(topic, message_type, definition, type_hash, profiles)
+        # What every one of the publishers can serve; otherwise some would go unheard.
+        qos = Qos(_DEPTH, all(is_reliable), all(is_latched))
+        write = partial(self._write, topic, message_type)
+        self.create_subscription(message_class, topic, write, qos_profile(qos), raw=True)
+        self.get_logger().info(f"recording {topic}")
+
+    def _write(self, topic: str, message_type: str, payload: bytes) -> None:
+        self.health.received()
+        now_ns = self.get_clock().now().nanoseconds
+        try:
+            self._writer.write_serialized(topic, message_type, now_ns, payload)
+            self._writer.flush()
+        except OSError as error:
+            # A full disk may be cleared; what comes until then is lost, and said to be.
+            self.health.problem("failed", f"cannot be written: {error.strerror}", is_error=True)
+
+
+def _start_recording(folder: Path) -> BagWriter:
+    """Recording in a new folder, in place: one that only appears when complete dies with a kill.
+
+    Raises
+    ------
+    BagError
+        If there is something already, or it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise BagError(folder, "exists already and is not empty")
+        return BagWriter(folder, folder.resolve().name, chunk_bytes=_CHUNK_BYTES)
+    except OSError as error:
+        raise BagError(folder, f"cannot be written: {error.strerror}") from error
+
+
+def main() -> None:
+    """Run the node."""
+    run_node(BagRecorder)
+
+
+if __name__ == "__main__":
+    main()

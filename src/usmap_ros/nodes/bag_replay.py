@@ -1,0 +1,191 @@
+"""Node that publishes a recording, with its own QoS and its own time."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.time import Time
+
+from usmap_ros.errors import BagError, ConfigurationError
+from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
+from usmap_ros.io.storage import Channel
+from usmap_ros.nodes.endpoints import advertise, every, qos_profile, serve
+from usmap_ros.nodes.health import Health
+from usmap_ros.nodes.interfaces import BAG_REPLAY, CLOCK, NODES, PAUSE, Qos
+from usmap_ros.nodes.message_types import interface_class
+from usmap_ros.nodes.parameter_server import ParameterServer
+from usmap_ros.nodes.parameters import BagReplayParameters
+from usmap_ros.nodes.run import run_node
+
+#: Longest wait for subscribers to have what was published; one that hangs must not stop all.
+_ACKNOWLEDGEMENT = Duration(seconds=1.0)
+_USUAL_QOS = {
+    topic.message_type: topic.qos for node in NODES for topic in (*node.publishes, *node.subscribes)
+}
+
+
+@dataclass
+class _Output:
+    """A publisher, and how many more messages its queue has room for."""
+
+    publisher: Any
+    depth: int
+    room: int
+
+
+class BagReplay(Node):
+    """Publishes every topic of a recording, and ``/clock``.
+
+    Other keyword arguments are those of `rclpy.node.Node`.
+
+    Parameters
+    ----------
+    on_end : callable
+        Called when all has been published.
+
+    Raises
+    ------
+    UsmapError
+        If there is no such recording, or nothing in it that could be published.
+    """
+
+    def __init__(self, on_end: Callable[[], None] = lambda: None, **options: Any) -> None:
+        super().__init__(
+            BAG_REPLAY.name, automatically_declare_parameters_from_overrides=True, **options
+        )
+        self.parameters = ParameterServer(self, BagReplayParameters)
+        parameters = self.parameters.value
+        if not parameters.bag:
+            raise ConfigurationError(
+                f"parameters of {self.get_fully_qualified_name()}", "bag: is missing"
+            )
+        self._on_end = on_end
+        self.health = Health(self, parameters.diagnostics_period_s, ("published", "loops"))
+        self._bag = RawBagReader(Path(parameters.bag).expanduser())
+        self._outputs = self._advertise_all()
+        self._clock_publisher = advertise(self, CLOCK) if parameters.clock else None
+        serve(self, PAUSE, self._pause)
+        self._is_paused = parameters.start_paused
+        self._give_up_waiting_s: float | None = time.monotonic() + parameters.wait_s
+        self._rewind()
+        self._timer = every(self, 1.0 / parameters.clock_rate_hz, self._tick)
+
+    def close(self) -> None:
+        """Close the recording, and destroy the node."""
+        self._bag.close()
+        self.destroy_node()
+
+    def _advertise_all(self) -> dict[str, _Output]:
+        parameters = self.parameters.value
+        outputs = {}
+        for channel in self._bag.channels:
+            # The recorded clock would contradict the replayed one.
+            is_clock = channel.topic == CLOCK.name and parameters.clock
+            if is_clock or not re.fullmatch(parameters.topic_pattern, channel.topic):
+                continue
+            try:
+                message_class = interface_class(channel.message_type)
+            except (ImportError, ValueError) as error:
+                self.get_logger().warning(f"{channel.topic} is not published: {error}")
+                continue
+            qos = _qos_of(channel)
+            publisher = self.create_publisher(message_class, channel.topic, qos_profile(qos))
+            outputs[channel.topic] = _Output(publisher, qos.depth, qos.depth)
+        if not outputs:
+            raise BagError(self._bag.path, "holds no topic that could be published")
+        return outputs
+
+    def _rewind(self) -> None:
+        self._messages: Iterator[tuple[str, int, bytes]] = self._bag.messages()
+        self._next = next(self._messages)
+        self._now_ns = float(self._bag.start_ns)
+        self._last_tick_s = time.monotonic()
+
+    def _tick(self) -> None:
+        """Let the recording's time pass, and publish what is due."""
+        now_s = time.monotonic()
+        passed_s, self._last_tick_s = now_s - self._last_tick_s, now_s
+        if self._give_up_waiting_s is not None:
+            self._is_anybody_missing(now_s)
+            return
+        if not self._is_paused:
+            self._now_ns += passed_s * self.parameters.value.rate * 1e9
+        if self._clock_publisher is not None:
+            stamp = Time(nanoseconds=min(round(self._now_ns), self._bag.end_ns)).to_msg()
+            self._clock_publisher.publish(interface_class(CLOCK.message_type)(clock=stamp))
+        while not self._is_paused and self._next[1] <= self._now_ns:
+            topic, _, payload = self._next
+            if topic in self._outputs:
+                self._publish(self._outputs[topic], payload)
+            try:
+                self._next = next(self._messages)
+            except StopIteration:
+                self._end()
+                return
+
+    def _is_anybody_missing(self, now_s: float) -> None:
+        """Wait for a subscriber on every topic, for as long as was asked for."""
+        missing = [
+            topic
+            for topic, output in self._outputs.items()
+            if not output.publisher.get_subscription_count()
+        ]
+        assert self._give_up_waiting_s is not None
+        if missing and now_s < self._give_up_waiting_s:
+            return
+        self._give_up_waiting_s = None
+        if missing:
+            self.get_logger().info(f"nobody listens to {', '.join(missing)}")
+
+    def _publish(self, output: _Output, payload: bytes) -> None:
+        # Whatever does not fit a queue is lost in silence, reliable or not: wait for subscribers
+        # to have what is in it before it is full.
+        if output.room == 0:
+            output.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
+            output.room = output.depth
+        output.publisher.publish(payload)
+        output.room -= 1
+        self.health.count("published")
+
+    def _end(self) -> None:
+        for output in self._outputs.values():
+            output.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        if self.parameters.value.loop:
+            self.health.count("loops")
+            self._rewind()
+            return
+        self.destroy_timer(self._timer)
+        self.get_logger().info(f"published {self.health.total('published')} messages")
+        self._on_end()
+
+    def _pause(self, request: Any, response: Any) -> Any:
+        self._is_paused = bool(request.data)
+        response.success = True
+        response.message = "paused" if self._is_paused else "playing"
+        return response
+
+
+def _qos_of(channel: Channel) -> Qos:
+    """QoS of a topic as recorded, or else as the nodes here publish its type."""
+    recorded = recorded_qos(channel)
+    if recorded is None:
+        return _USUAL_QOS.get(channel.message_type, Qos(depth=10))
+    depth, is_reliable, is_latched = recorded
+    return Qos(depth, is_reliable, is_latched)
+
+
+def main() -> None:
+    """Run the node until all is published."""
+    run_node(lambda: BagReplay(on_end=rclpy.try_shutdown))
+
+
+if __name__ == "__main__":
+    main()

@@ -14,7 +14,7 @@ from distutils.command.install_data import install_data  # isort: skip
 
 NAME = "usmap_ros"
 
-NODES = ["bag_replay", "cone_reconstructor", "echo_driver", "map_fusion"]
+NODES = ["bag_recorder", "bag_replay", "cone_reconstructor", "echo_driver", "map_fusion"]
 ENTRY_POINTS = {
     "usmap": f"{NAME}.cli:main",
     **{node: f"{NAME}.nodes.{node}:main" for node in NODES},

@@ -9,7 +9,18 @@ from typing import Annotated
 import typer
 
 import usmap_ros
-from usmap_ros.cli import console, demo, evaluate, info, map, plot, simulate
+from usmap_ros.cli import (
+    console,
+    demo,
+    evaluate,
+    fleet,
+    info,
+    map,
+    plot,
+    record,
+    replay,
+    simulate,
+)
 from usmap_ros.errors import UsmapError
 
 app = typer.Typer(
@@ -25,6 +36,9 @@ app.command("map")(map.map_bags)
 app.command("evaluate")(evaluate.evaluate)
 app.command("plot")(plot.plot)
 app.command("info")(info.info)
+app.command("fleet")(fleet.fleet)
+app.command("replay")(replay.replay)
+app.command("record")(record.record)
 
 
 def _print_version(wanted: bool) -> None:

@@ -21,14 +21,21 @@ def prepare_environment() -> None:
     os.environ.setdefault("HOME", tempfile.gettempdir())
 
 
-def run_node(create: Callable[[], Any]) -> None:
+def run_node(create: Callable[[], Any], arguments: list[str] | None = None) -> None:
     """Run a node until it is interrupted; the main function of every executable.
 
     Its ``close`` finishes what must not be lost and destroys it.  Exit status 1: the node could
     not start; one line on standard error says why.
+
+    Parameters
+    ----------
+    create : callable
+        Makes the node.
+    arguments : list of str, optional
+        For ROS; by default those of the command line.
     """
     prepare_environment()
-    rclpy.init()
+    rclpy.init(args=arguments)
     try:
         node = create()
     except UsmapError as error:

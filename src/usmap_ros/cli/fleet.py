@@ -1,0 +1,58 @@
+"""``usmap fleet``: all nodes of a scenario, as processes."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from usmap_ros.cli.live import require_ros
+
+#: Time that the nodes get to start before the robots set off, s.
+_HEAD_START_S = 3.0
+
+
+def fleet(
+    scenario_file: Annotated[
+        Path, typer.Argument(metavar="SCENARIO.yaml", help="World and robots.")
+    ],
+    checkpoint: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Keep the map in this folder."),
+    ] = None,
+    parameters_file: Annotated[
+        Path | None, typer.Option("--parameters", "-p", metavar="FILE.yaml", help="For ROS nodes.")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="End after so many seconds.")
+    ] = None,
+) -> None:
+    """Simulate and map live: a driver and a reconstructor a robot, and one fusion.
+
+    Each is a process of its own, restarted if it dies. Ctrl-C ends all of them.
+    """
+    require_ros()
+    from usmap_ros.errors import FileError
+    from usmap_ros.fleet import fleet_tasks
+    from usmap_ros.simulation import Scenario
+    from usmap_ros.supervisor import Supervisor
+
+    scenario = Scenario.load(scenario_file)
+    # What the drivers would refuse one by one is said once, before anything starts.
+    scenario.fleet(scenario.scene())
+    if parameters_file is not None and not parameters_file.is_file():
+        raise FileError(parameters_file, "does not exist")
+    tasks = fleet_tasks(
+        scenario_file,
+        scenario,
+        time.time() + _HEAD_START_S,
+        parameters_file=parameters_file,
+        checkpoint=checkpoint,
+    )
+    supervisor = Supervisor(tasks, lambda line: print(line, flush=True))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: supervisor.stop())
+    supervisor.run(duration)

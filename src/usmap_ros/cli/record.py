@@ -1,0 +1,25 @@
+"""``usmap record``: live ROS topics to a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from usmap_ros.cli.live import require_ros, run_live_node
+
+
+def record(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="BAG", help="Folder of the new recording.")
+    ],
+    topics: Annotated[
+        str, typer.Option(metavar="REGEX", help="Record topics whose whole name matches.")
+    ] = ".*",
+) -> None:
+    """Record ROS topics into MCAP until Ctrl-C; what was written outlives even a kill."""
+    require_ros()
+    from usmap_ros.nodes.bag_recorder import BagRecorder
+
+    run_live_node(BagRecorder, {"bag": str(output), "topic_pattern": topics})

@@ -8,6 +8,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
@@ -132,7 +133,8 @@ class _MovingMap:
 
     def _beam(self, number: int) -> Polygon:
         color = style.robot_color(number)
-        beam = Polygon(np.zeros((1, 2)), facecolor=(color, 0.35), edgecolor=color, linewidth=1.0)
+        face = to_rgba(color, 0.35)
+        beam = Polygon(np.zeros((1, 2)), facecolor=face, edgecolor=color, linewidth=1.0)
         self._axes.add_patch(beam)
         return beam
 

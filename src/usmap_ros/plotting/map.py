@@ -43,7 +43,7 @@ def map_figure(
         show_all(axes, occupancy.geometry, paths or RobotPaths())
         axes.set_title(title)
         if axes.get_legend_handles_labels()[0]:
-            figure.legend(loc="outside lower center", ncols=5)
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=5)
         figure.colorbar(image, ax=axes, shrink=0.6, label="probability of being occupied")
     return figure
 

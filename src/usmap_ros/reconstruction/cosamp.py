@@ -137,7 +137,11 @@ def cosamp(
         kept = _prune(operator, merged, limits, sparsity)
         if np.array_equal(kept, best.support):
             return best.halted(Halt.STABLE_SUPPORT)
-        pruned = fit.on(kept, iteration, Halt.ITERATIONS)
+        pruned = (
+            merged
+            if np.array_equal(kept, merged.support)
+            else fit.on(kept, iteration, Halt.ITERATIONS)
+        )
         if pruned.residual_norm >= best.residual_norm * (1.0 - 1e-9):
             return best.halted(Halt.NO_PROGRESS)
         best = pruned
@@ -210,20 +214,25 @@ class Fit:
         coefficients = (
             _solve_non_negative(columns, self.signal)
             if self.non_negative
-            else _solve(columns, self.signal)
+            else least_squares(columns, self.signal)
         )
         residual = self.signal - columns @ coefficients
         blocks = coefficients.reshape(len(support), self.operator.block_size)
         return Solution(support, blocks, residual, iterations, halt)
 
 
-def _solve(columns: FloatArray, signal: Signal) -> Signal:
+def least_squares(columns: FloatArray, signals: Signal) -> Signal:
+    """Coefficients of the columns that come closest to one or several signals.
+
+    Solves the normal equations with a ridge too small to be seen, which gives identical
+    columns equal shares.
+    """
     if columns.shape[1] == 0:
-        return np.zeros(0, dtype=signal.dtype)
+        return np.zeros((0, *signals.shape[1:]), dtype=signals.dtype)
     gram = columns.T @ columns
     diagonal = np.einsum("ii->i", gram)
     diagonal += RIDGE * diagonal.mean()
-    solution: Signal = np.linalg.solve(gram, columns.T @ signal)
+    solution: Signal = np.linalg.solve(gram, columns.T @ signals)
     return solution
 
 

@@ -75,8 +75,10 @@ class DelayDomainOperator:
         self.path_weights = echo / np.linalg.norm(echo, axis=1, keepdims=True)
         #: Norm of the echo of an object whose direct path has amplitude 1, shape (blocks,).
         self.unit_norms = self._norms[:, 0] / self.path_weights[:, 0]
-        #: Ranges of the blocks that were moved off the grid; NaN where not.
-        self._moved_ranges_m = np.full(self.block_count, np.nan)
+        # Where the blocks are: on the grid, where every path is rounded to it, until moved.
+        self._block_ranges_m = self.ranges_m
+        self._block_delays_s = self._grid_start_s + self._path_index * self.delay_step_s
+        self._moved: IndexArray = np.empty(0, dtype=np.intp)
 
     # ------------------------------------------------------------------ SensingOperator
 
@@ -97,7 +99,7 @@ class DelayDomainOperator:
 
     def forward(self, coefficients: Signal) -> Signal:
         """Sum of the echoes: every path's template at its delay, times its coefficient."""
-        moved = self._moved_blocks()
+        moved = self._moved
         on_grid = coefficients.copy()
         on_grid[moved] = 0.0
         spikes = np.zeros(self._window_count * self.oversampling, dtype=coefficients.dtype)
@@ -118,9 +120,9 @@ class DelayDomainOperator:
         windows = np.lib.stride_tricks.sliding_window_view(padded, taps)
         filtered = windows @ self._polyphase.T
         proxy: Signal = filtered.reshape(-1)[self._path_index]
-        moved = self._moved_blocks()
-        if len(moved):
-            proxy[moved] = (self.columns(moved).T @ signal).reshape(len(moved), self.block_size)
+        if len(self._moved):
+            at_moved = self.columns(self._moved).T @ signal
+            proxy[self._moved] = at_moved.reshape(-1, self.block_size)
         return proxy
 
     def columns(self, support: IndexArray) -> FloatArray:
@@ -154,34 +156,30 @@ class DelayDomainOperator:
     def moved(self, support: IndexArray, steps_s: FloatArray) -> DelayDomainOperator:
         """Return an operator in which the direct paths of `support` are later by `steps_s`."""
         refined = copy.copy(self)
-        steps_m = 0.5 * self.channel.sound_speed_m_s * steps_s
-        refined._moved_ranges_m = self._moved_ranges_m.copy()
-        refined._moved_ranges_m[support] = self.block_ranges_m(support) + steps_m
+        ranges_m = self.block_ranges_m(support) + 0.5 * self.channel.sound_speed_m_s * steps_s
+        refined._block_ranges_m = self._block_ranges_m.copy()
+        refined._block_ranges_m[support] = ranges_m
+        refined._block_delays_s = self._block_delays_s.copy()
+        refined._block_delays_s[support] = self.channel.delays_s(ranges_m)
+        refined._moved = np.union1d(self._moved, support)
         return refined
 
     def block_ranges_m(self, support: IndexArray) -> FloatArray:
         """Ranges of blocks, off the grid where they were moved."""
-        moved_m = self._moved_ranges_m[support]
-        return np.where(np.isnan(moved_m), self.ranges_m[support], moved_m)
+        return self._block_ranges_m[support]
 
     def delays_s(self, support: IndexArray) -> FloatArray:
         """Delays of the blocks' paths, shape (len(support), block_size).
 
         On the grid every path is rounded to it, off the grid they are exact.
         """
-        on_grid = self._grid_start_s + self._path_index[support] * self.delay_step_s
-        exact = self.channel.delays_s(self.block_ranges_m(support))
-        on_grid_m = np.isnan(self._moved_ranges_m[support])[:, np.newaxis]
-        return np.where(on_grid_m, on_grid, exact)
+        return self._block_delays_s[support]
 
     def slopes(self, support: IndexArray) -> FloatArray:
         """Derivatives of `columns` with respect to the delay of each block's direct path."""
         rates = self.channel.delay_rates(self.block_ranges_m(support)).reshape(-1)
         delays_s = self.delays_s(support).reshape(-1)
         return -rates * self._scatter(delays_s, self.template.slope)
-
-    def _moved_blocks(self) -> IndexArray:
-        return np.flatnonzero(~np.isnan(self._moved_ranges_m))
 
     def _scatter(
         self, delays_s: FloatArray, profile: Callable[[FloatArray], FloatArray]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.reconstruction.cosamp import Solution
+from usmap_ros.reconstruction.cosamp import Solution, least_squares
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.operators import FloatArray
 
@@ -40,14 +40,14 @@ def delay_step(
     columns = operator.columns(solution.support)
     slopes = operator.slopes(solution.support) * solution.coefficients.reshape(-1)
     slopes = slopes.reshape(-1, count, paths).sum(axis=2)
-    explained, *_ = np.linalg.lstsq(columns, slopes, rcond=1e-8)
-    free = slopes - columns @ explained
+    free = slopes - columns @ least_squares(columns, slopes)
     information = np.real(free.conj().T @ free)
     diagonal = np.einsum("ii->i", information)
     # Echoes too faint to move at all must not make the system singular.
     diagonal += 1e-6 * diagonal.max() + np.finfo(float).tiny
-    step_s = np.linalg.solve(information, np.real(free.conj().T @ solution.residual))
-    variance = np.diagonal(np.linalg.inv(information))
+    covariance = np.linalg.inv(information)
+    step_s = covariance @ np.real(free.conj().T @ solution.residual)
+    variance = np.diagonal(covariance)
     if np.iscomplexobj(solution.residual):
         variance = variance / 2.0
     limit_s = MAX_STEP * operator.delay_step_s

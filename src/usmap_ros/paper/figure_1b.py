@@ -1,0 +1,135 @@
+"""Figure 1b: two robots; what each cone leaves open, and the map that both make."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.geometry import Pose
+from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
+from usmap_ros.mapping.candidates import CandidateCells, candidate_cells
+from usmap_ros.paper.drawing import COEFFICIENT, annotate, draw_cone, draw_objects, finish_map
+from usmap_ros.paper.part import Part
+from usmap_ros.paper.setting import SHORT_PULSE, Points, hear
+from usmap_ros.parameters import MappingParameters, PipelineParameters
+from usmap_ros.pipeline import Pipeline
+from usmap_ros.plotting.style import PROBABILITY, ROBOTS, new_figure, styled
+from usmap_ros.reconstruction.operators import FloatArray
+
+POLES: Points = ((2.03, 1.21), (2.91, 1.72), (1.32, 1.83), (2.58, 2.53))
+POSES = (
+    Pose.planar(0.0, 0.6, np.deg2rad(20.0)),
+    Pose.planar(3.9, 0.2, np.deg2rad(130.0)),
+)
+NAMES = ("robot 1", "robot 2")
+NOISE_STD = 0.01
+RANGE_M = 4.0
+#: Cells about a pole that count as the pole, and those that may not be called a ghost.
+NEAR_CELLS, GHOST_CELLS = 1, 3
+#: A prior of one cell in two hundred, about the share that the poles and their room take up.
+MAPPING = MappingParameters(prior=0.005)
+
+
+def two_robots() -> Part:
+    """Draw what one ping of each robot leaves open, and the map of both."""
+    cones = [
+        Pipeline().reconstruct(
+            hear(POLES, SHORT_PULSE, noise_std=NOISE_STD, pose=pose, max_range_m=RANGE_M, seed=seed)
+        )
+        for seed, pose in enumerate(POSES)
+    ]
+    candidates = [candidate_cells(cone, MAPPING) for cone in cones]
+    occupancy = _fused(cones)
+    numbers: dict[str, Any] = {"both_robots": certainty(occupancy)}
+    for name, cells in zip(NAMES, candidates, strict=True):
+        numbers[name.replace(" ", "_")] = ambiguity(cells)
+    with styled():
+        figure = new_figure(11.0, 4.4)
+        panels = figure.subplots(1, 3, sharex=True, sharey=True)
+        for robot, cells in enumerate(candidates):
+            likely = _draw_candidates(panels[robot], cells)
+            draw_cone(panels[robot], POSES[robot], RANGE_M, ROBOTS[robot], NAMES[robot])
+            draw_objects(panels[robot], POLES)
+            finish_map(panels[robot], f"What {NAMES[robot]} hears")
+            alike = numbers[NAMES[robot].replace(" ", "_")]["candidates_per_pole"]
+            annotate(panels[robot], f"{alike:.0f} candidate cells for each pole")
+        image = _draw_map(panels[2], occupancy)
+        for robot, pose in enumerate(POSES):
+            draw_cone(panels[2], pose, RANGE_M, ROBOTS[robot], NAMES[robot])
+        draw_objects(panels[2], POLES)
+        finish_map(panels[2], "The map of both")
+        seen = numbers["both_robots"]
+        annotate(
+            panels[2],
+            f"poles {seen['least_at_a_pole']:.2f} and more,"
+            f" elsewhere {seen['most_elsewhere']:.2f} at most",
+        )
+        for axes in panels:
+            axes.legend(loc="lower left", markerscale=0.5)
+        panels[0].set(xlim=(-0.4, 4.4), ylim=(-1.4, 4.6))
+        figure.colorbar(likely, ax=panels[:2], label="likelihood, relative to the best", shrink=0.8)
+        figure.colorbar(image, ax=panels[2], label="probability of being occupied", shrink=0.8)
+    return Part("figure_1b_two_robots", numbers, figure)
+
+
+def ambiguity(cells: CandidateCells) -> dict[str, float]:
+    """How many cells one ping leaves as candidates."""
+    likely = int(np.count_nonzero(cells.likelihood >= 0.5))
+    return {
+        "candidate_cells": len(cells.likelihood),
+        "candidates_per_pole": len(cells.likelihood) / len(POLES),
+        "likely_cells": likely,
+    }
+
+
+def certainty(occupancy: OccupancyMap) -> dict[str, float]:
+    """Least probability at a pole, most of it elsewhere, and the cells called occupied."""
+    probability = occupancy.probability()
+    distance = _distances_to_poles(occupancy)
+    elsewhere = (distance > GHOST_CELLS).all(axis=0)
+    at_poles = [probability[near <= NEAR_CELLS].max() for near in distance]
+    return {
+        "least_at_a_pole": float(min(at_poles)),
+        "most_elsewhere": float(probability[elsewhere].max()),
+        "occupied_cells_elsewhere": int(
+            np.count_nonzero(probability[elsewhere] >= OCCUPIED_PROBABILITY)
+        ),
+    }
+
+
+def _fused(cones: list[EchoCone]) -> OccupancyMap:
+    pipeline = Pipeline(PipelineParameters(mapping=MAPPING))
+    for cone in cones:
+        pipeline.fuse(cone)
+    return pipeline.occupancy_map()
+
+
+def _distances_to_poles(occupancy: OccupancyMap) -> FloatArray:
+    """Chebyshev distance of every cell to each pole's cell, shape (poles, rows, columns)."""
+    geometry = occupancy.geometry
+    rows, columns = np.indices(geometry.shape)
+    places = np.floor((np.array(POLES) - geometry.origin_m) / geometry.resolution_m)
+    distances: FloatArray = np.maximum(
+        np.abs(columns - places[:, 0, np.newaxis, np.newaxis]),
+        np.abs(rows - places[:, 1, np.newaxis, np.newaxis]),
+    )
+    return distances
+
+
+def _draw_candidates(axes: Axes, cells: CandidateCells) -> Any:
+    order = np.argsort(cells.likelihood)
+    x, y = cells.centers_m[order].T
+    return axes.scatter(
+        x, y, c=cells.likelihood[order], s=6.0, marker="s", cmap=COEFFICIENT, vmin=0.0, vmax=1.0
+    )
+
+
+def _draw_map(axes: Axes, occupancy: OccupancyMap) -> Any:
+    shown = np.ma.masked_where(~occupancy.observed, occupancy.probability())
+    return axes.imshow(
+        shown, extent=occupancy.geometry.extent_m, origin="lower", cmap=PROBABILITY,
+        vmin=0.0, vmax=1.0, interpolation="nearest",
+    )

@@ -1,0 +1,114 @@
+"""Figures 4 and 5: three objects, the pulse train they return, and what CoSaMP makes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from usmap_ros.paper.drawing import (
+    draw_cells,
+    draw_cone,
+    draw_objects,
+    draw_signal,
+    finish_map,
+)
+from usmap_ros.paper.part import Part
+from usmap_ros.paper.setting import (
+    ALIGNED,
+    MIRROR_IMAGES,
+    OBJECTS,
+    SQUARE_PULSE,
+    coefficients_by_cell,
+    f1_of_sets,
+    hear,
+    method,
+)
+from usmap_ros.plotting.style import RECONSTRUCTION, new_figure, styled
+from usmap_ros.reconstruction.cells import CellReconstruction, reconstruct_cells
+from usmap_ros.trace import EchoTrace
+
+
+def scene_and_pulse_train() -> Part:
+    """Draw figure 4: where the objects stand, and what is received."""
+    trace = hear(OBJECTS, SQUARE_PULSE)
+    with styled():
+        figure = new_figure(9.0, 3.8)
+        scene, signal = figure.subplots(1, 2, width_ratios=[1.0, 1.4])
+        draw_cone(scene, ALIGNED)
+        draw_objects(scene, OBJECTS)
+        finish_map(scene, "Three objects in the cone")
+        scene.set_xticks(np.arange(0, 11))
+        scene.set_yticks(np.arange(-7, 9))
+        scene.grid(visible=True)
+        scene.legend(loc="upper left", markerscale=0.6)
+        draw_signal(signal, trace.sample_times_s(), trace.signal(), "received")
+        signal.set_yscale("log")
+        signal.set_ylim(1e-3, 1.0)
+        signal.set_title("The pulse train that comes back")
+        _name_echoes(signal, trace)
+        signal.legend(loc="upper right")
+    numbers = {
+        "objects_m": [list(point) for point in OBJECTS],
+        "delays_ms": [1e3 * delay for delay in _delays_s(trace)],
+        "amplitudes": _amplitudes(trace),
+    }
+    return Part("figure_4_scene_and_pulse_train", numbers, figure)
+
+
+def reconstruction() -> Part:
+    """Draw figure 5: coefficients by cell, and the residual."""
+    trace = hear(OBJECTS, SQUARE_PULSE)
+    found = reconstruct_cells(trace, method())
+    numbers = {
+        "coefficients": coefficients_by_cell(found),
+        "mirror_images_m": [list(point) for point in MIRROR_IMAGES],
+        "relative_residual": found.relative_residual,
+        "halt": found.solution.halt.name,
+        "iterations": found.solution.iterations,
+        "f1": f1_of_sets(found, OBJECTS),
+    }
+    return Part("figure_5_reconstruction", numbers, _reconstruction_figure(trace, found))
+
+
+def _reconstruction_figure(trace: EchoTrace, found: CellReconstruction) -> Figure:
+    with styled():
+        figure = new_figure(9.0, 4.2)
+        plan, signal = figure.subplots(1, 2, width_ratios=[1.15, 1.3])
+        draw_cone(plan, ALIGNED)
+        squares = draw_cells(plan, found.dictionary.cells, found.coefficients, 0.5)
+        draw_objects(plan, OBJECTS, MIRROR_IMAGES)
+        finish_map(plan, "Coefficients of the cells")
+        plan.legend(loc="upper left", markerscale=0.6)
+        figure.colorbar(squares, ax=plan, label="coefficient", shrink=0.8)
+        times_s = trace.sample_times_s()
+        draw_signal(signal, times_s, found.signal, "received")
+        explained = found.signal - found.residual
+        signal.plot(
+            1e3 * times_s, explained, "--", color=RECONSTRUCTION, linewidth=1.0, label="Φ q"
+        )
+        signal.set_title(f"Signal; ‖y − Φ q‖ / ‖y‖ = {found.relative_residual:.0e}")
+        signal.legend()
+    return figure
+
+
+def _delays_s(trace: EchoTrace) -> list[float]:
+    offsets = np.asarray(OBJECTS) - trace.pose.position_m[:2]
+    return [float(delay) for delay in 2.0 * np.hypot(*offsets.T) / trace.channel.sound_speed_m_s]
+
+
+def _amplitudes(trace: EchoTrace) -> list[float]:
+    """Of the received pulses, read half a pulse after each delay."""
+    middle_s = np.array(_delays_s(trace)) + 0.5 * trace.transducer.pulse.duration_s
+    index = np.rint(middle_s * trace.sample_rate_hz).astype(int)
+    return [float(value) for value in trace.signal()[index]]
+
+
+def _name_echoes(axes: object, trace: EchoTrace) -> None:
+    write = axes.annotate  # type: ignore[attr-defined]
+    for name, delay_s, amplitude in zip(
+        ("near", "middle", "far"), _delays_s(trace), _amplitudes(trace), strict=True
+    ):
+        write(
+            name, (1e3 * delay_s + 0.5, amplitude), (0, 6), textcoords="offset points",
+            ha="center", fontsize=8,
+        )

@@ -1,0 +1,125 @@
+"""The node that recovers echoes: what it publishes, and what it does when it cannot keep up."""
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.io.conversions import cone_from_message, points_from_message, trace_to_message
+from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
+from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.trace import EchoTrace
+
+ECHO, CONE = "usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"
+TYPES = RosMessageTypes()
+Traces = list[tuple[str, EchoTrace]]
+
+
+def test_every_trace_becomes_the_cone_that_the_pipeline_makes(
+    live: Any, traces: Traces, cones: list[tuple[str, EchoCone]]
+) -> None:
+    live.add(ConeReconstructor, namespace="robot1")
+    found = live.listen(CONE, "/robot1/cone", 50)
+    echo = live.publisher(ECHO, "/robot1/echo")
+    live.until(lambda: live.peer.count_publishers("/robot1/cone"))
+    for number, (_, trace) in enumerate(traces[:10]):
+        echo.publish(trace_to_message(trace, TYPES))
+        live.until(lambda n=number: len(found) > n)
+    for message, (_, cone) in zip(found, cones, strict=False):
+        back = cone_from_message(message)
+        assert back.stamp_ns == cone.stamp_ns
+        np.testing.assert_array_equal(back.ranges_m, cone.ranges_m)
+        np.testing.assert_array_equal(back.amplitudes, cone.amplitudes)
+
+
+def test_candidate_cells_lie_on_the_rings_of_the_echoes(live: Any, traces: Traces) -> None:
+    live.add(ConeReconstructor)
+    clouds = live.listen("sensor_msgs/msg/PointCloud2", "/cone_cells", qos_profile_sensor_data)
+    echo = live.publisher(ECHO, "/echo")
+    trace = traces[0][1]
+
+    def heard() -> Any:
+        echo.publish(trace_to_message(trace, TYPES))
+        return clouds
+
+    live.until(heard)
+    columns, frame_id, stamp_ns = points_from_message(clouds[0])
+    assert list(columns) == ["x", "y", "z", "coefficient"]
+    assert (frame_id, stamp_ns) == (trace.frame_id, trace.stamp_ns)
+    assert len(columns["x"]) > 10
+    x, y = trace.pose.position_m[:2]
+    ranges_m = np.hypot(columns["x"] - x, columns["y"] - y)
+    assert ranges_m.max() < trace.transducer.max_range_m
+    assert columns["coefficient"].min() > 0.0
+
+
+def test_several_transducers_have_topics_of_their_own(live: Any, traces: Traces) -> None:
+    live.add(ConeReconstructor, namespace="robot1", transducers=["left", "right"])
+    left = live.listen(CONE, "/robot1/left/cone", 50)
+    right = live.listen(CONE, "/robot1/right/cone", 50)
+    echo = live.publisher(ECHO, "/robot1/right/echo")
+    live.until(lambda: live.peer.count_publishers("/robot1/right/cone"))
+    echo.publish(trace_to_message(traces[0][1], TYPES))
+    live.until(lambda: right)
+    assert left == []
+
+
+def test_the_oldest_is_dropped_and_counted_when_it_cannot_keep_up(
+    live: Any, traces: Traces, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = live.add(ConeReconstructor, queue_depth=3, diagnostics_period_s=0.1)
+    reconstruct = node._pipeline.reconstruct
+
+    def slowly(trace: EchoTrace) -> EchoCone:
+        time.sleep(0.3)
+        return reconstruct(trace)
+
+    monkeypatch.setattr(node._pipeline, "reconstruct", slowly)
+    found = live.listen(CONE, "/cone", 50)
+    diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 50)
+    echo = live.publisher(ECHO, "/echo")
+    for _, trace in traces[:12]:
+        echo.publish(trace_to_message(trace, TYPES))
+        live.spin(0.03)
+    total = node.health.total
+    live.until(lambda: total("published") + total("dropped") == 12)
+    assert total("received") == 12
+    assert total("dropped") >= 5
+    live.until(lambda: len(found) == total("published"))
+    assert found[-1].header.stamp == trace_to_message(traces[11][1], TYPES).header.stamp
+
+    def warning() -> Any:
+        levels = [s for message in diagnostics for s in message.status if s.level == b"\x01"]
+        return [s for s in levels if "faster than they are worked on" in s.message]
+
+    live.until(warning)
+
+
+def test_it_keeps_up_with_20_hz(live: Any, traces: Traces) -> None:
+    node = live.add(ConeReconstructor)
+    echo = live.publisher(ECHO, "/echo")
+    for _, trace in traces[:30]:
+        echo.publish(trace_to_message(trace, TYPES))
+        live.spin(0.05)
+    live.until(lambda: node.health.total("published") == 30)
+    assert node.health.total("dropped") == 0
+    facts = {value.key: value.value for value in node.health.status().values}
+    assert float(facts["latency p50 (ms)"]) > 0.0
+
+
+def test_an_error_in_the_worker_ends_the_node(
+    live: Any, trace_message: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = live.add(ConeReconstructor)
+
+    def broken(*_: Any) -> None:
+        raise RuntimeError("the publisher broke")
+
+    monkeypatch.setattr(node, "_publish", broken)
+    echo = live.publisher(ECHO, "/echo")
+    echo.publish(trace_message)
+    with pytest.raises(RuntimeError, match="the publisher broke"):
+        live.until(lambda: False)

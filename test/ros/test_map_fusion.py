@@ -1,0 +1,322 @@
+"""The node that fuses cones: its maps, its services, its life cycle, its memory."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import GridGeometry
+from usmap_ros.io.conversions import cone_to_message, grid_from_message
+from usmap_ros.io.map_files import load_map
+from usmap_ros.io.nav2_map import load_nav2_map
+from usmap_ros.nodes.map_fusion import MapFusion
+from usmap_ros.nodes.map_publisher import BLOCK_CELLS, block_geometry, changed_part, placed
+from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.pipeline import Pipeline
+from usmap_ros.simulation import Scenario
+
+CONE, GRID = "usmap_msgs/msg/EchoCone", "nav_msgs/msg/OccupancyGrid"
+TYPES = RosMessageTypes()
+Cones = list[tuple[str, EchoCone]]
+
+
+def send(live: Any, cones: Cones) -> None:
+    """Publish cones on their topics, and wait until all are fused."""
+    node = live.nodes[0]
+    before = node.health.total("fused")
+    publishers = {topic: live.publisher(CONE, topic, 50) for topic in sorted(dict(cones))}
+    for topic, cone in cones:
+        publishers[topic].publish(cone_to_message(cone, TYPES))
+    live.until(lambda: node.health.total("fused") == before + len(cones))
+
+
+def offline(cones: Cones) -> Any:
+    """Map that the pipeline makes of the same cones."""
+    pipeline = Pipeline()
+    for _, cone in cones:
+        pipeline.fuse(cone)
+    return pipeline.occupancy_map()
+
+
+def test_the_map_is_that_of_the_pipeline(live: Any, cones: Cones, nav2_qos: Any) -> None:
+    node = live.add(MapFusion, order_wait_s=5.0)
+    grids = live.listen(GRID, "/map", nav2_qos)
+    send(live, cones)
+    expected = offline(cones)
+    live.until(lambda: grids and node.health.total("fused") == len(cones))
+    occupancy = node.fusion.occupancy_map()
+    assert node.health.total("late") == 0
+    np.testing.assert_array_equal(occupancy.log_odds, expected.log_odds)
+    live.until(lambda: grids[-1].header.stamp == cone_to_message(cones[-1][1], TYPES).header.stamp)
+    geometry, values, frame_id, _ = grid_from_message(grids[-1])
+    assert frame_id == "map"
+    np.testing.assert_array_equal(values, placed(expected.trinary(), expected.geometry, geometry))
+
+
+def test_a_late_subscriber_gets_the_map_at_once(
+    live: Any, cones: Cones, nav2_qos: Any, assert_nav2_takes: Callable[[Any], None]
+) -> None:
+    node = live.add(MapFusion)
+    send(live, cones)
+    live.until(lambda: node._published_version == node.fusion.version)
+    count = node.health.total("published")
+    grids = live.listen(GRID, "/map", nav2_qos)
+    percents = live.listen(GRID, "/map_probability", nav2_qos)
+    metadata = live.listen("nav_msgs/msg/MapMetaData", "/map_metadata", nav2_qos)
+    live.until(lambda: grids and percents and metadata)
+    assert node.health.total("published") == count
+    assert_nav2_takes(grids[0])
+    assert_nav2_takes(percents[0])
+    assert set(grids[0].data) <= {-1, 0, 100}
+    assert len(set(percents[0].data)) > 3
+    assert metadata[0] == grids[0].info
+
+
+def test_nothing_is_published_while_nothing_changes(live: Any, cones: Cones, nav2_qos: Any) -> None:
+    node = live.add(MapFusion, publish_rate_hz=50.0)
+    live.spin(0.3)
+    assert node.health.total("published") == 0
+    send(live, cones)
+    live.until(lambda: node._published_version == node.fusion.version)
+    count = node.health.total("published")
+    live.spin(0.5)
+    assert node.health.total("published") == count
+
+
+def test_growth_never_moves_a_cell(
+    live: Any,
+    poles: Scenario,
+    far_cones: Callable[..., list[EchoCone]],
+    nav2_qos: Any,
+    assert_nav2_takes: Callable[[Any], None],
+) -> None:
+    node = live.add(MapFusion, publish_rate_hz=20.0, topic_pattern="/walker/.*")
+    grids = live.listen(GRID, "/map", nav2_qos)
+    publisher = live.publisher(CONE, "/walker/cone", 50)
+    places = [(0.0, 0.0), (-7.3, 4.1), (9.9, -20.2), (31.7, 15.0)]
+    for cone in far_cones(poles, places):
+        publisher.publish(cone_to_message(cone, TYPES))
+        count = len(grids)
+        live.until(lambda c=count: len(grids) > c)
+    assert node.health.total("fused") == len(places)
+    sizes = []
+    for message in grids:
+        assert_nav2_takes(message)
+        geometry, values, _, _ = grid_from_message(message)
+        sizes.append(values.size)
+    assert sizes == sorted(sizes)
+    assert sizes[-1] > sizes[0]
+    before, old, _, _ = grid_from_message(grids[0])
+    after, new, _, _ = grid_from_message(grids[-1])
+    shift = (np.array(before.origin_m) - np.array(after.origin_m)) / 0.05
+    left, top = np.rint(shift).astype(int)
+    np.testing.assert_allclose(shift, (left, top), atol=1e-6)
+    rows, columns = np.nonzero(old == 0)
+    assert np.mean(new[rows + top, columns + left] == 0) > 0.99
+
+
+def test_robots_join_and_leave(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion, discovery_period_s=0.1, topic_pattern="/robot[12]/cone")
+    by_topic = {topic: [c for c in cones if c[0] == topic] for topic, _ in cones}
+    send(live, by_topic["/robot1/cone"])
+    send(live, by_topic["/robot2/cone"])
+    stranger = live.peer.create_publisher(type(cone_to_message(cones[0][1], TYPES)),
+                                          "/robot3/cone", 50)  # fmt: skip
+    live.spin(0.5)
+    assert stranger.get_subscription_count() == 0
+    assert set(node._topics._subscriptions) == {"/robot1/cone", "/robot2/cone"}
+    assert live.set_parameter("/map_fusion", "topic_pattern", ".*").successful
+    live.until(stranger.get_subscription_count)
+
+
+def test_listed_topics_are_the_only_ones(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion, cone_topics=["/robot2/cone"])
+    publisher = live.publisher(CONE, "/robot2/cone", 50)
+    other = live.peer.create_publisher(type(cone_to_message(cones[0][1], TYPES)), "/other", 50)
+    publisher.publish(cone_to_message(cones[0][1], TYPES))
+    live.until(lambda: node.health.total("fused"))
+    assert other.get_subscription_count() == 0
+
+
+def test_get_map_and_save_map(live: Any, cones: Cones, tmp_path: Path) -> None:
+    node = live.add(MapFusion, save_path=str(tmp_path / "saved"))
+    send(live, cones)
+    grid = live.call("nav_msgs/srv/GetMap", "/map_fusion/get_map").map
+    assert grid.header.frame_id == "map"
+    response = live.call("std_srvs/srv/Trigger", "/map_fusion/save_map")
+    assert response.success
+    assert Path(response.message) == tmp_path / "saved" / "map.yaml"
+    nav2_map = load_nav2_map(Path(response.message))
+    assert np.nansum(nav2_map.probability > 0.65) == list(grid.data).count(100)
+    occupancy, _ = load_map(tmp_path / "saved")
+    np.testing.assert_array_equal(occupancy.log_odds, node.fusion.occupancy_map().log_odds)
+
+
+def test_save_map_says_why_it_cannot(live: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    live.add(MapFusion, save_path=str(tmp_path / "file" / "map"))
+    response = live.call("std_srvs/srv/Trigger", "/map_fusion/save_map")
+    assert not response.success
+    assert "cannot be written" in response.message
+
+
+def test_pause_and_reset(live: Any, cones: Cones, nav2_qos: Any) -> None:
+    node = live.add(MapFusion, publish_rate_hz=20.0)
+    grids = live.listen(GRID, "/map", nav2_qos)
+    send(live, cones[:6])
+    live.until(lambda: grids and 0 in grids[-1].data)
+    assert live.call("std_srvs/srv/SetBool", "/map_fusion/pause", data=True).success
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    publisher.publish(cone_to_message(cones[6][1], TYPES))
+    live.until(lambda: node.health.total("paused") == 1)
+    live.call("std_srvs/srv/Empty", "/map_fusion/reset")
+    live.until(lambda: set(grids[-1].data) == {-1})
+    assert live.call("std_srvs/srv/SetBool", "/map_fusion/pause", data=False).success
+    publisher.publish(cone_to_message(cones[6][1], TYPES))
+    live.until(lambda: 0 in grids[-1].data)
+
+
+def test_the_life_cycle(live: Any, cones: Cones, tmp_path: Path) -> None:
+    live.add(MapFusion, autostart=False, checkpoint_path=str(tmp_path / "map"))
+
+    def state() -> str:
+        response = live.call("lifecycle_msgs/srv/GetState", "/map_fusion/get_state")
+        return str(response.current_state.label)
+
+    def change(label: str) -> bool:
+        from lifecycle_msgs.msg import Transition
+
+        return bool(
+            live.call(
+                "lifecycle_msgs/srv/ChangeState",
+                "/map_fusion/change_state",
+                transition=Transition(label=label),
+            ).success
+        )
+
+    assert state() == "unconfigured"
+    assert not live.call("std_srvs/srv/Trigger", "/map_fusion/save_map").success
+    assert change("configure")
+    assert change("activate")
+    assert state() == "active"
+    send(live, cones[:6])
+    assert change("deactivate")
+    assert change("cleanup")
+    assert (tmp_path / "map" / "map.npz").exists()
+    assert change("configure")
+    assert change("activate")
+    assert live.call("nav_msgs/srv/GetMap", "/map_fusion/get_map").map.header.frame_id == "map"
+    assert change("shutdown")
+    assert state() == "finalized"
+
+
+def test_a_map_is_kept_and_resumed(live: Any, cones: Cones, tmp_path: Path, nav2_qos: Any) -> None:
+    options = {"checkpoint_path": str(tmp_path / "map"), "checkpoint_period_s": 0.1}
+    node = live.add(MapFusion, **options)
+    send(live, cones)
+    expected = node.fusion.occupancy_map()
+    live.until((tmp_path / "map" / "map.npz").exists)
+    live.remove(node)
+    kept, _ = load_map(tmp_path / "map")
+    np.testing.assert_array_equal(kept.log_odds, expected.log_odds)
+    resumed = live.add(MapFusion, **options)
+    grids = live.listen(GRID, "/map", nav2_qos)
+    live.until(lambda: grids)
+    occupancy = resumed.fusion.occupancy_map()
+    np.testing.assert_array_equal(occupancy.observed, expected.observed)
+    np.testing.assert_array_equal(
+        occupancy.log_odds[occupancy.observed], expected.log_odds[expected.observed]
+    )
+
+
+@pytest.mark.parametrize("damage", ["another resolution", "no archive", "another frame"])
+def test_a_checkpoint_that_does_not_fit_is_left_alone(
+    live: Any, cones: Cones, tmp_path: Path, damage: str
+) -> None:
+    path = tmp_path / "map"
+    node = live.add(MapFusion, checkpoint_path=str(path))
+    send(live, cones[:3])
+    live.remove(node)
+    if damage == "no archive":
+        (path / "map.npz").write_bytes(b"PK nonsense")
+    content = (path / "map.npz").read_bytes()
+    options: dict[str, Any] = {}
+    if damage == "another resolution":
+        options["mapping__resolution_m"] = 0.1
+    if damage == "another frame":
+        options["frame_id"] = "odom"
+    node = live.add(MapFusion, checkpoint_path=str(path), **options)
+    assert node.fusion is None
+    live.spin(0.2)
+    assert (path / "map.npz").read_bytes() == content
+
+
+def test_a_cone_in_another_frame_is_refused_with_the_reason(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion)
+    send(live, cones[:3])
+    publisher = live.publisher(CONE, "/lost/cone", 50)
+    publisher.publish(cone_to_message(replace(cones[0][1], frame_id="odom"), TYPES))
+    live.until(lambda: node.health.total("refused") == 1)
+    reason = node.health.reason("refused")
+    assert "'odom'" in reason
+    assert "'map'" in reason
+    assert "tf2_ros" in reason
+    assert node.health.total("fused") == 3
+
+
+def test_cones_that_cannot_wait_any_longer_are_dropped_and_counted(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion, queue_depth=5, order_wait_s=2.0)
+    silent = live.peer.create_publisher(
+        type(cone_to_message(cones[0][1], TYPES)), "/silent/cone", 50
+    )
+    live.until(silent.get_subscription_count)
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    live.spin(0.6)
+    for _, cone in cones[:12]:
+        publisher.publish(cone_to_message(cone, TYPES))
+    live.until(lambda: node.health.total("fused") == 5)
+    assert node.health.total("dropped") == 7
+
+
+def test_a_silent_robot_delays_the_others_by_the_wait_only(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion, order_wait_s=0.5)
+    silent = live.peer.create_publisher(
+        type(cone_to_message(cones[0][1], TYPES)), "/silent/cone", 50
+    )
+    live.until(silent.get_subscription_count)
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    live.spin(0.6)
+    started = time.monotonic()
+    publisher.publish(cone_to_message(cones[0][1], TYPES))
+    live.until(lambda: node.health.total("fused") == 1)
+    assert 0.4 < time.monotonic() - started < 3.0
+    publisher.publish(cone_to_message(cones[3][1], TYPES))
+    started = time.monotonic()
+    live.until(lambda: node.health.total("fused") == 2)
+    assert time.monotonic() - started < 0.4
+
+
+def test_blocks_lie_at_fixed_places() -> None:
+    side_m = BLOCK_CELLS * 0.05
+    small = GridGeometry(0.05, (-0.05, 0.1), (3, 3))
+    first = block_geometry(small)
+    assert first.origin_m == (-side_m, 0.0)
+    assert first.shape == (BLOCK_CELLS, 2 * BLOCK_CELLS)
+    grown = block_geometry(GridGeometry(0.05, (10.0, 0.1), (3, 3)), first)
+    assert grown.origin_m == first.origin_m
+    assert grown.shape[1] > first.shape[1]
+
+
+def test_the_changed_part_is_the_smallest_rectangle() -> None:
+    before = np.zeros((5, 6), dtype=np.int8)
+    after = before.copy()
+    after[1, 2] = after[3, 3] = 100
+    assert changed_part(before, before) is None
+    first, part = changed_part(before, after) or ((0, 0), before)
+    assert first == (1, 2)
+    np.testing.assert_array_equal(part, after[1:4, 2:4])

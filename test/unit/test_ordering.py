@@ -1,0 +1,114 @@
+"""Messages of several sources come in the order of their stamps, within a bounded wait."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from usmap_ros.ordering import StampOrder
+
+WAIT_S = 0.5
+
+
+def _drain(order: StampOrder[str], now_s: float) -> list[str]:
+    items = []
+    while (released := order.pop(now_s)) is not None:
+        items.append(released[1])
+    return items
+
+
+def _order(capacity: int = 100) -> StampOrder[str]:
+    order: StampOrder[str] = StampOrder(WAIT_S, capacity)
+    order.add_source("a")
+    order.add_source("b")
+    return order
+
+
+def test_a_message_waits_for_sources_that_have_not_spoken_yet() -> None:
+    order = _order()
+    order.push("b", 20, "b20", 0.0)
+    assert _drain(order, 0.1) == []
+    order.push("a", 10, "a10", 0.1)
+    assert _drain(order, 0.1) == ["a10"]
+    order.push("a", 30, "a30", 0.2)
+    assert _drain(order, 0.2) == ["b20"]
+
+
+def test_a_silent_source_holds_the_others_up_once() -> None:
+    order = _order()
+    order.push("a", 10, "a10", 0.0)
+    assert order.due_in_s(0.1) == 0.4
+    assert _drain(order, 0.5) == ["a10"]
+    order.push("a", 20, "a20", 0.6)
+    assert _drain(order, 0.6) == ["a20"]
+    order.push("b", 25, "b25", 0.7)
+    order.push("a", 30, "a30", 0.7)
+    assert _drain(order, 0.7) == ["b25"]
+
+
+def test_a_source_that_left_is_not_waited_for() -> None:
+    order = _order()
+    order.push("a", 10, "a10", 0.0)
+    order.remove_source("b")
+    assert order.due_in_s(0.0) == 0.0
+    assert _drain(order, 0.0) == ["a10"]
+    assert order.due_in_s(0.0) is None
+
+
+def test_equal_stamps_come_in_the_order_of_their_sources() -> None:
+    order = _order()
+    order.push("b", 10, "b10", 0.0)
+    order.push("a", 10, "a10", 0.0)
+    assert _drain(order, 0.0) == ["a10", "b10"]
+
+
+def test_what_comes_too_late_is_counted_and_released_all_the_same() -> None:
+    order = _order()
+    order.push("a", 20, "a20", 0.0)
+    assert _drain(order, 1.0) == ["a20"]
+    order.push("b", 10, "b10", 1.0)
+    assert _drain(order, 1.0) == ["b10"]
+    assert order.late == 1
+
+
+def test_the_oldest_is_dropped_when_there_are_too_many() -> None:
+    order = _order(capacity=2)
+    for stamp in (30, 10, 20):
+        order.push("a", stamp, f"a{stamp}", 0.0)
+    assert order.dropped == 1
+    assert _drain(order, 1.0) == ["a20", "a30"]
+
+
+def test_a_clock_that_is_set_back_does_not_stop_a_source() -> None:
+    order = _order()
+    order.push("a", 1000, "a1000", 0.0)
+    order.push("b", 1000, "b1000", 0.0)
+    assert _drain(order, 0.0) == ["a1000", "b1000"]
+    order.push("a", 5, "a5", 0.1)
+    order.push("b", 6, "b6", 0.1)
+    assert _drain(order, 0.1) == ["a5"]
+    order.clear()
+    assert len(order) == 0
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 50)), max_size=60),
+    st.randoms(use_true_random=False),
+)
+def test_the_order_of_arrival_does_not_matter(
+    messages: list[tuple[str, int]], random: object
+) -> None:
+    by_source = {name: sorted({s for n, s in messages if n == name}) for name in "abc"}
+    order: StampOrder[tuple[int, str]] = StampOrder(WAIT_S, 1000)
+    for name in "abc":
+        order.add_source(name)
+    pending = {name: list(stamps) for name, stamps in by_source.items()}
+    released = []
+    while any(pending.values()):
+        name = random.choice([n for n in "abc" if pending[n]])  # type: ignore[attr-defined]
+        stamp = pending[name].pop(0)
+        order.push(name, stamp, (stamp, name), 0.0)
+        while (item := order.pop(0.0)) is not None:
+            released.append(item[1])
+    while (item := order.pop(WAIT_S)) is not None:
+        released.append(item[1])
+    assert released == sorted((stamp, name) for name in "abc" for stamp in by_source[name])
+    assert order.late == 0

@@ -2,3 +2,10 @@
 
 Only this package imports rclpy.
 """
+
+import os
+
+# Before NumPy is imported: the matrices are small, and the threads of the linear algebra of many
+# nodes would only wait for each other.
+for _library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")

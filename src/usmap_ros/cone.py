@@ -95,4 +95,5 @@ def encode_limits(amplitudes: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Amplitudes as `EchoCone.detection_limits`, rounded up so that no limit is understated."""
     decibels = 20.0 * np.log10(np.maximum(amplitudes, 10.0 ** (LIMIT_FLOOR_DB / 20.0)))
     steps = np.ceil((decibels - LIMIT_FLOOR_DB) / LIMIT_STEP_DB - 1e-9)
-    return np.clip(steps, 0, 255).astype(np.uint8)
+    codes: NDArray[np.uint8] = np.clip(steps, 0, 255).astype(np.uint8)
+    return codes

@@ -18,7 +18,7 @@ UNKNOWN_VALUE, FREE_VALUE, OCCUPIED_VALUE = -1, 0, 100
 
 @dataclass(frozen=True)
 class GridGeometry:
-    """Where the cells of a rectangular map lie; rows go from the lowest y, columns from the lowest x.
+    """Where the cells of a rectangular map lie: rows from the lowest y, columns from the lowest x.
 
     Parameters
     ----------
@@ -41,7 +41,9 @@ class GridGeometry:
         x, y = self.origin_m
         return x, x + columns * self.resolution_m, y, y + rows * self.resolution_m
 
-    def cell_centers_m(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+    def cell_centers_m(
+        self, rows: NDArray[np.int64], columns: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
         """Centres of cells, shape (..., 2), x before y."""
         x = self.origin_m[0] + (columns + 0.5) * self.resolution_m
         y = self.origin_m[1] + (rows + 0.5) * self.resolution_m

@@ -21,7 +21,13 @@ def quantity(default: Any, description: str, unit: str = "", **bounds: Any) -> A
 class ParameterGroup(BaseModel):
     """Base of all parameter groups: immutable, and an unknown key is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        validate_default=True,
+        allow_inf_nan=False,
+        protected_namespaces=(),
+    )
 
 
 class ReconstructionParameters(ParameterGroup):

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.fusion import NoisyOrFusion
+from usmap_ros.mapping.additive import AdditiveFusion
+from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.noisy_or import NoisyOrFusion
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
+
+#: Ways of fusing, by the name that the parameter ``method`` has for them.
+FUSIONS: dict[str, type[Fusion]] = {"noisy_or": NoisyOrFusion, "additive": AdditiveFusion}
 
 
 class Pipeline:
@@ -25,7 +30,7 @@ class Pipeline:
 
     def __init__(self, parameters: PipelineParameters | None = None) -> None:
         self.parameters = parameters or PipelineParameters()
-        self._fusion = NoisyOrFusion(self.parameters.mapping)
+        self._fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
         """Return the echoes in a trace, and how loud an unheard one might have been.

@@ -26,6 +26,8 @@ class CandidateCells:
         Of the cells, counted from the world's origin.
     likelihood : array
         How well the cell fits range and strength of an echo, 1 for the cell that fits best.
+    coefficient : array
+        Reflectivity that an object in the cell would need to return that echo.
     resolution_m : float
         Side of a cell.
     """
@@ -33,6 +35,7 @@ class CandidateCells:
     rows: IndexArray
     columns: IndexArray
     likelihood: FloatArray
+    coefficient: FloatArray
     resolution_m: float
 
     @property
@@ -55,19 +58,23 @@ def candidate_cells(cone: EchoCone, parameters: MappingParameters) -> CandidateC
         Cells and sensor model.
     """
     cells = footprint(cone, parameters.resolution_m)
-    ring = find_ring(
-        cone, cells, parameters.range_error_m, parameters.fluctuation, parameters.clutter
-    )
+    ring = find_ring(cone, cells, parameters)
     spread = parameters.reflectivity_spread**2 + ring.variance
     misfit = (ring.log_reflectivity - np.log(parameters.reflectivity)) ** 2 / spread
     fit = ring.range_fit * np.exp(-0.5 * misfit)
     best = np.zeros(ring.echo_count)
     np.maximum.at(best, ring.echo, fit)
     relative = fit / np.maximum(best[ring.echo], np.finfo(float).tiny)
-    likelihood = np.zeros(len(ring.cells))
-    np.maximum.at(likelihood, ring.cell, relative)
-    kept = likelihood >= LEAST_LIKELIHOOD
-    places = ring.cells[kept]
+    # Of the echoes that a cell fits, the one that it fits best: the last in ascending order.
+    order = np.argsort(relative, kind="stable")
+    favourite = np.zeros(len(ring.cells), dtype=np.intp)
+    favourite[ring.cell[order]] = order
+    kept = relative[favourite] >= LEAST_LIKELIHOOD
+    places, favourite = ring.cells[kept], favourite[kept]
     return CandidateCells(
-        cells.rows[places], cells.columns[places], likelihood[kept], parameters.resolution_m
+        rows=cells.rows[places],
+        columns=cells.columns[places],
+        likelihood=relative[favourite],
+        coefficient=np.exp(ring.log_reflectivity[favourite]),
+        resolution_m=parameters.resolution_m,
     )

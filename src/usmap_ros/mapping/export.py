@@ -9,6 +9,9 @@ from usmap_ros.grids import FREE_PROBABILITY, GridGeometry, OccupancyMap
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.parameters import MappingParameters
 
+#: Layers that every map has: log-odds, and how often an object would have been heard.
+LOG_ODDS, EXPOSURE = "log_odds", "exposure"
+
 
 def as_map(
     grid: TiledGrid, parameters: MappingParameters, frame_id: str, stamp_ns: int
@@ -18,8 +21,8 @@ def as_map(
     Its origin is a multiple of the resolution, so that a map that grows never shifts.  With
     nothing observed it is a single unobserved cell.
     """
-    log_odds = grid.layer("log_odds")
-    observed = (grid.layer("exposure") >= parameters.observed_exposure) | (
+    log_odds = grid.layer(LOG_ODDS)
+    observed = (grid.layer(EXPOSURE) >= parameters.observed_exposure) | (
         log_odds > logit(FREE_PROBABILITY)
     )
     # A prior above the threshold must not make cells observed that no cone touched.
@@ -59,5 +62,5 @@ def load_map(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParame
     left, top = (int(value) for value in np.rint(first))
     rows, columns = np.nonzero(occupancy.observed)
     slots = grid.slots(rows + top, columns + left)
-    grid.layer("log_odds")[slots] = occupancy.log_odds[rows, columns]
-    grid.layer("exposure")[slots] = parameters.observed_exposure
+    grid.layer(LOG_ODDS)[slots] = occupancy.log_odds[rows, columns]
+    grid.layer(EXPOSURE)[slots] = parameters.observed_exposure

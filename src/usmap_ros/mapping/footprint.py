@@ -68,8 +68,10 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
     row, column = np.nonzero(in_beam & in_range)
     range_m = range_m[row, column]
     cosine, sine = east_m[column] / range_m, north_m[row] / range_m
-    bearing_rad = np.arctan2(sine * np.cos(yaw_rad) - cosine * np.sin(yaw_rad),
-                             cosine * np.cos(yaw_rad) + sine * np.sin(yaw_rad))
+    bearing_rad = np.arctan2(
+        sine * np.cos(yaw_rad) - cosine * np.sin(yaw_rad),
+        cosine * np.cos(yaw_rad) + sine * np.sin(yaw_rad),
+    )
     range_std_m, bearing_std_rad = _pose_spread(cone.pose.planar_covariance, cosine, sine, range_m)
     gain = np.maximum(beam.gain(bearing_rad), LEAST_GAIN)
     absorption = cone.attenuation_db_m * np.log(10.0) / 20.0

@@ -33,9 +33,7 @@ class TiledGrid:
     def __init__(self, resolution_m: float, defaults: Mapping[str, float]) -> None:
         self.resolution_m = resolution_m
         self._defaults = dict(defaults)
-        self._pools = {
-            name: np.empty((0, TILE_CELLS), dtype=np.float32) for name in self._defaults
-        }
+        self._pools = {name: np.empty((0, TILE_CELLS), dtype=np.float32) for name in self._defaults}
         self._tile_count = 0
         # Number of each tile by its place; -1 where there is none.
         self._directory = np.full((0, 0), -1, dtype=np.intp)
@@ -91,7 +89,9 @@ class TiledGrid:
         if len(tile_rows) == 0:
             return
         self._stretch_directory(
-            int(tile_rows.min()), int(tile_rows.max()), int(tile_columns.min()),
+            int(tile_rows.min()),
+            int(tile_rows.max()),
+            int(tile_columns.min()),
             int(tile_columns.max()),
         )
         rows = tile_rows - self._directory_origin[0]

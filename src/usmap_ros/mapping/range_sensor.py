@@ -11,13 +11,12 @@ import numpy as np
 from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.export import as_map
+from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.footprint import footprint
-from usmap_ros.mapping.grid import FloatArray, TiledGrid
+from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.grid import FloatArray
 from usmap_ros.parameters import MappingParameters
 
-LOG_ODDS, EXPOSURE = "log_odds", "exposure"
 #: Range at which the sensor is believed half as much as close up, as in nav2.
 HALF_BELIEF_M = 1.2
 #: A reading that shifts a cell from ignorance by less than this says nothing of it.
@@ -26,7 +25,7 @@ LEAST_NEWS = 0.005
 GREATEST_PROBABILITY = 0.98
 
 
-class RangeSensorFusion:
+class RangeSensorFusion(Fusion):
     """A map that adds up what single range readings say of each cell.
 
     Parameters
@@ -37,34 +36,23 @@ class RangeSensorFusion:
 
     def __init__(self, parameters: MappingParameters) -> None:
         # The model knows no prior but ignorance.
-        self._parameters = parameters.model_copy(update={"prior": 0.5})
-        self._grid = TiledGrid(parameters.resolution_m, {LOG_ODDS: 0.0, EXPOSURE: 0.0})
-        self._frame_id, self._stamp_ns = "", 0
+        super().__init__(parameters.model_copy(update={"prior": 0.5}))
 
-    def fuse(self, cone: EchoCone) -> None:
+    def _take_up(self, cone: EchoCone) -> None:
         """Take up the range of a cone's first echo, or its silence."""
-        self._frame_id, self._stamp_ns = cone.frame_id, cone.stamp_ns
-        cells = footprint(cone, self._parameters.resolution_m)
+        cells = footprint(cone, self.parameters.resolution_m)
         slots = self._grid.slots(cells.rows, cells.columns)
         probability = occupied_probability(
             cells.range_m,
             cells.bearing_rad / cone.transducer.beam.half_angle_rad,
             float(cone.ranges_m[0]) if len(cone.ranges_m) else np.inf,
-            self._parameters.resolution_m,
+            self.parameters.resolution_m,
         )
         told = np.abs(probability - 0.5) > LEAST_NEWS
         slots = slots[told]
         log_odds = self._grid.layer(LOG_ODDS)
-        log_odds[slots] = np.clip(
-            log_odds[slots] + logit(probability[told]),
-            self._parameters.least_log_odds,
-            self._parameters.greatest_log_odds,
-        )
-        self._grid.layer(EXPOSURE)[slots] = self._parameters.observed_exposure
-
-    def occupancy_map(self) -> OccupancyMap:
-        """Return the map so far."""
-        return as_map(self._grid, self._parameters, self._frame_id, self._stamp_ns)
+        log_odds[slots] = self._clamped(log_odds[slots] + logit(probability[told]))
+        self._grid.layer(EXPOSURE)[slots] = self.parameters.observed_exposure
 
 
 def occupied_probability(

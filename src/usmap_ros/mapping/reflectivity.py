@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from usmap_ros.mapping.grid import FloatArray
+from usmap_ros.mapping.grid import FloatArray, IndexArray
 
 #: A belief is never made sharper than this (ln s).
 LEAST_VARIANCE = 0.02
@@ -46,6 +46,10 @@ class LogReflectivity:
     def mean(self) -> FloatArray:
         """Mean of ln s."""
         return self.information / self.precision
+
+    def at(self, cells: IndexArray) -> LogReflectivity:
+        """Beliefs of some of the cells."""
+        return LogReflectivity(self.precision[cells], self.information[cells])
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import Footprint
 from usmap_ros.mapping.grid import FloatArray, IndexArray
 from usmap_ros.mapping.reflectivity import LogReflectivity, Silence
+from usmap_ros.parameters import MappingParameters
 
 #: Standard deviations of range beyond which a cell is not on an echo's ring.
 RING_DEVIATIONS = 3.0
@@ -40,7 +41,7 @@ class Ring:
     variance : (pairs,) array
         Of `log_reflectivity`: noise of the amplitude and fluctuation from look to look.
     clutter : (pairs,) array
-        Likelihood that the echo comes from no cell, relative to that of a perfect fit.
+        Likelihood λ of the echo if it comes from no cell, relative to that of a perfect fit.
     echo_count : int
         Echoes in the cone.
     """
@@ -55,9 +56,7 @@ class Ring:
     echo_count: int
 
 
-def find_ring(
-    cone: EchoCone, footprint: Footprint, range_error_m: float, fluctuation: float, clutter: float
-) -> Ring:
+def find_ring(cone: EchoCone, footprint: Footprint, parameters: MappingParameters) -> Ring:
     """Pair every echo with the cells whose range it fits.
 
     Parameters
@@ -66,16 +65,11 @@ def find_ring(
         Echoes in ascending range.
     footprint : Footprint
         Cells of the cone.
-    range_error_m : float
-        Standard deviation of range for causes that neither cone nor pose states.
-    fluctuation : float
-        Standard deviation of ln s from look to look.
-    clutter : float
-        Likelihood of an echo that comes from no cell, relative to that of a perfect fit, where
-        the echo's amplitude is known exactly.
+    parameters : MappingParameters
+        Error of ranges, fluctuation and clutter.
     """
     reach_m = footprint.half_depth_m + RING_DEVIATIONS * np.hypot(
-        footprint.range_std_m, range_error_m
+        footprint.range_std_m, parameters.range_error_m
     )
     first = np.searchsorted(cone.ranges_m, footprint.range_m - reach_m)
     count = np.searchsorted(cone.ranges_m, footprint.range_m + reach_m) - first
@@ -89,20 +83,22 @@ def find_ring(
     std_m = np.sqrt(
         footprint.range_std_m[place] ** 2
         + cone.range_stds_m[echo].astype(float) ** 2
-        + range_error_m**2
+        + parameters.range_error_m**2
     )
     amplitude_std = cone.amplitude_stds[echo].astype(float)
     amplitude = np.maximum(cone.amplitudes[echo], LEAST_AMPLITUDE * amplitude_std)
-    variance = (amplitude_std / amplitude) ** 2 + fluctuation**2
+    variance = (amplitude_std / amplitude) ** 2 + parameters.fluctuation**2
     return Ring(
         cells=cells,
         cell=cell,
         echo=echo,
-        range_fit=_range_fit(offset_m, footprint.half_depth_m[place], footprint.taper_m[place], std_m),
+        range_fit=_range_fit(
+            offset_m, footprint.half_depth_m[place], footprint.taper_m[place], std_m
+        ),
         log_reflectivity=np.log(amplitude) - footprint.log_unit_amplitude[place],
         variance=variance,
         # The vaguer an amplitude, the lower the likelihood of the best fit to it.
-        clutter=clutter * np.sqrt(variance) / fluctuation,
+        clutter=parameters.clutter * np.sqrt(variance) / parameters.fluctuation,
         echo_count=len(cone.ranges_m),
     )
 
@@ -121,6 +117,25 @@ def _range_fit(
         shifted_m = offset_m + place * taper_m
         fit += ndtr((shifted_m + plateau_m) / std_m) - ndtr((shifted_m - plateau_m) / std_m)
     return fit / 3.0
+
+
+def fit_to_ring(ring: Ring, belief: LogReflectivity, audibility: FloatArray) -> FloatArray:
+    """Likelihood q of each pair's echo, had the cell returned it; 1 for a perfect fit.
+
+    Parameters
+    ----------
+    ring : Ring
+        Pairs of echo and cell.
+    belief : LogReflectivity
+        Of the ring's cells.
+    audibility : (ring cells,) array
+        Probability that a loud enough object is heard at all.
+    """
+    spread = belief.variance[ring.cell] + ring.variance
+    misfit = (ring.log_reflectivity - belief.mean[ring.cell]) ** 2 / spread
+    loudness_fit = np.sqrt(ring.variance / spread) * np.exp(-0.5 * misfit)
+    fit: FloatArray = audibility[ring.cell] * ring.range_fit * loudness_fit
+    return fit
 
 
 @dataclass(frozen=True)
@@ -169,14 +184,7 @@ def ring_evidence(
         Probability that a loud enough object is heard at all.
     """
     cell, echo, count = ring.cell, ring.echo, len(ring.cells)
-    spread = belief.variance[cell] + ring.variance
-    misfit = (ring.log_reflectivity - belief.mean[cell]) ** 2 / spread
-    returned = (
-        audibility[cell]
-        * ring.range_fit
-        * np.sqrt(ring.variance / spread)
-        * np.exp(-0.5 * misfit)
-    )
+    returned = fit_to_ring(ring, belief, audibility)
     not_returned = np.log1p(-probability[cell] * returned)
     by_echo = np.bincount(echo, not_returned, ring.echo_count)
     unexplained = np.exp(by_echo[echo] - not_returned)

@@ -60,7 +60,8 @@ class Template:
             return self.pulse.window(time_s)
         values = np.asarray(self.table)
         grid = np.linspace(self.start_s, self.start_s + self.duration_s, len(values))
-        return np.interp(time_s, grid, values, left=0.0, right=0.0)
+        envelope: FloatArray = np.interp(time_s, grid, values, left=0.0, right=0.0)
+        return envelope
 
     def slope(self, time_s: FloatArray) -> FloatArray:
         """Derivative with respect to time, by central difference."""

@@ -77,7 +77,9 @@ class DelayDomainOperator:
         self.unit_norms = self._norms[:, 0] / self.path_weights[:, 0]
         # Where the blocks are: on the grid, where every path is rounded to it, until moved.
         self._block_ranges_m = self.ranges_m
-        self._block_delays_s = self._grid_start_s + self._path_index * self.delay_step_s
+        self._block_delays_s = (
+            self._grid_start_s + self._path_index.astype(np.float64) * self.delay_step_s
+        )
         self._moved: IndexArray = np.empty(0, dtype=np.intp)
 
     # ------------------------------------------------------------------ SensingOperator
@@ -95,7 +97,7 @@ class DelayDomainOperator:
     @property
     def block_size(self) -> int:
         """Paths from an object: one, or three with a floor."""
-        return self._path_index.shape[1]
+        return int(self._path_index.shape[1])
 
     def forward(self, coefficients: Signal) -> Signal:
         """Sum of the echoes: every path's template at its delay, times its coefficient."""
@@ -210,14 +212,14 @@ class DelayDomainOperator:
     @property
     def _window_count(self) -> int:
         """Sample positions at which a template can start and still touch the signal."""
-        return self.sample_count + self._polyphase.shape[1] - 1
+        return int(self.sample_count + self._polyphase.shape[1] - 1)
 
     @property
     def _grid_start_s(self) -> float:
         """Delay of the first grid point, from which on a template reaches the first sample."""
         taps_before = self._polyphase.shape[1] - 1
         start_s = self.sampling.start_delay_s - taps_before / self.sampling.sample_rate_hz
-        return start_s + self._grid_offset_s
+        return float(start_s + self._grid_offset_s)
 
     @property
     def _grid_offset_s(self) -> float:

@@ -29,7 +29,8 @@ def noise_thresholds(
         deviations = quantile + (quantile**2 - 1.0) * skewness / 6.0
     # Every further path adds the mean modulus of its noise to the weighted sum of `scores`.
     extra_paths = operator.path_weights.sum(axis=1) - 1.0
-    return baseband.noise_std * (deviations + RAYLEIGH_MEAN * extra_paths)
+    thresholds: FloatArray = baseband.noise_std * (deviations + RAYLEIGH_MEAN * extra_paths)
+    return thresholds
 
 
 def loudness(operator: DelayDomainOperator, scores: FloatArray) -> FloatArray:
@@ -55,7 +56,8 @@ def unreported(
     for block, echo_score in zip(support, echo_scores, strict=True):
         band = operator.excluded(block)
         scores[band] = np.maximum(scores[band], masking * echo_score + thresholds[band])
-    return scores / operator.unit_norms
+    amplitudes: FloatArray = scores / operator.unit_norms
+    return amplitudes
 
 
 def crowding(

@@ -73,6 +73,6 @@ def dot_test(
     y = generator.normal(size=operator.sample_count) + 1j * generator.normal(
         size=operator.sample_count
     )
-    left = np.vdot(operator.forward(x), y)
-    right = np.vdot(x, operator.adjoint(y))
+    left = complex(np.vdot(operator.forward(x), y))
+    right = complex(np.vdot(x, operator.adjoint(y)))
     return bool(abs(left - right) <= tolerance * max(abs(left), abs(right), 1.0))

@@ -20,7 +20,7 @@ from usmap_ros.reconstruction.detection import (
     noise_thresholds,
     unreported,
 )
-from usmap_ros.reconstruction.operators import FloatArray
+from usmap_ros.reconstruction.operators import FloatArray, IndexArray
 from usmap_ros.reconstruction.refinement import delay_step
 from usmap_ros.trace import EchoTrace
 
@@ -74,30 +74,47 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     noise = noise_thresholds(operator, baseband, parameters.false_alarms_per_ping)
     heard = operator.scores(operator.adjoint(signal))
     thresholds = noise + parameters.model_error * loudness(operator, heard)
-    non_negative = parameters.non_negative and not np.iscomplexobj(signal)
+    operator, solution, delay_std_s = _search(operator, baseband, thresholds, parameters)
+    cone = _cone(trace, baseband, operator, solution, thresholds, delay_std_s, parameters)
+    return Reconstruction(baseband, operator, solution, cone)
 
-    unit_std_s: FloatArray = np.empty(0)
-    support = np.empty(0, dtype=np.intp)
-    for remaining in reversed(range(parameters.refinements + 1)):
-        solution = cosamp(
+
+def _search(
+    operator: DelayDomainOperator,
+    baseband: Baseband,
+    thresholds: FloatArray,
+    parameters: ReconstructionParameters,
+) -> tuple[DelayDomainOperator, Solution, FloatArray]:
+    """Search on the grid and move delays off it in turn, until they have settled.
+
+    Returns the operator with the moved atoms, the solution, and the standard deviations of its
+    delays.
+    """
+
+    def find(support: IndexArray) -> Solution:
+        return cosamp(
             operator,
-            signal,
+            baseband.signal,
             parameters.sparsity,
             thresholds=thresholds,
-            non_negative=non_negative,
+            non_negative=parameters.non_negative and not np.iscomplexobj(baseband.signal),
             warm_start=support,
             max_iterations=parameters.max_iterations,
         )
-        if len(solution.support) == 0 or not baseband.template.is_smooth:
+
+    solution = find(np.empty(0, dtype=np.intp))
+    if not baseband.template.is_smooth:
+        # Anywhere between two samples the echo would look the same.
+        grid_std_s = operator.delay_step_s / np.sqrt(12.0)
+        return operator, solution, np.full(len(solution.support), grid_std_s)
+    step_s, unit_std_s = delay_step(operator, solution)
+    for _ in range(parameters.refinements):
+        if np.abs(step_s).max(initial=0.0) < SETTLED_STEP * operator.delay_step_s:
             break
+        operator = operator.moved(solution.support, step_s)
+        solution = find(solution.support)
         step_s, unit_std_s = delay_step(operator, solution)
-        settled = np.abs(step_s).max() < SETTLED_STEP * operator.delay_step_s
-        if remaining == 0 or (settled and np.array_equal(support, solution.support)):
-            break
-        support = solution.support
-        operator = operator.moved(support, step_s)
-    cone = _cone(trace, baseband, operator, solution, thresholds, unit_std_s, parameters)
-    return Reconstruction(baseband, operator, solution, cone)
+    return operator, solution, unit_std_s * baseband.noise_std
 
 
 def _operator(
@@ -137,17 +154,12 @@ def _cone(
     operator: DelayDomainOperator,
     solution: Solution,
     thresholds: FloatArray,
-    unit_std_s: FloatArray,
+    delay_std_s: FloatArray,
     parameters: ReconstructionParameters,
 ) -> EchoCone:
     support = solution.support
     unit_norms = operator.unit_norms[support]
     echo_scores = operator.echo_scores(support, solution.coefficients)
-    delay_std_s = (
-        unit_std_s * baseband.noise_std
-        if len(unit_std_s) == len(support)
-        else np.full(len(support), operator.delay_step_s / np.sqrt(12.0))
-    )
     limits = unreported(
         operator,
         thresholds,

@@ -12,9 +12,7 @@ from usmap_ros.reconstruction.operators import FloatArray
 MAX_STEP = 1.0
 
 
-def delay_step(
-    operator: DelayDomainOperator, solution: Solution
-) -> tuple[FloatArray, FloatArray]:
+def delay_step(operator: DelayDomainOperator, solution: Solution) -> tuple[FloatArray, FloatArray]:
     """One Gauss-Newton step on the delays of all echoes together.
 
     The residual is linearised in the delays, D = ∂(Φ x)/∂τ, and the part of D that the
@@ -37,6 +35,8 @@ def delay_step(
         bound).
     """
     count, paths = solution.coefficients.shape
+    if count == 0:
+        return np.zeros(0), np.zeros(0)
     columns = operator.columns(solution.support)
     slopes = operator.slopes(solution.support) * solution.coefficients.reshape(-1)
     slopes = slopes.reshape(-1, count, paths).sum(axis=2)

@@ -16,6 +16,7 @@ from usmap_ros.cli import (
     fleet,
     info,
     map,
+    paper,
     plot,
     record,
     replay,
@@ -36,6 +37,7 @@ app.command("map")(map.map_bags)
 app.command("evaluate")(evaluate.evaluate)
 app.command("plot")(plot.plot)
 app.command("info")(info.info)
+app.command("paper")(paper.paper)
 app.command("fleet")(fleet.fleet)
 app.command("replay")(replay.replay)
 app.command("record")(record.record)

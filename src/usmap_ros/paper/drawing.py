@@ -15,7 +15,7 @@ from usmap_ros.geometry import Pose
 from usmap_ros.paper.setting import MAX_RANGE_M, Points
 from usmap_ros.plotting.style import FAINT, INK, RESIDUAL, SIGNAL, TRUTH
 from usmap_ros.reconstruction.cell_dictionary import ConeCells
-from usmap_ros.reconstruction.operators import FloatArray
+from usmap_ros.reconstruction.operators import FloatArray, Signal
 
 #: Of coefficients: nothing is paper, an ideal object is ink.
 COEFFICIENT = LinearSegmentedColormap.from_list(
@@ -52,8 +52,14 @@ def draw_cone(
     axes.plot([x, *arc[0], x], [y, *arc[1], y], color=color, linewidth=1.0, zorder=3)
     heading = float(np.rad2deg(pose.yaw_rad)) - 90.0
     axes.plot(
-        x, y, marker=(3, 0, heading), color=color, markersize=10, linestyle="none",
-        label=label or "transducer", zorder=5,
+        x,
+        y,
+        marker=(3, 0, heading),
+        color=color,
+        markersize=10,
+        linestyle="none",
+        label=label or "transducer",
+        zorder=5,
     )
 
 
@@ -61,13 +67,21 @@ def draw_objects(axes: Axes, objects: Points, images: Points = ()) -> None:
     """Ring the objects, and, dashed, their mirror images."""
     ring: Any = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "zorder": 6}
     axes.plot(
-        *np.transpose(objects), markersize=13, markeredgecolor=TRUTH, markeredgewidth=2.0,
-        label="object", **ring,
+        *np.transpose(objects),
+        markersize=13,
+        markeredgecolor=TRUTH,
+        markeredgewidth=2.0,
+        label="object",
+        **ring,
     )
     if len(images):
         axes.plot(
-            *np.transpose(images), markersize=13, markeredgecolor=RESIDUAL, markeredgewidth=1.2,
-            label="mirror image", **ring,
+            *np.transpose(images),
+            markersize=13,
+            markeredgecolor=RESIDUAL,
+            markeredgewidth=1.2,
+            label="mirror image",
+            **ring,
         )
 
 
@@ -81,7 +95,7 @@ def finish_map(axes: Axes, title: str) -> None:
 
 
 def draw_signal(
-    axes: Axes, times_s: FloatArray, signal: FloatArray, label: str, color: str = SIGNAL
+    axes: Axes, times_s: FloatArray, signal: Signal, label: str, color: str = SIGNAL
 ) -> None:
     """Draw a signal over time in milliseconds."""
     axes.plot(1e3 * times_s, signal, color=color, linewidth=0.8, label=label)
@@ -93,6 +107,13 @@ def draw_signal(
 def annotate(axes: Axes, text: str) -> None:
     """Put a note into the upper left corner."""
     axes.text(
-        0.02, 0.97, text, transform=axes.transAxes, ha="left", va="top", fontsize=8, color=INK,
+        0.02,
+        0.97,
+        text,
+        transform=axes.transAxes,
+        ha="left",
+        va="top",
+        fontsize=8,
+        color=INK,
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0},
     )

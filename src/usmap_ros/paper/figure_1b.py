@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
@@ -26,7 +28,7 @@ POSES = (
 )
 NAMES = ("robot 1", "robot 2")
 NOISE_STD = 0.01
-RANGE_M = 4.0
+LISTENING = replace(SHORT_PULSE, max_range_m=4.0)
 #: Cells about a pole that count as the pole, and those that may not be called a ghost.
 NEAR_CELLS, GHOST_CELLS = 1, 3
 #: A prior of one cell in two hundred, about the share that the poles and their room take up.
@@ -36,9 +38,7 @@ MAPPING = MappingParameters(prior=0.005)
 def two_robots() -> Part:
     """Draw what one ping of each robot leaves open, and the map of both."""
     cones = [
-        Pipeline().reconstruct(
-            hear(POLES, SHORT_PULSE, noise_std=NOISE_STD, pose=pose, max_range_m=RANGE_M, seed=seed)
-        )
+        Pipeline().reconstruct(hear(POLES, LISTENING, noise_std=NOISE_STD, pose=pose, seed=seed))
         for seed, pose in enumerate(POSES)
     ]
     candidates = [candidate_cells(cone, MAPPING) for cone in cones]
@@ -46,33 +46,38 @@ def two_robots() -> Part:
     numbers: dict[str, Any] = {"both_robots": certainty(occupancy)}
     for name, cells in zip(NAMES, candidates, strict=True):
         numbers[name.replace(" ", "_")] = ambiguity(cells)
+    return Part("figure_1b_two_robots", numbers, _figure(candidates, occupancy, numbers))
+
+
+def _figure(
+    candidates: list[CandidateCells], occupancy: OccupancyMap, numbers: dict[str, Any]
+) -> Figure:
     with styled():
         figure = new_figure(11.0, 4.4)
         panels = figure.subplots(1, 3, sharex=True, sharey=True)
-        for robot, cells in enumerate(candidates):
-            likely = _draw_candidates(panels[robot], cells)
-            draw_cone(panels[robot], POSES[robot], RANGE_M, ROBOTS[robot], NAMES[robot])
-            draw_objects(panels[robot], POLES)
-            finish_map(panels[robot], f"What {NAMES[robot]} hears")
-            alike = numbers[NAMES[robot].replace(" ", "_")]["candidates_per_pole"]
+        images = [_draw_candidates(panels[robot], cells) for robot, cells in enumerate(candidates)]
+        images.append(_draw_map(panels[2], occupancy))
+        for robot, (name, pose) in enumerate(zip(NAMES, POSES, strict=True)):
+            for axes in (panels[robot], panels[2]):
+                draw_cone(axes, pose, LISTENING.max_range_m, ROBOTS[robot], name)
+            alike = numbers[name.replace(" ", "_")]["candidates_per_pole"]
             annotate(panels[robot], f"{alike:.0f} candidate cells for each pole")
-        image = _draw_map(panels[2], occupancy)
-        for robot, pose in enumerate(POSES):
-            draw_cone(panels[2], pose, RANGE_M, ROBOTS[robot], NAMES[robot])
-        draw_objects(panels[2], POLES)
-        finish_map(panels[2], "The map of both")
         seen = numbers["both_robots"]
         annotate(
             panels[2],
             f"poles {seen['least_at_a_pole']:.2f} and more,"
             f" elsewhere {seen['most_elsewhere']:.2f} at most",
         )
-        for axes in panels:
+        titles = [*(f"What {name} hears" for name in NAMES), "The map of both"]
+        for axes, title in zip(panels, titles, strict=True):
+            draw_objects(axes, POLES)
+            finish_map(axes, title)
             axes.legend(loc="lower left", markerscale=0.5)
         panels[0].set(xlim=(-0.4, 4.4), ylim=(-1.4, 4.6))
-        figure.colorbar(likely, ax=panels[:2], label="likelihood, relative to the best", shrink=0.8)
-        figure.colorbar(image, ax=panels[2], label="probability of being occupied", shrink=0.8)
-    return Part("figure_1b_two_robots", numbers, figure)
+        likelihood = "likelihood, relative to the best"
+        figure.colorbar(images[0], ax=panels[:2], label=likelihood, shrink=0.8)
+        figure.colorbar(images[2], ax=panels[2], label="probability of being occupied", shrink=0.8)
+    return figure
 
 
 def ambiguity(cells: CandidateCells) -> dict[str, float]:
@@ -130,6 +135,11 @@ def _draw_candidates(axes: Axes, cells: CandidateCells) -> Any:
 def _draw_map(axes: Axes, occupancy: OccupancyMap) -> Any:
     shown = np.ma.masked_where(~occupancy.observed, occupancy.probability())
     return axes.imshow(
-        shown, extent=occupancy.geometry.extent_m, origin="lower", cmap=PROBABILITY,
-        vmin=0.0, vmax=1.0, interpolation="nearest",
+        shown,
+        extent=occupancy.geometry.extent_m,
+        origin="lower",
+        cmap=PROBABILITY,
+        vmin=0.0,
+        vmax=1.0,
+        interpolation="nearest",
     )

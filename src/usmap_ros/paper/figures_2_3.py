@@ -64,9 +64,9 @@ def sensing_matrix() -> Part:
     with styled():
         figure = new_figure(8.0, 4.6)
         axes = figure.subplots()
-        columns = np.arange(dictionary.block_count + 1) + 0.5
+        columns: FloatArray = np.arange(dictionary.block_count + 1.0) + 0.5
         norm = LogNorm(SMALLEST, magnitude.max())
-        edges_ms = np.append(delays_ms, 2.0 * delays_ms[-1] - delays_ms[-2])
+        edges_ms: FloatArray = np.append(delays_ms, 2.0 * delays_ms[-1] - delays_ms[-2])
         mesh = axes.pcolormesh(columns, edges_ms, magnitude, norm=norm, cmap="magma_r")
         axes.invert_yaxis()
         axes.set(xlabel="cell, by ascending range", ylabel="delay (ms)")
@@ -132,8 +132,12 @@ def _inset(
     inset.set_ylim(INSET_MS[1], INSET_MS[0])
     inset.tick_params(labelsize=7)
     inset.text(
-        0.03, 0.05, "steps of delay; mirrored cells\nhave the same column twice",
-        transform=inset.transAxes, fontsize=8, color=INK,
+        0.03,
+        0.05,
+        "steps of delay; mirrored cells\nhave the same column twice",
+        transform=inset.transAxes,
+        fontsize=8,
+        color=INK,
     )
     inset.set_xticks(np.arange(INSET_COLUMNS[0] + 2, INSET_COLUMNS[1] + 1, 4))
     inset.grid(visible=False)

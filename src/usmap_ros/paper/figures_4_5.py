@@ -109,6 +109,10 @@ def _name_echoes(axes: object, trace: EchoTrace) -> None:
         ("near", "middle", "far"), _delays_s(trace), _amplitudes(trace), strict=True
     ):
         write(
-            name, (1e3 * delay_s + 0.5, amplitude), (0, 6), textcoords="offset points",
-            ha="center", fontsize=8,
+            name,
+            (1e3 * delay_s + 0.5, amplitude),
+            (0, 6),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
         )

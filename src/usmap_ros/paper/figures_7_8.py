@@ -52,8 +52,7 @@ def interference() -> Part:
         panels[0].set_xlabel("")
     energy = {name: float(np.sum(trace.signal() ** 2)) for name, trace in traces.items()}
     numbers = {
-        "relative_energy_of_the_floor": energy["with a floor 1 m below"]
-        / energy["without a floor"]
+        "relative_energy_of_the_floor": energy["with a floor 1 m below"] / energy["without a floor"]
         - 1.0,
         "path_delays_ms": (1e3 * CONCRETE.delays_s(_ranges_m())).tolist(),
         "path_amplitudes": CONCRETE.amplitudes(_ranges_m()).tolist(),
@@ -87,7 +86,7 @@ def random_scenes(count: int) -> dict[str, float]:
             trace = hear(objects, SINUSOID, channel=CONCRETE)
             found = explain(dictionary, trace, method())
             truth = sets_of(found, objects)
-            right += np.count_nonzero(np.isin(truth, found_sets(found)))
+            right += int(np.count_nonzero(np.isin(truth, found_sets(found))))
             residual += found.relative_residual
         shares[f"{name}_found"] = right / (3.0 * count)
         shares[f"{name}_relative_residual"] = residual / count
@@ -123,8 +122,12 @@ def _mark_paths(axes: Axes, trace: EchoTrace) -> None:
     for path, name in enumerate(names[: delays_ms.shape[1]]):
         for number, delay_ms in enumerate(delays_ms[:, path]):
             axes.axvline(
-                delay_ms, color=ROBOTS[path + 1], linewidth=1.0, linestyle=(0, (4, 2)),
-                label=name if number == 0 else None, zorder=1,
+                delay_ms,
+                color=ROBOTS[path + 1],
+                linewidth=1.0,
+                linestyle=(0, (4, 2)),
+                label=name if number == 0 else None,
+                zorder=1,
             )
 
 
@@ -132,15 +135,19 @@ def _comparison(trace: EchoTrace, found: dict[str, CellReconstruction]) -> Figur
     with styled():
         figure = new_figure(9.0, 6.2)
         maps, signals = figure.subplots(2, 2, height_ratios=[1.9, 1.0])
+        squares = []
         for column, (name, one) in enumerate(found.items()):
             plan, signal = maps[column], signals[column]
             draw_cone(plan, ALIGNED)
-            squares = draw_cells(plan, one.dictionary.cells, one.coefficients, 0.5)
+            squares.append(draw_cells(plan, one.dictionary.cells, one.coefficients, 0.5))
             draw_objects(plan, OBJECTS, MIRROR_IMAGES)
             finish_map(plan, f"{name.capitalize()} Φ")
             draw_signal(signal, trace.sample_times_s(), one.signal, "received", FAINT)
             signal.plot(
-                1e3 * trace.sample_times_s(), one.residual, color=RESIDUAL, linewidth=0.6,
+                1e3 * trace.sample_times_s(),
+                one.residual,
+                color=RESIDUAL,
+                linewidth=0.6,
                 label="residual y − Φ q",
             )
             signal.set_ylim(-0.12, 0.12)
@@ -151,5 +158,5 @@ def _comparison(trace: EchoTrace, found: dict[str, CellReconstruction]) -> Figur
             )
         maps[0].legend(loc="upper left", markerscale=0.6)
         signals[0].legend(loc="upper right")
-        figure.colorbar(squares, ax=maps, label="coefficient", shrink=0.7)
+        figure.colorbar(squares[0], ax=maps, label="coefficient", shrink=0.7)
     return figure

@@ -52,11 +52,24 @@ SHORT = Pulse(PulseShape.HANN_BURST, 50e3, 0.32e-3)
 
 @dataclass(frozen=True)
 class Listening:
-    """A pulse, and how its echoes are sampled."""
+    """A pulse, and how its echoes are sampled.
+
+    Parameters
+    ----------
+    pulse : Pulse
+        What is emitted.
+    encoding : Encoding
+        Raw, envelope or I/Q.
+    sample_rate_hz : float
+        Of samples, or of I/Q pairs.
+    max_range_m : float
+        How far away objects are listened for.
+    """
 
     pulse: Pulse
     encoding: Encoding
     sample_rate_hz: float
+    max_range_m: float = MAX_RANGE_M
 
 
 #: The square pulse of the paper's first half, and the sinusoids of its section 4.
@@ -64,7 +77,7 @@ SQUARE_PULSE = Listening(SQUARE, Encoding.RAW, 10e3)
 SINUSOID = Listening(SINE, Encoding.RAW, 250e3)
 #: What the product listens to unless told otherwise.
 BASEBAND = Listening(SMOOTH, Encoding.IQ, 25e3)
-SHORT_PULSE = Listening(SHORT, Encoding.IQ, 25e3)
+SHORT_PULSE = Listening(SHORT, Encoding.IQ, 25e3, max_range_m=5.0)
 
 
 def method(**changes: object) -> ReconstructionParameters:
@@ -82,7 +95,6 @@ def hear(
     stated: Channel | None = None,
     noise_std: float = 0.0,
     pose: Pose = ALIGNED,
-    max_range_m: float = MAX_RANGE_M,
     seed: int = 0,
 ) -> EchoTrace:
     """Simulate one ping at points.
@@ -101,8 +113,6 @@ def hear(
         RMS of the receiver's complex noise.
     pose : Pose
         Of the transducer.
-    max_range_m : float
-        How far it listens.
     seed : int
         Of the noise.
     """
@@ -117,7 +127,7 @@ def hear(
         topic="echo",
         child_frame_id="sonar",
         mount=Pose.planar(0.0, 0.0, 0.0),
-        transducer=Transducer(listening.pulse, BeamPattern.linear(), 0.3, max_range_m),
+        transducer=Transducer(listening.pulse, BeamPattern.linear(), 0.3, listening.max_range_m),
         receiver=receiver,
         channel=channel,
         stated_channel=stated or channel,

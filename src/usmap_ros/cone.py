@@ -89,6 +89,8 @@ class EchoCone:
                 raise MalformedMessageError(name, "has an entry that is negative or not finite")
         if not (np.isfinite(self.limit_step_m) and self.limit_step_m > 0.0):
             raise MalformedMessageError("limit_step", f"is {self.limit_step_m:g} m")
+        if len(self.detection_limits) == 0:
+            raise MalformedMessageError("detection_limits", "is empty")
 
 
 def encode_limits(amplitudes: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -10,6 +10,9 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.errors import MalformedMessageError
 
+#: Longest range that is believed.
+MAX_RANGE_M = 1000.0
+
 
 @dataclass(frozen=True)
 class Transducer:
@@ -42,4 +45,10 @@ class Transducer:
             raise MalformedMessageError(
                 "transducer.max_range",
                 f"is {self.max_range_m:g} m, must be above min_range ({self.min_range_m:g} m)",
+            )
+        # Memory for a ping grows with the range; air lets nothing be heard from this far.
+        if self.max_range_m > MAX_RANGE_M:
+            raise MalformedMessageError(
+                "transducer.max_range",
+                f"is {self.max_range_m:g} m, must be at most {MAX_RANGE_M:g} m",
             )

@@ -98,7 +98,9 @@ class Live:
         self.nodes.remove(node)
         node.close()
 
-    def until(self, condition: Callable[[], Any], timeout_s: float = 30.0) -> Any:
+    def until(
+        self, condition: Callable[[], Any], timeout_s: float = 30.0, what: object = None
+    ) -> Any:
         """Spin until a condition holds; its value."""
         end_s = time.monotonic() + timeout_s
         while time.monotonic() < end_s:
@@ -106,7 +108,7 @@ class Live:
             value = condition()
             if value:
                 return value
-        raise AssertionError(f"after {timeout_s:g} s there is still no {condition}")
+        raise AssertionError(f"nothing after {timeout_s:g} s: {what or condition}")
 
     def spin(self, seconds: float) -> None:
         """Spin for some time."""

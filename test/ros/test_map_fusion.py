@@ -107,7 +107,7 @@ def test_growth_never_moves_a_cell(
     sizes = []
     for message in grids:
         assert_nav2_takes(message)
-        geometry, values, _, _ = grid_from_message(message)
+        _, values, _, _ = grid_from_message(message)
         sizes.append(values.size)
     assert sizes == sorted(sizes)
     assert sizes[-1] > sizes[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -11,6 +12,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from usmap_ros.nodes.interfaces import Qos, ServiceInterface, Topic
 from usmap_ros.nodes.message_types import interface_class
+
+#: How much deeper the queue of a subscription is than that of a publisher.
+_DEEPER = 10
 
 
 def qos_profile(qos: Qos) -> QoSProfile:
@@ -49,9 +53,14 @@ def advertise_managed(node: Any, topic: Topic) -> Any:
 def subscribe(
     node: Node, topic: Topic, callback: Callable[[Any], None], name: str | None = None
 ) -> Any:
-    """Subscription to a topic, under another name if one is given."""
+    """Subscription to a topic, under another name if one is given.
+
+    Its queue is deeper than the publisher's: what comes while the node is busy is lost in silence
+    once a queue is full, reliable or not.
+    """
+    qos = replace(topic.qos, depth=_DEEPER * topic.qos.depth)
     return node.create_subscription(
-        interface_class(topic.message_type), name or topic.name, callback, qos_profile(topic.qos)
+        interface_class(topic.message_type), name or topic.name, callback, qos_profile(qos)
     )
 
 

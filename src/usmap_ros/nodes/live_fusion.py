@@ -9,11 +9,19 @@ import threading
 import time
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.io.conversions.grid import MAX_SIDE
 from usmap_ros.ordering import StampOrder
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
+
+#: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
+_LONGEST_REACH = 0.1
 
 
 @dataclass(frozen=True)
@@ -66,6 +74,7 @@ class LiveFusion:
         self._order_lock = threading.Lock()
         self._frame_id = frame_id
         self._stamp_ns = 0
+        self._middle_m: NDArray[np.float64] | None = None
         self.version = 0
 
     @property
@@ -98,7 +107,14 @@ class LiveFusion:
                     self._order.remove_source(source)
 
     def receive(self, topic: str, cone: EchoCone) -> None:
-        """Take a cone in, to be fused when its turn comes; its frame must be the map's."""
+        """Take a cone in, to be fused when its turn comes; its frame must be the map's.
+
+        Raises
+        ------
+        MalformedMessageError
+            If it lies or reaches so far away that the map could not be published any more.
+        """
+        self._check_reach(cone)
         if not self._frame_id:
             self._frame_id = cone.frame_id
         now_s = time.monotonic()
@@ -149,11 +165,30 @@ class LiveFusion:
             self._pipeline.resume(occupancy)
             self._frame_id = occupancy.frame_id or self._frame_id
             self._stamp_ns = occupancy.stamp_ns
+            west, east, south, north = occupancy.geometry.extent_m
+            self._middle_m = np.array([0.5 * (west + east), 0.5 * (south + north)])
             self.version += 1
+
+    def _check_reach(self, cone: EchoCone) -> None:
+        """Refuse what would make the map larger than memory, or than nav2 takes."""
+        limit_m = 0.5 * MAX_SIDE * self._parameters.mapping.resolution_m
+        reach_m, position_m = cone.transducer.max_range_m, cone.pose.position_m[:2]
+        if reach_m > _LONGEST_REACH * limit_m:
+            raise MalformedMessageError(
+                "transducer.max_range", f"is {reach_m:g} m, too far for the resolution of the map"
+            )
+        if self._middle_m is None:
+            self._middle_m = position_m
+        distance_m = float(np.linalg.norm(position_m - self._middle_m))
+        if distance_m + reach_m > limit_m:
+            raise MalformedMessageError(
+                "pose.position", f"is {distance_m:g} m from the first one, more than a map may hold"
+            )
 
     def reset(self) -> None:
         """Forget the map and the cones that wait; the frame stays."""
         with self._map_lock, self._order_lock:
             self._pipeline = Pipeline(self._parameters)
             self._order.clear()
+            self._middle_m = None
             self.version += 1

@@ -209,8 +209,12 @@ class MapFusion(LifecycleNode):
 
     def _hand_over(self, topic: str, cone: EchoCone) -> None:
         assert self.fusion is not None
-        self.fusion.receive(topic, cone)
-        self._worker.wake()
+        try:
+            self.fusion.receive(topic, cone)
+        except MalformedMessageError as error:
+            self.health.problem("malformed", f"{topic}: {error}")
+        else:
+            self._worker.wake()
 
     def _step(self) -> float | None:
         """Fuse the next cone; runs in the worker's thread."""

@@ -1,0 +1,99 @@
+"""A bag mapped offline, and replayed through the nodes as processes, gives the same map."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
+from usmap_ros.io.map_files import load_map
+
+pytestmark = pytest.mark.slow
+
+PINGS = 300
+ROBOTS = ("robot1", "robot2", "robot3")
+
+
+def usmap(*arguments: object) -> None:
+    command = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+    subprocess.run([*command, *map(str, arguments)], check=True, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a bag of the scenario 'poles'."""
+    path = tmp_path_factory.mktemp("parity") / "poles"
+    usmap("simulate", Path(__file__).parents[2] / "config/scenarios/poles.yaml", "-o", path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def offline(bag: Path) -> OccupancyMap:
+    """Give its map as 'usmap map' makes it."""
+    usmap("map", bag, "-o", bag.parent / "map")
+    return load_map(bag.parent / "map")[0]
+
+
+def replay(live: Any, processes: Any, bag: Path, folder: Path, rate: float) -> OccupancyMap:
+    """Map that comes of replaying the bag through a reconstructor a robot, and fusion."""
+    diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 100)
+    processes.start(
+        "map_fusion",
+        checkpoint_path=folder,
+        # The machine may be busy: what counts here is the order, not how soon.
+        order_wait_s=30.0,
+        use_sim_time="true",
+    )
+    for robot in ROBOTS:
+        processes.start("cone_reconstructor", robot, queue_depth=PINGS, use_sim_time="true")
+    processes.start("bag_replay", bag=bag, rate=rate, start_paused="true", wait_s=60.0)
+    live.until(lambda: all(_is_connected(live, robot) for robot in ROBOTS), timeout_s=60.0)
+    assert live.call("std_srvs/srv/SetBool", "/bag_replay/pause", data=False).success
+    # Its last cones wait for others that do not come: a reset of the wait lets them go.
+    live.until(lambda: _total(diagnostics, "/map_fusion", "received") == PINGS, timeout_s=120.0)
+    assert live.set_parameter("/map_fusion", "order_wait_s", 0.0).successful
+    live.until(lambda: _total(diagnostics, "/map_fusion", "fused") == PINGS, timeout_s=60.0)
+    for what in ("late", "dropped", "malformed", "refused", "failed"):
+        assert _total(diagnostics, "/map_fusion", what) == 0
+    assert live.call("std_srvs/srv/Trigger", "/map_fusion/save_map").success
+    processes.end_all()
+    return load_map(folder)[0]
+
+
+def _is_connected(live: Any, robot: str) -> bool:
+    """Whether replay, reconstructor and fusion have found each other."""
+    peer = live.peer
+    echo, cone = f"/{robot}/echo", f"/{robot}/cone"
+    ends = [peer.count_publishers(echo), peer.count_subscribers(echo)]
+    return all([*ends, peer.count_publishers(cone), peer.count_subscribers(cone)])
+
+
+def _total(diagnostics: list[Any], node: str, what: str) -> int:
+    totals = [
+        int(value.value)
+        for message in diagnostics
+        for status in message.status
+        for value in status.values
+        if status.name == node and value.key == what
+    ]
+    return totals[-1] if totals else 0
+
+
+def same_cells(one: OccupancyMap, other: OccupancyMap) -> None:
+    """Assert that two maps agree: the same cells at 0.65, and log-odds within 1e-4."""
+    assert one.geometry == other.geometry
+    np.testing.assert_array_equal(one.observed, other.observed)
+    np.testing.assert_array_equal(
+        one.probability() >= OCCUPIED_PROBABILITY, other.probability() >= OCCUPIED_PROBABILITY
+    )
+    np.testing.assert_allclose(one.log_odds, other.log_odds, rtol=0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.0])
+def test_replay_through_the_nodes_gives_the_offline_map(
+    live: Any, processes: Any, bag: Path, offline: OccupancyMap, tmp_path: Path, rate: float
+) -> None:
+    same_cells(replay(live, processes, bag, tmp_path / "live", rate), offline)

@@ -145,5 +145,5 @@ def test_the_range_without_an_echo_is_exactly_the_greatest(
 
 @pytest.mark.parametrize("name", ["no_such_package/msg/Thing", "std_msgs/msg/NoSuchThing"])
 def test_a_type_that_is_not_there_is_named(name: str) -> None:
-    with pytest.raises(ImportError, match="no_such_package|NoSuchThing"):
+    with pytest.raises(ImportError, match=r"no_such_package|NoSuchThing"):
         interface_class(name)

@@ -131,7 +131,7 @@ class MappingParameters(ParameterGroup):
     window: int = quantity(
         300, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
     )
-    revisits: int = quantity(8, "Earlier pings weighed again with each new one.", ge=0, le=1000)
+    revisits: int = quantity(6, "Earlier pings weighed again with each new one.", ge=0, le=1000)
     observed_exposure: float = quantity(
         0.5,
         "Expected number of times that an object would have been heard, from which on a silent"

@@ -60,7 +60,7 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
     columns, rows = _cells_in_box(cone, resolution_m)
     east_m = (columns + 0.5) * resolution_m - x_m
     north_m = (rows + 0.5) * resolution_m - y_m
-    range_m = np.hypot(east_m[np.newaxis, :], north_m[:, np.newaxis])
+    range_m = np.sqrt(east_m[np.newaxis, :] ** 2 + north_m[:, np.newaxis] ** 2)
     ahead_m = np.cos(yaw_rad) * east_m[np.newaxis, :] + np.sin(yaw_rad) * north_m[:, np.newaxis]
     in_beam = ahead_m > range_m * np.cos(min(beam.half_angle_rad, np.pi))
     transducer = cone.transducer
@@ -68,10 +68,8 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
     row, column = np.nonzero(in_beam & in_range)
     range_m = range_m[row, column]
     cosine, sine = east_m[column] / range_m, north_m[row] / range_m
-    bearing_rad = np.arctan2(
-        sine * np.cos(yaw_rad) - cosine * np.sin(yaw_rad),
-        cosine * np.cos(yaw_rad) + sine * np.sin(yaw_rad),
-    )
+    left_m = np.cos(yaw_rad) * north_m[row] - np.sin(yaw_rad) * east_m[column]
+    bearing_rad = np.arctan2(left_m, ahead_m[row, column])
     range_std_m, bearing_std_rad = _pose_spread(cone.pose.planar_covariance, cosine, sine, range_m)
     gain = np.maximum(beam.gain(bearing_rad), LEAST_GAIN)
     absorption = cone.attenuation_db_m * np.log(10.0) / 20.0

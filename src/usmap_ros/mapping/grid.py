@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+#: Of single or double precision.
+FloatArray = NDArray[np.floating[Any]]
 IndexArray = NDArray[np.intp]
 
 #: Cells along the side of a tile.

@@ -16,7 +16,7 @@ from usmap_ros.mapping.grid import FloatArray, IndexArray
 from usmap_ros.mapping.reflectivity import LogReflectivity, silence
 from usmap_ros.mapping.ring import Ring, find_ring, ring_evidence
 from usmap_ros.mapping.sensor_model import log_reflectivity_bound, prior_reflectivity
-from usmap_ros.mapping.visibility import visibility
+from usmap_ros.mapping.visibility import Rays, cast_rays, visibility
 from usmap_ros.parameters import MappingParameters
 
 #: Layers of the grid: the belief about ln reflectivity, beyond its prior.
@@ -60,20 +60,26 @@ class NoisyOrFusion(Fusion):
         cells = footprint(cone, self.parameters.resolution_m)
         slots = self._grid.slots(cells.rows, cells.columns)
         bound = log_reflectivity_bound(cone, cells)
-        look = self._look(cone, cells, slots, bound)
+        rays = cast_rays(cells, self.parameters.resolution_m)
+        look = self._look(cone, cells, rays, slots, bound)
         self._deal(look)
-        self._free_silent(cells, slots, bound, look.ring)
+        self._free_silent(rays, slots, bound, look.ring)
         self._window.append(look)
         for _ in range(self.parameters.revisits):
             self._next_revisit = (self._next_revisit + 1) % len(self._window)
             self._deal(self._window[self._next_revisit])
 
     def _look(
-        self, cone: EchoCone, cells: Footprint, slots: IndexArray, bound: FloatArray
+        self,
+        cone: EchoCone,
+        cells: Footprint,
+        rays: Rays,
+        slots: IndexArray,
+        bound: FloatArray,
     ) -> _Look:
         """Find the rings of a cone; nothing is owed to it yet."""
         ring = find_ring(cone, cells, self.parameters)
-        audibility = self._audibility(cells, slots)
+        audibility = self._audibility(rays, slots)
         nothing = np.zeros(len(ring.cells))
         return _Look(
             slots=slots[ring.cells],
@@ -88,9 +94,11 @@ class NoisyOrFusion(Fusion):
     def _deal(self, look: _Look) -> None:
         """Take back what the cells of a ping's rings owe to it, and deal it anew."""
         slots = look.slots
+        if len(slots) == 0:
+            return
         log_odds = self._grid.layer(LOG_ODDS)
         without = log_odds[slots].astype(float) - look.log_odds
-        belief = self._belief(slots, look.precision, look.information)
+        belief = self._belief_without(look)
         quiet = silence(belief, look.bound, look.audibility, self.parameters.fluctuation)
         evidence = ring_evidence(look.ring, expit(without), belief, quiet, look.audibility)
         updated = self._clamped(without + evidence.log_ratio)
@@ -100,39 +108,42 @@ class NoisyOrFusion(Fusion):
         look.log_odds = updated - without
         look.precision, look.information = evidence.precision, evidence.information
 
-    def _free_silent(
-        self, cells: Footprint, slots: IndexArray, bound: FloatArray, ring: Ring
-    ) -> None:
+    def _free_silent(self, rays: Rays, slots: IndexArray, bound: FloatArray, ring: Ring) -> None:
         """Free the cells off the rings, for good.
 
         After the rings were dealt: the sources of this ping's echoes hide what is behind them.
         """
         silent = np.ones(len(slots), dtype=bool)
         silent[ring.cells] = False
-        audibility = self._audibility(cells, slots)[silent]
+        audibility = self._audibility(rays, slots)[silent]
         slots = slots[silent]
-        quiet = silence(self._belief(slots), bound[silent], audibility, self.parameters.fluctuation)
+        # Thousands of cells, each judged once: the grid's single precision is enough.
+        belief = prior_reflectivity(
+            self.parameters,
+            self._grid.layer(PRECISION)[slots],
+            self._grid.layer(INFORMATION)[slots],
+        )
+        quiet = silence(
+            belief,
+            bound[silent].astype(np.float32),
+            audibility.astype(np.float32),
+            self.parameters.fluctuation,
+        )
         log_odds = self._grid.layer(LOG_ODDS)
         log_odds[slots] = self._clamped(log_odds[slots] + quiet.log_ratio)
         self._grid.layer(PRECISION)[slots] += quiet.precision
         self._grid.layer(INFORMATION)[slots] += quiet.information
         self._grid.layer(EXPOSURE)[slots] += quiet.detection_probability
 
-    def _belief(
-        self,
-        slots: IndexArray,
-        less_precision: FloatArray | float = 0.0,
-        less_information: FloatArray | float = 0.0,
-    ) -> LogReflectivity:
-        """Belief about ln reflectivity, optionally without what one ping has added."""
-        precision = self._grid.layer(PRECISION)[slots].astype(float) - less_precision
-        information = self._grid.layer(INFORMATION)[slots].astype(float) - less_information
+    def _belief_without(self, look: _Look) -> LogReflectivity:
+        """Belief about ln reflectivity on a ping's rings, without what the ping has added."""
+        precision = self._grid.layer(PRECISION)[look.slots].astype(float) - look.precision
+        information = self._grid.layer(INFORMATION)[look.slots].astype(float) - look.information
         return prior_reflectivity(self.parameters, precision, information)
 
-    def _audibility(self, cells: Footprint, slots: IndexArray) -> FloatArray:
+    def _audibility(self, rays: Rays, slots: IndexArray) -> FloatArray:
         """Probability that a loud enough object in each cell is heard at all."""
         if not self.parameters.occlusion:
             return np.full(len(slots), self.parameters.audibility)
-        probability = expit(self._grid.layer(LOG_ODDS)[slots].astype(float))
-        in_sight = visibility(cells, probability, self.parameters.resolution_m)
+        in_sight = visibility(rays, expit(self._grid.layer(LOG_ODDS)[slots]))
         return self.parameters.audibility * in_sight

@@ -9,6 +9,7 @@ independent proofs of absence.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,9 @@ from usmap_ros.mapping.grid import FloatArray, IndexArray
 LEAST_VARIANCE = 0.02
 #: Below this many deviations the normal tail is replaced by its asymptote.
 TAIL = -8.0
+SQRT_TWO_PI = math.sqrt(2.0 * math.pi)
+#: Keeps quotients finite in the tail, in single precision too.
+TINY = 1e-30
 
 
 @dataclass(frozen=True)
@@ -101,10 +105,8 @@ def silence(
     silent = 1.0 - audibility * (1.0 - below)
     # Share of the silence that is due to the object being too weak, and so bounds ln s.
     due_to_weakness = audibility * below / silent
-    density = np.exp(-0.5 * deviations**2) / np.sqrt(2.0 * np.pi)
-    hazard = np.where(
-        deviations < TAIL, -deviations, density / np.maximum(below, np.finfo(float).tiny)
-    )
+    density = np.exp(-0.5 * deviations**2) / SQRT_TWO_PI
+    hazard = np.where(deviations < TAIL, -deviations, density / np.maximum(below, TINY))
     shrinkage = variance**2 / total**2 * hazard * (hazard + deviations)
     bounded = np.clip(variance - shrinkage, np.minimum(LEAST_VARIANCE, variance), variance)
     mean = belief.mean - variance / total * hazard

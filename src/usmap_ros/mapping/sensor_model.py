@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
@@ -36,7 +38,7 @@ def prior_reflectivity(
 ) -> LogReflectivity:
     """Belief about ln reflectivity: the prior, and what was learnt beyond it."""
     prior_precision = 1.0 / parameters.reflectivity_spread**2
-    prior_information = prior_precision * np.log(parameters.reflectivity)
+    prior_information = prior_precision * math.log(parameters.reflectivity)
     # Single precision may leave a trace less than nothing where evidence was taken back.
     return LogReflectivity(
         prior_precision + np.maximum(precision, 0.0), prior_information + information

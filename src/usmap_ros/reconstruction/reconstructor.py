@@ -25,7 +25,7 @@ from usmap_ros.reconstruction.refinement import delay_step
 from usmap_ros.trace import EchoTrace
 
 #: A round of refinement whose largest step is below this share of a grid step is the last.
-SETTLED_STEP = 0.02
+SETTLED_STEP = 0.05
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from usmap_ros.pipeline import Pipeline
 from usmap_ros.plotting.style import PROBABILITY, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.operators import FloatArray
 
-POLES: Points = ((2.03, 1.21), (2.91, 1.72), (1.32, 1.83), (2.58, 2.53))
+POLES: Points = ((2.03, 1.23), (2.91, 1.72), (1.32, 1.83), (2.58, 2.53))
 POSES = (
     Pose.planar(0.0, 0.6, np.deg2rad(20.0)),
     Pose.planar(3.9, 0.2, np.deg2rad(130.0)),

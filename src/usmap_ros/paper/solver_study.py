@@ -85,6 +85,8 @@ def table() -> Part:
             _draw_over_noise(axes, rows, solvers, key)
             axes.set(title=title, xlabel="noise (RMS)", ylabel=name)
         panels[2].set_yscale("log")
+        panels[2].set_yticks([1, 2, 5, 10, 20, 50], ["1", "2", "5", "10", "20", "50"])
+        panels[2].minorticks_off()
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(solvers))
     return Part("solvers_table", numbers, figure)

@@ -36,6 +36,10 @@ _LEAST_PINGS = 6
 _GATE_S = 6e-5
 #: Misfit of the ranges of a track above which no standing object explains it.
 _PLACED_RMS_M = 0.02
+#: Error of a range, and the relative error of the sound speed up to which it counts as told.
+_RANGE_ERROR_M = 0.003
+_LARGEST_SPEED_ERROR = 0.02
+_TOO_FEW_PLACES = "no object was heard from enough places to tell the sound speed"
 #: Bearings at which the position of a tracked object is first supposed.
 _BEARINGS_RAD = (-0.4, -0.1, 0.1, 0.4)
 
@@ -139,7 +143,7 @@ def _sound_speed(pings: list[_Ping], floor: tuple[float, float] | None, stated_m
     placed = [_placed(pings, track, stated_m_s) for track in tracks]
     good = [(track, place) for track, place in zip(tracks, placed, strict=True) if place[2]]
     if not good:
-        raise UsmapError("no object was heard from enough places to tell the sound speed")
+        raise UsmapError(_TOO_FEW_PLACES)
 
     def misfit(unknown: FloatArray) -> FloatArray:
         speed, places = unknown[0] * stated_m_s, unknown[1:].reshape(-1, 2)
@@ -151,7 +155,12 @@ def _sound_speed(pings: list[_Ping], floor: tuple[float, float] | None, stated_m
         )
 
     start = np.concatenate([[1.0], *([place[:2] for _, place in good])])
-    solution = least_squares(misfit, start, loss="soft_l1", f_scale=0.003)
+    solution = least_squares(misfit, start, loss="soft_l1", f_scale=_RANGE_ERROR_M)
+    information = solution.jac.T @ solution.jac / _RANGE_ERROR_M**2
+    # A ridge of a kilometre keeps what nothing is known of from being singular.
+    variance = np.linalg.inv(information + 1e-6 * np.eye(len(start)))[0, 0]
+    if variance > _LARGEST_SPEED_ERROR**2:
+        raise UsmapError(_TOO_FEW_PLACES)
     return float(solution.x[0] * stated_m_s)
 
 

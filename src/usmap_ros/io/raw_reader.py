@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from usmap_ros.errors import BagError
-from usmap_ros.io.storage import Channel, MessageIndex, open_storage
+from usmap_ros.io.storage import Channel, MessageIndex, Storage, open_storage
 
 
 class _Everything:
@@ -37,8 +37,17 @@ class RawBagReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._scratch = TemporaryDirectory(prefix="usmap_")
-        self._storages = open_storage(path, self._scratch)
+        self._storages: list[Storage] = []
         self._indexes: list[MessageIndex] = []
+        try:
+            self._scan()
+        except BaseException:
+            self.close()
+            raise
+
+    def _scan(self) -> None:
+        """Index every file, and put the messages into order."""
+        self._storages = open_storage(self.path, self._scratch)
         for storage in self._storages:
             self._indexes.append(storage.scan(_Everything()))
             storage.close()
@@ -47,7 +56,7 @@ class RawBagReader:
         self._rows = np.concatenate([np.arange(len(t)) for t in times])
         self._times_ns = np.concatenate(times)
         if len(self._times_ns) == 0:
-            raise BagError(path, "holds no messages")
+            raise BagError(self.path, "holds no messages")
         self._order = np.argsort(self._times_ns, kind="stable")
 
     def __len__(self) -> int:

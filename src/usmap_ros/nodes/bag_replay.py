@@ -70,7 +70,11 @@ class BagReplay(Node):
         self._on_end = on_end
         self.health = Health(self, parameters.diagnostics_period_s, ("published", "loops"))
         self._bag = RawBagReader(Path(parameters.bag).expanduser())
-        self._outputs = self._advertise_all()
+        try:
+            self._outputs = self._advertise_all()
+        except BagError:
+            self._bag.close()
+            raise
         self._clock_publisher = advertise(self, CLOCK) if parameters.clock else None
         serve(self, PAUSE, self._pause)
         self._is_paused = parameters.start_paused

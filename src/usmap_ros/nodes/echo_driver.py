@@ -33,6 +33,8 @@ from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
 from usmap_ros.simulation.simulator import SimulatedRobot
 from usmap_ros.trace import EchoTrace
 
+_LONGEST_AGO_S = 100_000.0
+
 
 @dataclass
 class _Sonar:
@@ -73,7 +75,7 @@ class EchoDriver(Node):
         scene = scenario.scene()
         robot = self._choose(scenario.fleet(scene))
         self._world = scenario.frame_id
-        start_ns = round(parameters.start_time_s * 1e9) or self.get_clock().now().nanoseconds
+        start_ns = self._start_ns()
         self._simulator = EchoSimulator(scene, scenario.frame_id, start_ns)
         self._transforms = self._make_transforms()
         self._pose_source = self._make_pose_source(robot, start_ns)
@@ -85,6 +87,19 @@ class EchoDriver(Node):
     def close(self) -> None:
         """Destroy the node."""
         self.destroy_node()
+
+    def _start_ns(self) -> int:
+        """When the scenario begins."""
+        start_s = self.parameters.value.start_time_s
+        now_ns = self.get_clock().now().nanoseconds
+        ago_s = now_ns / 1e9 - start_s
+        # A path is drawn from its start on: one that began in 1970 would never be caught up with.
+        if start_s and ago_s > _LONGEST_AGO_S:
+            raise ConfigurationError(
+                f"parameters of {self.get_fully_qualified_name()}",
+                f"start_time_s: is {ago_s:.3g} s ago, must be at most {_LONGEST_AGO_S:g} s",
+            )
+        return round(start_s * 1e9) or now_ns
 
     def _load_scenario(self) -> Scenario:
         path = self.parameters.value.scenario

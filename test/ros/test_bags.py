@@ -1,0 +1,147 @@
+"""Recordings onto live topics, and live topics into recordings."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+from rosbags.rosbag2 import Reader
+
+from usmap_ros.errors import UsmapError
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.conversions import trace_from_message, trace_to_message
+from usmap_ros.nodes.bag_recorder import BagRecorder
+from usmap_ros.nodes.bag_replay import BagReplay
+from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.trace import EchoTrace
+
+ECHO = "usmap_msgs/msg/EchoTrace"
+TYPES = RosMessageTypes()
+Traces = list[tuple[str, EchoTrace]]
+
+
+@pytest.fixture
+def bag(traces: Traces, tmp_path: Path) -> Path:
+    """Give a recording of 30 pings in a second."""
+    with new_bag(tmp_path / "bag") as writer:
+        for topic, trace in traces:
+            writer.write_trace(topic, trace)
+    return tmp_path / "bag"
+
+
+def test_everything_is_published_in_order_with_its_clock(
+    live: Any, bag: Path, traces: Traces
+) -> None:
+    ended: list[bool] = []
+    echoes = [live.listen(ECHO, f"/robot{n}/echo") for n in (1, 2, 3)]
+    clock = live.listen("rosgraph_msgs/msg/Clock", "/clock", qos_profile_sensor_data)
+    live.add(lambda **options: BagReplay(on_end=lambda: ended.append(True), **options),
+             bag=str(bag))  # fmt: skip
+    live.until(lambda: ended)
+    live.until(lambda: sum(map(len, echoes)) == 30)
+    for number, messages in enumerate(echoes):
+        expected = [t.stamp_ns for topic, t in traces if topic == f"/robot{number + 1}/echo"]
+        assert [trace_from_message(m).stamp_ns for m in messages] == expected
+    times = [m.clock.sec + m.clock.nanosec / 1e9 for m in clock]
+    assert times == sorted(times)
+    first, last = traces[0][1].stamp_ns / 1e9, traces[-1][1].stamp_ns / 1e9
+    assert first <= times[0] < times[-1] <= last + 1e-6
+
+
+def test_publishers_have_the_recorded_qos(live: Any, bag: Path) -> None:
+    live.add(BagReplay, bag=str(bag), start_paused=True)
+    infos = live.until(lambda: live.peer.get_publishers_info_by_topic("/robot1/echo"))
+    assert infos[0].qos_profile.reliability.name == "RELIABLE"
+    assert infos[0].qos_profile.durability.name == "VOLATILE"
+
+
+def test_a_paused_replay_waits(live: Any, bag: Path) -> None:
+    node = live.add(BagReplay, bag=str(bag), start_paused=True, wait_s=0.0, rate=10.0)
+    live.spin(0.5)
+    assert node.health.total("published") == 0
+    assert live.call("std_srvs/srv/SetBool", "/bag_replay/pause", data=False).success
+    live.until(lambda: node.health.total("published") == 30)
+
+
+def test_a_looped_replay_starts_over(live: Any, bag: Path) -> None:
+    node = live.add(BagReplay, bag=str(bag), loop=True, wait_s=0.0, rate=20.0)
+    live.until(lambda: node.health.total("loops") >= 2)
+    assert live.set_parameter("/bag_replay", "rate", 0.5).successful
+
+
+@pytest.mark.parametrize("parameters", [{}, {"bag": "nowhere"}, {"topic_pattern": "/none"}])
+def test_a_replay_says_why_it_cannot_start(
+    live: Any, bag: Path, parameters: dict[str, str]
+) -> None:
+    if "topic_pattern" in parameters:
+        parameters = {**parameters, "bag": str(bag)}
+    with pytest.raises(UsmapError, match=r"missing|exist|could be published"):
+        live.add(BagReplay, **parameters)
+
+
+def test_what_is_recorded_can_be_read_by_everybody(
+    live: Any, traces: Traces, tmp_path: Path
+) -> None:
+    echo = live.peer.create_publisher(type(trace_to_message(traces[0][1], TYPES)), "/r/echo", 10)
+    node = live.add(BagRecorder, bag=str(tmp_path / "recorded"), topic_pattern="/r/.*")
+    live.until(echo.get_subscription_count)
+    for number, (_, trace) in enumerate(traces):
+        echo.publish(trace_to_message(trace, TYPES))
+        live.until(lambda n=number: node.health.total("received") == n + 1)
+    live.remove(node)
+    with BagReader([tmp_path / "recorded"]) as bag:
+        back = [(topic, trace.stamp_ns) for topic, trace in bag.traces()]
+    assert back == [("/r/echo", trace.stamp_ns) for _, trace in traces]
+    with Reader(tmp_path / "recorded") as reader:
+        (connection,) = reader.connections
+        assert (connection.topic, connection.msgtype) == ("/r/echo", ECHO)
+        assert connection.msgcount == len(traces)
+        assert "RIHS01" in connection.digest
+
+
+def test_a_recording_is_never_written_over(live: Any, bag: Path) -> None:
+    with pytest.raises(UsmapError, match="not empty"):
+        live.add(BagRecorder, bag=str(bag))
+
+
+def usmap(*arguments: object) -> list[str]:
+    return [sys.executable, "-c", "from usmap_ros.cli import main; main()", *map(str, arguments)]
+
+
+@pytest.mark.slow
+def test_a_killed_recording_keeps_what_was_written(
+    live: Any, processes: Any, bag: Path, tmp_path: Path
+) -> None:
+    recorder = processes.run(usmap("record", "-o", tmp_path / "recorded"), "record")
+    player = processes.run(usmap("replay", bag, "--loop", "--rate", "4"), "replay")
+    echoes = live.listen(ECHO, "/robot1/echo", 100)
+    live.until(lambda: len(echoes) > 60, timeout_s=60.0)
+    recorder.send_signal(signal.SIGKILL)
+    recorder.wait()
+    player.send_signal(signal.SIGINT)
+    assert player.wait(30.0) == 0
+    with BagReader([tmp_path / "recorded"]) as kept:
+        assert kept.trace_count > 100
+        assert kept.skipped.total == 0
+        assert len(list(kept.traces())) == kept.trace_count
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("domain")
+def test_replay_ends_by_itself_and_names_a_missing_bag(bag: Path) -> None:
+    run = subprocess.run(
+        usmap("replay", bag, "--rate", "10", "--wait", "0"),
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0
+    assert "published 30 messages" in run.stderr
+    run = subprocess.run(
+        usmap("replay", "nowhere"), capture_output=True, text=True, timeout=60, check=False
+    )
+    assert run.returncode == 1
+    assert run.stderr.count("\n") == 1
+    assert "error: nowhere: does not exist" in run.stderr

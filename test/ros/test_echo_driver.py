@@ -1,0 +1,114 @@
+"""The node that simulates a robot's transducers."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+
+from usmap_ros.errors import ConfigurationError
+from usmap_ros.geometry import Pose
+from usmap_ros.io.conversions import odometry_to_message, trace_from_message
+from usmap_ros.nodes.echo_driver import EchoDriver
+from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.simulation import Scenario
+
+SCENARIOS = Path(__file__).parents[2] / "config/scenarios"
+POLES = str(SCENARIOS / "poles.yaml")
+ECHO = "usmap_msgs/msg/EchoTrace"
+TYPES = RosMessageTypes()
+
+
+def test_it_pings_at_the_rate_of_the_scenario(live: Any) -> None:
+    node = live.add(EchoDriver, namespace="robot2", scenario=POLES, robot="robot2")
+    echoes = live.listen(ECHO, "/robot2/echo")
+    live.until(lambda: len(echoes) >= 21)
+    traces = [trace_from_message(message) for message in echoes]
+    assert {trace.child_frame_id for trace in traces} == {"robot2/sonar"}
+    intervals_s = np.diff([trace.stamp_ns for trace in traces]) / 1e9
+    assert np.median(intervals_s) == pytest.approx(0.1, abs=0.02)
+    assert node.health.total("published") >= 21
+
+
+def test_it_follows_its_path(live: Any, poles: Scenario) -> None:
+    start_s = round(time.time()) - 20.0
+    node = live.add(EchoDriver, scenario=POLES, robot="robot1", start_time_s=start_s)
+    echoes = live.listen(ECHO, "/echo")
+    live.until(lambda: len(echoes) >= 3)
+    robot = poles.fleet(poles.scene())[0]
+    assert node.get_clock().now().nanoseconds > 0
+    for message in echoes[:3]:
+        trace = trace_from_message(message)
+        base = robot.motion.pose(trace.stamp_ns / 1e9 - start_s)
+        expected = robot.transducers[0].pose_on(base)
+        np.testing.assert_allclose(trace.pose.position_m, expected.position_m, atol=1e-5)
+
+
+def test_the_first_echo_goes_out_as_a_range(live: Any) -> None:
+    live.add(EchoDriver, scenario=POLES, ping_rate_hz=20.0)
+    ranges = live.listen("sensor_msgs/msg/Range", "/range", qos_profile_sensor_data)
+    live.until(lambda: len(ranges) >= 10)
+    for message in ranges:
+        assert message.header.frame_id == "robot1/sonar"
+        assert message.min_range <= message.range <= message.max_range
+
+
+def test_several_transducers_take_turns(live: Any) -> None:
+    path = str(SCENARIOS / "two_transducers.yaml")
+    scenario = Scenario.load(Path(path))
+    names = [transducer.name for transducer in scenario.robots[0].transducers]
+    live.add(EchoDriver, namespace="robot", scenario=path)
+    heard = [live.listen(ECHO, f"/robot/{name}/echo") for name in names]
+    live.until(lambda: all(len(messages) >= 5 for messages in heard))
+    stamps = [{(m.header.stamp.sec, m.header.stamp.nanosec) for m in part} for part in heard]
+    assert not stamps[0] & stamps[1]
+
+
+def test_odometry_moves_the_robot(live: Any) -> None:
+    node = live.add(EchoDriver, scenario=POLES, pose_source="odometry", ping_rate_hz=50.0)
+    echoes = live.listen(ECHO, "/echo")
+    odometry = live.publisher("nav_msgs/msg/Odometry", "/odom")
+    live.until(lambda: node.health.total("without pose"))
+    assert not echoes
+    pose = Pose.planar(4.25, 6.5, 0.75)
+
+    def is_moved() -> bool:
+        now_ns = node.get_clock().now().nanoseconds
+        odometry.publish(odometry_to_message(pose, "map", "base_link", now_ns, TYPES))
+        return len(echoes) >= 3
+
+    live.until(is_moved)
+    for message in echoes:
+        trace = trace_from_message(message)
+        np.testing.assert_allclose(trace.pose.position_m[:2], [4.25, 6.5])
+        assert trace.pose.yaw_rad == pytest.approx(0.75)
+
+
+def test_odometry_that_is_old_or_malformed_moves_nothing(live: Any) -> None:
+    node = live.add(EchoDriver, scenario=POLES, pose_source="odometry", ping_rate_hz=50.0)
+    odometry = live.publisher("nav_msgs/msg/Odometry", "/odom")
+    message = odometry_to_message(Pose.planar(4.0, 6.0, 0.0), "map", "base", 10**9, TYPES)
+    odometry.publish(message)
+    live.until(lambda: "old" in node.health.reason("without pose"))
+    assert "use_sim_time" in node.health.reason("without pose")
+    message.pose.pose.position.x = float("nan")
+    odometry.publish(message)
+    live.until(lambda: node.health.total("malformed") == 1)
+    assert node.health.total("published") == 0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({}, "scenario: is missing"),
+        ({"scenario": "nowhere.yaml"}, "does not exist"),
+        ({"scenario": POLES, "robot": "r2d2"}, "robot1, robot2, robot3"),
+        ({"scenario": POLES, "pose_source": "wishes"}, "pose_source"),
+        ({"scenario": POLES, "start_time_s": 1000.0}, "start_time_s: is .* ago"),
+    ],
+)
+def test_it_says_why_it_cannot_start(live: Any, parameters: dict[str, Any], reason: str) -> None:
+    with pytest.raises(ConfigurationError, match=reason):
+        live.add(EchoDriver, **parameters)

@@ -156,7 +156,8 @@ def _sound_speed(pings: list[_Ping], floor: tuple[float, float] | None, stated_m
 
     start = np.concatenate([[1.0], *([place[:2] for _, place in good])])
     solution = least_squares(misfit, start, loss="soft_l1", f_scale=_RANGE_ERROR_M)
-    information = solution.jac.T @ solution.jac / _RANGE_ERROR_M**2
+    slopes: FloatArray = np.asarray(solution.jac, dtype=float)
+    information = slopes.T @ slopes / _RANGE_ERROR_M**2
     # A ridge of a kilometre keeps what nothing is known of from being singular.
     variance = np.linalg.inv(information + 1e-6 * np.eye(len(start)))[0, 0]
     if variance > _LARGEST_SPEED_ERROR**2:

@@ -32,8 +32,10 @@ def main() -> None:
         if path.stem == "run":
             continue
         module = importlib.import_module(path.stem)
-        with console.status(f"{path.stem} …"):
-            results[path.stem] = module.run()
+        if not hasattr(module, "run"):
+            continue
+        console.print(f"Running {path.stem}")
+        results[path.stem] = module.run()
         console.print(table(path.stem, results[path.stem]))
     arguments.output.mkdir(parents=True, exist_ok=True)
     written = arguments.output / "benchmarks.json"

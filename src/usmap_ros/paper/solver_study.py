@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -28,6 +29,8 @@ from usmap_ros.reconstruction.cells import explain
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, merged, same_direction
 from usmap_ros.reconstruction.operators import FloatArray, IndexArray
 from usmap_ros.reconstruction.solvers import Problem, SolverName, solve
+
+_LOGGER = logging.getLogger(__name__)
 
 NAMES: dict[SolverName, str] = {
     "cosamp": "CoSaMP",
@@ -64,6 +67,11 @@ def table() -> Part:
     """Compare support, F1, residual and time over noise and number of objects."""
     dictionary = CellDictionary.for_trace(hear([], BASEBAND, pose=OBLIQUE), CELL_M)
     solvers = available()
+    if missing := set(NAMES).difference(solvers):
+        _LOGGER.warning(
+            "left out the solvers %s: pip install 'usmap_ros[solvers]' brings what they need",
+            ", ".join(sorted(missing)),
+        )
     rows = [
         {"solver": solver, "noise_std": noise_std, "objects": count}
         | _compared(dictionary, solver, noise_std, count)
@@ -73,7 +81,7 @@ def table() -> Part:
     ]
     numbers: dict[str, Any] = {"scenes": SCENES, "rows": rows, "summary": _summary(rows, solvers)}
     with styled():
-        figure = new_figure(10.0, 3.8)
+        figure = new_figure(11.0, 3.4)
         panels = figure.subplots(1, 3)
         for axes, key, title, name in zip(
             panels,
@@ -87,8 +95,7 @@ def table() -> Part:
         panels[2].set_yscale("log")
         panels[2].set_yticks([1, 2, 5, 10, 20, 50], ["1", "2", "5", "10", "20", "50"])
         panels[2].minorticks_off()
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(solvers))
+        panels[2].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
     return Part("solvers_table", numbers, figure)
 
 

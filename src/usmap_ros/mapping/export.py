@@ -16,19 +16,20 @@ LOG_ODDS, EXPOSURE = "log_odds", "exposure"
 def as_map(
     grid: TiledGrid, parameters: MappingParameters, frame_id: str, stamp_ns: int
 ) -> OccupancyMap:
-    """Rectangle around all observed cells.
+    """Rectangle around all cells of which evidence says anything.
 
-    Its origin is a multiple of the resolution, so that a map that grows never shifts.  With
-    nothing observed it is a single unobserved cell.
+    Its origin is a multiple of the resolution, so that a map that grows never shifts.  Log-odds
+    are there for every cell, also for those that count as unobserved because echoes could
+    neither fill nor free them: what they are believed to be is not lost, but nobody should
+    rely on it.  Without any evidence the map is a single unobserved cell.
     """
-    log_odds = grid.layer(LOG_ODDS)
-    observed = (grid.layer(EXPOSURE) >= parameters.observed_exposure) | (
-        log_odds > logit(FREE_PROBABILITY)
+    log_odds, prior = grid.layer(LOG_ODDS), np.float32(logit(parameters.prior))
+    touched = log_odds != prior
+    observed = touched & (
+        (grid.layer(EXPOSURE) >= parameters.observed_exposure)
+        | (log_odds > logit(FREE_PROBABILITY))
     )
-    # A prior above the threshold must not make cells observed that no cone touched.
-    observed &= log_odds != np.float32(logit(parameters.prior))
-    rows, columns, slots = grid.cells(observed)
-    prior = np.float32(logit(parameters.prior))
+    rows, columns, slots = grid.cells(touched)
     if len(slots) == 0:
         rows = columns = np.zeros(1, dtype=np.intp)
     top, left = int(rows.min()), int(columns.min())
@@ -37,14 +38,14 @@ def as_map(
     mask = np.zeros(shape, dtype=np.bool_)
     if len(slots):
         values[rows - top, columns - left] = log_odds[slots]
-        mask[rows - top, columns - left] = True
+        mask[rows - top, columns - left] = observed[slots]
     resolution_m = grid.resolution_m
     geometry = GridGeometry(resolution_m, (left * resolution_m, top * resolution_m), shape)
     return OccupancyMap(geometry, values, mask, frame_id, stamp_ns)
 
 
 def load_map(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParameters) -> None:
-    """Take over the observed cells of a map that was exported before.
+    """Take over what a map that was exported before says of its cells.
 
     Raises
     ------
@@ -60,7 +61,10 @@ def load_map(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParame
     if np.any(np.abs(first - np.rint(first)) > 1e-3):
         raise ValueError(f"its origin {geometry.origin_m} is not a multiple of the resolution")
     left, top = (int(value) for value in np.rint(first))
-    rows, columns = np.nonzero(occupancy.observed)
+    prior = np.float32(logit(parameters.prior))
+    rows, columns = np.nonzero(occupancy.observed | (occupancy.log_odds != prior))
     slots = grid.slots(rows + top, columns + left)
     grid.layer(LOG_ODDS)[slots] = occupancy.log_odds[rows, columns]
-    grid.layer(EXPOSURE)[slots] = parameters.observed_exposure
+    grid.layer(EXPOSURE)[slots] = np.where(
+        occupancy.observed[rows, columns], parameters.observed_exposure, 0.0
+    )

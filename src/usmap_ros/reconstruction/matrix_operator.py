@@ -171,6 +171,8 @@ def _projections(
 def _close(points: FloatArray) -> IndexArray:
     """Label points that chains of short steps connect, in the order of their first members."""
     pairs = cKDTree(points).query_pairs(SAME_DIRECTION, output_type="ndarray")
+    # SciPy 1.11 labels nothing, and says so only on standard error, where indices are longer.
+    pairs = pairs.astype(np.int32)
     links = sparse.coo_array(
         (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2
     )

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -20,6 +19,15 @@ from rclpy.parameter import Parameter
 
 from usmap_ros.errors import ConfigurationError
 from usmap_ros.io.yaml_files import validated
+from usmap_ros.nodes.parameter_fields import (
+    bounds_of,
+    constraints_of,
+    flat_fields,
+    flat_values,
+    is_among,
+    nested_values,
+    unit_of,
+)
 from usmap_ros.nodes.parameters import NodeParameters
 
 _Parameters = TypeVar("_Parameters", bound=NodeParameters)
@@ -27,69 +35,6 @@ _Parameters = TypeVar("_Parameters", bound=NodeParameters)
 #: What rclpy declares by itself.
 _OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 _MAX_INTEGER = 2**63 - 1
-
-
-def flat_fields(group: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Name, with its groups in dots, and declaration of every parameter in a group."""
-    for name, info in group.model_fields.items():
-        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
-            yield from flat_fields(info.annotation, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", info
-
-
-def flat_values(model: BaseModel) -> dict[str, Any]:
-    """Values of a model by names with dots."""
-    values: dict[str, Any] = {}
-    for name in type(model).model_fields:
-        value = getattr(model, name)
-        if isinstance(value, BaseModel):
-            values |= {f"{name}.{key}": inner for key, inner in flat_values(value).items()}
-        else:
-            values[name] = value
-    return values
-
-
-def nested_values(values: dict[str, Any]) -> dict[str, Any]:
-    """Undo `flat_values`."""
-    content: dict[str, Any] = {}
-    for name, value in values.items():
-        *groups, last = name.split(".")
-        place = content
-        for group in groups:
-            place = place.setdefault(group, {})
-        place[last] = value
-    return content
-
-
-def is_among(name: str, names: frozenset[str]) -> bool:
-    """Whether a parameter, or the group that it is in, is among `names`."""
-    return name in names or name.partition(".")[0] in names
-
-
-def unit_of(info: FieldInfo) -> str:
-    """Unit of a parameter; empty for a pure number."""
-    extra = info.json_schema_extra
-    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
-
-
-def bounds_of(info: FieldInfo) -> dict[str, Any]:
-    """Bounds of a parameter: ``ge``, ``gt``, ``le`` and ``lt``, as far as they are set."""
-    return {
-        kind: getattr(constraint, kind)
-        for constraint in info.metadata
-        for kind in ("ge", "gt", "le", "lt")
-        if getattr(constraint, kind, None) is not None
-    }
-
-
-def constraints_of(info: FieldInfo) -> str:
-    """Bounds or choices of a parameter in words; empty if there are none."""
-    choices = getattr(info.annotation, "__args__", ())
-    if choices and all(isinstance(choice, str) for choice in choices):
-        return "one of " + ", ".join(choices)
-    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-    return ", ".join(f"{signs[kind]} {value:g}" for kind, value in bounds_of(info).items())
 
 
 def descriptor_of(name: str, info: FieldInfo, read_only: bool) -> ParameterDescriptor:

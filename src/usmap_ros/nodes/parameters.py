@@ -22,7 +22,7 @@ class NodeParameters(ParameterGroup):
     """What all nodes have."""
 
     #: Parameters, or groups of them, that cannot be changed while the node runs.
-    fixed: ClassVar[frozenset[str]] = frozenset()
+    fixed: ClassVar[frozenset[str]] = frozenset({"diagnostics_period_s"})
 
     diagnostics_period_s: float = quantity(
         1.0, "Time from one diagnostic message to the next.", "s", ge=0.05, le=60.0
@@ -32,7 +32,7 @@ class NodeParameters(ParameterGroup):
 class EchoDriverParameters(NodeParameters):
     """Of echo_driver."""
 
-    fixed: ClassVar[frozenset[str]] = frozenset(
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | frozenset(
         {
             "scenario",
             "robot",
@@ -41,6 +41,7 @@ class EchoDriverParameters(NodeParameters):
             "ping_rate_hz",
             "publish_tf",
             "start_time_s",
+            "pose_timeout_s",
         }
     )
 
@@ -83,7 +84,7 @@ def _check_pattern(pattern: str) -> str:
 class ConeReconstructorParameters(NodeParameters):
     """Of cone_reconstructor."""
 
-    fixed: ClassVar[frozenset[str]] = frozenset({"transducers"})
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {"transducers"}
 
     transducers: list[str] = quantity(
         [""],
@@ -105,17 +106,16 @@ class ConeReconstructorParameters(NodeParameters):
 class MapFusionParameters(NodeParameters):
     """Of map_fusion."""
 
-    fixed: ClassVar[frozenset[str]] = frozenset({"autostart"})
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {"autostart"}
     #: Taken over when the node is configured.
     fixed_while_configured: ClassVar[frozenset[str]] = frozenset(
         {
             "cone_topics",
             "checkpoint_path",
-            "discovery_period_s",
             "frame_id",
             "mapping",
+            "publish_updates",
             "resume",
-            "transform_wait_s",
         }
     )
 
@@ -159,7 +159,7 @@ class MapFusionParameters(NodeParameters):
 class BagReplayParameters(NodeParameters):
     """Of bag_replay."""
 
-    fixed: ClassVar[frozenset[str]] = frozenset(
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | frozenset(
         {"bag", "clock", "clock_rate_hz", "start_paused", "topic_pattern", "wait_s"}
     )
 
@@ -186,7 +186,11 @@ class BagReplayParameters(NodeParameters):
 class BagRecorderParameters(NodeParameters):
     """Of bag_recorder."""
 
-    fixed: ClassVar[frozenset[str]] = frozenset({"bag", "topic_pattern", "discovery_period_s"})
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {
+        "bag",
+        "discovery_period_s",
+        "topic_pattern",
+    }
 
     bag: str = quantity("", "Folder of the new recording; it must be given.")
     topic_pattern: str = quantity(

@@ -1,0 +1,164 @@
+"""Write what follows from the code: docs/reference.md, and an example of every parameter file.
+
+Run it after a change to a topic, service or parameter: ``make docs``.  With --check nothing is
+written; exit status 1 says that something would change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from usmap_ros.io.yaml_files import dump_yaml
+from usmap_ros.nodes.interfaces import NODES, NodeInterface, Topic
+from usmap_ros.nodes.parameter_fields import (
+    constraints_of,
+    flat_fields,
+    flat_values,
+    is_among,
+    unit_of,
+)
+
+ROOT = Path(__file__).parents[1]
+
+INTRODUCTION = """\
+# Reference of the nodes
+
+<!-- Written by tools/make_reference.py from the code; "make docs" brings it up to date. -->
+
+Every topic, service and parameter of every node. How the nodes work together is in
+[nodes.md](nodes.md).
+
+Topic names without a leading slash are relative: namespaces and remappings apply to them. QoS is
+that of the publisher; the nodes' own subscriptions keep ten times as many messages.
+"""
+
+MANAGED = """\
+It is a [managed node](https://design.ros2.org/articles/node_lifecycle.html) with the usual services
+`~/change_state`, `~/get_state` and so on.
+"""
+
+
+def files() -> dict[Path, str]:
+    """Content of every generated file."""
+    content = {ROOT / "docs/reference.md": reference()}
+    for node in NODES:
+        content[ROOT / f"config/parameters/{node.name}.yaml"] = example(node)
+    return content
+
+
+def reference() -> str:
+    """The reference page."""
+    contents = "".join(f"- [{node.name}](#{node.name}): {node.summary}\n" for node in NODES)
+    return "\n".join([INTRODUCTION, contents, *(section(node) for node in NODES)])
+
+
+def section(node: NodeInterface) -> str:
+    """What the page says of one node."""
+    parts = [f"## {node.name}\n", f"{node.summary}\n"]
+    if node.is_managed:
+        parts.append(MANAGED)
+    for title, topics in (("Subscribes to", node.subscribes), ("Publishes", node.publishes)):
+        if topics:
+            parts += [f"### {title}\n", topic_table(topics)]
+    if node.services:
+        rows = [[f"`{s.name}`", f"`{s.service_type}`", s.description] for s in node.services]
+        parts += ["### Services\n", table(["Service", "Type", "Meaning"], rows)]
+    parts += ["### Parameters\n", parameter_table(node)]
+    return "\n".join(parts)
+
+
+def topic_table(topics: tuple[Topic, ...]) -> str:
+    """Table of topics."""
+    rows = []
+    for topic in topics:
+        condition = f" Only if {topic.condition}." if topic.condition else ""
+        rows.append(
+            [
+                f"`{topic.name}`",
+                f"`{topic.message_type}`",
+                str(topic.qos),
+                topic.description + condition,
+            ]
+        )
+    return table(["Topic", "Type", "QoS", "Meaning"], rows)
+
+
+def parameter_table(node: NodeInterface) -> str:
+    """Table of parameters; the last column says when each may be changed."""
+    defaults = flat_values(node.parameters())
+    rows = [
+        [
+            f"`{name}`",
+            _default(defaults[name]),
+            unit_of(info),
+            constraints_of(info),
+            _changeable(node, name),
+            info.description or "",
+        ]
+        for name, info in flat_fields(node.parameters)
+    ]
+    return table(["Parameter", "Default", "Unit", "Constraint", "Can be set", "Meaning"], rows)
+
+
+def _default(value: object) -> str:
+    if isinstance(value, str):
+        return f"`{value}`" if value else "empty"
+    if isinstance(value, list):
+        return ", ".join(f"`{item}`" for item in value if item) or "empty"
+    return f"`{str(value).lower() if isinstance(value, bool) else value}`"
+
+
+def _changeable(node: NodeInterface, name: str) -> str:
+    if is_among(name, node.parameters.fixed):
+        return "at the start"
+    while_configured = getattr(node.parameters, "fixed_while_configured", frozenset())
+    return "while unconfigured" if is_among(name, while_configured) else "always"
+
+
+def table(captions: list[str], rows: list[list[str]]) -> str:
+    """A table in Markdown."""
+
+    def line(cells: list[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |\n"
+
+    return line(captions) + line(["---"] * len(captions)) + "".join(line(row) for row in rows)
+
+
+def example(node: NodeInterface) -> str:
+    """Parameter file of a node with every default, for any namespace."""
+    text = dump_yaml(node.parameters())
+    lines = [f"    {line}" if line else line for line in text.splitlines()]
+    head = [
+        f"# Every parameter of {node.name} with its default. Written by tools/make_reference.py.",
+        f"/**/{node.name}:",
+        "  ros__parameters:",
+    ]
+    return "\n".join([*head, *lines]) + "\n"
+
+
+def outdated() -> Iterator[Path]:
+    """Files that are not what the code says."""
+    for path, content in files().items():
+        if not path.exists() or path.read_text(encoding="utf-8") != content:
+            yield path
+
+
+def main() -> None:
+    """Write or check."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    arguments = parser.parse_args()
+    stale = list(outdated())
+    for path in stale:
+        print(path.relative_to(ROOT))
+        if not arguments.check:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(files()[path], encoding="utf-8")
+    sys.exit(1 if stale and arguments.check else 0)
+
+
+if __name__ == "__main__":
+    main()

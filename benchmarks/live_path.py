@@ -1,0 +1,229 @@
+"""How many robots the live nodes keep up with, and how long an echo takes into the published map.
+
+Real processes: one cone_reconstructor a robot and one map_fusion.  This process stands for the
+robots' drivers: it publishes traces that were simulated before, stamped with the time at which
+they are sent, and listens to the map.
+
+    python benchmarks/live_path.py --robots 1 2 4 8
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+from usmap_ros.io.conversions import trace_to_message
+from usmap_ros.nodes.endpoints import advertise, qos_profile
+from usmap_ros.nodes.interfaces import DIAGNOSTICS, ECHO, MAP
+from usmap_ros.nodes.message_types import RosMessageTypes, interface_class
+from usmap_ros.nodes.run import prepare_environment
+from usmap_ros.simulation import Scenario, simulate
+
+ROOT = Path(__file__).parents[1]
+_TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
+
+
+@dataclass
+class Observed:
+    """What the benchmark saw of the nodes."""
+
+    map_arrivals: list[tuple[float, float]] = field(default_factory=list)
+    totals: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def on_map(self, message: Any) -> None:
+        """Note when a map came, and the stamp of the newest echo in it."""
+        stamp_s = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+        self.map_arrivals.append((time.time(), stamp_s))
+
+    def on_diagnostics(self, message: Any) -> None:
+        """Note a node's latest figures."""
+        for status in message.status:
+            self.totals[status.name] = {value.key: value.value for value in status.values}
+
+    def total(self, node: str, what: str) -> int:
+        """Latest figure of a node."""
+        return int(self.totals.get(node, {}).get(what, "0"))
+
+
+class Fleet:
+    """The nodes under test, as processes."""
+
+    def __init__(self, robots: list[str], publish_rate_hz: float) -> None:
+        self.processes = {
+            f"/{robot}/cone_reconstructor": self._start("cone_reconstructor", robot)
+            for robot in robots
+        }
+        self.processes["/map_fusion"] = self._start(
+            "map_fusion", "", "-p", f"publish_rate_hz:={publish_rate_hz}"
+        )
+
+    def _start(self, node: str, namespace: str, *arguments: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"usmap_ros.nodes.{node}", "--ros-args"]
+        command += ["-r", f"__ns:=/{namespace}", "--log-level", "error", *arguments]
+        return subprocess.Popen(command, start_new_session=True)
+
+    def cpu_seconds(self) -> dict[str, float]:
+        """Processor time that each process has used."""
+        used = {}
+        for name, process in self.processes.items():
+            fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+            used[name] = (int(fields[11]) + int(fields[12])) / _TICKS_PER_SECOND
+        return used
+
+    def end(self) -> None:
+        """End all processes."""
+        for process in self.processes.values():
+            process.send_signal(signal.SIGINT)
+        for process in self.processes.values():
+            process.wait()
+
+
+def messages(count: int) -> list[Any]:
+    """Messages of simulated traces."""
+    scenario = Scenario.load(ROOT / "config/scenarios/poles.yaml")
+    types = RosMessageTypes()
+    return [trace_to_message(t, types) for _, t in itertools.islice(simulate(scenario), count)]
+
+
+def measure(robots: int, rate_hz: float, seconds: float, publish_rate_hz: float) -> dict[str, Any]:
+    """Run a fleet for some seconds."""
+    names = [f"robot{number}" for number in range(robots)]
+    fleet = Fleet(names, publish_rate_hz)
+    rclpy.init()
+    node = rclpy.create_node("benchmark")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        return _measure(node, executor, fleet, names, rate_hz, seconds)
+    finally:
+        fleet.end()
+        node.destroy_node()
+        executor.shutdown()
+        rclpy.shutdown()
+
+
+def _measure(
+    node: Any, executor: Any, fleet: Fleet, names: list[str], rate_hz: float, seconds: float
+) -> dict[str, Any]:
+    observed = Observed()
+    for topic, callback in ((MAP, observed.on_map), (DIAGNOSTICS, observed.on_diagnostics)):
+        node.create_subscription(
+            interface_class(topic.message_type), topic.name, callback, qos_profile(topic.qos)
+        )
+    publishers = [advertise(node, ECHO, f"/{name}/echo") for name in names]
+    _spin_until(executor, lambda: all(p.get_subscription_count() for p in publishers))
+    _spin_until(executor, lambda: all(node.count_subscribers(f"/{n}/cone") for n in names))
+    _send(node, executor, publishers, rate_hz, 2.0)
+    _spin(executor, 2.0)
+    before, cpu = observed.total("/map_fusion", "fused"), fleet.cpu_seconds()
+    sent_s = _send(node, executor, publishers, rate_hz, seconds)
+    used = {name: spent - cpu[name] for name, spent in fleet.cpu_seconds().items()}
+    _spin(executor, 3.0)
+    fused = observed.total("/map_fusion", "fused") - before
+    latencies_s = _latencies(sent_s, observed.map_arrivals)
+    fusion_cores = used.pop("/map_fusion") / seconds
+    return {
+        "robots": len(names),
+        "sent": len(sent_s),
+        "lost": len(sent_s) - fused,
+        "late": observed.total("/map_fusion", "late"),
+        "latency_p50_ms": round(1000 * float(np.percentile(latencies_s, 50)), 1),
+        "latency_p95_ms": round(1000 * float(np.percentile(latencies_s, 95)), 1),
+        "fusion_cores": round(fusion_cores, 2),
+        "reconstruction_cores": round(sum(used.values()) / seconds, 2),
+    }
+
+
+def _send(
+    node: Any, executor: Any, publishers: list[Any], rate_hz: float, seconds: float
+) -> list[float]:
+    """Publish at a rate for each robot, spread over time; when each message was stamped."""
+    content = itertools.cycle(messages(60))
+    start_s, count = time.monotonic(), round(rate_hz * seconds)
+    offsets_s = [number / len(publishers) / rate_hz for number in range(len(publishers))]
+    due = sorted(
+        (start_s + ping / rate_hz + offset_s, number)
+        for ping in range(count)
+        for number, offset_s in enumerate(offsets_s)
+    )
+    sent_s = []
+    for due_s, number in due:
+        while (left_s := due_s - time.monotonic()) > 0.0:
+            executor.spin_once(timeout_sec=left_s)
+        message, now = next(content), time.time_ns()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
+        message.child_frame_id = f"robot{number}/sonar"
+        publishers[number].publish(message)
+        sent_s.append(now / 1e9)
+    return sent_s
+
+
+def _latencies(sent_s: list[float], arrivals: list[tuple[float, float]]) -> list[float]:
+    """From each echo until the first map that holds it."""
+    stamps_s = np.maximum.accumulate([stamp_s for _, stamp_s in arrivals])
+    first = np.searchsorted(stamps_s, np.array(sent_s) - 1e-6)
+    return [arrivals[i][0] - s for s, i in zip(sent_s, first, strict=True) if i < len(arrivals)]
+
+
+def _spin(executor: Any, seconds: float) -> None:
+    end_s = time.monotonic() + seconds
+    while (left_s := end_s - time.monotonic()) > 0.0:
+        executor.spin_once(timeout_sec=left_s)
+
+
+def _spin_until(executor: Any, condition: Any, timeout_s: float = 60.0) -> None:
+    end_s = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > end_s:
+            raise TimeoutError("the nodes do not find each other")
+        executor.spin_once(timeout_sec=0.1)
+
+
+def run() -> dict[str, Any]:
+    """Figures of two fleets, for benchmarks/run.py."""
+    prepare_environment()
+    _keep_to_this_machine()
+    return {
+        f"{robots}_robots_{name}": value
+        for robots in (2, 4)
+        for name, value in measure(robots, 15.0, 10.0, 10.0).items()
+        if name != "robots"
+    }
+
+
+def _keep_to_this_machine() -> None:
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
+
+
+def main() -> None:
+    """Measure fleets of growing size; one JSON object a line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robots", type=int, nargs="+", default=[1, 2, 4, 8])
+    parser.add_argument("--rate", type=float, default=15.0, help="pings a robot, Hz")
+    parser.add_argument("--seconds", type=float, default=10.0, help="duration of each measurement")
+    parser.add_argument("--publish-rate", type=float, default=10.0, help="of the map, Hz")
+    arguments = parser.parse_args()
+    prepare_environment()
+    _keep_to_this_machine()
+    for robots in arguments.robots:
+        result = measure(robots, arguments.rate, arguments.seconds, arguments.publish_rate)
+        print(json.dumps(result), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -22,6 +22,8 @@ from usmap_ros.parameters import MappingParameters
 RING_DEVIATIONS = 3.0
 #: An amplitude is never taken for smaller than this share of its standard deviation.
 LEAST_AMPLITUDE = 0.1
+#: No amplitude is taken for smaller than this.
+FAINTEST = 1e-30
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,8 @@ def find_ring(cone: EchoCone, footprint: Footprint, parameters: MappingParameter
     )
     amplitude_std = cone.amplitude_stds[echo].astype(float)
     amplitude = np.maximum(cone.amplitudes[echo], LEAST_AMPLITUDE * amplitude_std)
+    # An echo without any strength fits no cell, but must leave the logarithm finite.
+    amplitude = np.maximum(amplitude, FAINTEST)
     variance = (amplitude_std / amplitude) ** 2 + parameters.fluctuation**2
     return Ring(
         cells=cells,
@@ -187,8 +191,10 @@ def ring_evidence(
     returned = fit_to_ring(ring, belief, audibility)
     not_returned = np.log1p(-probability[cell] * returned)
     by_echo = np.bincount(echo, not_returned, ring.echo_count)
-    unexplained = np.exp(by_echo[echo] - not_returned)
-    otherwise = ring.clutter + 1.0 - unexplained
+    # A sum without one of its terms, all of one sign: rounding must not change that.
+    log_unexplained = np.minimum(by_echo[echo] - not_returned, 0.0)
+    unexplained = np.exp(log_unexplained)
+    otherwise = ring.clutter - np.expm1(log_unexplained)
     unnoticed = quiet.log_ratio[cell]
     occupied = otherwise * np.exp(unnoticed) + unexplained * returned
     gain = np.log(occupied / otherwise) - unnoticed

@@ -102,7 +102,7 @@ def silence(
     total = np.sqrt(variance + fluctuation**2)
     deviations = (bound - belief.mean) / total
     below = ndtr(deviations)
-    silent = 1.0 - audibility * (1.0 - below)
+    silent = (1.0 - audibility) + audibility * below
     # Share of the silence that is due to the object being too weak, and so bounds ln s.
     due_to_weakness = audibility * below / silent
     density = np.exp(-0.5 * deviations**2) / SQRT_TWO_PI

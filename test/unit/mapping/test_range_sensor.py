@@ -1,35 +1,11 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
 from usmap_ros.mapping.range_sensor import RangeSensorFusion, occupied_probability
 from usmap_ros.parameters import MappingParameters
-
-
-def cone(*ranges_m: float, y_m: float = 0.0) -> EchoCone:
-    ranges = np.array(ranges_m, dtype=np.float32)
-    return EchoCone(
-        stamp_ns=7,
-        frame_id="map",
-        child_frame_id="sonar",
-        pose=Pose.planar(0.0, y_m, 0.0),
-        transducer=Transducer(
-            Pulse(PulseShape.HANN_BURST, 50e3, 3e-4),
-            BeamPattern(np.array([0.0, 0.7]), np.array([1.0, 0.0])), 0.1, 3.0,
-        ),
-        attenuation_db_m=0.0,
-        ranges_m=ranges,
-        range_stds_m=np.full_like(ranges, 1e-3),
-        amplitudes=np.ones_like(ranges),
-        amplitude_stds=np.full_like(ranges, 1e-2),
-        limit_step_m=0.03125,
-        detection_limits=np.zeros(93, dtype=np.uint8),
-        residual=0.0,
-    )  # fmt: skip
 
 
 def test_a_reading_frees_what_is_before_it_and_fills_what_is_at_it() -> None:
@@ -47,9 +23,11 @@ def test_silence_frees_the_whole_beam() -> None:
 
 
 @pytest.mark.parametrize("others", [(), (1.5, 2.0)])
-def test_only_the_first_echo_counts(others: tuple[float, ...]) -> None:
+def test_only_the_first_echo_counts(
+    make_cone: Callable[..., EchoCone], others: tuple[float, ...]
+) -> None:
     fusion = RangeSensorFusion(MappingParameters())
-    fusion.fuse(cone(0.825, *others))
+    fusion.fuse(make_cone(0.825, *others))
     occupancy = fusion.occupancy_map()
     x, _ = occupancy.geometry.cell_centers_m(
         *np.nonzero(occupancy.observed & (occupancy.probability() > 0.65))

@@ -92,7 +92,8 @@ def ambiguity(cells: CandidateCells) -> dict[str, float]:
 
 def certainty(occupancy: OccupancyMap) -> dict[str, float]:
     """Least probability at a pole, most of it elsewhere, and the cells called occupied."""
-    probability = occupancy.probability()
+    # Cells that were not observed are unknown, whatever evidence they hold already.
+    probability = np.where(occupancy.observed, occupancy.probability(), 0.0)
     distance = _distances_to_poles(occupancy)
     elsewhere = (distance > GHOST_CELLS).all(axis=0)
     at_poles = [probability[near <= NEAR_CELLS].max() for near in distance]

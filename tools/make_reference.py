@@ -20,6 +20,7 @@ from usmap_ros.nodes.parameter_fields import (
     is_among,
     unit_of,
 )
+from usmap_ros.parameters import PipelineParameters
 
 ROOT = Path(__file__).parents[1]
 
@@ -35,6 +36,12 @@ Topic names without a leading slash are relative: namespaces and remappings appl
 that of the publisher; the nodes' own subscriptions keep ten times as many messages.
 """
 
+DEFAULTS = """\
+# Every parameter of reconstruction and mapping at its default: `usmap map BAG -o DIR -p FILE.yaml`.
+# A file needs only those that differ. Written by tools/make_reference.py from the code.
+
+"""
+
 MANAGED = """\
 It is a [managed node](https://design.ros2.org/articles/node_lifecycle.html) with the usual services
 `~/change_state`, `~/get_state` and so on.
@@ -43,7 +50,10 @@ It is a [managed node](https://design.ros2.org/articles/node_lifecycle.html) wit
 
 def files() -> dict[Path, str]:
     """Content of every generated file."""
-    content = {ROOT / "docs/reference.md": reference()}
+    content = {
+        ROOT / "docs/reference.md": reference(),
+        ROOT / "config/parameters/defaults.yaml": DEFAULTS + dump_yaml(PipelineParameters()),
+    }
     for node in NODES:
         content[ROOT / f"config/parameters/{node.name}.yaml"] = example(node)
     return content

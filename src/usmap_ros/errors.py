@@ -57,3 +57,7 @@ class MalformedMessageError(UsmapError):
         super().__init__(f"{field}: {cause}")
         self.field = field
         self.cause = cause
+
+    def __reduce__(self) -> tuple[type[MalformedMessageError], tuple[str, str]]:
+        """Let the error cross from one process to another."""
+        return type(self), (self.field, self.cause)

@@ -15,6 +15,7 @@ from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import RobotPaths, load_map
+from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 
@@ -58,7 +59,11 @@ class MappingRun:
 
 
 def map_bag(
-    bag: BagReader, pipeline: Pipeline, paths: RobotPaths, on_cone: ConeCallback | None = None
+    bag: BagReader,
+    pipeline: Pipeline,
+    paths: RobotPaths,
+    on_cone: ConeCallback | None = None,
+    workers: Reconstructors | None = None,
 ) -> MappingRun:
     """Put every ping of an open recording into a pipeline's map.
 
@@ -72,6 +77,8 @@ def map_bag(
         Gets the position of each ping.
     on_cone : callable, optional
         Called after each ping.
+    workers : Reconstructors, optional
+        Processes that reconstruct its traces; without them the caller's does.
 
     Raises
     ------
@@ -79,7 +86,8 @@ def map_bag(
         If not a single ping could be used.
     """
     run = MappingRun()
-    for topic, cone in _cones(bag, pipeline):
+    workers = workers or Reconstructors(pipeline.parameters.reconstruction)
+    for topic, cone in _cones(bag, workers):
         try:
             pipeline.fuse(cone)
         except MalformedMessageError as error:
@@ -100,7 +108,7 @@ def map_bag(
     return run
 
 
-def _cones(bag: BagReader, pipeline: Pipeline) -> Iterator[tuple[str, EchoCone]]:
+def _cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
     """Cones of a recording: reconstructed from traces, or else as recorded.
 
     Never both, because a recorded cone most often stems from a recorded trace, and evidence must
@@ -109,13 +117,11 @@ def _cones(bag: BagReader, pipeline: Pipeline) -> Iterator[tuple[str, EchoCone]]
     if not bag.trace_count:
         yield from bag.cones()
         return
-    for topic, trace in bag.traces():
-        try:
-            cone = pipeline.reconstruct(trace)
-        except MalformedMessageError as error:
-            bag.skipped.add(f"{topic} at {trace.stamp_ns / 1e9:.6f} s", error)
+    for topic, stamp_ns, outcome in workers.cones(bag.traces()):
+        if isinstance(outcome, MalformedMessageError):
+            bag.skipped.add(f"{topic} at {stamp_ns / 1e9:.6f} s", outcome)
         else:
-            yield topic, cone
+            yield topic, outcome
 
 
 def resume_map(folder: Path, parameters: PipelineParameters) -> tuple[Pipeline, RobotPaths]:

@@ -28,12 +28,19 @@ def map_bags(
     resume: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Continue the map in this folder.")
     ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            "--jobs", "-j", min=0, help="Processes that reconstruct; 0: one for each core."
+        ),
+    ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Turn recorded bags into a map: for nav2, as log-odds, and a summary."""
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
     from usmap_ros.offline import map_bag, resume_map
+    from usmap_ros.parallel import available_cores, reconstructors
     from usmap_ros.pipeline import Pipeline
 
     started = time.perf_counter()
@@ -42,9 +49,13 @@ def map_bags(
         pipeline, paths = Pipeline(parameters), RobotPaths()
     else:
         pipeline, paths = resume_map(resume, parameters)
-    with BagReader(bags) as bag, map_folder(output):
+    with (
+        reconstructors(parameters.reconstruction, jobs or available_cores()) as workers,
+        BagReader(bags) as bag,
+        map_folder(output),
+    ):
         with console.progress("mapping", bag.trace_count or bag.cone_count) as step:
-            run = map_bag(bag, pipeline, paths, lambda topic, cone: step())
+            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers)
         occupancy = pipeline.occupancy_map()
         save_map(output, occupancy, paths)
         summary = run.summary(occupancy, time.perf_counter() - started)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,6 +14,9 @@ from pydantic import BaseModel, ValidationError
 from usmap_ros.errors import ConfigurationError
 
 _Model = TypeVar("_Model", bound=BaseModel)
+
+#: Width of the lines that are written.
+LINE = 100
 
 
 def load_yaml(path: Path, model: type[_Model]) -> _Model:
@@ -149,7 +153,10 @@ def _lines(model: BaseModel, indent: str) -> Iterator[str]:
         plain = model.model_dump(mode="json", include={name})[name]
         # A scalar is followed by the line "...", which ends a document.
         text = yaml.safe_dump(plain, default_flow_style=True, width=10_000).splitlines()[0]
-        yield f"{indent}# {_documentation(info)}"
+        comment = f"{indent}# "
+        yield from textwrap.wrap(
+            _documentation(info), LINE, initial_indent=comment, subsequent_indent=comment
+        )
         yield f"{indent}{name}: {text}"
 
 

@@ -1,0 +1,113 @@
+"""Reconstruction on several cores: pings do not depend on each other, only their fusion does."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from itertools import islice
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.trace import EchoTrace
+
+#: A trace and the topic that it came on; what became of it.
+RecordedTrace = tuple[str, EchoTrace]
+Outcome = tuple[str, int, EchoCone | MalformedMessageError]
+
+#: Traces that are handed to a worker at once, so that the handing over does not count.
+BATCH = 8
+#: Batches under way for each worker: enough to keep it busy, and memory flat.
+BATCHES_AHEAD = 3
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    # Not everywhere can a process be kept to some of the cores.
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Reconstructors:
+    """Processes that reconstruct traces, or this one alone.
+
+    Parameters
+    ----------
+    parameters : ReconstructionParameters
+        For all traces.
+    executor : ProcessPoolExecutor, optional
+        The processes; without it the caller's own does the work.
+    processes : int
+        How many there are.
+    """
+
+    def __init__(
+        self,
+        parameters: ReconstructionParameters,
+        executor: ProcessPoolExecutor | None = None,
+        processes: int = 1,
+    ) -> None:
+        self._parameters = parameters
+        self._executor = executor
+        self._ahead = BATCHES_AHEAD * processes
+
+    def cones(self, traces: Iterable[RecordedTrace]) -> Iterator[Outcome]:
+        """Reconstruct traces, in their order.
+
+        Yields
+        ------
+        (topic, stamp_ns, EchoCone or MalformedMessageError)
+            The error says why a trace could not be reconstructed.
+        """
+        if self._executor is None:
+            for recorded in traces:
+                yield from _reconstruct_batch([recorded], self._parameters)
+            return
+        remaining = iter(traces)
+        under_way: deque[Future[list[Outcome]]] = deque()
+        while True:
+            while len(under_way) < self._ahead and (batch := list(islice(remaining, BATCH))):
+                under_way.append(self._executor.submit(_reconstruct_batch, batch, self._parameters))
+            if not under_way:
+                return
+            yield from under_way.popleft().result()
+
+
+@contextmanager
+def reconstructors(
+    parameters: ReconstructionParameters, processes: int
+) -> Iterator[Reconstructors]:
+    """Start processes that reconstruct, and end them.
+
+    They are forked at once: enter this before anything starts a thread, such as a progress bar.
+    One process means none but the caller's.
+    """
+    if processes <= 1 or "fork" not in multiprocessing.get_all_start_methods():
+        yield Reconstructors(parameters)
+        return
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(processes, mp_context=context) as executor:
+        for future in [executor.submit(available_cores) for _ in range(processes)]:
+            future.result()
+        try:
+            yield Reconstructors(parameters, executor, processes)
+        finally:
+            executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _reconstruct_batch(
+    batch: list[RecordedTrace], parameters: ReconstructionParameters
+) -> list[Outcome]:
+    outcomes: list[Outcome] = []
+    for topic, trace in batch:
+        try:
+            outcomes.append((topic, trace.stamp_ns, reconstruct(trace, parameters).cone))
+        except MalformedMessageError as error:
+            outcomes.append((topic, trace.stamp_ns, error))
+    return outcomes

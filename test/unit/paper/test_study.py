@@ -1,6 +1,7 @@
 """The paper's figures, regenerated: the numbers behind them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +41,16 @@ def test_every_picture_is_one(study):
         with Image.open(path) as image:
             assert min(image.size) > 300
             assert len(image.convert("RGB").getcolors(maxcolors=1_000_000)) > 50
+
+
+def test_every_picture_is_in_the_docs_with_a_caption(study):
+    docs = Path(__file__).parents[3] / "docs"
+    text = (docs / "paper.md").read_text()
+
+    for path in study[0].glob("*.png"):
+        assert (docs / "figures" / path.name).is_file()
+        _, _, after = text.partition(f"](figures/{path.name})")
+        assert after.startswith("\n\n*"), path.name
 
 
 def test_figure_1b_mirror_images_are_gone_when_two_robots_agree(study):

@@ -1,0 +1,154 @@
+"""TF and map updates are used where they are installed, and done without where they are not.
+
+The wheels of ROS 2 have neither tf2_ros nor map_msgs. Where they are missing, stand-ins of the
+same interface take their place.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.geometry import Pose
+from usmap_ros.io.conversions import cone_to_message, transform_to_message
+from usmap_ros.nodes import message_types
+from usmap_ros.nodes.echo_driver import EchoDriver
+from usmap_ros.nodes.frames import compose
+from usmap_ros.nodes.map_fusion import MapFusion
+from usmap_ros.nodes.map_publisher import MapPublisher
+from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.pipeline import Pipeline
+
+CONE = "usmap_msgs/msg/EchoCone"
+TYPES = RosMessageTypes()
+Cones = list[tuple[str, EchoCone]]
+
+
+class FakeTf:
+    """What the nodes use of tf2_ros."""
+
+    def __init__(self) -> None:
+        self.known: dict[tuple[str, str], Pose] = {}
+        self.sent: list[Any] = []
+        self.stamp_ns: int | None = None
+        module: Any = ModuleType("tf2_ros")
+        module.TransformException = type("TransformException", (Exception,), {})
+        module.Buffer = lambda node=None: SimpleNamespace(lookup_transform=self._look_up)
+        module.TransformListener = lambda buffer, node: None
+        module.TransformBroadcaster = lambda node: SimpleNamespace(sendTransform=self.sent.append)
+        self.module = module
+
+    def _look_up(self, target: str, source: str, time: Any) -> Any:
+        if (target, source) not in self.known:
+            raise self.module.TransformException(f"{source} is not connected to {target}")
+        stamp_ns = time.nanoseconds if self.stamp_ns is None else self.stamp_ns
+        return transform_to_message(self.known[target, source], target, source, stamp_ns, TYPES)
+
+
+@pytest.fixture
+def tf(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeTf]:
+    """Give a stand-in for TF."""
+    fake = FakeTf()
+    monkeypatch.setitem(sys.modules, "tf2_ros", fake.module)
+    return fake
+
+
+def test_poses_are_composed_as_transforms_are() -> None:
+    outer = Pose.planar(1.0, 2.0, np.pi / 2, 0.5)
+    inner = Pose.planar(3.0, 0.0, 0.25, planar_covariance=np.diag([0.04, 0.01, 0.001]))
+    pose = compose(outer, inner)
+    np.testing.assert_allclose(pose.position_m, [1.0, 5.0, 0.5], atol=1e-12)
+    assert pose.yaw_rad == pytest.approx(np.pi / 2 + 0.25)
+    np.testing.assert_allclose(pose.planar_covariance, np.diag([0.01, 0.04, 0.001]), atol=1e-12)
+
+
+def test_a_cone_in_another_frame_is_moved(live: Any, tf: FakeTf, cones: Cones) -> None:
+    shift = Pose.planar(2.0, -1.0, 0.5)
+    tf.known["map", "odom"] = shift
+    node = live.add(MapFusion, frame_id="map")
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    for number, (_, cone) in enumerate(cones[:5]):
+        publisher.publish(cone_to_message(replace(cone, frame_id="odom"), TYPES))
+        live.until(lambda n=number: node.health.total("fused") == n + 1)
+    expected = Pipeline()
+    for _, cone in cones[:5]:
+        expected.fuse(replace(cone, pose=compose(shift, cone.pose)))
+    np.testing.assert_allclose(
+        node.fusion.occupancy_map().log_odds, expected.occupancy_map().log_odds, atol=1e-4
+    )
+
+
+def test_a_cone_waits_for_its_transform_but_not_forever(
+    live: Any, tf: FakeTf, cones: Cones
+) -> None:
+    node = live.add(MapFusion, frame_id="map", transform_wait_s=1.0)
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    publisher.publish(cone_to_message(replace(cones[0][1], frame_id="odom"), TYPES))
+    live.spin(0.3)
+    assert node.health.total("refused") == 0
+    tf.known["map", "odom"] = Pose.planar(0.0, 0.0, 0.0)
+    live.until(lambda: node.health.total("fused") == 1)
+    publisher.publish(cone_to_message(replace(cones[1][1], frame_id="moon"), TYPES))
+    live.until(lambda: node.health.total("refused") == 1)
+    assert "moon is not connected to map" in node.health.reason("refused")
+
+
+def test_tf_moves_a_simulated_robot(live: Any, tf: FakeTf, request: Any) -> None:
+    scenario = str(request.config.rootpath / "config/scenarios/poles.yaml")
+    node = live.add(
+        EchoDriver, scenario=scenario, pose_source="tf", publish_tf=True, ping_rate_hz=50.0
+    )
+    echoes = live.listen("usmap_msgs/msg/EchoTrace", "/echo")
+    live.until(lambda: node.health.total("without pose"))
+    tf.known["map", "robot1/base_link"] = Pose.planar(4.25, 6.5, 0.75)
+    tf.stamp_ns = node.get_clock().now().nanoseconds
+    live.until(lambda: echoes)
+    assert echoes[0].pose.pose.position.x == pytest.approx(4.25)
+    assert tf.sent[0].child_frame_id == "robot1/sonar"
+
+
+def test_a_driver_that_needs_tf_says_so(live: Any, request: Any) -> None:
+    pytest.importorskip("rclpy")
+    if "tf2_ros" in sys.modules:
+        pytest.skip("tf2_ros is installed")
+    scenario = str(request.config.rootpath / "config/scenarios/poles.yaml")
+    with pytest.raises(Exception, match="tf2_ros is not installed"):
+        live.add(EchoDriver, scenario=scenario, pose_source="tf")
+
+
+def test_updates_are_the_part_of_the_map_that_changed(
+    monkeypatch: pytest.MonkeyPatch, cones: Cones
+) -> None:
+    published: dict[str, list[Any]] = {}
+
+    def advertise(node: Any, topic: Any, name: str | None = None) -> Any:
+        return SimpleNamespace(publish=published.setdefault(topic.name, []).append)
+
+    monkeypatch.setattr("usmap_ros.nodes.map_publisher.advertise", advertise)
+    monkeypatch.setattr("usmap_ros.nodes.map_publisher.advertise_managed", advertise)
+    real = message_types.interface_class
+    fake = {"map_msgs/msg/OccupancyGridUpdate": SimpleNamespace}
+    monkeypatch.setattr(message_types, "interface_class", lambda name: fake.get(name) or real(name))
+    publisher, pipeline = MapPublisher(None, with_updates=True), Pipeline()
+    for _, cone in cones[:12]:
+        pipeline.fuse(cone)
+        publisher.publish(pipeline.occupancy_map())
+    assert published["map_updates"]
+    maps = {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in published["map"]}
+    for update in published["map_updates"]:
+        grid = maps[update.header.stamp.sec, update.header.stamp.nanosec]
+        values = np.array(grid.data, dtype=np.int8).reshape(grid.info.height, grid.info.width)
+        part = values[update.y : update.y + update.height, update.x : update.x + update.width]
+        np.testing.assert_array_equal(np.array(update.data).reshape(part.shape), part)
+
+
+def test_without_map_msgs_the_map_is_published_all_the_same(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion, publish_updates=True)
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    publisher.publish(cone_to_message(cones[0][1], TYPES))
+    live.until(lambda: node.health.total("published"))

@@ -23,7 +23,14 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-EXECUTABLES = ["bag_replay", "cone_reconstructor", "echo_driver", "map_fusion", "usmap"]
+EXECUTABLES = [
+    "bag_recorder",
+    "bag_replay",
+    "cone_reconstructor",
+    "echo_driver",
+    "map_fusion",
+    "usmap",
+]
 
 
 def colcon_requirements(root: Path) -> list[str]:

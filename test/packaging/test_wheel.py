@@ -8,7 +8,14 @@ from zipfile import ZipFile
 import pytest
 from packaging.requirements import Requirement
 
-EXECUTABLES = {"bag_replay", "cone_reconstructor", "echo_driver", "map_fusion", "usmap"}
+EXECUTABLES = {
+    "bag_recorder",
+    "bag_replay",
+    "cone_reconstructor",
+    "echo_driver",
+    "map_fusion",
+    "usmap",
+}
 
 
 @pytest.fixture

@@ -87,6 +87,8 @@ class EchoCone:
                 )
             if not np.all(np.isfinite(column)) or np.any(column < 0.0):
                 raise MalformedMessageError(name, "has an entry that is negative or not finite")
+        if np.any(np.diff(self.ranges_m) < 0.0):
+            raise MalformedMessageError("ranges", "do not ascend")
         if not (np.isfinite(self.limit_step_m) and self.limit_step_m > 0.0):
             raise MalformedMessageError("limit_step", f"is {self.limit_step_m:g} m")
         if len(self.detection_limits) == 0:

@@ -1,0 +1,75 @@
+"""Parameters are declared once, completely, and refuse what makes no sense."""
+
+import pytest
+from pydantic import BaseModel, ValidationError
+
+from usmap_ros.parameters import (
+    MappingParameters,
+    ParameterGroup,
+    PipelineParameters,
+    ReconstructionParameters,
+    quantity,
+)
+
+GROUPS: list[type[BaseModel]] = [ReconstructionParameters, MappingParameters]
+UNITS_BY_SUFFIX = {"_m": "m", "_s": "s", "_hz": "Hz", "_rad": "rad"}
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_every_parameter_has_a_description_a_unit_and_its_suffix(group: type[BaseModel]) -> None:
+    for name, description in group.model_json_schema()["properties"].items():
+        assert description["description"].endswith("."), name
+        units = [unit for suffix, unit in UNITS_BY_SUFFIX.items() if name.endswith(suffix)]
+        assert description["unit"] == (units[0] if units else ""), name
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_every_number_has_bounds(group: type[BaseModel]) -> None:
+    for name, description in group.model_json_schema()["properties"].items():
+        if description["type"] in ("number", "integer"):
+            assert description.keys() & {"minimum", "exclusiveMinimum"}, name
+            bounded = description.keys() & {"maximum", "exclusiveMaximum"}
+            # Clamps that name their own sign are bounded by it on the other side.
+            assert bounded, name
+
+
+def test_the_defaults_are_valid() -> None:
+    assert PipelineParameters.model_validate({}) == PipelineParameters()
+
+
+@pytest.mark.parametrize(
+    ("values", "name"),
+    [
+        ({"prior": 0.0}, "prior"),
+        ({"prior": 1.0}, "prior"),
+        ({"resolution_m": 0.0}, "resolution_m"),
+        ({"audibility": 1.0}, "audibility"),
+        ({"least_log_odds": 0.5}, "least_log_odds"),
+        ({"greatest_log_odds": float("inf")}, "greatest_log_odds"),
+        ({"clutter": float("nan")}, "clutter"),
+        ({"method": "magic"}, "method"),
+        ({"windw": 3}, "windw"),
+    ],
+)
+def test_a_bad_value_or_an_unknown_name_is_refused(values: dict[str, object], name: str) -> None:
+    with pytest.raises(ValidationError, match=name):
+        MappingParameters.model_validate(values)
+
+
+def test_a_solver_is_refused_without_the_dictionary_that_it_needs() -> None:
+    with pytest.raises(ValidationError, match="omp needs the dictionary of cells"):
+        ReconstructionParameters(solver="omp")
+    assert ReconstructionParameters(solver="omp", dictionary="cells").solver == "omp"
+
+
+def test_parameters_cannot_be_changed_behind_the_pipelines_back() -> None:
+    with pytest.raises(ValidationError, match="frozen"):
+        MappingParameters().prior = 0.5  # type: ignore[misc]
+
+
+def test_a_default_out_of_its_own_bounds_is_found_at_once() -> None:
+    class Wrong(ParameterGroup):
+        size_m: float = quantity(-1.0, "A size.", "m", gt=0.0)
+
+    with pytest.raises(ValidationError, match="size_m"):
+        Wrong()

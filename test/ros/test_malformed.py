@@ -60,6 +60,7 @@ OF_TRACES = {
 }
 OF_CONES = {
     **OF_BOTH,
+    "pose on the moon": (_set("pose.pose.position.x", 3.8e8), "pose.position"),
     "wrong length": (lambda message: message.amplitudes.append(1.0), "amplitudes"),
     "farther than the map": (_set("transducer.max_range", 900.0), "range"),
     "NaN amplitudes": (
@@ -110,7 +111,7 @@ def test_no_malformed_cone_stops_the_fusion(live: Any, cone_message: Any) -> Non
     assert node.health.total("failed") == 0
     publisher.publish(cone_message)
     live.until(lambda: node.health.total("fused") == 1)
-    cone_message.pose.pose.position.x = 1e12
+    cone_message.pose.pose.position.x = 1e6
     publisher.publish(cone_message)
     live.until(lambda: node.health.total("malformed") == len(OF_CONES) + 1)
     assert "more than a map may hold" in node.health.reason("malformed")

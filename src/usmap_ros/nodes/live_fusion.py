@@ -22,6 +22,9 @@ from usmap_ros.pipeline import Pipeline
 
 #: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
 _LONGEST_REACH = 0.1
+#: No place on Earth has larger UTM coordinates.  A first cone from nowhere must not become the
+#: middle of the map.
+_FARTHEST_M = 1e7
 
 
 @dataclass(frozen=True)
@@ -176,6 +179,10 @@ class LiveFusion:
         if reach_m > _LONGEST_REACH * limit_m:
             raise MalformedMessageError(
                 "transducer.max_range", f"is {reach_m:g} m, too far for the resolution of the map"
+            )
+        if np.abs(position_m).max() > _FARTHEST_M:
+            raise MalformedMessageError(
+                "pose.position", f"is {np.abs(position_m).max():g} m from the frame's origin"
             )
         if self._middle_m is None:
             self._middle_m = position_m

@@ -1,0 +1,99 @@
+"""How long fusion takes, how much memory a map takes, and how fast recordings become maps."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.map_files import RobotPaths
+from usmap_ros.mapping.grid import TILE_CELLS
+from usmap_ros.offline import map_bag
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pipeline import FUSIONS, Pipeline
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.simulation import Scenario, simulate
+
+SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
+#: Bytes of one cell in the four layers of the noisy-OR's grid.
+BYTES_PER_CELL = 4 * 4
+#: Runs the command line.
+USMAP = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+
+
+def run() -> dict[str, Any]:
+    """Measure; times are those of one core's processor time."""
+    scenario = Scenario.load(SCENARIO)
+    pings = list(simulate(scenario))
+    parameters = PipelineParameters()
+    cones = [reconstruct(trace, parameters.reconstruction).cone for _, trace in pings]
+    results: dict[str, Any] = {"pings": len(pings)}
+    for method in FUSIONS:
+        results |= fusion(cones, method)
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "bag"
+        with new_bag(bag) as writer:
+            for topic, trace in pings:
+                writer.write_trace(topic, trace)
+        results |= end_to_end(bag)
+        results["process_memory_mb"] = process_memory_mb(bag, Path(folder) / "map")
+    return results
+
+
+def fusion(cones: list[EchoCone], method: str) -> dict[str, Any]:
+    """Milliseconds a ping and, of the default method, memory by observed area."""
+    parameters = PipelineParameters()
+    mapping = parameters.mapping.model_copy(update={"method": method})
+    pipeline = Pipeline(parameters.model_copy(update={"mapping": mapping}))
+    times = []
+    for cone in cones:
+        started = time.process_time()
+        pipeline.fuse(cone)
+        times.append(1e3 * (time.process_time() - started))
+    results: dict[str, Any] = {
+        f"{method}_ms_a_ping": float(np.median(times)),
+        f"{method}_90_percent_ms": float(np.quantile(times, 0.9)),
+    }
+    if method == parameters.mapping.method:
+        occupancy = pipeline.occupancy_map()
+        rows, columns = np.nonzero(occupancy.observed)
+        side = int(np.sqrt(TILE_CELLS))
+        first = np.rint(np.array(occupancy.geometry.origin_m) / mapping.resolution_m).astype(int)
+        tiles = np.unique(
+            np.column_stack([(rows + first[1]) // side, (columns + first[0]) // side]), axis=0
+        )
+        area_m2 = len(rows) * mapping.resolution_m**2
+        results["observed_m2"] = area_m2
+        results["map_kb_a_m2"] = len(tiles) * TILE_CELLS * BYTES_PER_CELL / 1e3 / area_m2
+    return results
+
+
+def end_to_end(bag: Path) -> dict[str, Any]:
+    """Pings a second from an open recording to a finished map."""
+    started = time.process_time()
+    pipeline = Pipeline()
+    with BagReader([bag]) as reader:
+        done = map_bag(reader, pipeline, RobotPaths())
+    pipeline.occupancy_map()
+    return {"offline_pings_a_second": done.pings / (time.process_time() - started)}
+
+
+def process_memory_mb(bag: Path, folder: Path) -> float:
+    """Largest memory of a process that runs ``usmap map``."""
+    subprocess.run(
+        [*USMAP, "map", str(bag), "-o", str(folder)], stdout=subprocess.DEVNULL, check=True
+    )
+    return float(json.loads((folder / "summary.json").read_text())["peak_memory_mb"])
+
+
+if __name__ == "__main__":
+    print(json.dumps(run(), indent=2))

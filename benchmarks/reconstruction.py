@@ -85,7 +85,12 @@ def sensing_matrix(trace: EchoTrace, cells: ConeCells) -> ComplexArray:
     pulse, delays_s = trace.transducer.pulse, trace.channel.delays_s(cells.ranges_m)[:, 0]
     amplitudes = cells.gains * trace.channel.amplitudes(cells.ranges_m)[:, 0]
     carrier = amplitudes * np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)
-    return pulse.window(trace.sample_times_s()[:, np.newaxis] - delays_s) * carrier
+    matrix = pulse.window(trace.sample_times_s()[:, np.newaxis] - delays_s) * carrier
+    # CoSaMP compares columns by their products with the residual, and so presumes a norm of 1;
+    # without it a cell at 0.3 m outweighs one at 3 m a hundredfold.
+    norms = np.linalg.norm(matrix, axis=0)
+    matrix /= np.where(norms > 0.0, norms, 1.0)
+    return matrix
 
 
 def dense_cosamp(matrix: ComplexArray, signal: ComplexArray) -> ComplexArray:

@@ -133,7 +133,9 @@ def cosamp(
         found = strongest(operator, scores, limits, best.support, 2 * sparsity)
         if len(found) == 0:
             return best.halted(Halt.NOTHING_LEFT)
-        merged = fit.on(np.union1d(best.support, found), iteration, Halt.ITERATIONS)
+        # What was found lies outside the bands of the support, so nothing stands twice.
+        union = np.sort(np.concatenate([best.support, found]))
+        merged = fit.on(union, iteration, Halt.ITERATIONS)
         kept = _prune(operator, merged, limits, sparsity)
         if np.array_equal(kept, best.support):
             return best.halted(Halt.STABLE_SUPPORT)
@@ -231,7 +233,7 @@ def least_squares(columns: FloatArray, signals: Signal) -> Signal:
         return np.zeros((0, *signals.shape[1:]), dtype=signals.dtype)
     gram = columns.T @ columns
     diagonal = np.einsum("ii->i", gram)
-    diagonal += RIDGE * diagonal.mean()
+    diagonal += RIDGE * (gram.trace() / len(gram))
     solution: Signal = np.linalg.solve(gram, columns.T @ signals)
     return solution
 

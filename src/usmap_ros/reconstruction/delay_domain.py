@@ -81,6 +81,7 @@ class DelayDomainOperator:
             self._grid_start_s + self._path_index.astype(np.float64) * self.delay_step_s
         )
         self._moved: IndexArray = np.empty(0, dtype=np.intp)
+        self._last_columns: tuple[IndexArray, FloatArray] = self._no_columns()
 
     # ------------------------------------------------------------------ SensingOperator
 
@@ -133,7 +134,13 @@ class DelayDomainOperator:
 
     def columns(self, support: IndexArray) -> FloatArray:
         """Templates at the delays of the blocks' paths."""
-        return self._scatter(self.delays_s(support).reshape(-1), self.template)
+        # Solver, matched filter and refinement ask for the same support in turn.
+        known_support, known_columns = self._last_columns
+        if np.array_equal(support, known_support):
+            return known_columns
+        columns = self._scatter(self.delays_s(support).reshape(-1), self.template)
+        self._last_columns = (support.copy(), columns)
+        return columns
 
     def scores(self, proxy: Signal) -> FloatArray:
         """Magnitudes of the paths, weighted by what each should carry of the block's echo."""
@@ -168,6 +175,7 @@ class DelayDomainOperator:
         refined._block_delays_s = self._block_delays_s.copy()
         refined._block_delays_s[support] = self.channel.delays_s(ranges_m)
         refined._moved = np.union1d(self._moved, support)
+        refined._last_columns = self._no_columns()
         return refined
 
     def block_ranges_m(self, support: IndexArray) -> FloatArray:
@@ -187,18 +195,23 @@ class DelayDomainOperator:
         delays_s = self.delays_s(support).reshape(-1)
         return -rates * self._scatter(delays_s, self.template.slope)
 
+    def _no_columns(self) -> tuple[IndexArray, FloatArray]:
+        return np.empty(0, dtype=np.intp), np.zeros((self.sample_count, 0))
+
     def _scatter(
         self, delays_s: FloatArray, profile: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
         """Profiles at delays as columns; each touches only the samples in its support."""
         rate_hz, start_s = self.sampling.sample_rate_hz, self.sampling.start_delay_s
         first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)
-        rows = first + np.arange(self._polyphase.shape[1])[:, np.newaxis]
-        values = profile(start_s + rows / rate_hz - delays_s)
-        row, column = np.nonzero((rows >= 0) & (rows < self.sample_count))
-        columns = np.zeros((self.sample_count, len(delays_s)))
-        columns[rows[row, column], column] = values[row, column]
-        return columns
+        taps = self._polyphase.shape[1]
+        tap = np.arange(taps)[:, np.newaxis]
+        values = profile(start_s + (first + tap) / rate_hz - delays_s)
+        # What lies before or after the signal falls into a margin on either side of it.
+        padded = np.zeros((self.sample_count + 2 * taps, len(delays_s)))
+        rows = np.clip(first + taps, 0, self.sample_count + taps) + tap
+        padded[rows, np.arange(len(delays_s))] = values
+        return padded[taps : taps + self.sample_count]
 
     @property
     def pulse_blocks(self) -> int:

@@ -49,7 +49,7 @@ format: $(FULL) ## format the code
 bench: $(FULL) ## measure speed and memory
 	@$(BIN)/python benchmarks/run.py
 
-figures: $(OFFLINE) ## reproduce the paper's figures: into figures
+figures: $(FULL) ## reproduce the paper's figures: into figures
 	@$(BIN)/usmap paper -o figures
 
 docs: $(FULL) ## regenerate the reference pages from the code

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import traceback
-from pathlib import Path
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -11,16 +10,16 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError, MapFileError, UsmapError
 from usmap_ros.io.conversions import cone_from_message
-from usmap_ros.io.map_files import map_folder, save_map
 from usmap_ros.nodes import interfaces
 from usmap_ros.nodes.checkpoint import Checkpoint
 from usmap_ros.nodes.cone_topics import ConeTopics
-from usmap_ros.nodes.endpoints import every, serve
+from usmap_ros.nodes.endpoints import every
 from usmap_ros.nodes.foreign_cones import ForeignCones
 from usmap_ros.nodes.frames import Transforms
 from usmap_ros.nodes.health import Health
 from usmap_ros.nodes.live_fusion import LiveFusion
 from usmap_ros.nodes.map_publisher import MapPublisher
+from usmap_ros.nodes.map_services import MapServices
 from usmap_ros.nodes.message_types import interface_class
 from usmap_ros.nodes.parameter_fields import is_among
 from usmap_ros.nodes.parameter_server import ParameterServer
@@ -55,11 +54,7 @@ class MapFusion(LifecycleNode):
         )
         self._foreign_cones = ForeignCones(transforms, self.health, self._hand_over)
         self._is_active = False
-        self._is_paused = False
-        serve(self, interfaces.GET_MAP, self._get_map)
-        serve(self, interfaces.SAVE_MAP, self._save_map)
-        serve(self, interfaces.RESET, self._reset)
-        serve(self, interfaces.PAUSE, self._pause)
+        self._map_services = MapServices(self)
         if self.parameters.value.autostart:
             self._start()
 
@@ -94,7 +89,7 @@ class MapFusion(LifecycleNode):
         self.fusion, self._checkpoint = fusion, checkpoint
         self._published_version = 0
         self._noted = {"dropped": 0, "late": 0}
-        self._publisher = MapPublisher(self, self._has_map_updates())
+        self.publisher = MapPublisher(self, self._has_map_updates())
         self._worker = Worker(self, self._step)
         return super().on_configure(state)
 
@@ -142,7 +137,7 @@ class MapFusion(LifecycleNode):
             self._deactivate()
         self._worker.stop()
         self._keep()
-        self._publisher.destroy()
+        self.publisher.destroy()
         self._foreign_cones.clear()
         self.fusion = None
 
@@ -188,7 +183,7 @@ class MapFusion(LifecycleNode):
 
     def _receive(self, topic: str, message: Any) -> None:
         self.health.received()
-        if self._is_paused:
+        if self._map_services.is_paused:
             self.health.count("paused")
             return
         try:
@@ -260,7 +255,7 @@ class MapFusion(LifecycleNode):
             return
         self._published_version = version
         try:
-            self._publisher.publish(occupancy)
+            self.publisher.publish(occupancy)
         except MalformedMessageError as error:
             self.health.problem("unpublished", f"map: {error}", is_error=True)
         else:
@@ -273,39 +268,6 @@ class MapFusion(LifecycleNode):
             self._checkpoint.keep(self.fusion)
         except MapFileError as error:
             self.health.problem("not kept", str(error), is_error=True)
-
-    # ---- services
-
-    def _get_map(self, request: Any, response: Any) -> Any:
-        if self.fusion is not None and self.fusion.frame_id:
-            response.map = self._publisher.message(self.fusion.occupancy_map())
-        return response
-
-    def _save_map(self, request: Any, response: Any) -> Any:
-        if self.fusion is None:
-            response.message = "the node is not configured"
-            return response
-        path = Path(self.parameters.value.save_path).expanduser()
-        try:
-            with map_folder(path):
-                save_map(path, self.fusion.occupancy_map())
-        except MapFileError as error:
-            response.message = str(error)
-        else:
-            response.success, response.message = True, str((path / "map.yaml").absolute())
-        return response
-
-    def _reset(self, request: Any, response: Any) -> Any:
-        if self.fusion is not None:
-            self.fusion.reset()
-            self._publisher.forget_extent()
-        return response
-
-    def _pause(self, request: Any, response: Any) -> Any:
-        self._is_paused = bool(request.data)
-        response.success = True
-        response.message = "paused: cones are not fused" if self._is_paused else "fusing"
-        return response
 
 
 def main() -> None:

@@ -29,6 +29,10 @@ class Scores(NamedTuple):
     ours: Score
     range_only: Score
 
+    def show(self, name: str) -> None:
+        """Print both F1 scores, for ``pytest -rP``."""
+        print(f"{name}: F1 {self.ours.f1:.3f}, range-only {self.range_only.f1:.3f}")
+
 
 def map_recording(folder: Path, name: str) -> Scores:
     pipeline, range_only = Pipeline(), RangeSensorFusion(MappingParameters())
@@ -50,6 +54,7 @@ def map_scenario(path: Path, seed: int) -> Scores:
 @pytest.mark.parametrize("name", PROMISED_F1)
 def test_a_recording_maps_as_well_as_promised(shared_bags: Path, name: str) -> None:
     scores = map_recording(shared_bags, name)
+    scores.show(name)
     assert scores.ours.f1 >= PROMISED_F1[name], scores
     assert scores.ours.f1 > scores.range_only.f1 + 0.1, scores
 
@@ -57,6 +62,7 @@ def test_a_recording_maps_as_well_as_promised(shared_bags: Path, name: str) -> N
 @pytest.mark.parametrize("name", ["poles_raw", "poles_envelope"])
 def test_recordings_of_the_other_encodings_map(shared_bags: Path, name: str) -> None:
     scores = map_recording(shared_bags, name)
+    scores.show(name)
     assert scores.ours.precision >= 0.8, scores
     assert scores.ours.f1 >= 0.7, scores
     assert scores.ours.f1 > scores.range_only.f1, scores
@@ -65,6 +71,7 @@ def test_recordings_of_the_other_encodings_map(shared_bags: Path, name: str) -> 
 @pytest.mark.parametrize("name", SIMULATED_F1)
 def test_a_scene_with_another_seed_maps_well(scenario_folder: Path, name: str) -> None:
     scores = map_scenario(scenario_folder / f"{name}.yaml", seed=4711)
+    scores.show(name)
     assert scores.ours.f1 >= SIMULATED_F1[name], scores
     assert scores.ours.f1 > scores.range_only.f1 + 0.3, scores
 

@@ -1,6 +1,6 @@
-"""Run all benchmarks, print a table, and write the numbers as JSON.
+"""Run all benchmarks, print tables, and write the numbers as JSON and as a page.
 
-python benchmarks/run.py [-o bench_output]
+python benchmarks/run.py [-o bench_output] [--page docs/benchmarks.md]
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ def main() -> None:
     """Run every benchmark in this folder that has a function ``run``."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=Path("bench_output"))
+    parser.add_argument("--page", type=Path, help="page in Markdown to write the numbers into")
     arguments = parser.parse_args()
     console = Console()
     results: dict[str, Any] = {"machine": machine()}
@@ -41,6 +42,34 @@ def main() -> None:
     written = arguments.output / "benchmarks.json"
     written.write_text(json.dumps(results, indent=2) + "\n")
     console.print(f"{written}")
+    if arguments.page is not None:
+        arguments.page.write_text(page(results), encoding="utf-8")
+
+
+def page(results: dict[str, dict[str, Any]]) -> str:
+    """All numbers as a page in Markdown; each benchmark's docstring says what it measures."""
+    made_with = ", ".join(f"{name} {value}" for name, value in results["machine"].items())
+    parts = [
+        "# Benchmarks\n\n<!-- Written by benchmarks/run.py --page docs/benchmarks.md -->\n\n"
+        f"Measured by `make bench` on two cores of a shared virtual machine: {made_with}. Times\n"
+        "differ from machine to machine; ratios of one run do much less.\n"
+    ]
+    for name, numbers in results.items():
+        if name == "machine":
+            continue
+        summary, _, rest = (importlib.import_module(name).__doc__ or "").partition("\n\n")
+        # A paragraph that shows how to call the benchmark is no part of what it measures.
+        explained = "\n\n".join(p for p in rest.split("\n\n") if not p.startswith("python "))
+        rows = "".join(
+            f"| {key.replace('_', ' ')} | {shown(value)} |\n" for key, value in numbers.items()
+        )
+        parts.append(f"## {name}\n\n{summary}\n\n{explained}\n\n| | |\n|---|---|\n{rows}")
+    return "\n".join(parts)
+
+
+def shown(value: Any) -> str:
+    """Three figures of a number."""
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def table(name: str, numbers: dict[str, Any]) -> Table:
@@ -48,9 +77,7 @@ def table(name: str, numbers: dict[str, Any]) -> Table:
     result = Table("", "", title=name, title_justify="left", show_header=False)
     result.columns[1].justify = "right"
     for key, value in numbers.items():
-        result.add_row(
-            key.replace("_", " "), f"{value:.3g}" if isinstance(value, float) else str(value)
-        )
+        result.add_row(key.replace("_", " "), shown(value))
     return result
 
 

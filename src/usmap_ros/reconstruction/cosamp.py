@@ -115,22 +115,13 @@ def cosamp(
     _check_signal(operator, signal)
     fit = Fit(operator, signal, non_negative)
     limits = np.broadcast_to(np.asarray(thresholds, dtype=float), (operator.block_count,))
-    start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
-    best = fit.on(start, 0, Halt.ITERATIONS)
-    kept = _prune(operator, best, limits, sparsity)
-    if len(kept) < len(start):
-        best = fit.on(kept, 0, Halt.ITERATIONS)
+    best = _start(fit, warm_start, limits, sparsity)
     if not np.any(signal):
         return best.halted(Halt.SILENCE)
     for iteration in range(1, max_iterations + 1):
         if best.residual_norm <= tolerance:
             return best.halted(Halt.NOISE_LEVEL)
-        proxy = operator.adjoint(best.residual)
-        if non_negative:
-            # What would need a negative coefficient cannot explain anything.
-            proxy = np.maximum(proxy.real, 0.0)
-        scores = operator.scores(proxy)
-        found = strongest(operator, scores, limits, best.support, 2 * sparsity)
+        found = _identify(fit, best, limits, 2 * sparsity)
         if len(found) == 0:
             return best.halted(Halt.NOTHING_LEFT)
         # What was found lies outside the bands of the support, so nothing stands twice.
@@ -148,6 +139,25 @@ def cosamp(
             return best.halted(Halt.NO_PROGRESS)
         best = pruned
     return best
+
+
+def _start(
+    fit: Fit, warm_start: IndexArray | None, limits: FloatArray, sparsity: int
+) -> Solution:
+    """Fit what the thresholds leave of the support to start from."""
+    start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
+    solution = fit.on(start, 0, Halt.ITERATIONS)
+    kept = _prune(fit.operator, solution, limits, sparsity)
+    return fit.on(kept, 0, Halt.ITERATIONS) if len(kept) < len(start) else solution
+
+
+def _identify(fit: Fit, solution: Solution, limits: FloatArray, count: int) -> IndexArray:
+    """Blocks that explain most of what a solution leaves over."""
+    proxy = fit.operator.adjoint(solution.residual)
+    if fit.non_negative:
+        # What would need a negative coefficient cannot explain anything.
+        proxy = np.maximum(proxy.real, 0.0)
+    return strongest(fit.operator, fit.operator.scores(proxy), limits, solution.support, count)
 
 
 def strongest(

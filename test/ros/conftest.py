@@ -184,7 +184,11 @@ class Processes:
         log = self._folder / f"{name}_{len(self._all)}.log"
         with log.open("wb") as file:
             process = subprocess.Popen(
-                command, stdout=file, stderr=subprocess.STDOUT, start_new_session=True
+                command,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                cwd=self._folder,
+                start_new_session=True,
             )
         process.log = log  # type: ignore[attr-defined]
         self._all.append(process)

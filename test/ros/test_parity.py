@@ -42,7 +42,7 @@ def replay(live: Any, processes: Any, bag: Path, folder: Path, rate: float) -> O
     diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 100)
     processes.start(
         "map_fusion",
-        checkpoint_path=folder,
+        save_path=folder,
         # The machine may be busy: what counts here is the order, not how soon.
         order_wait_s=30.0,
         use_sim_time="true",

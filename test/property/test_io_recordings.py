@@ -96,7 +96,7 @@ def cones(draw: st.DrawFn) -> EchoCone:
         draw(stamps), draw(names), draw(names), draw(poses()), draw(transducers()),
         draw(st.floats(0, 10)), *columns,
         limit_step_m=draw(st.sampled_from([0.5, 0.125, 0.03125])),
-        detection_limits=draw(arrays(np.uint8, draw(st.integers(0, 50)))),
+        detection_limits=draw(arrays(np.uint8, draw(st.integers(1, 50)))),
         residual=draw(st.floats(0, 2, width=32)),
     )  # fmt: skip
 

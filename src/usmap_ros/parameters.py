@@ -113,14 +113,14 @@ class MappingParameters(ParameterGroup):
         0.9, "Standard deviation of ln reflectivity from object to object.", gt=0.0, le=5.0
     )
     fluctuation: float = quantity(
-        0.15, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
+        0.1, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
     )
     audibility: float = quantity(
         0.95, "Probability that a loud enough object in the clear is heard.", gt=0.0, lt=1.0
     )
     clutter: float = quantity(
-        0.003,
-        "Likelihood of an echo that comes from no cell, relative to one that fits perfectly.",
+        0.0005,
+        "Likelihood of a lone echo that comes from no cell, relative to one that fits perfectly.",
         gt=0.0,
         lt=1.0,
     )

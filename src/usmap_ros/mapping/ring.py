@@ -101,8 +101,9 @@ def find_ring(cone: EchoCone, footprint: Footprint, parameters: MappingParameter
         ),
         log_reflectivity=np.log(amplitude) - footprint.log_unit_amplitude[place],
         variance=variance,
-        # The vaguer an amplitude, the lower the likelihood of the best fit to it.
-        clutter=parameters.clutter * np.sqrt(variance) / parameters.fluctuation,
+        # Where echoes overlap, amplitudes are vague, and what is taken for one echo may be several
+        # or none: both make it likelier that no single cell accounts for it.
+        clutter=parameters.clutter * variance / parameters.fluctuation**2,
         echo_count=len(cone.ranges_m),
     )
 

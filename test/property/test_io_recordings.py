@@ -92,6 +92,7 @@ def traces(draw: st.DrawFn) -> EchoTrace:
 def cones(draw: st.DrawFn) -> EchoCone:
     echoes = draw(st.integers(0, 20))
     columns = [draw(float32s(echoes, least=0.0)) for _ in range(4)]
+    columns[0].sort()  # Echoes are listed by range.
     return EchoCone(
         draw(stamps), draw(names), draw(names), draw(poses()), draw(transducers()),
         draw(st.floats(0, 10)), *columns,

@@ -143,6 +143,12 @@ def resume_map(folder: Path, parameters: PipelineParameters) -> tuple[Pipeline, 
 
 def peak_memory_mb() -> float:
     """Largest memory that this process ever took, MB."""
+    # On Linux getrusage starts from the memory of the process that started this one.
+    status = Path("/proc/self/status")
+    if status.is_file():
+        for line in status.read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024 / 1e6
     # Not on Windows, where nothing but this figure would be missing.
     try:
         import resource

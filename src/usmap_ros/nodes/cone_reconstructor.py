@@ -8,12 +8,13 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 
-from usmap_ros.candidates import candidate_cells
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import cone_to_message, points_to_message, trace_from_message
+from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.nodes.endpoints import advertise, subscribe, within
 from usmap_ros.nodes.health import Health
 from usmap_ros.nodes.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO
@@ -22,7 +23,7 @@ from usmap_ros.nodes.parameter_server import ParameterServer
 from usmap_ros.nodes.parameters import ConeReconstructorParameters
 from usmap_ros.nodes.run import run_node
 from usmap_ros.nodes.worker import Worker
-from usmap_ros.parameters import PipelineParameters
+from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
 
 
@@ -122,10 +123,16 @@ class ConeReconstructor(Node):
 
     def _cells_message(self, cone: EchoCone) -> Any:
         parameters = self.parameters.value
-        cells = candidate_cells(cone, parameters.cell_resolution_m, parameters.greatest_coefficient)
+        mapping = MappingParameters(resolution_m=parameters.cell_resolution_m)
+        cells = candidate_cells(cone, mapping)
+        chosen = cells.coefficient <= parameters.greatest_coefficient
+        x_m, y_m = cells.centers_m[chosen].T
         columns = {
-            "x": cells.x_m, "y": cells.y_m, "z": cells.z_m, "coefficient": cells.coefficient
-        }  # fmt: skip
+            "x": x_m,
+            "y": y_m,
+            "z": np.full(len(x_m), cone.pose.position_m[2]),
+            "coefficient": cells.coefficient[chosen],
+        }
         return points_to_message(columns, cone.frame_id, cone.stamp_ns, self._types)
 
 

@@ -141,9 +141,7 @@ def cosamp(
     return best
 
 
-def _start(
-    fit: Fit, warm_start: IndexArray | None, limits: FloatArray, sparsity: int
-) -> Solution:
+def _start(fit: Fit, warm_start: IndexArray | None, limits: FloatArray, sparsity: int) -> Solution:
     """Fit what the thresholds leave of the support to start from."""
     start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
     solution = fit.on(start, 0, Halt.ITERATIONS)

@@ -26,6 +26,9 @@ from usmap_ros.trace import EchoTrace
 
 #: A round of refinement whose largest step is below this share of a grid step is the last.
 SETTLED_STEP = 0.05
+#: A step below this share needs no other after it, unless it let new echoes be found: Gauss-Newton
+#: steps converge quadratically, and what is left is a hundredth of a grid step.
+SMALL_STEP = 0.6
 
 
 @dataclass(frozen=True)
@@ -109,10 +112,13 @@ def _search(
         return operator, solution, np.full(len(solution.support), grid_std_s)
     step_s, unit_std_s = delay_step(operator, solution)
     for _ in range(parameters.refinements):
-        if np.abs(step_s).max(initial=0.0) < SETTLED_STEP * operator.delay_step_s:
+        largest = np.abs(step_s).max(initial=0.0) / operator.delay_step_s
+        if largest < SETTLED_STEP:
             break
         operator = operator.moved(solution.support, step_s)
-        solution = find(solution.support)
+        before, solution = solution, find(solution.support)
+        if largest < SMALL_STEP and np.array_equal(solution.support, before.support):
+            break
         step_s, unit_std_s = delay_step(operator, solution)
     return operator, solution, unit_std_s * baseband.noise_std
 

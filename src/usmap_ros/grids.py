@@ -78,6 +78,19 @@ class OccupancyMap:
         """Probability that each cell is occupied; the prior where nothing was observed."""
         return 1.0 / (1.0 + np.exp(-self.log_odds.astype(np.float64)))
 
+    def observed_geometry(self) -> GridGeometry:
+        """Rectangle around the observed cells; the whole map if there are none."""
+        rows, columns = np.nonzero(self.observed)
+        if len(rows) == 0:
+            return self.geometry
+        top, left = int(rows.min()), int(columns.min())
+        resolution_m, (x_m, y_m) = self.geometry.resolution_m, self.geometry.origin_m
+        return GridGeometry(
+            resolution_m,
+            (x_m + left * resolution_m, y_m + top * resolution_m),
+            (int(rows.max()) - top + 1, int(columns.max()) - left + 1),
+        )
+
     def trinary(self) -> NDArray[np.int8]:
         """Occupied (100), free (0) or unknown (-1), as nav2's static layer reads it."""
         probability = self.probability()

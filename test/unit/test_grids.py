@@ -47,3 +47,11 @@ def test_log_odds_at_the_widest_clamps_are_probabilities_still() -> None:
     occupancy = make_map([0.5, 0.5], [True, True])
     occupancy.log_odds[0] = (-50.0, 50.0)
     np.testing.assert_allclose(occupancy.probability(), [[0.0, 1.0]], atol=1e-20)
+
+
+def test_the_observed_rectangle_is_cut_out_of_a_map() -> None:
+    observed = np.zeros((6, 8), dtype=np.bool_)
+    observed[2, 3] = observed[4, 5] = True
+    geometry = GridGeometry(0.5, (-1.0, 2.0), (6, 8))
+    occupancy = OccupancyMap(geometry, np.zeros((6, 8), np.float32), observed, "map")
+    assert occupancy.observed_geometry() == GridGeometry(0.5, (0.5, 3.0), (3, 3))

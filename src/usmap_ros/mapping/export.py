@@ -12,6 +12,9 @@ from usmap_ros.parameters import MappingParameters
 #: Layers that every map has: log-odds, and how often an object would have been heard.
 LOG_ODDS, EXPOSURE = "log_odds", "exposure"
 
+#: Evidence that shifts log-odds by less than this, as at the rim of a beam, says nothing.
+LEAST_NEWS = 0.05
+
 
 def as_map(
     grid: TiledGrid, parameters: MappingParameters, frame_id: str, stamp_ns: int
@@ -24,11 +27,11 @@ def as_map(
     rely on it.  Without any evidence the map is a single unobserved cell.
     """
     log_odds, prior = grid.layer(LOG_ODDS), np.float32(logit(parameters.prior))
-    touched = log_odds != prior
-    observed = touched & (
+    observed = (log_odds != prior) & (
         (grid.layer(EXPOSURE) >= parameters.observed_exposure)
         | (log_odds > logit(FREE_PROBABILITY))
     )
+    touched = observed | (np.abs(log_odds - prior) >= LEAST_NEWS)
     rows, columns, slots = grid.cells(touched)
     if len(slots) == 0:
         rows = columns = np.zeros(1, dtype=np.intp)

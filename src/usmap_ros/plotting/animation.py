@@ -100,7 +100,8 @@ class _MovingMap:
     def __init__(self, final: OccupancyMap, paths: RobotPaths) -> None:
         self._geometry = final.geometry
         self._paths = paths
-        self._figure = style.new_figure(*figure_size_in(final.geometry), _DOTS_PER_INCH)
+        shown = final.observed_geometry()
+        self._figure = style.new_figure(*figure_size_in(shown), _DOTS_PER_INCH)
         self._axes = self._figure.subplots()
         self._image = draw_probability(self._axes, final)
         self._figure.colorbar(
@@ -110,7 +111,7 @@ class _MovingMap:
         topics = sorted(paths.positions_m)
         self._trails = {topic: self._trail(number) for number, topic in enumerate(topics)}
         self._beams = {topic: self._beam(number) for number, topic in enumerate(topics)}
-        show_all(self._axes, final.geometry, paths)
+        show_all(self._axes, shown, paths)
         # The layout is that of the first drawing: to find it again takes longer than to draw.
         self._figure.canvas.draw()
         self._figure.set_layout_engine("none")

@@ -34,13 +34,14 @@ def map_figure(
         What stands above it.
     """
     with style.styled():
-        figure = style.new_figure(*figure_size_in(occupancy.geometry))
+        shown = occupancy.observed_geometry()
+        figure = style.new_figure(*figure_size_in(shown))
         axes = figure.subplots()
         image = draw_probability(axes, occupancy)
         if truth is not None:
             draw_truth(axes, truth)
         draw_paths(axes, paths or RobotPaths())
-        show_all(axes, occupancy.geometry, paths or RobotPaths())
+        show_all(axes, shown, paths or RobotPaths())
         axes.set_title(title)
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=5)

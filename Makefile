@@ -61,7 +61,8 @@ test-lower-bounds: ## run the tests against the oldest versions that setup.py al
 	@$(MAKE) --no-print-directory $(VENV)-lower/pyvenv.cfg VENV=$(VENV)-lower
 	@echo "Installing the oldest versions allowed"
 	@$(VENV)-lower/bin/python -m pip install --quiet --disable-pip-version-check \
-	  --constraint test/packaging/lower-bounds.txt --editable '.[test]'
+	  --constraint test/packaging/lower-bounds.txt --constraint test/packaging/contemporaries.txt \
+	  --editable '.[test]'
 	@$(VENV)-lower/bin/python -m pytest --timeout=600 -m "not ros" $(PYTEST_ARGS)
 
 # Give one interpreter for each Python version that is supported.

@@ -99,7 +99,7 @@ setup(
         "rich>=13",
         "rosbags>=0.11",
         "scipy>=1.11",
-        "typer>=0.16",
+        "typer>=0.19.2",
         "zstandard>=0.22",
     ],
     extras_require={

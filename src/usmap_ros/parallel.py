@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from itertools import islice
+from pathlib import Path
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
@@ -53,6 +54,7 @@ class Reconstructors:
         executor: ProcessPoolExecutor | None = None,
         processes: int = 1,
     ) -> None:
+        self.processes = processes
         self._parameters = parameters
         self._executor = executor
         self._ahead = BATCHES_AHEAD * processes
@@ -86,9 +88,10 @@ def reconstructors(
     """Start processes that reconstruct, and end them.
 
     They are forked at once: enter this before anything starts a thread, such as a progress bar.
-    One process means none but the caller's.
+    One process means none but the caller's, and so does a caller that has threads already:
+    what they hold at the fork, the child would wait for in vain.
     """
-    if processes <= 1 or "fork" not in multiprocessing.get_all_start_methods():
+    if processes <= 1 or not _can_fork():
         yield Reconstructors(parameters)
         return
     context = multiprocessing.get_context("fork")
@@ -99,6 +102,12 @@ def reconstructors(
             yield Reconstructors(parameters, executor, processes)
         finally:
             executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _can_fork() -> bool:
+    """Whether this process has one thread only, those that Python does not know of included."""
+    threads = Path("/proc/self/task")
+    return threads.is_dir() and len(list(threads.iterdir())) == 1
 
 
 def _reconstruct_batch(

@@ -13,14 +13,14 @@ from pathlib import Path
 
 from usmap_ros.io.yaml_files import dump_yaml
 from usmap_ros.nodes.interfaces import NODES, NodeInterface, Topic
-from usmap_ros.nodes.parameter_fields import (
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.parameters.fields import (
     constraints_of,
     flat_fields,
     flat_values,
     is_among,
     unit_of,
 )
-from usmap_ros.parameters import PipelineParameters
 
 ROOT = Path(__file__).parents[1]
 

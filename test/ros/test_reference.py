@@ -16,7 +16,7 @@ from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.interfaces import NODES, NodeInterface
 from usmap_ros.nodes.map_fusion import MapFusion
-from usmap_ros.nodes.parameter_fields import flat_fields, is_among
+from usmap_ros.parameters.fields import flat_fields, is_among
 from usmap_ros.trace import EchoTrace
 
 ROOT = Path(__file__).parents[2]

@@ -10,8 +10,10 @@ from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from usmap_ros.errors import ConfigurationError
+from usmap_ros.parameters.fields import constraints_of, unit_of
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -160,16 +162,11 @@ def _lines(model: BaseModel, indent: str) -> Iterator[str]:
         yield f"{indent}{name}: {text}"
 
 
-def _documentation(info: Any) -> str:
-    """Describe a field: its meaning, unit and bounds."""
-    extra = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
-    unit = f" [{extra['unit']}]" if extra.get("unit") else ""
-    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-    bounds = [
-        f"{sign} {getattr(constraint, name):g}"
-        for constraint in info.metadata
-        for name, sign in signs.items()
-        if getattr(constraint, name, None) is not None
-    ]
-    limits = f" ({', '.join(bounds)})" if bounds else ""
-    return f"{(info.description or '').rstrip('.')}{unit}{limits}"
+def _documentation(info: FieldInfo) -> str:
+    """Describe a field: its meaning, unit and bounds or choices."""
+    unit, constraints = unit_of(info), constraints_of(info)
+    return (
+        (info.description or "").rstrip(".")
+        + (f" [{unit}]" if unit else "")
+        + (f" ({constraints})" if constraints else "")
+    )

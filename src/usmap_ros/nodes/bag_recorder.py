@@ -19,8 +19,8 @@ from usmap_ros.nodes.health import Health
 from usmap_ros.nodes.interfaces import BAG_RECORDER, Qos
 from usmap_ros.nodes.message_types import interface_class
 from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.parameters import BagRecorderParameters
 from usmap_ros.nodes.run import run_node
+from usmap_ros.parameters.nodes import BagRecorderParameters
 
 #: What a kill can cost: a few pings.
 _CHUNK_BYTES = 32 * 2**10

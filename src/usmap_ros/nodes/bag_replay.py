@@ -22,8 +22,8 @@ from usmap_ros.nodes.health import Health
 from usmap_ros.nodes.interfaces import BAG_REPLAY, CLOCK, NODES, PAUSE, Qos
 from usmap_ros.nodes.message_types import interface_class
 from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.parameters import BagReplayParameters
 from usmap_ros.nodes.run import run_node
+from usmap_ros.parameters.nodes import BagReplayParameters
 
 #: Longest wait for subscribers to have what was published; one that hangs must not stop all.
 _ACKNOWLEDGEMENT = Duration(seconds=1.0)

@@ -20,10 +20,10 @@ from usmap_ros.nodes.health import Health
 from usmap_ros.nodes.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO
 from usmap_ros.nodes.message_types import RosMessageTypes
 from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.parameters import ConeReconstructorParameters
 from usmap_ros.nodes.run import run_node
 from usmap_ros.nodes.worker import Worker
 from usmap_ros.parameters import MappingParameters, PipelineParameters
+from usmap_ros.parameters.nodes import ConeReconstructorParameters
 from usmap_ros.pipeline import Pipeline
 
 

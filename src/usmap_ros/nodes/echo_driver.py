@@ -19,7 +19,6 @@ from usmap_ros.nodes.health import Health
 from usmap_ros.nodes.interfaces import ECHO, ECHO_DRIVER, RANGE
 from usmap_ros.nodes.message_types import RosMessageTypes
 from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.parameters import EchoDriverParameters
 from usmap_ros.nodes.pose_sources import (
     NoPoseError,
     OdometryPose,
@@ -28,6 +27,7 @@ from usmap_ros.nodes.pose_sources import (
     TransformPose,
 )
 from usmap_ros.nodes.run import run_node
+from usmap_ros.parameters.nodes import EchoDriverParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
 from usmap_ros.simulation.simulator import SimulatedRobot

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from usmap_ros.nodes.parameters import (
+from usmap_ros.parameters.nodes import (
     BagRecorderParameters,
     BagReplayParameters,
     ConeReconstructorParameters,

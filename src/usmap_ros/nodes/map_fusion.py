@@ -21,11 +21,11 @@ from usmap_ros.nodes.live_fusion import LiveFusion
 from usmap_ros.nodes.map_publisher import MapPublisher
 from usmap_ros.nodes.map_services import MapServices
 from usmap_ros.nodes.message_types import interface_class
-from usmap_ros.nodes.parameter_fields import is_among
 from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.parameters import MapFusionParameters
 from usmap_ros.nodes.run import run_node
 from usmap_ros.nodes.worker import Worker
+from usmap_ros.parameters.fields import is_among
+from usmap_ros.parameters.nodes import MapFusionParameters
 
 _RETRY_S = 0.02
 _COUNTED = (

@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 
 from usmap_ros.errors import ConfigurationError
 from usmap_ros.io.yaml_files import validated
-from usmap_ros.nodes.parameter_fields import (
+from usmap_ros.parameters.fields import (
     bounds_of,
     constraints_of,
     flat_fields,
@@ -28,7 +28,7 @@ from usmap_ros.nodes.parameter_fields import (
     nested_values,
     unit_of,
 )
-from usmap_ros.nodes.parameters import NodeParameters
+from usmap_ros.parameters.nodes import NodeParameters
 
 _Parameters = TypeVar("_Parameters", bound=NodeParameters)
 

@@ -1,7 +1,4 @@
-"""Every parameter of every node, declared once.
-
-ROS descriptors, the example files and the reference page are derived from these models.
-"""
+"""Every parameter of every node."""
 
 from __future__ import annotations
 
@@ -10,12 +7,8 @@ from typing import ClassVar, Literal
 
 from pydantic import field_validator
 
-from usmap_ros.parameters import (
-    MappingParameters,
-    ParameterGroup,
-    ReconstructionParameters,
-    quantity,
-)
+from usmap_ros.parameters.fields import ParameterGroup, quantity
+from usmap_ros.parameters.pipeline import MappingParameters, ReconstructionParameters
 
 
 class NodeParameters(ParameterGroup):

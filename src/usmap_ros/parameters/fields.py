@@ -1,12 +1,32 @@
-"""What the models of parameters say of each parameter; no rclpy here."""
+"""How a parameter is declared, and what its declaration says of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
+
+
+def quantity(default: Any, description: str, unit: str = "", **bounds: Any) -> Any:
+    """Field with a default, a description, a unit and bounds (``ge``, ``gt``, ``le``, ``lt``).
+
+    `unit` is an SI unit or "" for a pure number; it is kept in the field's JSON schema.
+    """
+    return Field(default, description=description, json_schema_extra={"unit": unit}, **bounds)
+
+
+class ParameterGroup(BaseModel):
+    """Base of all parameter groups: immutable, and an unknown key is an error."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        validate_default=True,
+        allow_inf_nan=False,
+        protected_namespaces=(),
+    )
 
 
 def flat_fields(group: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:

@@ -1,33 +1,12 @@
-"""Every parameter of reconstruction and mapping, declared once.
-
-YAML files, ROS parameter descriptors and the reference page are derived from these models.
-"""
+"""Every parameter of reconstruction and mapping."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
-
-def quantity(default: Any, description: str, unit: str = "", **bounds: Any) -> Any:
-    """Field with a default, a description, a unit and bounds (``ge``, ``gt``, ``le``, ``lt``).
-
-    `unit` is an SI unit or "" for a pure number; it is kept in the field's JSON schema.
-    """
-    return Field(default, description=description, json_schema_extra={"unit": unit}, **bounds)
-
-
-class ParameterGroup(BaseModel):
-    """Base of all parameter groups: immutable, and an unknown key is an error."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        validate_default=True,
-        allow_inf_nan=False,
-        protected_namespaces=(),
-    )
+from usmap_ros.parameters.fields import ParameterGroup, quantity
 
 
 class ReconstructionParameters(ParameterGroup):

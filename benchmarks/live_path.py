@@ -27,10 +27,10 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from usmap_ros.io.conversions import trace_to_message
-from usmap_ros.nodes.endpoints import advertise, qos_profile
-from usmap_ros.nodes.interfaces import DIAGNOSTICS, ECHO, MAP
-from usmap_ros.nodes.message_types import RosMessageTypes, interface_class
-from usmap_ros.nodes.run import prepare_environment
+from usmap_ros.live.interfaces import DIAGNOSTICS, ECHO, MAP
+from usmap_ros.nodes.plumbing.endpoints import advertise, qos_profile
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
+from usmap_ros.nodes.plumbing.run import prepare_environment
 from usmap_ros.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[1]

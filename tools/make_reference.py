@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from usmap_ros.io.yaml_files import dump_yaml
-from usmap_ros.nodes.interfaces import NODES, NodeInterface, Topic
+from usmap_ros.live.interfaces import NODES, NodeInterface, Topic
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.parameters.fields import (
     constraints_of,

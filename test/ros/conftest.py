@@ -39,8 +39,8 @@ else:
     from rclpy.parameter import Parameter
     from rclpy.qos import QoSProfile
 
-    from usmap_ros.nodes.message_types import RosMessageTypes, interface_class
-    from usmap_ros.nodes.run import prepare_environment
+    from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
+    from usmap_ros.nodes.plumbing.run import prepare_environment
 
     prepare_environment()
 

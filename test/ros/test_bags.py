@@ -16,7 +16,7 @@ from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_from_message, trace_to_message
 from usmap_ros.nodes.bag_recorder import BagRecorder
 from usmap_ros.nodes.bag_replay import BagReplay
-from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.trace import EchoTrace
 
 ECHO = "usmap_msgs/msg/EchoTrace"

@@ -10,7 +10,7 @@ from rclpy.qos import qos_profile_sensor_data
 from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_from_message, points_from_message, trace_to_message
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
-from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.trace import EchoTrace
 
 ECHO, CONE = "usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"

@@ -13,7 +13,7 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry
 from usmap_ros.io import conversions
-from usmap_ros.nodes.message_types import RosMessageTypes, interface_class
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
 from usmap_ros.trace import EchoTrace
 
 TYPES = RosMessageTypes()

@@ -12,7 +12,7 @@ from usmap_ros.errors import ConfigurationError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_to_message, trace_from_message
 from usmap_ros.nodes.echo_driver import EchoDriver
-from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.simulation import Scenario
 
 SCENARIOS = Path(__file__).parents[2] / "config/scenarios"

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 import yaml
 
-from usmap_ros.fleet import fleet_tasks
 from usmap_ros.io.map_files import load_map
-from usmap_ros.nodes.interfaces import NODES
+from usmap_ros.live.fleet_processes import fleet_tasks
+from usmap_ros.live.interfaces import NODES
 from usmap_ros.simulation import Scenario
 
 ROOT = Path(__file__).parents[2]

@@ -15,8 +15,8 @@ from usmap_ros.io.conversions import cone_to_message, grid_from_message
 from usmap_ros.io.map_files import load_map
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.nodes.map_fusion import MapFusion
-from usmap_ros.nodes.map_publisher import BLOCK_CELLS, block_geometry, changed_part, placed
-from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.map_publisher import BLOCK_CELLS, block_geometry, changed_part, placed
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario
 

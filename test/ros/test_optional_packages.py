@@ -16,12 +16,12 @@ import pytest
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import cone_to_message, transform_to_message
-from usmap_ros.nodes import message_types
 from usmap_ros.nodes.echo_driver import EchoDriver
-from usmap_ros.nodes.frames import compose
 from usmap_ros.nodes.map_fusion import MapFusion
-from usmap_ros.nodes.map_publisher import MapPublisher
-from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.plumbing import ros_types
+from usmap_ros.nodes.plumbing.frames import compose
+from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.pipeline import Pipeline
 
 CONE = "usmap_msgs/msg/EchoCone"
@@ -129,11 +129,11 @@ def test_updates_are_the_part_of_the_map_that_changed(
     def advertise(node: Any, topic: Any, name: str | None = None) -> Any:
         return SimpleNamespace(publish=published.setdefault(topic.name, []).append)
 
-    monkeypatch.setattr("usmap_ros.nodes.map_publisher.advertise", advertise)
-    monkeypatch.setattr("usmap_ros.nodes.map_publisher.advertise_managed", advertise)
-    real = message_types.interface_class
+    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_publisher.advertise", advertise)
+    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_publisher.advertise_managed", advertise)
+    real = ros_types.interface_class
     fake = {"map_msgs/msg/OccupancyGridUpdate": SimpleNamespace}
-    monkeypatch.setattr(message_types, "interface_class", lambda name: fake.get(name) or real(name))
+    monkeypatch.setattr(ros_types, "interface_class", lambda name: fake.get(name) or real(name))
     publisher, pipeline = MapPublisher(None, with_updates=True), Pipeline()
     for _, cone in cones[:12]:
         pipeline.fuse(cone)

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.live.interfaces import NODES, NodeInterface
 from usmap_ros.nodes.bag_recorder import BagRecorder
 from usmap_ros.nodes.bag_replay import BagReplay
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.echo_driver import EchoDriver
-from usmap_ros.nodes.interfaces import NODES, NodeInterface
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.parameters.fields import flat_fields, is_among
 from usmap_ros.trace import EchoTrace

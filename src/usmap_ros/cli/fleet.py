@@ -36,9 +36,9 @@ def fleet(
     """
     require_ros()
     from usmap_ros.errors import FileError
-    from usmap_ros.fleet import fleet_tasks
+    from usmap_ros.live.fleet_processes import fleet_tasks
+    from usmap_ros.live.supervisor import Supervisor
     from usmap_ros.simulation import Scenario
-    from usmap_ros.supervisor import Supervisor
 
     scenario = Scenario.load(scenario_file)
     # What the drivers would refuse one by one is said once, before anything starts.

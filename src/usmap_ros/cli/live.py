@@ -37,7 +37,7 @@ def run_live_node(create: Callable[..., Any], parameters: Mapping[str, Any]) -> 
     """
     from rclpy.parameter import Parameter
 
-    from usmap_ros.nodes.run import run_node
+    from usmap_ros.nodes.plumbing.run import run_node
 
     overrides = [
         Parameter(name, value=value) for name, value in parameters.items() if value is not None

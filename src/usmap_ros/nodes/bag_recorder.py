@@ -13,13 +13,13 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from usmap_ros.errors import BagError, ConfigurationError
 from usmap_ros.io.bag_writer import BagWriter
 from usmap_ros.io.bag_writer import qos_profile as recorded_profile
-from usmap_ros.nodes.definitions import UnknownTypeError, definition_of
-from usmap_ros.nodes.endpoints import every, qos_profile
-from usmap_ros.nodes.health import Health
-from usmap_ros.nodes.interfaces import BAG_RECORDER, Qos
-from usmap_ros.nodes.message_types import interface_class
-from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.run import run_node
+from usmap_ros.live.interfaces import BAG_RECORDER, Qos
+from usmap_ros.nodes.plumbing.endpoints import every, qos_profile
+from usmap_ros.nodes.plumbing.health import Health
+from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.ros_types import interface_class
+from usmap_ros.nodes.plumbing.run import run_node
+from usmap_ros.nodes.plumbing.type_definitions import UnknownTypeError, definition_of
 from usmap_ros.parameters.nodes import BagRecorderParameters
 
 #: What a kill can cost: a few pings.

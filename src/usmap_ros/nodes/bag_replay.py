@@ -17,12 +17,12 @@ from rclpy.time import Time
 from usmap_ros.errors import BagError, ConfigurationError
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.storage import Channel
-from usmap_ros.nodes.endpoints import advertise, every, qos_profile, serve
-from usmap_ros.nodes.health import Health
-from usmap_ros.nodes.interfaces import BAG_REPLAY, CLOCK, NODES, PAUSE, Qos
-from usmap_ros.nodes.message_types import interface_class
-from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.run import run_node
+from usmap_ros.live.interfaces import BAG_REPLAY, CLOCK, NODES, PAUSE, Qos
+from usmap_ros.nodes.plumbing.endpoints import advertise, every, qos_profile, serve
+from usmap_ros.nodes.plumbing.health import Health
+from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.ros_types import interface_class
+from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.parameters.nodes import BagReplayParameters
 
 #: Longest wait for subscribers to have what was published; one that hangs must not stop all.

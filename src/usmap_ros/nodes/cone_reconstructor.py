@@ -14,14 +14,14 @@ from rclpy.node import Node
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import cone_to_message, points_to_message, trace_from_message
+from usmap_ros.live.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO
 from usmap_ros.mapping.candidates import candidate_cells
-from usmap_ros.nodes.endpoints import advertise, subscribe, within
-from usmap_ros.nodes.health import Health
-from usmap_ros.nodes.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO
-from usmap_ros.nodes.message_types import RosMessageTypes
-from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.run import run_node
-from usmap_ros.nodes.worker import Worker
+from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
+from usmap_ros.nodes.plumbing.health import Health
+from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.run import run_node
+from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.parameters.nodes import ConeReconstructorParameters
 from usmap_ros.pipeline import Pipeline

@@ -13,20 +13,20 @@ from rclpy.node import Node
 from usmap_ros.errors import ConfigurationError, MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import range_to_message, trace_to_message
-from usmap_ros.nodes.endpoints import advertise, within
-from usmap_ros.nodes.frames import Transforms
-from usmap_ros.nodes.health import Health
-from usmap_ros.nodes.interfaces import ECHO, ECHO_DRIVER, RANGE
-from usmap_ros.nodes.message_types import RosMessageTypes
-from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.pose_sources import (
+from usmap_ros.live.interfaces import ECHO, ECHO_DRIVER, RANGE
+from usmap_ros.nodes.plumbing.endpoints import advertise, within
+from usmap_ros.nodes.plumbing.frames import Transforms
+from usmap_ros.nodes.plumbing.health import Health
+from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.pose_sources import (
     NoPoseError,
     OdometryPose,
     PathPose,
     PoseSource,
     TransformPose,
 )
-from usmap_ros.nodes.run import run_node
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.parameters.nodes import EchoDriverParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario

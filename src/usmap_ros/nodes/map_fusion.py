@@ -10,20 +10,20 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError, MapFileError, UsmapError
 from usmap_ros.io.conversions import cone_from_message
-from usmap_ros.nodes import interfaces
-from usmap_ros.nodes.checkpoint import Checkpoint
-from usmap_ros.nodes.cone_topics import ConeTopics
-from usmap_ros.nodes.endpoints import every
-from usmap_ros.nodes.foreign_cones import ForeignCones
-from usmap_ros.nodes.frames import Transforms
-from usmap_ros.nodes.health import Health
-from usmap_ros.nodes.live_fusion import LiveFusion
-from usmap_ros.nodes.map_publisher import MapPublisher
+from usmap_ros.live import interfaces
+from usmap_ros.live.checkpoint import Checkpoint
+from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.nodes.map_services import MapServices
-from usmap_ros.nodes.message_types import interface_class
-from usmap_ros.nodes.parameter_server import ParameterServer
-from usmap_ros.nodes.run import run_node
-from usmap_ros.nodes.worker import Worker
+from usmap_ros.nodes.plumbing.cone_topics import ConeTopics
+from usmap_ros.nodes.plumbing.endpoints import every
+from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
+from usmap_ros.nodes.plumbing.frames import Transforms
+from usmap_ros.nodes.plumbing.health import Health
+from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
+from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.ros_types import interface_class
+from usmap_ros.nodes.plumbing.run import run_node
+from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.fields import is_among
 from usmap_ros.parameters.nodes import MapFusionParameters
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from usmap_ros.errors import MalformedMessageError, MapFileError
 from usmap_ros.io.map_files import map_folder, save_map
-from usmap_ros.nodes.endpoints import serve
-from usmap_ros.nodes.interfaces import GET_MAP, PAUSE, RESET, SAVE_MAP
+from usmap_ros.live.interfaces import GET_MAP, PAUSE, RESET, SAVE_MAP
+from usmap_ros.nodes.plumbing.endpoints import serve
 
 if TYPE_CHECKING:
     from usmap_ros.nodes.map_fusion import MapFusion

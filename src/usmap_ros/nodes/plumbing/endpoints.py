@@ -10,8 +10,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from usmap_ros.nodes.interfaces import Qos, ServiceInterface, Topic
-from usmap_ros.nodes.message_types import interface_class
+from usmap_ros.live.interfaces import Qos, ServiceInterface, Topic
+from usmap_ros.nodes.plumbing.ros_types import interface_class
 
 #: How much deeper the queue of a subscription is than that of a publisher.
 _DEEPER = 10

@@ -8,8 +8,8 @@ from typing import Any
 
 from rclpy.node import Node
 
-from usmap_ros.nodes.endpoints import subscribe
-from usmap_ros.nodes.interfaces import CONE
+from usmap_ros.live.interfaces import CONE
+from usmap_ros.nodes.plumbing.endpoints import subscribe
 
 
 class ConeTopics:

@@ -9,10 +9,10 @@ from rclpy.node import Node
 from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_from_message
-from usmap_ros.nodes.endpoints import subscribe
-from usmap_ros.nodes.frames import NoTransformError, Transforms
-from usmap_ros.nodes.health import Health
-from usmap_ros.nodes.interfaces import ODOM
+from usmap_ros.live.interfaces import ODOM
+from usmap_ros.nodes.plumbing.endpoints import subscribe
+from usmap_ros.nodes.plumbing.frames import NoTransformError, Transforms
+from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.simulation.motion import Motion
 
 

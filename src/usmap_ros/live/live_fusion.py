@@ -16,7 +16,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions.grid import MAX_SIDE
-from usmap_ros.ordering import StampOrder
+from usmap_ros.live.ordering import StampOrder
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
 

@@ -13,9 +13,9 @@ from usmap_ros.io.conversions import (
     grid_update_to_message,
     metadata_to_message,
 )
-from usmap_ros.nodes.endpoints import advertise, advertise_managed
-from usmap_ros.nodes.interfaces import MAP, MAP_METADATA, MAP_PROBABILITY, MAP_UPDATES
-from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.live.interfaces import MAP, MAP_METADATA, MAP_PROBABILITY, MAP_UPDATES
+from usmap_ros.nodes.plumbing.endpoints import advertise, advertise_managed
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 
 #: Published maps grow by whole blocks of so many cells: each growth makes nav2 allocate its
 #: costmaps anew and forget what its other layers had marked.

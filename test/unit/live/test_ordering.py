@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from usmap_ros.ordering import StampOrder
+from usmap_ros.live.ordering import StampOrder
 
 WAIT_S = 0.5
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from usmap_ros.errors import MapFileError
 from usmap_ros.io.map_files import GRID_FILE, load_map, map_folder, save_map
-from usmap_ros.nodes.live_fusion import LiveFusion
+from usmap_ros.live.live_fusion import LiveFusion
 
 
 class Checkpoint:

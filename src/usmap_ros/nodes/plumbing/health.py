@@ -9,8 +9,8 @@ from collections import Counter, deque
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from usmap_ros.nodes.endpoints import advertise, every
-from usmap_ros.nodes.interfaces import DIAGNOSTICS
+from usmap_ros.live.interfaces import DIAGNOSTICS
+from usmap_ros.nodes.plumbing.endpoints import advertise, every
 
 #: A problem shows in the status for this long after it last occurred.
 _MEMORY_S = 5.0

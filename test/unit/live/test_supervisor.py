@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from usmap_ros.supervisor import Supervisor, Task
+from usmap_ros.live.supervisor import Supervisor, Task
 
 FOREVER = "import time; print('up', flush=True); time.sleep(60)"
 STUBBORN = (
@@ -80,7 +80,7 @@ def test_a_process_that_does_not_end_is_told_more_firmly(  # type: ignore[no-unt
     run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     patience = ((signal.SIGINT, 0.5), (signal.SIGTERM, 5.0))
-    monkeypatch.setattr("usmap_ros.supervisor._PATIENCE_S", patience)
+    monkeypatch.setattr("usmap_ros.live.supervisor._PATIENCE_S", patience)
     supervisor, lines = run(task("a", STUBBORN))
     until(lambda: lines == ["[a] up"])
     supervisor.stop()

@@ -13,7 +13,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import FloatArray, Pose
 from usmap_ros.io.conversions import transform_from_message, transform_to_message
-from usmap_ros.nodes.message_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 
 
 class NoTransformError(UsmapError):

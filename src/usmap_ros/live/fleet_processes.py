@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from usmap_ros.live.supervisor import Task
 from usmap_ros.simulation import Scenario
-from usmap_ros.supervisor import Task
 
 
 def fleet_tasks(

@@ -1,0 +1,1 @@
+"""What the nodes share, and what connects them to ROS: endpoints, parameters, TF, diagnostics."""

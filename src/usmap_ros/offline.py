@@ -86,7 +86,7 @@ def map_bag(
         If not a single ping could be used.
     """
     run = MappingRun()
-    workers = workers or Reconstructors(pipeline.parameters.reconstruction)
+    workers = workers or Reconstructors(pipeline)
     for topic, cone in _cones(bag, workers):
         try:
             pipeline.fuse(cone)

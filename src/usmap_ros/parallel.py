@@ -14,6 +14,7 @@ from pathlib import Path
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pipeline import Pipeline
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
 
@@ -40,8 +41,8 @@ class Reconstructors:
 
     Parameters
     ----------
-    parameters : ReconstructionParameters
-        For all traces.
+    pipeline : Pipeline
+        Its reconstruction is what they do.
     executor : ProcessPoolExecutor, optional
         The processes; without it the caller's own does the work.
     processes : int
@@ -50,12 +51,13 @@ class Reconstructors:
 
     def __init__(
         self,
-        parameters: ReconstructionParameters,
+        pipeline: Pipeline,
         executor: ProcessPoolExecutor | None = None,
         processes: int = 1,
     ) -> None:
         self.processes = processes
-        self._parameters = parameters
+        # Workers are sent the parameters: the pipeline itself has a map in it.
+        self._parameters = pipeline.parameters.reconstruction
         self._executor = executor
         self._ahead = BATCHES_AHEAD * processes
 
@@ -82,24 +84,22 @@ class Reconstructors:
 
 
 @contextmanager
-def reconstructors(
-    parameters: ReconstructionParameters, processes: int
-) -> Iterator[Reconstructors]:
-    """Start processes that reconstruct, and end them.
+def reconstructors(pipeline: Pipeline, processes: int) -> Iterator[Reconstructors]:
+    """Start processes that reconstruct as `pipeline` does, and end them.
 
     They are forked at once: enter this before anything starts a thread, such as a progress bar.
     One process means none but the caller's, and so does a caller that has threads already:
     what they hold at the fork, the child would wait for in vain.
     """
     if processes <= 1 or not _can_fork():
-        yield Reconstructors(parameters)
+        yield Reconstructors(pipeline)
         return
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(processes, mp_context=context) as executor:
         for future in [executor.submit(available_cores) for _ in range(processes)]:
             future.result()
         try:
-            yield Reconstructors(parameters, executor, processes)
+            yield Reconstructors(pipeline, executor, processes)
         finally:
             executor.shutdown(wait=True, cancel_futures=True)
 

@@ -8,7 +8,6 @@ from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.noisy_or import NoisyOrFusion
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
 
@@ -40,10 +39,7 @@ class Pipeline:
         MalformedMessageError
             If the trace cannot be reconstructed.
         """
-        parameters = self.parameters.reconstruction
-        if parameters.dictionary == "cells":
-            return cell_cone(trace, reconstruct_cells(trace, parameters), parameters)
-        return reconstruct(trace, parameters).cone
+        return reconstruct(trace, self.parameters.reconstruction).cone
 
     def fuse(self, cone: EchoCone) -> None:
         """Take a cone up into the map; cones are expected in the order of their stamps.

@@ -12,7 +12,7 @@ import pytest
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.parallel import Outcome, available_cores, reconstructors
-from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pipeline import Pipeline
 from usmap_ros.trace import EchoTrace, Encoding
 
 BAG = Path(__file__).parents[2] / "bags" / "yard"
@@ -25,7 +25,7 @@ def traces() -> list[tuple[str, EchoTrace]]:
 
 
 def outcomes(traces: list[tuple[str, EchoTrace]], processes: int) -> list[Outcome]:
-    with reconstructors(ReconstructionParameters(), processes) as workers:
+    with reconstructors(Pipeline(), processes) as workers:
         return list(workers.cones(traces))
 
 
@@ -35,10 +35,10 @@ from pathlib import Path
 import numpy as np
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.parallel import reconstructors
-from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pipeline import Pipeline
 
 def cones(processes):
-    with reconstructors(ReconstructionParameters(), processes) as workers:
+    with reconstructors(Pipeline(), processes) as workers:
         assert workers.processes == processes
         with BagReader([Path({bag!r})]) as bag:
             return list(workers.cones(bag.traces()))
@@ -64,7 +64,7 @@ def test_a_process_with_threads_works_alone() -> None:
     thread = threading.Thread(target=ended.wait)
     thread.start()
     try:
-        with reconstructors(ReconstructionParameters(), 2) as workers:
+        with reconstructors(Pipeline(), 2) as workers:
             assert workers.processes == 1
     finally:
         ended.set()
@@ -95,7 +95,7 @@ def test_traces_are_not_all_taken_in_at_once(traces: list[tuple[str, EchoTrace]]
                 taken += 1
                 yield recorded
 
-    with reconstructors(ReconstructionParameters(), 2) as workers:
+    with reconstructors(Pipeline(), 2) as workers:
         next(workers.cones(counted()))
         assert taken < 100
 

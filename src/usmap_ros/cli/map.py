@@ -50,7 +50,7 @@ def map_bags(
     else:
         pipeline, paths = resume_map(resume, parameters)
     with (
-        reconstructors(parameters.reconstruction, jobs or available_cores()) as workers,
+        reconstructors(pipeline, jobs or available_cores()) as workers,
         BagReader(bags) as bag,
         map_folder(output),
     ):

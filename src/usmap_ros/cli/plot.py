@@ -45,12 +45,12 @@ def plot(
         figure = map_figure(occupancy, paths, true_cells, title=path.resolve().name)
     else:
         parameters = pipeline_parameters(parameters_file, settings)
-        figure = _ping_figure(path, ping, parameters, true_cells)
+        figure = ping_figure(path, ping, parameters, true_cells)
     save_figure(figure, output)
     typer.echo(output)
 
 
-def _ping_figure(
+def ping_figure(
     bag_path: Path, ping: int, parameters: PipelineParameters, truth: TruthMap | None
 ) -> Figure:
     """Draw ping number `ping` of a bag, with its trace if the bag has traces."""

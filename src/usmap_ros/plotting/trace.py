@@ -36,16 +36,13 @@ def trace_figure(trace: EchoTrace, reconstruction: Reconstruction) -> Figure:
 
 def draw_trace(upper: Axes, lower: Axes, trace: EchoTrace, reconstruction: Reconstruction) -> None:
     """Draw signal and reconstruction into one pair of axes, the residual into the other."""
-    baseband, cone = reconstruction.baseband, reconstruction.cone
-    residual = reconstruction.solution.residual
-    times_s = baseband.start_delay_s + np.arange(len(baseband.signal)) / baseband.sample_rate_hz
-    # An echo shows where its envelope peaks, half a pulse behind its delay.
-    peak_s = baseband.template.start_s + 0.5 * baseband.template.duration_s
-    ranges_m = 0.5 * trace.channel.sound_speed_m_s * (times_s - peak_s)
-    explained = baseband.signal - residual
+    cone, residual = reconstruction.cone, reconstruction.residual
+    received = reconstruction.received
+    ranges_m = 0.5 * trace.channel.sound_speed_m_s * reconstruction.delays_s
+    explained = received - residual
 
     upper.fill_between(
-        ranges_m, _FLOOR_DB, _decibels(baseband.signal),
+        ranges_m, _FLOOR_DB, _decibels(received),
         color=style.SIGNAL, alpha=0.35, linewidth=0.0, label="received",
     )  # fmt: skip
     upper.plot(ranges_m, _decibels(explained), color=style.RECONSTRUCTION, label="reconstructed")
@@ -66,14 +63,14 @@ def draw_trace(upper: Axes, lower: Axes, trace: EchoTrace, reconstruction: Recon
     upper.legend(ncols=4, loc="upper right")
 
     lower.plot(ranges_m, _decibels(residual), color=style.RESIDUAL, linewidth=0.8, label="residual")
-    if baseband.noise_std > 0.0:
+    if reconstruction.noise_std > 0.0:
         lower.axhline(
-            20.0 * np.log10(baseband.noise_std), color=style.FAINT, linewidth=1.0,
+            20.0 * np.log10(reconstruction.noise_std), color=style.FAINT, linewidth=1.0,
             linestyle=(0, (4, 2)), label="receiver noise",
         )  # fmt: skip
     lower.legend(ncols=2, loc="upper right")
     lower.set_xlabel("range (m)")
-    _share_scale(upper, lower, baseband.signal, residual)
+    _share_scale(upper, lower, received, residual)
     lower.set_xlim(0.0, ranges_m[-1])
 
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from usmap_ros.cone import EchoCone, encode_limits
+from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
+from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.detection import binned_maximum
 from usmap_ros.reconstruction.matrix_operator import (
@@ -129,20 +130,16 @@ def cell_cone(
     by_set = np.bincount(found.sets, found.coefficients * unit, len(first))
     amplitudes = by_set[support].astype(float)
     stds = found.noise_std * unit[cell] / dictionary.norms[cell]
-    order = np.argsort(ranges_m)
-    return EchoCone(
-        stamp_ns=trace.stamp_ns,
-        frame_id=trace.frame_id,
-        child_frame_id=trace.child_frame_id,
-        pose=trace.pose,
-        transducer=trace.transducer,
-        attenuation_db_m=trace.channel.attenuation_db_m,
-        ranges_m=ranges_m[order].astype(np.float32),
-        range_stds_m=np.full(len(order), parameters.cell_size_m / np.sqrt(12.0), dtype=np.float32),
-        amplitudes=amplitudes[order].astype(np.float32),
-        amplitude_stds=stds[order].astype(np.float32),
-        limit_step_m=float(np.float32(parameters.limit_step_m)),
-        detection_limits=encode_limits(_limits(trace, found, ranges_m, amplitudes, parameters)),
+    return make_cone(
+        trace,
+        Echoes(
+            ranges_m=ranges_m,
+            range_stds_m=np.full(len(support), parameters.cell_size_m / np.sqrt(12.0)),
+            amplitudes=amplitudes,
+            amplitude_stds=stds,
+        ),
+        _limits(trace, found, ranges_m, amplitudes, parameters),
+        parameters.limit_step_m,
         residual=found.relative_residual,
     )
 

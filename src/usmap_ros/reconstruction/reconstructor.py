@@ -1,203 +1,92 @@
-"""From an echo trace to the echoes in its cone."""
+"""The front door of reconstruction: from an echo trace to its cone, by whatever method is set.
+
+Pipeline, worker processes, nodes and pictures all come in here, so that a setting which is
+accepted is obeyed by all of them.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.cone import EchoCone, encode_limits
+from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.reconstruction.baseband import Baseband, Template, to_baseband
-from usmap_ros.reconstruction.cosamp import Solution, cosamp
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
-from usmap_ros.reconstruction.detection import (
-    binned_maximum,
-    crowding,
-    loudness,
-    noise_thresholds,
-    unreported,
-)
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray
-from usmap_ros.reconstruction.refinement import delay_step
-from usmap_ros.trace import EchoTrace
-
-#: A round of refinement whose largest step is below this share of a grid step is the last.
-SETTLED_STEP = 0.05
-#: A step below this share needs no other after it, unless it let new echoes be found: Gauss-Newton
-#: steps converge quadratically, and what is left is a hundredth of a grid step.
-SMALL_STEP = 0.6
+from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
+from usmap_ros.reconstruction.delays import reconstruct_delays
+from usmap_ros.reconstruction.operators import FloatArray, Signal
+from usmap_ros.trace import EchoTrace, Encoding
 
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A trace explained by echoes, with everything that led there.
+    """A trace explained by echoes.
 
     Parameters
     ----------
-    baseband : Baseband
-        The signal that was explained.
-    operator : DelayDomainOperator
-        The sensing matrix, with the atoms of the support moved off the grid.
-    solution : Solution
-        Support, complex coefficients and residual.
     cone : EchoCone
         What fusion is told.
+    received, residual : (samples,) arrays
+        The signal that was explained, and what the echoes leave of it; complex or real.
+    delays_s : (samples,) array
+        Delay of the echo that peaks at each sample.
+    noise_std : float
+        Standard deviation of the noise of `received`, of the complex value where it is complex.
     """
 
-    baseband: Baseband
-    operator: DelayDomainOperator
-    solution: Solution
     cone: EchoCone
+    received: Signal
+    residual: Signal
+    delays_s: FloatArray
+    noise_std: float
 
 
 def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconstruction:
-    """Recover the echoes in `trace`.
-
-    CoSaMP picks delays on a grid, Gauss-Newton steps move them off it, and CoSaMP goes on from
-    there: what a misplaced strong echo leaves behind would otherwise be taken for weak ones.
+    """Explain `trace` by few echoes, with the dictionary and the solver that are set.
 
     Parameters
     ----------
     trace : EchoTrace
         A valid trace.
     parameters : ReconstructionParameters
-        Sparsity, thresholds and grid.
+        Dictionary, solver, and what they go by.
 
     Raises
     ------
     MalformedMessageError
-        If the trace cannot be brought to the baseband.
+        If the trace cannot be reconstructed.
     """
-    baseband = to_baseband(trace)
-    operator = _operator(trace, baseband, parameters)
-    signal = baseband.signal
-    noise = noise_thresholds(operator, baseband, parameters.false_alarms_per_ping)
-    heard = operator.scores(operator.adjoint(signal))
-    thresholds = noise + parameters.model_error * loudness(operator, heard)
-    operator, solution, delay_std_s = _search(operator, baseband, thresholds, parameters)
-    cone = _cone(trace, baseband, operator, solution, thresholds, delay_std_s, parameters)
-    return Reconstruction(baseband, operator, solution, cone)
+    if parameters.dictionary == "cells":
+        return _by_cells(trace, parameters)
+    return _by_delays(trace, parameters)
 
 
-def _search(
-    operator: DelayDomainOperator,
-    baseband: Baseband,
-    thresholds: FloatArray,
-    parameters: ReconstructionParameters,
-) -> tuple[DelayDomainOperator, Solution, FloatArray]:
-    """Search on the grid and move delays off it in turn, until they have settled.
-
-    Returns the operator with the moved atoms, the solution, and the standard deviations of its
-    delays.
-    """
-
-    def find(support: IndexArray) -> Solution:
-        return cosamp(
-            operator,
-            baseband.signal,
-            parameters.sparsity,
-            thresholds=thresholds,
-            non_negative=parameters.non_negative and not np.iscomplexobj(baseband.signal),
-            warm_start=support,
-            max_iterations=parameters.max_iterations,
-        )
-
-    solution = find(np.empty(0, dtype=np.intp))
-    if not baseband.template.is_smooth:
-        # Anywhere between two samples the echo would look the same.
-        grid_std_s = operator.delay_step_s / np.sqrt(12.0)
-        return operator, solution, np.full(len(solution.support), grid_std_s)
-    step_s, unit_std_s = delay_step(operator, solution)
-    for _ in range(parameters.refinements):
-        largest = np.abs(step_s).max(initial=0.0) / operator.delay_step_s
-        if largest < SETTLED_STEP:
-            break
-        operator = operator.moved(solution.support, step_s)
-        before, solution = solution, find(solution.support)
-        if largest < SMALL_STEP and np.array_equal(solution.support, before.support):
-            break
-        step_s, unit_std_s = delay_step(operator, solution)
-    return operator, solution, unit_std_s * baseband.noise_std
-
-
-def _operator(
-    trace: EchoTrace, baseband: Baseband, parameters: ReconstructionParameters
-) -> DelayDomainOperator:
-    sampling = Sampling(baseband.sample_rate_hz, baseband.start_delay_s, len(baseband.signal))
-    return _cached_operator(
-        baseband.template,
-        sampling,
-        trace.channel,
-        trace.transducer.min_range_m,
-        trace.transducer.max_range_m,
-        parameters.oversampling,
-        parameters.exclusion * trace.transducer.pulse.duration_s,
+def _by_delays(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconstruction:
+    found = reconstruct_delays(trace, parameters)
+    baseband = found.baseband
+    # An echo peaks in the middle of its envelope.
+    peak_s = baseband.template.start_s + 0.5 * baseband.template.duration_s
+    times_s = baseband.start_delay_s + np.arange(len(baseband.signal)) / baseband.sample_rate_hz
+    return Reconstruction(
+        found.cone,
+        baseband.signal,
+        found.solution.residual,
+        times_s - peak_s,
+        baseband.noise_std,
     )
 
 
-@lru_cache(maxsize=64)
-def _cached_operator(
-    template: Template,
-    sampling: Sampling,
-    channel: Channel,
-    min_range_m: float,
-    max_range_m: float,
-    oversampling: int,
-    exclusion_s: float,
-) -> DelayDomainOperator:
-    """One operator for all pings that were sent and sampled alike."""
-    return DelayDomainOperator(
-        template, sampling, channel, min_range_m, max_range_m, oversampling, exclusion_s
-    )
-
-
-def _cone(
-    trace: EchoTrace,
-    baseband: Baseband,
-    operator: DelayDomainOperator,
-    solution: Solution,
-    thresholds: FloatArray,
-    delay_std_s: FloatArray,
-    parameters: ReconstructionParameters,
-) -> EchoCone:
-    support = solution.support
-    unit_norms = operator.unit_norms[support]
-    echo_scores = operator.echo_scores(support, solution.coefficients)
-    limits = unreported(
-        operator,
-        thresholds,
-        operator.scores(operator.adjoint(solution.residual)),
-        support,
-        echo_scores,
-        parameters.masking,
-    )
-    minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
-    binned = binned_maximum(
-        limits, operator.ranges_m, minimum_m, parameters.limit_step_m, maximum_m
-    )
-    ranges_m = operator.block_ranges_m(support)
-    amplitudes = echo_scores / unit_norms
-    amplitude_stds = np.hypot(
-        baseband.noise_std / unit_norms,
-        parameters.interference * crowding(operator, support, amplitudes),
-    )
-    order = np.argsort(ranges_m)
-    signal_norm = float(np.linalg.norm(baseband.signal))
-    return EchoCone(
-        stamp_ns=trace.stamp_ns,
-        frame_id=trace.frame_id,
-        child_frame_id=trace.child_frame_id,
-        pose=trace.pose,
-        transducer=trace.transducer,
-        attenuation_db_m=trace.channel.attenuation_db_m,
-        ranges_m=ranges_m[order].astype(np.float32),
-        range_stds_m=(0.5 * trace.channel.sound_speed_m_s * delay_std_s)[order].astype(np.float32),
-        amplitudes=amplitudes[order].astype(np.float32),
-        amplitude_stds=amplitude_stds[order].astype(np.float32),
-        limit_step_m=float(np.float32(parameters.limit_step_m)),
-        detection_limits=encode_limits(binned),
-        residual=solution.residual_norm / signal_norm if signal_norm > 0.0 else 0.0,
+def _by_cells(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconstruction:
+    found = reconstruct_cells(trace, parameters)
+    received, residual, noise_std = found.signal, found.residual, found.noise_std
+    if trace.encoding is Encoding.IQ:
+        # The dictionary has I and Q interleaved, as the trace has them.
+        received, residual = received.view(np.complex128), residual.view(np.complex128)
+        noise_std *= np.sqrt(2.0)
+    return Reconstruction(
+        cell_cone(trace, found, parameters),
+        received,
+        residual,
+        trace.sample_times_s() - 0.5 * trace.transducer.pulse.duration_s,
+        noise_std,
     )

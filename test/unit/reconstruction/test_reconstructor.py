@@ -9,6 +9,7 @@ from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.cone import LIMIT_STEP_DB
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cosamp import Halt
+from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.reconstructor import reconstruct
 
 PARAMETERS = ReconstructionParameters()
@@ -56,7 +57,7 @@ def test_echoes_with_sharp_edges_are_found_to_a_sample(hear, reception):
 
 @pytest.mark.parametrize("reception", [*RECEPTIONS, "square"])
 def test_silence_has_no_echo(hear, reception):
-    found = reconstruct(hear([], reception=reception), PARAMETERS)
+    found = reconstruct_delays(hear([], reception=reception), PARAMETERS)
 
     assert found.solution.halt is Halt.SILENCE
     assert len(found.cone.ranges_m) == 0
@@ -100,7 +101,7 @@ def test_echoes_before_a_late_start_are_not_reported(hear, reception):
 def test_saturated_echo_keeps_its_place(hear):
     trace = hear([(0.6, 0.0)], [1.0], reception="iq", noise_std=0.002)
     clipped = replace(trace, samples=np.clip(trace.samples, -1.0, 1.0))
-    found = reconstruct(clipped, PARAMETERS)
+    found = reconstruct_delays(clipped, PARAMETERS)
 
     assert found.baseband.saturated
     strongest = np.argmax(found.cone.amplitudes)

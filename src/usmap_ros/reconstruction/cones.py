@@ -1,0 +1,70 @@
+"""The one maker of cones: echoes and limits, put down beside what the trace says of itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.cone import EchoCone, encode_limits
+from usmap_ros.reconstruction.operators import FloatArray
+from usmap_ros.trace import EchoTrace
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """Echoes that a dictionary explains a trace by, in any order.
+
+    Parameters
+    ----------
+    ranges_m, range_stds_m : (echoes,) arrays
+        Ranges and their standard deviations.
+    amplitudes, amplitude_stds : (echoes,) arrays
+        Of each echo's direct path, in units of the trace's samples.
+    """
+
+    ranges_m: FloatArray
+    range_stds_m: FloatArray
+    amplitudes: FloatArray
+    amplitude_stds: FloatArray
+
+
+def make_cone(
+    trace: EchoTrace,
+    echoes: Echoes,
+    limit_amplitudes: FloatArray,
+    limit_step_m: float,
+    residual: float,
+) -> EchoCone:
+    """Return the cone of a trace.
+
+    Parameters
+    ----------
+    trace : EchoTrace
+        Where it was heard from, and with what.
+    echoes : Echoes
+        What was found in it.
+    limit_amplitudes : (bins,) array
+        Amplitude below which an object could have gone unreported, by range bin.
+    limit_step_m : float
+        Width of a range bin.
+    residual : float
+        Norm of what the echoes leave unexplained, relative to the trace's norm.
+    """
+    order = np.argsort(echoes.ranges_m)
+    return EchoCone(
+        stamp_ns=trace.stamp_ns,
+        frame_id=trace.frame_id,
+        child_frame_id=trace.child_frame_id,
+        pose=trace.pose,
+        transducer=trace.transducer,
+        attenuation_db_m=trace.channel.attenuation_db_m,
+        ranges_m=echoes.ranges_m[order].astype(np.float32),
+        range_stds_m=echoes.range_stds_m[order].astype(np.float32),
+        amplitudes=echoes.amplitudes[order].astype(np.float32),
+        amplitude_stds=echoes.amplitude_stds[order].astype(np.float32),
+        # As the message has it, so that a recorded cone is the same as one just made.
+        limit_step_m=float(np.float32(limit_step_m)),
+        detection_limits=encode_limits(limit_amplitudes),
+        residual=residual,
+    )

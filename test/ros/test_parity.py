@@ -30,14 +30,16 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def offline(bag: Path) -> OccupancyMap:
-    """Give its map as 'usmap map' makes it."""
-    usmap("map", bag, "-o", bag.parent / "map")
-    return load_map(bag.parent / "map")[0]
+def offline(bag: Path, folder: Path, settings: dict[str, Any]) -> OccupancyMap:
+    """Map as 'usmap map' makes it."""
+    options = [f"--set=reconstruction.{name}={value}" for name, value in settings.items()]
+    usmap("map", bag, "-o", folder, *options)
+    return load_map(folder)[0]
 
 
-def replay(live: Any, processes: Any, bag: Path, folder: Path, rate: float) -> OccupancyMap:
+def replay(
+    live: Any, processes: Any, bag: Path, folder: Path, rate: float, settings: dict[str, Any]
+) -> OccupancyMap:
     """Map that comes of replaying the bag through a reconstructor a robot, and fusion."""
     diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 100)
     processes.start(
@@ -47,8 +49,11 @@ def replay(live: Any, processes: Any, bag: Path, folder: Path, rate: float) -> O
         order_wait_s=30.0,
         use_sim_time="true",
     )
+    options = {f"reconstruction__{name}": value for name, value in settings.items()}
     for robot in ROBOTS:
-        processes.start("cone_reconstructor", robot, queue_depth=PINGS, use_sim_time="true")
+        processes.start(
+            "cone_reconstructor", robot, queue_depth=PINGS, use_sim_time="true", **options
+        )
     processes.start("bag_replay", bag=bag, rate=rate, start_paused="true", wait_s=60.0)
     live.until(lambda: all(_is_connected(live, robot) for robot in ROBOTS), timeout_s=60.0)
     assert live.call("std_srvs/srv/SetBool", "/bag_replay/pause", data=False).success
@@ -92,8 +97,18 @@ def same_cells(one: OccupancyMap, other: OccupancyMap) -> None:
     np.testing.assert_allclose(one.log_odds, other.log_odds, rtol=0.0, atol=1e-4)
 
 
-@pytest.mark.parametrize("rate", [1.0, 3.0])
+@pytest.mark.parametrize(
+    ("rate", "settings"),
+    [
+        (1.0, {}),
+        (3.0, {}),
+        (3.0, {"dictionary": "cells", "cell_size_m": 0.2}),
+        (3.0, {"dictionary": "cells", "cell_size_m": 0.4, "solver": "nnls"}),
+    ],
+    ids=["real time", "thrice as fast", "cells", "cells by nnls"],
+)
 def test_replay_through_the_nodes_gives_the_offline_map(
-    live: Any, processes: Any, bag: Path, offline: OccupancyMap, tmp_path: Path, rate: float
+    live: Any, processes: Any, bag: Path, tmp_path: Path, rate: float, settings: dict[str, Any]
 ) -> None:
-    same_cells(replay(live, processes, bag, tmp_path / "live", rate), offline)
+    lived = replay(live, processes, bag, tmp_path / "live", rate, settings)
+    same_cells(lived, offline(bag, tmp_path / "map", settings))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
 
@@ -61,7 +62,7 @@ class EchoCone:
     detection_limits: NDArray[np.uint8]
     residual: float
 
-    def limit_amplitudes(self) -> NDArray[np.float64]:
+    def limit_amplitudes(self) -> FloatArray:
         """`detection_limits` as amplitudes."""
         decibels = LIMIT_FLOOR_DB + LIMIT_STEP_DB * self.detection_limits.astype(float)
         return 10.0 ** (decibels / 20.0)
@@ -95,7 +96,7 @@ class EchoCone:
             raise MalformedMessageError("detection_limits", "is empty")
 
 
-def encode_limits(amplitudes: NDArray[np.float64]) -> NDArray[np.uint8]:
+def encode_limits(amplitudes: FloatArray) -> NDArray[np.uint8]:
     """Amplitudes as `EchoCone.detection_limits`, rounded up so that no limit is understated."""
     decibels = 20.0 * np.log10(np.maximum(amplitudes, 10.0 ** (LIMIT_FLOOR_DB / 20.0)))
     steps = np.ceil((decibels - LIMIT_FLOOR_DB) / LIMIT_STEP_DB - 1e-9)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
-
-FloatArray = NDArray[np.float64]
 
 #: How far the norm of a quaternion may be from 1 (tf2 and nav2 use a like tolerance).
 QUATERNION_TOLERANCE = 1e-2

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.arrays import BoolArray, FloatArray, IntArray
+
 #: A cell counts as occupied from this probability on (nav2's ``occupied_thresh``).
 OCCUPIED_PROBABILITY = 0.65
 #: A cell counts as free up to this probability.
@@ -41,9 +43,7 @@ class GridGeometry:
         x, y = self.origin_m
         return x, x + columns * self.resolution_m, y, y + rows * self.resolution_m
 
-    def cell_centers_m(
-        self, rows: NDArray[np.int64], columns: NDArray[np.int64]
-    ) -> NDArray[np.float64]:
+    def cell_centers_m(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Centres of cells, shape (..., 2), x before y."""
         x = self.origin_m[0] + (columns + 0.5) * self.resolution_m
         y = self.origin_m[1] + (rows + 0.5) * self.resolution_m
@@ -70,11 +70,11 @@ class OccupancyMap:
 
     geometry: GridGeometry
     log_odds: NDArray[np.float32]
-    observed: NDArray[np.bool_]
+    observed: BoolArray
     frame_id: str
     stamp_ns: int = 0
 
-    def probability(self) -> NDArray[np.float64]:
+    def probability(self) -> FloatArray:
         """Probability that each cell is occupied; the prior where nothing was observed."""
         return 1.0 / (1.0 + np.exp(-self.log_odds.astype(np.float64)))
 
@@ -118,4 +118,4 @@ class TruthMap:
     """
 
     geometry: GridGeometry
-    occupied: NDArray[np.bool_]
+    occupied: BoolArray

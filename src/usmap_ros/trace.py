@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
 
@@ -67,14 +68,14 @@ class EchoTrace:
     noise_std: float
     samples: NDArray[np.float32]
 
-    def signal(self) -> NDArray[np.float64] | NDArray[np.complex128]:
+    def signal(self) -> FloatArray | NDArray[np.complex128]:
         """Samples as the receiver saw them: complex for I/Q, real otherwise."""
         if self.encoding is Encoding.IQ:
             pairs = np.asarray(self.samples, dtype=np.float64)
             return pairs.view(np.complex128)
         return np.asarray(self.samples, dtype=np.float64)
 
-    def sample_times_s(self) -> NDArray[np.float64]:
+    def sample_times_s(self) -> FloatArray:
         """Delay of every sample (or I/Q pair) after the stamp."""
         count = len(self.samples) // (2 if self.encoding is Encoding.IQ else 1)
         return self.start_delay_s + np.arange(count) / self.sample_rate_hz

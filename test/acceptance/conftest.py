@@ -13,6 +13,7 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator
@@ -22,7 +23,6 @@ from usmap_ros.simulation.simulator import MountedTransducer
 from usmap_ros.simulation.surfaces import Scatterers, Walls
 from usmap_ros.trace import Encoding
 
-FloatArray = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 NOISE_STD = 0.01
 #: Fainter echoes do not count as heard.

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import j1, jn_zeros
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
-
-FloatArray = NDArray[np.float64]
 
 #: Half of the 80° cone of Sanchez & Andersson (DSCC 2018-9140).
 PAPER_HALF_ANGLE_RAD = float(np.deg2rad(40.0))

@@ -8,11 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
-
-FloatArray = NDArray[np.float64]
 
 MAX_SOUND_SPEED_M_S = 10_000.0
 

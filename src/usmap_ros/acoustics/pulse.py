@@ -6,11 +6,9 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
-
-FloatArray = NDArray[np.float64]
 
 
 class PulseShape(enum.IntEnum):

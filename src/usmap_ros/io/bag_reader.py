@@ -11,9 +11,9 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
+from usmap_ros.arrays import IntArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError
 from usmap_ros.io.conversions import cone_from_message, trace_from_message
@@ -205,7 +205,7 @@ class BagReader:
 class _Table:
     """Places of all messages of one type, in the order in which they are to come."""
 
-    def __init__(self, storage_numbers: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+    def __init__(self, storage_numbers: IntArray, rows: IntArray) -> None:
         self._storage_numbers = storage_numbers
         self._rows = rows
 

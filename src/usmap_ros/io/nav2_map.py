@@ -13,6 +13,7 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MapFileError
 from usmap_ros.grids import (
     FREE_VALUE,
@@ -22,8 +23,6 @@ from usmap_ros.grids import (
     TruthMap,
 )
 from usmap_ros.io.atomic import write_atomically
-
-FloatArray = NDArray[np.float64]
 
 #: Shades of gray that nav2 and the map server of ROS 1 use.
 _OCCUPIED_SHADE, _FREE_SHADE, _UNKNOWN_SHADE = 0, 254, 205

@@ -10,8 +10,8 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
@@ -77,7 +77,7 @@ class LiveFusion:
         self._order_lock = threading.Lock()
         self._frame_id = frame_id
         self._stamp_ns = 0
-        self._middle_m: NDArray[np.float64] | None = None
+        self._middle_m: FloatArray | None = None
         self.version = 0
 
     @property

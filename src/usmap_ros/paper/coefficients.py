@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import BASEBAND, CELL_M, OBLIQUE, hear, method
 from usmap_ros.plotting.style import FAINT, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.cells import explain
-from usmap_ros.reconstruction.operators import FloatArray
 
 NOISE_STD = 0.003
 #: Ranges (m) along the axis near which the objects stand.

@@ -11,11 +11,11 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import Rectangle
 
 from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.geometry import Pose
 from usmap_ros.paper.setting import MAX_RANGE_M, Points
 from usmap_ros.plotting.style import FAINT, INK, RESIDUAL, SIGNAL, TRUTH
 from usmap_ros.reconstruction.cell_dictionary import ConeCells
-from usmap_ros.reconstruction.operators import FloatArray, Signal
 
 #: Of coefficients: nothing is paper, an ideal object is ink.
 COEFFICIENT = LinearSegmentedColormap.from_list(

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
@@ -19,7 +20,6 @@ from usmap_ros.paper.setting import SHORT_PULSE, Points, hear
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.plotting.style import PROBABILITY, ROBOTS, new_figure, styled
-from usmap_ros.reconstruction.operators import FloatArray
 
 POLES: Points = ((2.03, 1.23), (2.91, 1.72), (1.32, 1.83), (2.58, 2.53))
 POSES = (

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.geometry import Pose
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import ALIGNED, CELL_M, OBLIQUE, SQUARE_PULSE, hear
 from usmap_ros.plotting.style import INK, RECONSTRUCTION, ROBOTS, SIGNAL, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.matrix_operator import identical, same_direction
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray
 
 #: What is small is drawn as if it were this, so that a logarithm can show it.
 SMALLEST = 1e-5

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from usmap_ros.arrays import IndexArray
 from usmap_ros.paper.drawing import (
     annotate,
     draw_cells,
@@ -35,7 +36,6 @@ from usmap_ros.plotting.style import FAINT, RESIDUAL, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.cells import CellReconstruction, explain, reconstruct_cells
 from usmap_ros.reconstruction.matrix_operator import identical, same_direction
-from usmap_ros.reconstruction.operators import IndexArray
 from usmap_ros.trace import EchoTrace
 
 

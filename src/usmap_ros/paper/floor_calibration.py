@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry, TruthMap
 from usmap_ros.mapping.scoring import score
@@ -28,7 +29,6 @@ from usmap_ros.pipeline import Pipeline
 from usmap_ros.plotting.style import ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.calibration import calibrate
 from usmap_ros.reconstruction.cells import reconstruct_cells
-from usmap_ros.reconstruction.operators import FloatArray
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
 

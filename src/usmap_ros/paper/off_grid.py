@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (
     BASEBAND,
@@ -19,7 +20,6 @@ from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.plotting.style import FAINT, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.cells import explain
-from usmap_ros.reconstruction.operators import FloatArray
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.arrays import FloatArray
 from usmap_ros.paper.drawing import COEFFICIENT
 from usmap_ros.paper.figures_2_3 import in_company
 from usmap_ros.paper.part import Part
@@ -14,7 +15,6 @@ from usmap_ros.paper.setting import AIR, OBLIQUE, SQUARE_PULSE, hear
 from usmap_ros.plotting.style import ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.matrix_operator import same_direction
-from usmap_ros.reconstruction.operators import FloatArray
 
 CELLS_M = (0.2, 0.3, 0.5, 0.7, 1.0)
 RATES_HZ = (1e3, 2e3, 5e3, 10e3, 20e3, 50e3, 100e3)

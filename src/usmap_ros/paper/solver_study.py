@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.paper.drawing import COEFFICIENT
 from usmap_ros.paper.part import Part
@@ -27,7 +28,6 @@ from usmap_ros.plotting.style import INK, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.cells import explain
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, merged, same_direction
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray
 from usmap_ros.reconstruction.solvers import Problem, SolverName, solve
 
 _LOGGER = logging.getLogger(__name__)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
 from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone, draw_objects, finish_map
 from usmap_ros.paper.figures_2_3 import in_company
@@ -31,7 +32,6 @@ from usmap_ros.reconstruction.matrix_operator import (
     merged,
     same_direction,
 )
-from usmap_ros.reconstruction.operators import FloatArray
 
 #: Seen by both transducers of every pair, whichever way they look.
 OBJECTS: Points = ((2.5, 1.5), (4.5, -0.5), (7.5, 2.5))

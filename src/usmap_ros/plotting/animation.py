@@ -11,9 +11,9 @@ import numpy as np
 from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 from PIL import Image
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import FileError
 from usmap_ros.grids import GridGeometry, OccupancyMap
@@ -140,7 +140,7 @@ class _MovingMap:
         return beam
 
 
-def _cone_outline(cone: EchoCone) -> NDArray[np.float64]:
+def _cone_outline(cone: EchoCone) -> FloatArray:
     """Corners of the near part of a cone, (n, 2)."""
     half, yaw = cone.transducer.beam.half_angle_rad, cone.pose.yaw_rad
     reach_m = min(cone.transducer.max_range_m, 1.0)
@@ -149,7 +149,7 @@ def _cone_outline(cone: EchoCone) -> NDArray[np.float64]:
     return np.concatenate([np.zeros((1, 2)), arc]) + cone.pose.position_m[:2]
 
 
-def _on_grid(occupancy: OccupancyMap, geometry: GridGeometry) -> NDArray[np.float64]:
+def _on_grid(occupancy: OccupancyMap, geometry: GridGeometry) -> FloatArray:
     """Probability on a larger grid with the same cells; NaN where nothing was observed."""
     probability = np.full(geometry.shape, np.nan)
     offset = np.subtract(occupancy.geometry.origin_m, geometry.origin_m) / geometry.resolution_m

@@ -11,8 +11,8 @@ from matplotlib.image import AxesImage
 from matplotlib.markers import MarkerStyle
 from matplotlib.patches import Arc, Wedge
 from matplotlib.path import Path
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.grids import GridGeometry, TruthMap
 from usmap_ros.mapping.candidates import CandidateCells
@@ -111,7 +111,7 @@ def _zoom(axes: Axes, cone: EchoCone) -> None:
     axes.set_ylim(y_min - _MARGIN_M, y_max + _MARGIN_M)
 
 
-def _outline(cone: EchoCone) -> NDArray[np.float64]:
+def _outline(cone: EchoCone) -> FloatArray:
     """Points on the outline of a cone, (n, 2)."""
     half = cone.transducer.beam.half_angle_rad
     angles = cone.pose.yaw_rad + np.linspace(-half, half, 65)

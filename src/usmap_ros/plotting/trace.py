@@ -7,11 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.plotting import style
 from usmap_ros.reconstruction.reconstructor import Reconstruction
 from usmap_ros.trace import EchoTrace
-
-FloatArray = NDArray[np.float64]
 
 #: Amplitudes below are drawn at the bottom of the picture.
 _FLOOR_DB = -80.0

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.signal import firwin, upfirdn
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.reconstruction.operators import FloatArray, Signal
 from usmap_ros.trace import EchoTrace, Encoding
 
 #: Baseband samples that a pulse should get, at least, after decimation of a raw trace.

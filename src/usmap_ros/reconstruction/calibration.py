@@ -16,13 +16,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.reconstruction.operators import FloatArray
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
 
@@ -126,14 +125,14 @@ def _floor(pings: list[_Ping], stated: Channel) -> tuple[float, float] | None:
     return float(np.median(height[agreeing])), float(min(1.0, np.median(reflectivity[agreeing])))
 
 
-def _densest(values: FloatArray) -> NDArray[np.bool_]:
+def _densest(values: FloatArray) -> BoolArray:
     """Which values lie in the window that holds most of them."""
     ordered = np.sort(values)
     if len(ordered) == 0:
         return np.zeros(0, dtype=bool)
     count = np.searchsorted(ordered, ordered + 2.0 * _VOTE_WIDTH_S, side="right")
     first = int(np.argmax(count - np.arange(len(ordered))))
-    inside: NDArray[np.bool_] = np.abs(values - ordered[first] - _VOTE_WIDTH_S) <= _VOTE_WIDTH_S
+    inside: BoolArray = np.abs(values - ordered[first] - _VOTE_WIDTH_S) <= _VOTE_WIDTH_S
     return inside
 
 

@@ -15,11 +15,11 @@ from scipy import sparse
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.geometry import Pose
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN
 from usmap_ros.reconstruction.delay_domain import Sampling
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatrix
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray, Signal
 from usmap_ros.trace import EchoTrace, Encoding
 
 

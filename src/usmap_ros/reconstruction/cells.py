@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
+from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
@@ -25,7 +26,6 @@ from usmap_ros.reconstruction.matrix_operator import (
     represented,
     same_direction,
 )
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray, Signal
 from usmap_ros.reconstruction.solvers import Problem, solve
 from usmap_ros.trace import EchoTrace
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone, encode_limits
-from usmap_ros.reconstruction.operators import FloatArray
 from usmap_ros.trace import EchoTrace
 
 

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray, SensingOperator, Signal
+from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.reconstruction.operators import SensingOperator
 
 #: Weight of the ridge that keeps least squares on coherent columns solvable, relative to
 #: the mean squared norm of the columns.  Small enough not to be seen in the coefficients;

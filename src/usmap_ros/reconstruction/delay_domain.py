@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.reconstruction.baseband import Template
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray, Signal
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import Baseband, Template, to_baseband
@@ -21,7 +22,6 @@ from usmap_ros.reconstruction.detection import (
     noise_thresholds,
     unreported,
 )
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray
 from usmap_ros.reconstruction.refinement import delay_step
 from usmap_ros.trace import EchoTrace
 

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.stats import norm
 
+from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray
 
 
 def noise_thresholds(

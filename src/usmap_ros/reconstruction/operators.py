@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.intp]
-#: Signals and coefficients are real or complex.
-Signal = NDArray[Any]
+from usmap_ros.arrays import FloatArray, IndexArray, Signal
 
 
 class SensingOperator(Protocol):

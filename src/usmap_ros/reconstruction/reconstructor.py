@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.delays import reconstruct_delays
-from usmap_ros.reconstruction.operators import FloatArray, Signal
 from usmap_ros.trace import EchoTrace, Encoding
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.reconstruction.cosamp import Solution, least_squares
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
-from usmap_ros.reconstruction.operators import FloatArray
 
 #: Farthest that one step moves a delay, in grid steps: a linearisation holds no farther.
 MAX_STEP = 1.0

@@ -26,10 +26,10 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, milp, nnls
 
+from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.reconstruction.cosamp import Fit, Halt, Solution, cosamp
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator
-from usmap_ros.reconstruction.operators import FloatArray, IndexArray
 
 SolverName = Literal["cosamp", "omp", "l1", "tv", "nnls", "integer", "binary"]
 #: Coefficients below this share of the largest contribution are not counted as found.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
 from usmap_ros.simulation.conditions import MediumModel, StatedModel
@@ -19,8 +19,6 @@ from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import MountedTransducer, SimulatedRobot
 from usmap_ros.trace import MAX_SAMPLES
-
-FloatArray = NDArray[np.float64]
 
 
 def build_robot(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY
 from usmap_ros.io.nav2_map import Nav2Map
@@ -14,8 +14,6 @@ from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.scene import Discs, FreeSpace, Scene
 from usmap_ros.simulation.surfaces import Scatterers, Surface, Walls, scatter_along, walls_of_cells
 from usmap_ros.simulation.world import PointModel, RandomPolesModel, WorldModel
-
-FloatArray = NDArray[np.float64]
 
 #: How many places are tried on average for a random pole.
 _ATTEMPTS_PER_POLE = 300

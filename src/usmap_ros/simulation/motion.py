@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 #: Lowest and highest x, then y.
 Bounds = tuple[float, float, float, float]

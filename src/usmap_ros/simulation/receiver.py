@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.arrays import FloatArray
 from usmap_ros.trace import Encoding
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

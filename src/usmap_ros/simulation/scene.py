@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.grids import GridGeometry
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.surfaces import Scatterers, Walls
 from usmap_ros.simulation.visibility import path_wall_distances, point_segment_distances
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ class FreeSpace:
     """
 
     geometry: GridGeometry
-    free: NDArray[np.bool_]
+    free: BoolArray
 
     def contains(self, position_m: FloatArray) -> bool:
         """Whether a position (2,) is in a free cell."""

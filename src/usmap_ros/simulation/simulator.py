@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
 from usmap_ros.simulation.motion import Motion
 from usmap_ros.simulation.receiver import Receiver
@@ -22,7 +22,6 @@ from usmap_ros.trace import EchoTrace
 if TYPE_CHECKING:
     from usmap_ros.simulation.scenario import Scenario
 
-FloatArray = NDArray[np.float64]
 
 NANOSECONDS = 1_000_000_000
 

@@ -11,10 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ class Scatterers:
 
     positions_m: FloatArray
     reflectivities: FloatArray
-    walls: NDArray[np.int64]
+    walls: IntArray
 
     @classmethod
     def joined(cls, parts: list[Scatterers]) -> Scatterers:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY, GridGeometry, TruthMap
 from usmap_ros.io.nav2_map import Nav2Map
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.scene import Discs, Scene
-
-FloatArray = NDArray[np.float64]
 
 #: What nav2 takes.
 MAX_SIDE = 32_767

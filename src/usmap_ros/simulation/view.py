@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.surfaces import Walls
 from usmap_ros.simulation.visibility import (
@@ -16,10 +16,6 @@ from usmap_ros.simulation.visibility import (
     hidden_by_walls,
     point_segment_distances,
 )
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 #: What is nearer is inside the transducer, where sound does not spread as from a point.
 _NEAREST_M = 0.01

@@ -7,11 +7,8 @@ scatterers in view.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
+from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 
 #: A target that belongs to no wall or disc.
 NO_OWNER = -1

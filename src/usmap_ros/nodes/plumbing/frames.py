@@ -9,9 +9,10 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.time import Time
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
-from usmap_ros.geometry import FloatArray, Pose
+from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import transform_from_message, transform_to_message
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 

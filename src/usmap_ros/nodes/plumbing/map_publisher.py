@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.arrays import IntArray
 from usmap_ros.grids import UNKNOWN_VALUE, GridGeometry, OccupancyMap
 from usmap_ros.io.conversions import (
     grid_to_message,
@@ -50,7 +51,7 @@ def placed(
     return whole
 
 
-def _cell_range(geometry: GridGeometry) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _cell_range(geometry: GridGeometry) -> tuple[IntArray, IntArray]:
     """Column and row of the first cell, and of the one behind the last, counted from 0, 0."""
     first = np.rint(np.array(geometry.origin_m) / geometry.resolution_m).astype(np.int64)
     return first, first + np.array(geometry.shape[::-1])

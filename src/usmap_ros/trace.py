@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,14 @@ class EchoTrace:
         """Delay of every sample (or I/Q pair) after the stamp."""
         count = len(self.samples) // (2 if self.encoding is Encoding.IQ else 1)
         return self.start_delay_s + np.arange(count) / self.sample_rate_hz
+
+    def with_sweep(self, sweep_hz: float) -> EchoTrace:
+        """The trace, with a sweep for its chirp if nobody has said yet how far it goes."""
+        pulse = self.transducer.pulse
+        if not pulse.lacks_sweep or sweep_hz == 0.0:
+            return self
+        transducer = replace(self.transducer, pulse=replace(pulse, sweep_hz=sweep_hz))
+        return replace(self, transducer=transducer)
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

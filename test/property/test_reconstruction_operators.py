@@ -24,8 +24,12 @@ channels = st.builds(
     floor_height_m=st.sampled_from([0.0, 0.1, 0.7]),
     floor_reflectivity=st.floats(0.0, 1.0),
 )
-pulses = st.builds(
-    Pulse, st.sampled_from(PulseShape), carrier_hz=st.just(40e3), duration_s=st.floats(1e-4, 8e-4)
+durations_s = st.floats(1e-4, 8e-4)
+pulses = st.one_of(
+    st.builds(Pulse, st.sampled_from(PulseShape), st.just(40e3), durations_s),
+    st.builds(
+        Pulse, st.just(PulseShape.CHIRP), st.just(40e3), durations_s, st.floats(-15e3, 15e3)
+    ),
 )
 samplings = st.builds(
     Sampling,

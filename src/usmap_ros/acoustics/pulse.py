@@ -7,8 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
+
+#: Width of the matched filter's peak behind a chirp, in units of 1 / sweep.  At 0.35 of it, as at
+#: 0.35 of the length of a Hann burst, two echoes overlap by about 0.4.
+_CHIRP_RESOLUTION = 4.0
 
 
 class PulseShape(enum.IntEnum):
@@ -17,6 +21,7 @@ class PulseShape(enum.IntEnum):
     SQUARE = 0
     TONE_BURST = 1
     HANN_BURST = 2
+    CHIRP = 3
 
 
 @dataclass(frozen=True)
@@ -26,36 +31,77 @@ class Pulse:
     Parameters
     ----------
     shape : PulseShape
-        A square pulse without a carrier, or a sine under a rectangular or a Hann window.
+        A square pulse without a carrier, a sine under a rectangular or a Hann window, or a sine
+        whose frequency changes linearly, under a Hann window.
     carrier_hz : float
-        Carrier frequency; 0 for a square pulse.
+        Carrier frequency, at the middle of a chirp; 0 for a square pulse.
     duration_s : float
         Length of the window.
+    sweep_hz : float
+        How far a chirp's frequency rises from its beginning to its end, negative if it falls.
+        ``usmap_msgs/Transducer`` has no field for it: 0 in a chirp means that it is unknown.
     """
 
     shape: PulseShape
     carrier_hz: float
     duration_s: float
+    sweep_hz: float = 0.0
 
     @property
     def has_carrier(self) -> bool:
         """Whether the pulse modulates a carrier, so that an echo has a phase."""
         return self.shape is not PulseShape.SQUARE
 
+    @property
+    def lacks_sweep(self) -> bool:
+        """Whether it is a chirp of which nobody has said how far it sweeps."""
+        return self.shape is PulseShape.CHIRP and self.sweep_hz == 0.0
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """Width of the band that the pulse fills: its sweep, and the main lobe of its window."""
+        return abs(self.sweep_hz) + 4.0 / self.duration_s
+
+    @property
+    def resolution_s(self) -> float:
+        """Delay at which two echoes are apart: the pulse's length, or that of a chirp compressed.
+
+        The matched filter of a chirp has a peak of about 1 / sweep, however long the chirp is.
+        """
+        if self.sweep_hz == 0.0:
+            return self.duration_s
+        return min(self.duration_s, _CHIRP_RESOLUTION / abs(self.sweep_hz))
+
     def window(self, time_s: FloatArray) -> FloatArray:
-        """Envelope w(t): 0 outside [0, duration], with a peak of 1 inside."""
+        """Magnitude w(t) of the envelope: 0 outside [0, duration], with a peak of 1 inside."""
         phase = np.asarray(time_s, dtype=float) / self.duration_s
         inside = (phase >= 0.0) & (phase <= 1.0)
-        if self.shape is PulseShape.HANN_BURST:
+        if self.shape in (PulseShape.HANN_BURST, PulseShape.CHIRP):
             return np.where(inside, np.sin(np.pi * phase) ** 2, 0.0)
         return inside.astype(float)
 
+    def envelope(self, time_s: FloatArray) -> Signal:
+        """What modulates the carrier: w(t), times exp(j φ(t)) in a chirp.
+
+        The phase φ(t) = π B t (t / T - 1), with B the sweep and T the duration, makes the
+        frequency go from -B / 2 to B / 2 about the carrier's.
+        """
+        if self.sweep_hz == 0.0:
+            return self.window(time_s)
+        return self.window(time_s) * np.exp(1j * self._swept_phase(time_s))
+
     def waveform(self, time_s: FloatArray) -> FloatArray:
-        """Transmitted signal p(t) = w(t) sin(2π f t), or w(t) itself without a carrier."""
+        """Transmitted signal p(t) = w(t) sin(2π f t + φ(t)), or w(t) itself without a carrier."""
         window = self.window(time_s)
         if not self.has_carrier:
             return window
-        return window * np.sin(2.0 * np.pi * self.carrier_hz * np.asarray(time_s))
+        carrier = 2.0 * np.pi * self.carrier_hz * np.asarray(time_s)
+        return window * np.sin(carrier + self._swept_phase(time_s))
+
+    def _swept_phase(self, time_s: FloatArray) -> FloatArray:
+        time_s = np.asarray(time_s, dtype=float)
+        phase: FloatArray = np.pi * self.sweep_hz * time_s * (time_s / self.duration_s - 1.0)
+        return phase
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless the pulse can be emitted."""
@@ -66,4 +112,13 @@ class Pulse:
         if self.has_carrier and not (np.isfinite(self.carrier_hz) and self.carrier_hz > 0.0):
             raise MalformedMessageError(
                 "transducer.carrier_frequency", f"is {self.carrier_hz:g} Hz, must be above 0"
+            )
+        if self.sweep_hz == 0.0:
+            return
+        if self.shape is not PulseShape.CHIRP:
+            raise MalformedMessageError("sweep", f"is {self.sweep_hz:g} Hz, only a chirp has one")
+        if not (np.isfinite(self.sweep_hz) and abs(self.sweep_hz) < 2.0 * self.carrier_hz):
+            raise MalformedMessageError(
+                "sweep",
+                f"is {self.sweep_hz:g} Hz, must be less than twice the carrier either way",
             )

@@ -43,7 +43,15 @@ class ReconstructionParameters(ParameterGroup):
     )
     oversampling: int = quantity(4, "Delays on the search grid per baseband sample.", ge=1, le=64)
     exclusion: float = quantity(
-        0.35, "Least delay between two echoes, in pulse durations.", gt=0.0, le=2.0
+        0.35, "Least delay between two echoes, in pulse durations (of a chirp, compressed ones).", gt=0.0, le=2.0
+    )
+    chirp_sweep_hz: float = quantity(
+        0.0,
+        "How far a chirp's frequency rises, negative if it falls, where no TransducerArray message"
+        " says it; 0: not known.",
+        "Hz",
+        ge=-1e7,
+        le=1e7,
     )
     refinements: int = quantity(
         4, "Rounds of moving delays off the grid and searching again.", ge=0, le=50

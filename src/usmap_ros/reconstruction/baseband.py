@@ -6,7 +6,7 @@ free, which is what lets delays be found between samples although a wavelength i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,15 +18,17 @@ from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.trace import EchoTrace, Encoding
 
-#: Baseband samples that a pulse should get, at least, after decimation of a raw trace.
-SAMPLES_PER_PULSE = 8
+#: Baseband samples per second and hertz of the pulse's bandwidth, at least, after decimation of a
+#: raw trace: eight samples on a pulse without a sweep.
+SAMPLES_PER_BANDWIDTH = 2
 #: Taps of the decimation filter per decimated sample, and its pass band (of the half rate).
 TAPS_PER_SAMPLE = 8
 PASS_BAND = 0.8
 #: Points a raw sample at which the filtered pulse is tabulated.
 TABLE_POINTS = 4
-#: Points at which the overlap of two echoes is tabulated.
+#: Points at which the overlap of two echoes is tabulated, and further ones a cycle of a sweep.
 LAGS = 257
+LAGS_PER_CYCLE = 8
 #: Mean and standard deviation of the modulus of complex noise of RMS 1 (Rayleigh).
 RAYLEIGH_MEAN = float(np.sqrt(np.pi) / 2.0)
 RAYLEIGH_STD = float(np.sqrt(1.0 - np.pi / 4.0))
@@ -37,7 +39,7 @@ SATURATED_SAMPLES = 3
 
 @dataclass(frozen=True)
 class Template:
-    """The envelope that an echo has in the baseband, w(t) or its filtered form.
+    """The envelope that an echo has in the baseband, or its filtered form; a chirp's is complex.
 
     Parameters
     ----------
@@ -52,39 +54,43 @@ class Template:
     start_s: float
     duration_s: float
     pulse: Pulse
-    table: tuple[float, ...] | None = None
+    table: tuple[complex, ...] | None = None
 
-    def __call__(self, time_s: FloatArray) -> FloatArray:
+    def __call__(self, time_s: FloatArray) -> Signal:
         """Envelope at times after the echo's delay."""
         if self.table is None:
-            return self.pulse.window(time_s)
+            return self.pulse.envelope(time_s)
         values = np.asarray(self.table)
         grid = np.linspace(self.start_s, self.start_s + self.duration_s, len(values))
-        envelope: FloatArray = np.interp(time_s, grid, values, left=0.0, right=0.0)
+        envelope: Signal = np.interp(time_s, grid, values, left=0.0, right=0.0)
         return envelope
 
-    def slope(self, time_s: FloatArray) -> FloatArray:
+    def slope(self, time_s: FloatArray) -> Signal:
         """Derivative with respect to time, by central difference."""
-        step_s = self.duration_s * 1e-4
-        return (self(time_s + step_s) - self(time_s - step_s)) / (2.0 * step_s)
+        step_s = self.pulse.resolution_s * 1e-4
+        slope: Signal = (self(time_s + step_s) - self(time_s - step_s)) / (2.0 * step_s)
+        return slope
 
     def overlap(self, delay_s: FloatArray) -> FloatArray:
-        """Correlation of two echoes whose delays differ by `delay_s`, 1 at 0."""
+        """Correlation of two echoes whose delays differ by `delay_s`, 1 at 0; its magnitude."""
         lags_s, correlation = _autocorrelation(self)
         return np.interp(delay_s, lags_s, correlation)
 
     @property
     def is_smooth(self) -> bool:
         """Whether a delay can be told finer than a sample from it."""
-        return self.table is not None or self.pulse.shape is PulseShape.HANN_BURST
+        smooth = (PulseShape.HANN_BURST, PulseShape.CHIRP)
+        return self.table is not None or self.pulse.shape in smooth
 
 
 @lru_cache(maxsize=16)
 def _autocorrelation(template: Template) -> tuple[FloatArray, FloatArray]:
     """Lags from 0 to the template's length, and its normalised autocorrelation there."""
-    time_s = np.linspace(template.start_s, template.start_s + template.duration_s, LAGS)
+    cycles = abs(template.pulse.sweep_hz) * template.duration_s
+    count = LAGS + int(LAGS_PER_CYCLE * cycles)
+    time_s = np.linspace(template.start_s, template.start_s + template.duration_s, count)
     values = template(time_s)
-    correlation = np.correlate(values, values, mode="full")[LAGS - 1 :]
+    correlation = np.abs(np.correlate(values, values, mode="full")[count - 1 :])
     return time_s - template.start_s, correlation / correlation[0]
 
 
@@ -124,8 +130,9 @@ def to_baseband(trace: EchoTrace) -> Baseband:
     Raises
     ------
     MalformedMessageError
-        If a raw trace is sampled too slowly for its carrier.
+        If the trace is sampled too slowly for its pulse, or the pulse is not known.
     """
+    check_pulse(trace)
     if trace.encoding is Encoding.RAW and trace.transducer.pulse.has_carrier:
         return _demodulated(trace)
     signal, noise_std = trace.signal(), trace.noise_std
@@ -136,6 +143,9 @@ def to_baseband(trace: EchoTrace) -> Baseband:
         signal = signal - RAYLEIGH_MEAN * noise_std
         noise_std, skewness = RAYLEIGH_STD * noise_std, RAYLEIGH_SKEWNESS
     pulse = trace.transducer.pulse
+    if trace.encoding is Encoding.ENVELOPE and pulse.sweep_hz != 0.0:
+        # A magnitude knows nothing of a sweep: what is left of a chirp is its window.
+        pulse = replace(pulse, shape=PulseShape.HANN_BURST, sweep_hz=0.0)
     return Baseband(
         signal=signal,
         sample_rate_hz=trace.sample_rate_hz,
@@ -145,6 +155,29 @@ def to_baseband(trace: EchoTrace) -> Baseband:
         template=Template(0.0, pulse.duration_s, pulse),
         saturated=is_saturated(trace.samples),
     )
+
+
+def check_pulse(trace: EchoTrace) -> None:
+    """Raise `MalformedMessageError` unless the pulse is known and the samples can hold it."""
+    pulse, rate_hz = trace.transducer.pulse, trace.sample_rate_hz
+    if trace.encoding is Encoding.ENVELOPE:
+        return
+    if pulse.lacks_sweep:
+        raise MalformedMessageError(
+            "transducer.pulse_shape",
+            "is a chirp of which no TransducerArray message says how far it sweeps;"
+            " reconstruction.chirp_sweep_hz can",
+        )
+    if trace.encoding is Encoding.IQ and rate_hz < abs(pulse.sweep_hz):
+        raise MalformedMessageError(
+            "sample_rate",
+            f"of {rate_hz:g} Hz is too low for a chirp that sweeps {pulse.sweep_hz:g} Hz",
+        )
+    highest_hz = pulse.carrier_hz + 0.5 * abs(pulse.sweep_hz)
+    if trace.encoding is Encoding.RAW and pulse.has_carrier and rate_hz <= 2.0 * highest_hz:
+        raise MalformedMessageError(
+            "sample_rate", f"of {rate_hz:g} Hz is too low for a raw carrier of {highest_hz:g} Hz"
+        )
 
 
 def is_saturated(samples: NDArray[np.float32]) -> bool:
@@ -157,12 +190,7 @@ def is_saturated(samples: NDArray[np.float32]) -> bool:
 def _demodulated(trace: EchoTrace) -> Baseband:
     """Mix a raw trace down with e^(−j 2π f t), low-pass and decimate it."""
     pulse, rate_hz = trace.transducer.pulse, trace.sample_rate_hz
-    if rate_hz <= 2.0 * pulse.carrier_hz:
-        raise MalformedMessageError(
-            "sample_rate",
-            f"of {rate_hz:g} Hz is too low for a raw carrier of {pulse.carrier_hz:g} Hz",
-        )
-    decimation = max(1, int(rate_hz * pulse.duration_s / SAMPLES_PER_PULSE))
+    decimation = max(1, int(rate_hz / (SAMPLES_PER_BANDWIDTH * pulse.bandwidth_hz)))
     taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
     phase = 2.0 * np.pi * pulse.carrier_hz * trace.sample_times_s()
     mixed = 2.0 * trace.signal() * np.exp(-1j * phase)
@@ -199,7 +227,7 @@ def _filtered_template(pulse: Pulse, rate_hz: float, decimation: int) -> Templat
     points = int(np.ceil(duration_s * rate_hz * TABLE_POINTS)) + 1
     time_s = np.linspace(0.0, duration_s, points)
     tap_delay_s = np.arange(len(taps)) / rate_hz
-    table = pulse.window(time_s[:, np.newaxis] - tap_delay_s) @ taps
+    table = pulse.envelope(time_s[:, np.newaxis] - tap_delay_s) @ taps
     return Template(0.0, duration_s, pulse, tuple(table))
 
 

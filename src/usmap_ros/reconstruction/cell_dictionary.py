@@ -183,8 +183,12 @@ def _echoes(
     column = np.broadcast_to(np.arange(len(cells))[:, np.newaxis, np.newaxis], sample.shape)
     heard = (sample >= 0) & (sample < sampling.sample_count)
 
-    shape = pulse.waveform if encoding is Encoding.RAW else pulse.window
-    values = amplitudes[..., np.newaxis] * shape(age_s)
+    shapes = {
+        Encoding.RAW: pulse.waveform,
+        Encoding.ENVELOPE: pulse.window,
+        Encoding.IQ: pulse.envelope,
+    }
+    values = amplitudes[..., np.newaxis] * shapes[encoding](age_s)
     if encoding is not Encoding.IQ:
         entries = (values[heard], (sample[heard], column[heard]))
         return sparse.csc_array(entries, shape=(sampling.sample_count, len(cells)))

@@ -14,6 +14,7 @@ from scipy.stats import norm
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.reconstruction.baseband import check_pulse
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
@@ -84,7 +85,13 @@ def reconstruct_cells(
         counted, that have a coefficient.
     floor : bool
         False: the paper's simple Φ, which knows nothing of the floor.
+
+    Raises
+    ------
+    MalformedMessageError
+        If the trace is sampled too slowly for its pulse, or the pulse is not known.
     """
+    check_pulse(trace)
     dictionary = CellDictionary.for_trace(
         trace, parameters.cell_size_m, floor=floor, as_sparse=parameters.solver == "cosamp"
     )
@@ -163,7 +170,7 @@ def _limits(
         dictionary.scores(dictionary.adjoint(found.residual)),
     )
     limits = score[heard] * unit[heard] / dictionary.norms[heard]
-    reach_m = 0.5 * trace.channel.sound_speed_m_s * trace.transducer.pulse.duration_s
+    reach_m = 0.5 * trace.channel.sound_speed_m_s * trace.transducer.pulse.resolution_s
     for range_m, amplitude in zip(echo_ranges_m, echo_amplitudes, strict=True):
         masked = np.abs(ranges_m[heard] - range_m) < reach_m
         limits[masked] = np.maximum(limits[masked], parameters.masking * amplitude)

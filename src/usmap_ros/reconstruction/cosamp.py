@@ -232,7 +232,7 @@ class Fit:
         return Solution(support, blocks, residual, iterations, halt)
 
 
-def least_squares(columns: FloatArray, signals: Signal) -> Signal:
+def least_squares(columns: Signal, signals: Signal) -> Signal:
     """Coefficients of the columns that come closest to one or several signals.
 
     Solves the normal equations with a ridge too small to be seen, which gives identical
@@ -240,18 +240,20 @@ def least_squares(columns: FloatArray, signals: Signal) -> Signal:
     """
     if columns.shape[1] == 0:
         return np.zeros((0, *signals.shape[1:]), dtype=signals.dtype)
-    gram = columns.T @ columns
+    # A real array's conjugate is the array itself: nothing is copied where nothing is complex.
+    adjoint = columns.conj().T
+    gram = adjoint @ columns
     diagonal = np.einsum("ii->i", gram)
     diagonal += RIDGE * (gram.trace() / len(gram))
-    solution: Signal = np.linalg.solve(gram, columns.T @ signals)
+    solution: Signal = np.linalg.solve(gram, adjoint @ signals)
     return solution
 
 
-def _solve_non_negative(columns: FloatArray, signal: Signal) -> FloatArray:
+def _solve_non_negative(columns: Signal, signal: Signal) -> FloatArray:
     if columns.shape[1] == 0:
         return np.zeros(0)
-    if np.iscomplexobj(signal):
-        columns = np.concatenate([columns, np.zeros_like(columns)])
+    if np.iscomplexobj(signal) or np.iscomplexobj(columns):
+        columns = np.concatenate([columns.real, columns.imag])
         signal = np.concatenate([signal.real, signal.imag])
     return nnls(columns, signal)[0]
 

@@ -81,7 +81,7 @@ class DelayDomainOperator:
             self._grid_start_s + self._path_index.astype(np.float64) * self.delay_step_s
         )
         self._moved: IndexArray = np.empty(0, dtype=np.intp)
-        self._last_columns: tuple[IndexArray, FloatArray] = self._no_columns()
+        self._last_columns: tuple[IndexArray, Signal] = self._no_columns()
 
     # ------------------------------------------------------------------ SensingOperator
 
@@ -125,14 +125,14 @@ class DelayDomainOperator:
         windows: Signal = np.ndarray(
             (self._window_count, taps), signal.dtype, padded, strides=2 * padded.strides
         )
-        filtered = windows @ self._polyphase.T
+        filtered = windows @ self._polyphase.conj().T
         proxy: Signal = filtered.reshape(-1)[self._path_index]
         if len(self._moved):
-            at_moved = self.columns(self._moved).T @ signal
+            at_moved = self.columns(self._moved).conj().T @ signal
             proxy[self._moved] = at_moved.reshape(-1, self.block_size)
         return proxy
 
-    def columns(self, support: IndexArray) -> FloatArray:
+    def columns(self, support: IndexArray) -> Signal:
         """Templates at the delays of the blocks' paths."""
         # Solver, matched filter and refinement ask for the same support in turn.
         known_support, known_columns = self._last_columns
@@ -189,18 +189,19 @@ class DelayDomainOperator:
         """
         return self._block_delays_s[support]
 
-    def slopes(self, support: IndexArray) -> FloatArray:
+    def slopes(self, support: IndexArray) -> Signal:
         """Derivatives of `columns` with respect to the delay of each block's direct path."""
         rates = self.channel.delay_rates(self.block_ranges_m(support)).reshape(-1)
         delays_s = self.delays_s(support).reshape(-1)
-        return -rates * self._scatter(delays_s, self.template.slope)
+        slopes: Signal = -rates * self._scatter(delays_s, self.template.slope)
+        return slopes
 
-    def _no_columns(self) -> tuple[IndexArray, FloatArray]:
+    def _no_columns(self) -> tuple[IndexArray, Signal]:
         return np.empty(0, dtype=np.intp), np.zeros((self.sample_count, 0))
 
     def _scatter(
-        self, delays_s: FloatArray, profile: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray:
+        self, delays_s: FloatArray, profile: Callable[[FloatArray], Signal]
+    ) -> Signal:
         """Profiles at delays as columns; each touches only the samples in its support."""
         rate_hz, start_s = self.sampling.sample_rate_hz, self.sampling.start_delay_s
         first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)
@@ -208,10 +209,11 @@ class DelayDomainOperator:
         tap = np.arange(taps)[:, np.newaxis]
         values = profile(start_s + (first + tap) / rate_hz - delays_s)
         # What lies before or after the signal falls into a margin on either side of it.
-        padded = np.zeros((self.sample_count + 2 * taps, len(delays_s)))
+        padded = np.zeros((self.sample_count + 2 * taps, len(delays_s)), dtype=values.dtype)
         rows = np.clip(first + taps, 0, self.sample_count + taps) + tap
         padded[rows, np.arange(len(delays_s))] = values
-        return padded[taps : taps + self.sample_count]
+        columns: Signal = padded[taps : taps + self.sample_count]
+        return columns
 
     @property
     def pulse_blocks(self) -> int:
@@ -220,8 +222,11 @@ class DelayDomainOperator:
 
     @property
     def template_skewness(self) -> float:
-        """Share of a sample's skewness that is left in the matched filter's output."""
-        template = self._polyphase[0]
+        """Share of a sample's skewness that is left in the matched filter's output.
+
+        Only an envelope's noise is skewed, and its template is real.
+        """
+        template = self._polyphase[0].real
         return float(np.sum(template**3) / np.sum(template**2) ** 1.5)
 
     # ------------------------------------------------------------------ the grid
@@ -247,7 +252,7 @@ class DelayDomainOperator:
         """
         return 0.0 if self.template.is_smooth else 0.5 * self.delay_step_s
 
-    def _sampled_template(self) -> FloatArray:
+    def _sampled_template(self) -> Signal:
         """Template at every sub-sample delay, shape (oversampling, taps)."""
         rate_hz = self.sampling.sample_rate_hz
         taps = int(np.ceil(self.template.duration_s * rate_hz)) + 2

@@ -137,7 +137,7 @@ def _operator(
         trace.transducer.min_range_m,
         trace.transducer.max_range_m,
         parameters.oversampling,
-        parameters.exclusion * trace.transducer.pulse.duration_s,
+        parameters.exclusion * baseband.template.pulse.resolution_s,
     )
 
 

@@ -34,7 +34,7 @@ class SensingOperator(Protocol):
     def adjoint(self, signal: Signal) -> Signal:
         """Φᴴ r: a signal (samples,) to a proxy (blocks, block_size)."""
 
-    def columns(self, support: IndexArray) -> FloatArray:
+    def columns(self, support: IndexArray) -> Signal:
         """Columns of the blocks in `support`, shape (samples, len(support) * block_size)."""
 
     def scores(self, proxy: Signal) -> FloatArray:

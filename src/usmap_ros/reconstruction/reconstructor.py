@@ -56,6 +56,7 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     MalformedMessageError
         If the trace cannot be reconstructed.
     """
+    trace = trace.with_sweep(parameters.chirp_sweep_hz)
     if parameters.dictionary == "cells":
         return _by_cells(trace, parameters)
     return _by_delays(trace, parameters)

@@ -20,19 +20,39 @@ from usmap_ros.trace import Encoding
 class PulseModel(ParameterGroup):
     """The pulse that a transducer emits."""
 
-    shape: Literal["square", "tone_burst", "hann_burst"] = quantity(
-        "hann_burst", "A square pulse without carrier, or a sine under a window."
+    shape: Literal["square", "tone_burst", "hann_burst", "chirp"] = quantity(
+        "hann_burst",
+        "A square pulse without carrier, a sine under a window, or a linear chirp under a Hann"
+        " window.",
     )
     carrier_hz: float = quantity(
-        50_000.0, "Carrier frequency; ignored for a square pulse.", "Hz", gt=0.0, le=1e7
+        50_000.0,
+        "Carrier frequency, at the middle of a chirp; ignored for a square pulse.",
+        "Hz",
+        gt=0.0,
+        le=1e7,
     )
     duration_s: float = quantity(0.00032, "Length of the window.", "s", gt=0.0, le=1.0)
+    sweep_hz: float = quantity(
+        0.0,
+        "How far a chirp's frequency rises from beginning to end, negative if it falls; a chirp"
+        " needs it, and nothing else has it.",
+        "Hz",
+        ge=-1e7,
+        le=1e7,
+    )
 
     def build(self) -> Pulse:
         """The pulse itself."""
         shape = PulseShape[self.shape.upper()]
         carrier_hz = 0.0 if shape is PulseShape.SQUARE else self.carrier_hz
-        return Pulse(shape, carrier_hz, self.duration_s)
+        return Pulse(shape, carrier_hz, self.duration_s, self.sweep_hz)
+
+    @model_validator(mode="after")
+    def _chirp_has_its_sweep(self) -> PulseModel:
+        if (self.shape == "chirp") != (self.sweep_hz != 0.0):
+            raise ValueError("sweep_hz: a chirp needs one that is not 0, and nothing else has one")
+        return self
 
 
 class LinearBeamModel(ParameterGroup):

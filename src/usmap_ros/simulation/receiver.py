@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.pulse import Pulse
-from usmap_ros.arrays import FloatArray
+from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.trace import Encoding
 
 
@@ -110,14 +110,11 @@ class Receiver:
         """
         noise_std = self.noise_std / np.sqrt(2.0)
         if self.encoding is Encoding.RAW:
-            raw = self._superpose(pulse.waveform, pulse, delays_s, amplitudes, count)
+            raw = self._superpose(pulse.waveform, pulse, delays_s, amplitudes, count).real
             return self._digitise(raw + noise_std * rng.standard_normal(count))
         carrier = np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)
-        in_phase = self._superpose(pulse.window, pulse, delays_s, amplitudes * carrier.real, count)
-        quadrature = self._superpose(
-            pulse.window, pulse, delays_s, amplitudes * carrier.imag, count
-        )
-        pairs = np.stack([in_phase, quadrature], axis=-1)
+        baseband = self._superpose(pulse.envelope, pulse, delays_s, amplitudes * carrier, count)
+        pairs = np.stack([baseband.real, baseband.imag], axis=-1)
         pairs += noise_std * rng.standard_normal(pairs.shape)
         if self.encoding is Encoding.ENVELOPE:
             return self._digitise(np.hypot(pairs[:, 0], pairs[:, 1]))
@@ -131,12 +128,12 @@ class Receiver:
 
     def _superpose(
         self,
-        shape: Callable[[FloatArray], FloatArray],
+        shape: Callable[[FloatArray], Signal],
         pulse: Pulse,
         delays_s: FloatArray,
-        amplitudes: FloatArray,
+        amplitudes: Signal,
         count: int,
-    ) -> FloatArray:
+    ) -> Signal:
         """Σ a · shape(t − τ) at the sample times; a path touches only what its pulse covers."""
         rate = self.sample_rate_hz
         first = np.ceil((delays_s - self.start_delay_s) * rate).astype(np.int64)
@@ -144,6 +141,8 @@ class Receiver:
         index = first[:, np.newaxis] + covered
         age = index / rate + self.start_delay_s - delays_s[:, np.newaxis]
         inside = (index >= 0) & (index < count)
-        values = amplitudes[:, np.newaxis] * shape(age)
-        # Without any path the counts would come out as integers.
-        return np.bincount(index[inside], values[inside], minlength=count).astype(np.float64)
+        values = (amplitudes[:, np.newaxis] * shape(age))[inside]
+        total = np.zeros(count, dtype=np.complex128)
+        total.real = np.bincount(index[inside], values.real, minlength=count)
+        total.imag = np.bincount(index[inside], values.imag, minlength=count)
+        return total

@@ -17,6 +17,7 @@ from usmap_ros.trace import Encoding
 HANN = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
 TONE = Pulse(PulseShape.TONE_BURST, 50_000.0, 0.00032)
 SQUARE = Pulse(PulseShape.SQUARE, 0.0, 0.00032)
+CHIRP = Pulse(PulseShape.CHIRP, 50_000.0, 0.002, 20_000.0)
 #: An encoding with a pulse and a sample rate that suit it.
 RECEPTIONS = {
     "iq": (Encoding.IQ, HANN, 25_000.0),
@@ -24,6 +25,9 @@ RECEPTIONS = {
     "raw": (Encoding.RAW, HANN, 250_000.0),
     "square": (Encoding.RAW, SQUARE, 25_000.0),
     "tone_iq": (Encoding.IQ, TONE, 50_000.0),
+    "chirp_iq": (Encoding.IQ, CHIRP, 30_000.0),
+    "chirp_raw": (Encoding.RAW, CHIRP, 250_000.0),
+    "chirp_envelope": (Encoding.ENVELOPE, CHIRP, 30_000.0),
 }
 
 

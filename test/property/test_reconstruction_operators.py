@@ -27,9 +27,7 @@ channels = st.builds(
 durations_s = st.floats(1e-4, 8e-4)
 pulses = st.one_of(
     st.builds(Pulse, st.sampled_from(PulseShape), st.just(40e3), durations_s),
-    st.builds(
-        Pulse, st.just(PulseShape.CHIRP), st.just(40e3), durations_s, st.floats(-15e3, 15e3)
-    ),
+    st.builds(Pulse, st.just(PulseShape.CHIRP), st.just(40e3), durations_s, st.floats(-15e3, 15e3)),
 )
 samplings = st.builds(
     Sampling,

@@ -88,7 +88,8 @@ class Pulse:
         """
         if self.sweep_hz == 0.0:
             return self.window(time_s)
-        return self.window(time_s) * np.exp(1j * self._swept_phase(time_s))
+        envelope: Signal = self.window(time_s) * np.exp(1j * self._swept_phase(time_s))
+        return envelope
 
     def waveform(self, time_s: FloatArray) -> FloatArray:
         """Transmitted signal p(t) = w(t) sin(2π f t + φ(t)), or w(t) itself without a carrier."""

@@ -43,7 +43,11 @@ class ReconstructionParameters(ParameterGroup):
     )
     oversampling: int = quantity(4, "Delays on the search grid per baseband sample.", ge=1, le=64)
     exclusion: float = quantity(
-        0.35, "Least delay between two echoes, in pulse durations (of a chirp, compressed ones).", gt=0.0, le=2.0
+        0.35,
+        "Least delay between two echoes, in pulse durations; a chirp counts as it is behind its"
+        " matched filter, which is 4 / sweep.",
+        gt=0.0,
+        le=2.0,
     )
     chirp_sweep_hz: float = quantity(
         0.0,

@@ -112,8 +112,9 @@ class DelayDomainOperator:
         signal = np.zeros(self._window_count + taps - 1, dtype=trains.dtype)
         for tap in range(taps):
             signal[tap : tap + self._window_count] += trains[:, tap]
-        heard = signal[taps - 1 : taps - 1 + self.sample_count]
-        return heard + self.columns(moved) @ coefficients[moved].reshape(-1)
+        heard: Signal = signal[taps - 1 : taps - 1 + self.sample_count]
+        heard = heard + self.columns(moved) @ coefficients[moved].reshape(-1)
+        return heard
 
     def adjoint(self, signal: Signal) -> Signal:
         """Matched filter, read at the delays of all paths."""
@@ -199,9 +200,7 @@ class DelayDomainOperator:
     def _no_columns(self) -> tuple[IndexArray, Signal]:
         return np.empty(0, dtype=np.intp), np.zeros((self.sample_count, 0))
 
-    def _scatter(
-        self, delays_s: FloatArray, profile: Callable[[FloatArray], Signal]
-    ) -> Signal:
+    def _scatter(self, delays_s: FloatArray, profile: Callable[[FloatArray], Signal]) -> Signal:
         """Profiles at delays as columns; each touches only the samples in its support."""
         rate_hz, start_s = self.sampling.sample_rate_hz, self.sampling.start_delay_s
         first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)

@@ -110,7 +110,7 @@ def test_a_parameter_gives_the_sweep_that_a_recording_lacks(hear):
 def test_too_few_samples_for_a_sweep_are_refused(hear):
     trace = replace(hear(NEIGHBOURS, reception="chirp_iq"), sample_rate_hz=19_000.0)
 
-    with pytest.raises(MalformedMessageError, match="sample_rate.*sweeps 20000 Hz"):
+    with pytest.raises(MalformedMessageError, match=r"sample_rate.*sweeps 20000 Hz"):
         reconstruct(trace, PARAMETERS)
 
 

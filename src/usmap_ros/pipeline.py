@@ -25,11 +25,16 @@ class Pipeline:
     ----------
     parameters : PipelineParameters, optional
         Of reconstruction and mapping.
+
+    Attributes
+    ----------
+    fusion : Fusion
+        The map, with its frame and stamp.
     """
 
     def __init__(self, parameters: PipelineParameters | None = None) -> None:
         self.parameters = parameters or PipelineParameters()
-        self._fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
+        self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
         """Return the echoes in a trace, and how loud an unheard one might have been.
@@ -49,7 +54,7 @@ class Pipeline:
         MalformedMessageError
             If the cone's frame is not the map's.
         """
-        self._fusion.fuse(cone)
+        self.fusion.fuse(cone)
 
     def process(self, trace: EchoTrace) -> EchoCone:
         """Reconstruct a trace and take its cone up into the map."""
@@ -65,8 +70,8 @@ class Pipeline:
         ValueError
             If its resolution or origin does not fit.
         """
-        self._fusion.resume(occupancy)
+        self.fusion.resume(occupancy)
 
     def occupancy_map(self) -> OccupancyMap:
         """Return the map so far."""
-        return self._fusion.occupancy_map()
+        return self.fusion.occupancy_map()

@@ -49,7 +49,7 @@ def test_the_map_is_that_of_the_pipeline(live: Any, cones: Cones, nav2_qos: Any)
     send(live, cones)
     expected = offline(cones)
     live.until(lambda: grids and node.health.total("fused") == len(cones))
-    occupancy = node.fusion.occupancy_map()
+    occupancy = node.session.fusion.occupancy_map()
     assert node.health.total("late") == 0
     np.testing.assert_array_equal(occupancy.log_odds, expected.log_odds)
     live.until(lambda: grids[-1].header.stamp == cone_to_message(cones[-1][1], TYPES).header.stamp)
@@ -63,7 +63,7 @@ def test_a_late_subscriber_gets_the_map_at_once(
 ) -> None:
     node = live.add(MapFusion)
     send(live, cones)
-    live.until(lambda: node._published_version == node.fusion.version)
+    live.until(lambda: node.session._published_version == node.session.fusion.version)
     count = node.health.total("published")
     grids = live.listen(GRID, "/map", nav2_qos)
     percents = live.listen(GRID, "/map_probability", nav2_qos)
@@ -82,7 +82,7 @@ def test_nothing_is_published_while_nothing_changes(live: Any, cones: Cones, nav
     live.spin(0.3)
     assert node.health.total("published") == 0
     send(live, cones)
-    live.until(lambda: node._published_version == node.fusion.version)
+    live.until(lambda: node.session._published_version == node.session.fusion.version)
     count = node.health.total("published")
     live.spin(0.5)
     assert node.health.total("published") == count
@@ -154,7 +154,7 @@ def test_get_map_and_save_map(live: Any, cones: Cones, tmp_path: Path) -> None:
     nav2_map = load_nav2_map(Path(response.message))
     assert np.nansum(nav2_map.probability > 0.65) == list(grid.data).count(100)
     occupancy, _ = load_map(tmp_path / "saved")
-    np.testing.assert_array_equal(occupancy.log_odds, node.fusion.occupancy_map().log_odds)
+    np.testing.assert_array_equal(occupancy.log_odds, node.session.fusion.occupancy_map().log_odds)
 
 
 def test_save_map_says_why_it_cannot(live: Any, tmp_path: Path) -> None:
@@ -219,7 +219,7 @@ def test_a_map_is_kept_and_resumed(live: Any, cones: Cones, tmp_path: Path, nav2
     options = {"checkpoint_path": str(tmp_path / "map"), "checkpoint_period_s": 0.1}
     node = live.add(MapFusion, **options)
     send(live, cones)
-    expected = node.fusion.occupancy_map()
+    expected = node.session.fusion.occupancy_map()
     live.until((tmp_path / "map" / "map.npz").exists)
     live.remove(node)
     kept, _ = load_map(tmp_path / "map")
@@ -227,7 +227,7 @@ def test_a_map_is_kept_and_resumed(live: Any, cones: Cones, tmp_path: Path, nav2
     resumed = live.add(MapFusion, **options)
     grids = live.listen(GRID, "/map", nav2_qos)
     live.until(lambda: grids)
-    occupancy = resumed.fusion.occupancy_map()
+    occupancy = resumed.session.fusion.occupancy_map()
     np.testing.assert_array_equal(occupancy.observed, expected.observed)
     np.testing.assert_array_equal(
         occupancy.log_odds[occupancy.observed], expected.log_odds[expected.observed]
@@ -251,7 +251,7 @@ def test_a_checkpoint_that_does_not_fit_is_left_alone(
     if damage == "another frame":
         options["frame_id"] = "odom"
     node = live.add(MapFusion, checkpoint_path=str(path), **options)
-    assert node.fusion is None
+    assert node.session is None
     live.spin(0.2)
     assert (path / "map.npz").read_bytes() == content
 

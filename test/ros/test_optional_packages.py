@@ -79,7 +79,7 @@ def test_a_cone_in_another_frame_is_moved(live: Any, tf: FakeTf, cones: Cones) -
     for _, cone in cones[:5]:
         expected.fuse(replace(cone, pose=compose(shift, cone.pose)))
     np.testing.assert_allclose(
-        node.fusion.occupancy_map().log_odds, expected.occupancy_map().log_odds, atol=1e-4
+        node.session.fusion.occupancy_map().log_odds, expected.occupancy_map().log_odds, atol=1e-4
     )
 
 

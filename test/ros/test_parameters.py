@@ -74,7 +74,7 @@ def test_what_the_map_is_made_of_is_fixed_until_the_node_is_cleaned_up(live: Any
     node.trigger_cleanup()
     assert live.set_parameter("/map_fusion", "mapping.resolution_m", 0.1).successful
     node.trigger_configure()
-    assert node.fusion.occupancy_map().geometry.resolution_m == 0.1
+    assert node.session.fusion.occupancy_map().geometry.resolution_m == 0.1
 
 
 def test_whole_numbers_are_taken_for_real_ones_at_the_start(live: Any) -> None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -64,26 +65,33 @@ class LiveFusion:
         Cones that may wait.
     frame_id : str
         The map's frame; empty: that of the first cone.
+    clock : callable
+        Seconds of a clock that never runs backwards.
     """
 
     def __init__(
-        self, parameters: MappingParameters, order_wait_s: float, capacity: int, frame_id: str = ""
+        self,
+        parameters: MappingParameters,
+        order_wait_s: float,
+        capacity: int,
+        frame_id: str = "",
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._parameters = PipelineParameters(mapping=parameters)
         self._pipeline = Pipeline(self._parameters)
+        self._pipeline.fusion.frame_id = frame_id
+        self._clock = clock
         self._order: StampOrder[_Received] = StampOrder(order_wait_s, capacity)
         # Two locks, so that cones go on being received while one is fused.
         self._map_lock = threading.Lock()
         self._order_lock = threading.Lock()
-        self._frame_id = frame_id
-        self._stamp_ns = 0
         self._middle_m: FloatArray | None = None
         self.version = 0
 
     @property
     def frame_id(self) -> str:
         """The map's frame; empty until it is known."""
-        return self._frame_id
+        return self._pipeline.fusion.frame_id
 
     @property
     def dropped(self) -> int:
@@ -118,9 +126,10 @@ class LiveFusion:
             If it lies or reaches so far away that the map could not be published any more.
         """
         self._check_reach(cone)
-        if not self._frame_id:
-            self._frame_id = cone.frame_id
-        now_s = time.monotonic()
+        if not self.frame_id:
+            # From the first cone on, though it may still wait to be fused: the next ones must fit.
+            self._pipeline.fusion.frame_id = cone.frame_id
+        now_s = self._clock()
         with self._order_lock:
             self._order.push(topic, cone.stamp_ns, _Received(cone, now_s), now_s)
 
@@ -133,26 +142,24 @@ class LiveFusion:
             If it cannot be fused.
         """
         with self._order_lock:
-            released = self._order.pop(time.monotonic())
+            released = self._order.pop(self._clock())
         if released is None:
             return None
         topic, received = released
         with self._map_lock:
             self._pipeline.fuse(received.cone)
-            self._stamp_ns = max(self._stamp_ns, received.cone.stamp_ns)
             self.version += 1
-        return Fused(topic, time.monotonic() - received.at_s)
+        return Fused(topic, self._clock() - received.at_s)
 
     def due_in_s(self) -> float | None:
         """How long until `fuse_next` has something to do; None: not before another cone comes."""
         with self._order_lock:
-            return self._order.due_in_s(time.monotonic())
+            return self._order.due_in_s(self._clock())
 
     def occupancy_map(self) -> OccupancyMap:
-        """The map so far, in the frame that it has even while it is empty."""
+        """The map so far."""
         with self._map_lock:
-            occupancy = self._pipeline.occupancy_map()
-            return replace(occupancy, frame_id=self._frame_id, stamp_ns=self._stamp_ns)
+            return self._pipeline.occupancy_map()
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from an earlier map.
@@ -162,12 +169,10 @@ class LiveFusion:
         ValueError
             If its resolution, origin or frame does not fit.
         """
-        if self._frame_id and occupancy.frame_id and occupancy.frame_id != self._frame_id:
-            raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self._frame_id}'")
+        if self.frame_id and occupancy.frame_id and occupancy.frame_id != self.frame_id:
+            raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self.frame_id}'")
         with self._map_lock:
             self._pipeline.resume(occupancy)
-            self._frame_id = occupancy.frame_id or self._frame_id
-            self._stamp_ns = occupancy.stamp_ns
             west, east, south, north = occupancy.geometry.extent_m
             self._middle_m = np.array([0.5 * (west + east), 0.5 * (south + north)])
             self.version += 1
@@ -193,9 +198,12 @@ class LiveFusion:
             )
 
     def reset(self) -> None:
-        """Forget the map and the cones that wait; the frame stays."""
+        """Forget the map and the cones that wait; frame and stamp stay."""
         with self._map_lock, self._order_lock:
+            before = self._pipeline.fusion
             self._pipeline = Pipeline(self._parameters)
+            self._pipeline.fusion.frame_id = before.frame_id
+            self._pipeline.fusion.stamp_ns = before.stamp_ns
             self._order.clear()
             self._middle_m = None
             self.version += 1

@@ -25,6 +25,13 @@ class Fusion(ABC):
         Cell size, prior, clamps and sensor model.
     layers : mapping of str to float, optional
         Further layers of the grid, with their values where nothing is known.
+
+    Attributes
+    ----------
+    frame_id : str
+        The map's frame; empty until the first cone, unless it is set before.
+    stamp_ns : int
+        Stamp of the newest cone in the map.
     """
 
     def __init__(
@@ -35,8 +42,8 @@ class Fusion(ABC):
         self._grid = TiledGrid(
             parameters.resolution_m, {LOG_ODDS: prior, EXPOSURE: 0.0, **(layers or {})}
         )
-        self._frame_id = ""
-        self._stamp_ns = 0
+        self.frame_id = ""
+        self.stamp_ns = 0
 
     def fuse(self, cone: EchoCone) -> None:
         """Take up the evidence of one ping.
@@ -46,12 +53,12 @@ class Fusion(ABC):
         MalformedMessageError
             If the cone's frame is not the map's.
         """
-        if self._frame_id and cone.frame_id != self._frame_id:
+        if self.frame_id and cone.frame_id != self.frame_id:
             raise MalformedMessageError(
-                "header.frame_id", f"is '{cone.frame_id}', the map's is '{self._frame_id}'"
+                "header.frame_id", f"is '{cone.frame_id}', the map's is '{self.frame_id}'"
             )
-        self._frame_id = cone.frame_id
-        self._stamp_ns = max(self._stamp_ns, cone.stamp_ns)
+        self.frame_id = cone.frame_id
+        self.stamp_ns = max(self.stamp_ns, cone.stamp_ns)
         self._take_up(cone)
 
     @abstractmethod
@@ -64,7 +71,7 @@ class Fusion(ABC):
         A cell counts as observed if an object in it would probably have been heard, or if it
         is not believed to be free.  A cell that echoes could neither fill nor free is not.
         """
-        return as_map(self._grid, self.parameters, self._frame_id, self._stamp_ns)
+        return as_map(self._grid, self.parameters, self.frame_id, self.stamp_ns)
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from a map that was exported before.
@@ -75,7 +82,8 @@ class Fusion(ABC):
             If its resolution or origin does not fit this grid.
         """
         load_map(self._grid, occupancy, self.parameters)
-        self._frame_id, self._stamp_ns = occupancy.frame_id, occupancy.stamp_ns
+        self.frame_id = occupancy.frame_id or self.frame_id
+        self.stamp_ns = occupancy.stamp_ns
 
     def _clamped(self, log_odds: FloatArray | NDArray[np.float32]) -> FloatArray:
         clamped: FloatArray = np.clip(

@@ -76,7 +76,7 @@ class MapPublisher:
     node : LifecycleNode
         Whose topics they are; they are silent unless it is active.
     with_updates : bool
-        Whether ``map_updates`` is published too; ``map_msgs`` must be installed.
+        Whether ``map_updates`` is published too, if ``map_msgs`` is installed.
     """
 
     def __init__(self, node: Any, with_updates: bool) -> None:
@@ -85,7 +85,7 @@ class MapPublisher:
         self._map = advertise_managed(node, MAP)
         self._probability = advertise_managed(node, MAP_PROBABILITY)
         self._metadata = advertise_managed(node, MAP_METADATA)
-        self._updates = advertise(node, MAP_UPDATES) if with_updates else None
+        self._updates = self._advertise_updates() if with_updates else None
         self._geometry: GridGeometry | None = None
         self._values: NDArray[np.int8] | None = None
 
@@ -135,6 +135,14 @@ class MapPublisher:
             self._node.destroy_lifecycle_publisher(publisher)
         if self._updates is not None:
             self._node.destroy_publisher(self._updates)
+
+    def _advertise_updates(self) -> Any:
+        try:
+            return advertise(self._node, MAP_UPDATES)
+        except ImportError:
+            warning = "map_msgs is not installed: map_updates is not published"
+            self._node.get_logger().warning(warning)
+            return None
 
     def _publish_update(self, values: NDArray[np.int8], occupancy: OccupancyMap) -> None:
         assert self._values is not None

@@ -1,0 +1,186 @@
+"""All that map_fusion has while it is configured: the map, and who works on it."""
+
+from __future__ import annotations
+
+import traceback
+from typing import Any
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError, MapFileError
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.io.conversions import cone_from_message
+from usmap_ros.live.checkpoint import Checkpoint
+from usmap_ros.live.live_fusion import LiveFusion
+from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
+from usmap_ros.nodes.plumbing.frames import Transforms
+from usmap_ros.nodes.plumbing.health import Health
+from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
+from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.worker import Worker
+from usmap_ros.parameters.nodes import MapFusionParameters
+
+#: Why cones are lost, by what they are counted as.
+_LOSSES = {
+    "dropped": "cones come faster than they are fused",
+    "late": "cones came after newer ones had been fused; order_wait_s may be too short",
+}
+
+
+class MapSession:
+    """A map from the node's configuration to its clean-up.
+
+    Cones are taken in the executor's thread and fused in a worker's.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+        On whose topics the map is published.
+    parameters : ParameterServer
+        Those of the map are taken as they are now, the others as they change.
+    health : Health
+        Counts what becomes of the cones.
+    transforms : Transforms
+        For cones in other frames.
+
+    Attributes
+    ----------
+    fusion : LiveFusion
+        The map.
+
+    Raises
+    ------
+    UsmapError
+        If the checkpoint cannot be read or written, or does not fit the parameters.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        parameters: ParameterServer[MapFusionParameters],
+        health: Health,
+        transforms: Transforms,
+    ) -> None:
+        now = parameters.value
+        self.fusion = LiveFusion(now.mapping, now.order_wait_s, now.queue_depth, now.frame_id)
+        self._checkpoint = Checkpoint(now.checkpoint_path)
+        if now.resume and self._checkpoint.restore(self.fusion):
+            node.get_logger().info(f"resumed the map in {now.checkpoint_path}")
+        self._node = node
+        self._parameters = parameters
+        self._health = health
+        self._foreign_cones = ForeignCones(transforms, health, self._hand_over)
+        self._publisher = MapPublisher(node, now.publish_updates)
+        self._published_version = 0
+        self._noted = dict.fromkeys(_LOSSES, 0)
+        self._worker = Worker(node, self._step)
+
+    def close(self) -> None:
+        """End the work, keep the map on disk, and take its topics back."""
+        self._worker.stop()
+        self.keep()
+        self._publisher.destroy()
+
+    def take_over_parameters(self) -> None:
+        """Obey those that may change while there is a map."""
+        now = self._parameters.value
+        self.fusion.set_limits(now.order_wait_s, now.queue_depth)
+        self._worker.wake()
+
+    # ---- cones
+
+    def set_sources(self, present: dict[str, bool]) -> None:
+        """Wait for the topics on which somebody publishes."""
+        self.fusion.set_sources(present)
+        self._worker.wake()
+
+    def receive(self, topic: str, message: Any) -> None:
+        """Take a cone in, or refuse it with the reason."""
+        try:
+            cone = cone_from_message(message)
+        except MalformedMessageError as error:
+            self._health.problem("malformed", f"{topic}: {error}")
+            return
+        frame_id = self.fusion.frame_id
+        if frame_id in ("", cone.frame_id):
+            self._hand_over(topic, cone)
+        else:
+            wait_s = self._parameters.value.transform_wait_s
+            self._foreign_cones.add(topic, cone, frame_id, wait_s)
+
+    def retry_transforms(self) -> None:
+        """Move cones of other frames whose transforms have come by now."""
+        self._foreign_cones.retry(self.fusion.frame_id)
+
+    def _hand_over(self, topic: str, cone: EchoCone) -> None:
+        try:
+            self.fusion.receive(topic, cone)
+        except MalformedMessageError as error:
+            self._health.problem("malformed", f"{topic}: {error}")
+        else:
+            self._worker.wake()
+
+    def _step(self) -> float | None:
+        """Fuse the next cone; runs in the worker's thread."""
+        try:
+            fused = self.fusion.fuse_next()
+        except MalformedMessageError as error:
+            self._health.problem("malformed", str(error))
+            return 0.0
+        except Exception as error:  # One odd cone must not end the mapping of all robots.
+            self._node.get_logger().error(traceback.format_exc())
+            self._health.problem("failed", repr(error), is_error=True)
+            return 0.0
+        self._note_losses()
+        if fused is None:
+            return self.fusion.due_in_s()
+        self._health.count("fused")
+        self._health.latency(fused.latency_s)
+        return 0.0
+
+    def _note_losses(self) -> None:
+        now = {"dropped": self.fusion.dropped, "late": self.fusion.late}
+        for what, number in now.items():
+            if number > self._noted[what]:
+                self._health.problem(what, _LOSSES[what], number=number - self._noted[what])
+        self._noted = now
+
+    # ---- maps
+
+    def publish_if_changed(self) -> None:
+        """Publish the map, if it has changed since the last time."""
+        version = self.fusion.version
+        if version == self._published_version:
+            return
+        occupancy = self.fusion.occupancy_map()
+        if not occupancy.frame_id:
+            return
+        self._published_version = version
+        try:
+            self._publisher.publish(occupancy)
+        except MalformedMessageError as error:
+            self._health.problem("unpublished", f"map: {error}", is_error=True)
+        else:
+            self._health.count("published")
+
+    def message(self) -> Any | None:
+        """``nav_msgs/OccupancyGrid`` of the map as it is now; None while it has no frame."""
+        occupancy: OccupancyMap = self.fusion.occupancy_map()
+        if not occupancy.frame_id:
+            return None
+        try:
+            return self._publisher.message(occupancy)
+        except MalformedMessageError as error:
+            self._health.problem("unpublished", f"map: {error}", is_error=True)
+            return None
+
+    def reset(self) -> None:
+        """Forget the map."""
+        self.fusion.reset()
+        self._publisher.forget_extent()
+
+    def keep(self) -> None:
+        """Write the checkpoint, if the map has changed since the last time."""
+        try:
+            self._checkpoint.keep(self.fusion)
+        except MapFileError as error:
+            self._health.problem("not kept", str(error), is_error=True)

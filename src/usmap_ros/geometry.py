@@ -1,10 +1,12 @@
-"""Poses in space and their projection onto the map plane."""
+"""Poses in space: put one into the other, and see points from them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
@@ -51,16 +53,62 @@ class Pose:
         orientation = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
         return cls(np.array([x_m, y_m, z_m], dtype=float), orientation, covariance)
 
-    @property
+    @cached_property
+    def rotation(self) -> Rotation:
+        """Turn from the frame's own axes to those of the frame that it is given in."""
+        return Rotation.from_quat(self.orientation)
+
+    @cached_property
     def yaw_rad(self) -> float:
         """Heading of the x axis in the plane, in (-π, π]."""
-        x, y, z, w = self.orientation
-        return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        ahead_x, ahead_y, _ = self.rotation.apply([1.0, 0.0, 0.0])
+        return float(np.arctan2(ahead_y, ahead_x))
 
     @property
     def planar_covariance(self) -> FloatArray:
         """Covariance of x (m), y (m) and yaw (rad), shape (3, 3)."""
         return self.covariance[np.ix_(PLANAR_AXES, PLANAR_AXES)]
+
+    def compose(self, inner: Pose) -> Pose:
+        """Pose in the frame that this one is given in, of what is at `inner` in this one's frame.
+
+        The covariance of `inner` is turned along; that of this pose is not added.
+        """
+        turn = np.kron(np.eye(2), self.rotation.as_matrix())
+        return Pose(
+            position_m=self.position_m + self.rotation.apply(inner.position_m),
+            orientation=(self.rotation * inner.rotation).as_quat(),
+            covariance=turn @ inner.covariance @ turn.T,
+        )
+
+    def polar(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where points are, as seen from here along the x axis.
+
+        Parameters
+        ----------
+        points_m : (..., 3) or (..., 2) array
+            In the frame that the pose is given in; without z, at the height of the pose.
+
+        Returns
+        -------
+        ranges_m : (...) array
+            Distance.
+        bearings_rad : (...) array
+            Angle off the x axis in [-π, π], negative to the right: of a point at the height of a
+            pose that is not tilted, its bearing in the plane.
+        """
+        offsets_m = [
+            np.asarray(points_m, dtype=float)[..., axis] - self.position_m[axis]
+            for axis in range(np.shape(points_m)[-1])
+        ]
+        # Axis by axis, because a matrix product of so narrow arrays takes thrice as long.
+        ahead_m, left_m, up_m = (
+            sum(offset_m * turn for offset_m, turn in zip(offsets_m, column, strict=False))
+            for column in self.rotation.as_matrix().T
+        )
+        off_axis_m = np.copysign(np.hypot(left_m, up_m), left_m)
+        range_m = np.sqrt(sum(offset_m**2 for offset_m in offsets_m))
+        return range_m, np.arctan2(off_axis_m, ahead_m)
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless finite, turned by a unit, and of known error."""

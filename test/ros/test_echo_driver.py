@@ -42,7 +42,7 @@ def test_it_follows_its_path(live: Any, poles: Scenario) -> None:
     for message in echoes[:3]:
         trace = trace_from_message(message)
         base = robot.motion.pose(trace.stamp_ns / 1e9 - start_s)
-        expected = robot.transducers[0].pose_on(base)
+        expected = base.compose(robot.transducers[0].mount)
         np.testing.assert_allclose(trace.pose.position_m, expected.position_m, atol=1e-5)
 
 

@@ -19,7 +19,6 @@ from usmap_ros.io.conversions import cone_to_message, transform_to_message
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing import ros_types
-from usmap_ros.nodes.plumbing.frames import compose
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.pipeline import Pipeline
@@ -58,15 +57,6 @@ def tf(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeTf]:
     return fake
 
 
-def test_poses_are_composed_as_transforms_are() -> None:
-    outer = Pose.planar(1.0, 2.0, np.pi / 2, 0.5)
-    inner = Pose.planar(3.0, 0.0, 0.25, planar_covariance=np.diag([0.04, 0.01, 0.001]))
-    pose = compose(outer, inner)
-    np.testing.assert_allclose(pose.position_m, [1.0, 5.0, 0.5], atol=1e-12)
-    assert pose.yaw_rad == pytest.approx(np.pi / 2 + 0.25)
-    np.testing.assert_allclose(pose.planar_covariance, np.diag([0.01, 0.04, 0.001]), atol=1e-12)
-
-
 def test_a_cone_in_another_frame_is_moved(live: Any, tf: FakeTf, cones: Cones) -> None:
     shift = Pose.planar(2.0, -1.0, 0.5)
     tf.known["map", "odom"] = shift
@@ -77,7 +67,7 @@ def test_a_cone_in_another_frame_is_moved(live: Any, tf: FakeTf, cones: Cones) -
         live.until(lambda n=number: node.health.total("fused") == n + 1)
     expected = Pipeline()
     for _, cone in cones[:5]:
-        expected.fuse(replace(cone, pose=compose(shift, cone.pose)))
+        expected.fuse(replace(cone, pose=shift.compose(cone.pose)))
     np.testing.assert_allclose(
         node.session.fusion.occupancy_map().log_odds, expected.occupancy_map().log_odds, atol=1e-4
     )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
@@ -54,3 +55,63 @@ def test_planar_covariance_is_that_of_x_y_and_yaw():
 def test_impossible_poses_are_named(change, field):
     with pytest.raises(MalformedMessageError, match=field):
         replace(Pose.planar(0.0, 0.0, 0.0), **change).validate()
+
+
+def test_poses_are_composed_as_transforms_are():
+    outer = Pose.planar(1.0, 2.0, np.pi / 2, 0.5)
+    inner = Pose.planar(3.0, 0.0, 0.25, planar_covariance=np.diag([0.04, 0.01, 0.001]))
+    pose = outer.compose(inner)
+    np.testing.assert_allclose(pose.position_m, [1.0, 5.0, 0.5], atol=1e-12)
+    assert pose.yaw_rad == pytest.approx(np.pi / 2 + 0.25)
+    np.testing.assert_allclose(pose.planar_covariance, np.diag([0.01, 0.04, 0.001]), atol=1e-12)
+
+
+def test_a_mount_turns_with_its_robot():
+    pose = Pose.planar(1.0, 2.0, np.pi / 2).compose(Pose.planar(0.2, 0.1, np.pi / 2, 0.4))
+    np.testing.assert_allclose(pose.position_m, [0.9, 2.2, 0.4])
+    assert abs(pose.yaw_rad) == pytest.approx(np.pi)
+
+
+def tilted(yaw, pitch, roll=0.0):
+    """Pose of a transducer that was turned by yaw, then pitched down, then rolled."""
+    turn = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    return Pose(np.array([1.0, -2.0, 0.5]), turn.as_quat())
+
+
+def test_points_in_the_plane_have_range_and_bearing():
+    ranges_m, bearings_rad = Pose.planar(1.0, -2.0, 2.5, 0.7).polar(
+        np.array([[1.0 + 2.0 * np.cos(3.0), -2.0 + 2.0 * np.sin(3.0)], [1.0, -2.0]])
+    )
+    np.testing.assert_allclose(ranges_m, [2.0, 0.0])
+    assert bearings_rad[0] == pytest.approx(0.5)
+
+
+def test_points_behind_have_bearings_up_to_half_a_turn():
+    _, bearings_rad = Pose.planar(0.0, 0.0, np.pi - 0.1).polar(np.array([[-2.0, -0.2]]))
+    assert bearings_rad[0] == pytest.approx(0.1 + np.arctan(0.1))
+
+
+@pytest.mark.parametrize("roll", [0.0, 1.0])
+def test_a_tilted_transducer_sees_points_off_its_axis(roll):
+    """Looking down by 0.3, one ahead at the same height is 0.3 off the axis, whatever the roll."""
+    pose = tilted(0.8, 0.3, roll)
+    ahead = pose.position_m + 2.0 * np.array([np.cos(0.8), np.sin(0.8), 0.0])
+    for point in (ahead, ahead[:2]):
+        range_m, bearing_rad = pose.polar(point)
+        assert range_m == pytest.approx(2.0)
+        assert abs(bearing_rad) == pytest.approx(0.3)
+    on_axis = pose.position_m + 2.0 * pose.rotation.apply([1.0, 0.0, 0.0])
+    assert pose.polar(on_axis)[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_point_above_is_off_the_axis_by_its_elevation():
+    range_m, bearing_rad = Pose.planar(0.0, 0.0, 0.0, 0.5).polar(np.array([3.0, 0.0, 3.5]))
+    assert range_m == pytest.approx(3.0 * np.sqrt(2.0))
+    assert bearing_rad == pytest.approx(np.pi / 4.0)
+
+
+def test_a_pose_within_a_tilted_one_sees_what_stands_before_both():
+    outer, inner = tilted(0.4, -0.2, 0.3), tilted(-1.0, 0.5)
+    point = np.array([0.3, 1.2, -0.4])
+    seen = outer.compose(inner).polar(outer.position_m + outer.rotation.apply(point))
+    assert seen == pytest.approx(inner.polar(point))

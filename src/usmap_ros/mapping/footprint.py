@@ -66,10 +66,9 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
     transducer = cone.transducer
     in_range = (range_m > transducer.min_range_m) & (range_m < transducer.max_range_m)
     row, column = np.nonzero(in_beam & in_range)
-    range_m = range_m[row, column]
+    centers_m = np.stack([columns[column] + 0.5, rows[row] + 0.5], axis=-1) * resolution_m
+    range_m, bearing_rad = cone.pose.polar(centers_m)
     cosine, sine = east_m[column] / range_m, north_m[row] / range_m
-    left_m = np.cos(yaw_rad) * north_m[row] - np.sin(yaw_rad) * east_m[column]
-    bearing_rad = np.arctan2(left_m, ahead_m[row, column])
     range_std_m, bearing_std_rad = _pose_spread(cone.pose.planar_covariance, cosine, sine, range_m)
     gain = np.maximum(beam.gain(bearing_rad), LEAST_GAIN)
     absorption = cone.attenuation_db_m * np.log(10.0) / 20.0

@@ -171,7 +171,7 @@ class EchoDriver(Node):
         if stamp_ns == sonar.last_stamp_ns:
             return  # Nothing new is known of where it is.
         sonar.last_stamp_ns = stamp_ns
-        pose = sonar.mounted.pose_on(base)
+        pose = base.compose(sonar.mounted.mount)
         trace = self._simulator.ping(sonar.mounted, pose, stamp_ns, sonar.rng)
         sonar.echo.publish(trace_to_message(trace, self._types))
         self.health.count("published")

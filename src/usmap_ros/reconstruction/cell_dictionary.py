@@ -65,11 +65,8 @@ class ConeCells:
         side = np.arange(2 * int(np.ceil(reach)) + 2)
         row, column = (grid.reshape(-1) for grid in np.meshgrid(side, side, indexing="ij"))
         row, column = row + first_row, column + first_column
-        east_m = (column + 0.5) * resolution_m - x_m
-        north_m = (row + 0.5) * resolution_m - y_m
-        range_m = np.hypot(east_m, north_m)
-        turned = np.arctan2(north_m, east_m) - pose.yaw_rad
-        bearing = np.arctan2(np.sin(turned), np.cos(turned))
+        centers_m = (np.stack([column, row], axis=-1) + 0.5) * resolution_m
+        range_m, bearing = pose.polar(centers_m)
         gain = transducer.beam.gain(bearing)
         seen = (range_m >= transducer.min_range_m) & (range_m <= transducer.max_range_m)
         inside = np.flatnonzero(seen & (gain > 0.0) & (range_m > 0.0))

@@ -62,17 +62,6 @@ class MountedTransducer:
     stated_noise_std: float
     pose_stds: FloatArray
 
-    def pose_on(self, base: Pose) -> Pose:
-        """True pose of the transducer on a robot whose base is at `base`."""
-        cosine, sine = np.cos(base.yaw_rad), np.sin(base.yaw_rad)
-        x, y, z = self.mount.position_m
-        return Pose.planar(
-            base.position_m[0] + cosine * x - sine * y,
-            base.position_m[1] + sine * x + cosine * y,
-            base.yaw_rad + self.mount.yaw_rad,
-            base.position_m[2] + z,
-        )
-
     @property
     def listening_s(self) -> float:
         """Until one pulse length after the echo from the largest range, over the longest path.
@@ -154,8 +143,7 @@ class EchoSimulator:
         """Delays and amplitudes of all paths that can arrive while the receiver listens."""
         beam = sonar.transducer.beam
         view = View(
-            true_pose.position_m[:2],
-            true_pose.yaw_rad,
+            true_pose,
             beam.half_angle_rad,
             sonar.listening_s * sonar.channel.sound_speed_m_s / 2.0,
         )
@@ -208,7 +196,7 @@ class SimulatedRobot:
         for ping in range(ping_count(duration_s, self.ping_interval_s)):
             time_s = self.first_ping_s[index] + ping * self.ping_interval_s
             stamp_ns = start_ns + round(time_s * NANOSECONDS)
-            pose = transducer.pose_on(self.motion.pose(time_s))
+            pose = self.motion.pose(time_s).compose(transducer.mount)
             yield transducer.topic, simulator.ping(transducer, pose, stamp_ns, rng)
 
 

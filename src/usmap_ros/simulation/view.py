@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.geometry import Pose
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.surfaces import Walls
 from usmap_ros.simulation.visibility import (
@@ -27,20 +28,22 @@ class View:
 
     Parameters
     ----------
-    position_m : (2,) array
-        Of the transducer.
-    heading_rad : float
-        Of the beam axis.
+    pose : Pose
+        Of the transducer; the beam axis is its x axis.
     half_angle_rad : float
         Of the cone.
     reach_m : float
         How far it can hear.
     """
 
-    position_m: FloatArray
-    heading_rad: float
+    pose: Pose
     half_angle_rad: float
     reach_m: float
+
+    @property
+    def position_m(self) -> FloatArray:
+        """Of the transducer in the plane, shape (2,)."""
+        return self.pose.position_m[:2]
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class Targets:
     ranges_m : (n,) array
         Distance from the transducer.
     bearings_rad : (n,) array
-        Off the beam axis, in (-π, π].
+        Off the beam axis, as `Pose.polar` has them.
     reflectivities : (n,) array
         Of each as a point target.
     """
@@ -117,22 +120,12 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
         candidates.discs,
     )
     candidates = candidates.where(~hidden)
-    ranges, bearings = _polar(candidates.positions_m, view)
+    ranges, bearings = view.pose.polar(candidates.positions_m)
     return Targets(ranges, bearings, candidates.reflectivities)
 
 
-def _polar(positions_m: FloatArray, view: View) -> tuple[FloatArray, FloatArray]:
-    offsets = positions_m - view.position_m
-    bearings = np.arctan2(offsets[:, 1], offsets[:, 0]) - view.heading_rad
-    return np.hypot(offsets[:, 0], offsets[:, 1]), _wrapped(bearings)
-
-
-def _wrapped(angles_rad: FloatArray) -> FloatArray:
-    return np.pi - np.mod(np.pi - angles_rad, 2.0 * np.pi)
-
-
 def _in_cone(candidates: _Candidates, view: View) -> BoolArray:
-    ranges, bearings = _polar(candidates.positions_m, view)
+    ranges, bearings = view.pose.polar(candidates.positions_m)
     inside: BoolArray = (ranges <= view.reach_m) & (ranges >= _NEAREST_M)
     inside &= np.abs(bearings) <= view.half_angle_rad
     return inside & (candidates.reflectivities > 0.0)
@@ -151,7 +144,7 @@ def _walls_near(walls: Walls, view: View) -> IntArray:
     # Up to 90° the cone is where two half planes overlap: a wall is outside of it if both of its
     # ends are beyond the same edge.
     for sign in (1.0, -1.0):
-        edge_rad = view.heading_rad + sign * view.half_angle_rad
+        edge_rad = view.pose.yaw_rad + sign * view.half_angle_rad
         edge = np.array([np.cos(edge_rad), np.sin(edge_rad)])
         beyond_start = sign * cross(edge, walls.starts_m[near] - view.position_m) > 0.0
         beyond_end = sign * cross(edge, walls.ends_m[near] - view.position_m) > 0.0

@@ -116,13 +116,6 @@ def test_moving_objects_start_with_the_scene(scene, sonar):
     assert 343.0 * (heard_at - 0.00016) / 2.0 == pytest.approx(2.0, abs=0.01)
 
 
-def test_a_mount_turns_with_its_robot(sonar):
-    transducer = sonar(mount=Pose.planar(0.2, 0.1, np.pi / 2, 0.4))
-    pose = transducer.pose_on(Pose.planar(1.0, 2.0, np.pi / 2))
-    np.testing.assert_allclose(pose.position_m, [0.9, 2.2, 0.4])
-    assert abs(pose.yaw_rad) == pytest.approx(np.pi)
-
-
 def test_pose_errors_have_the_covariance_that_is_stated():
     stds, rng = np.array([0.03, 0.05, 0.01]), np.random.default_rng(4)
     true = Pose.planar(1.0, -2.0, 3.1, 0.5)

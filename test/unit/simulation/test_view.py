@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from usmap_ros.geometry import Pose
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import MovingDisc
 from usmap_ros.simulation.surfaces import Surface, Walls
 from usmap_ros.simulation.view import View, targets_in_view
 
-AHEAD = View(np.zeros(2), 0.0, np.deg2rad(40.0), 5.0)
+AHEAD = View(Pose.planar(0.0, 0.0, 0.0), np.deg2rad(40.0), 5.0)
 
 
 def test_points_in_the_cone_are_heard_where_they_are(scene, points):
@@ -23,7 +24,7 @@ def test_what_is_outside_the_cone_or_too_far_is_not_heard(scene, points):
 
 
 def test_bearings_wrap_around(scene, points):
-    view = View(np.zeros(2), np.pi - 0.1, 0.7, 5.0)
+    view = View(Pose.planar(0.0, 0.0, np.pi - 0.1), 0.7, 5.0)
     targets = targets_in_view(scene(points((-2, -0.2))), view, 0.0)
     assert targets.bearings_rad[0] == pytest.approx(0.1 + np.arctan(0.1))
 
@@ -89,8 +90,8 @@ def test_leaving_out_walls_outside_the_cone_changes_nothing(scene, rough):
     world = scene(walls=wall, surface=rough)
     for heading in np.linspace(-3.0, 3.0, 9):
         # Beyond 90° no wall is left out.
-        wide = View(np.zeros(2), heading, 1.6, 5.0)
-        narrow = View(np.zeros(2), heading, 0.6, 5.0)
+        wide = View(Pose.planar(0.0, 0.0, heading), 1.6, 5.0)
+        narrow = View(Pose.planar(0.0, 0.0, heading), 0.6, 5.0)
         everything, cone = targets_in_view(world, wide, 0.0), targets_in_view(world, narrow, 0.0)
         inside = np.abs(everything.bearings_rad) <= 0.6
         np.testing.assert_array_equal(everything.ranges_m[inside], cone.ranges_m)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 from rclpy.time import Time
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
@@ -19,41 +17,6 @@ from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 
 class NoTransformError(UsmapError):
     """A transform that is not known, or not yet."""
-
-
-def compose(outer: Pose, inner: Pose) -> Pose:
-    """Pose in the frame that `outer` is given in, of what is at `inner` in `outer`'s own frame.
-
-    The covariance of `inner` is turned along; that of `outer` is not added.
-    """
-    rotation = _rotation(outer.orientation)
-    turn = np.kron(np.eye(2), rotation)
-    return Pose(
-        position_m=outer.position_m + rotation @ inner.position_m,
-        orientation=_product(outer.orientation, inner.orientation),
-        covariance=turn @ inner.covariance @ turn.T,
-    )
-
-
-def _product(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Quaternion of turning by `second`, then by `first`; x, y, z, w."""
-    (a, b), (u, v) = (first[3], first[:3]), (second[3], second[:3])
-    vector = a * v + u * b + np.cross(b, v)
-    product = np.append(vector, a * u - b @ v)
-    unit: FloatArray = product / np.linalg.norm(product)
-    return unit
-
-
-def _rotation(quaternion: FloatArray) -> FloatArray:
-    """Rotation matrix of a unit quaternion."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 class Transforms:
@@ -115,7 +78,7 @@ class Transforms:
             If the transform at its stamp is not known, or not yet.
         """
         outer, _ = self.pose_of(cone.frame_id, frame_id, cone.stamp_ns)
-        return replace(cone, frame_id=frame_id, pose=compose(outer, cone.pose))
+        return replace(cone, frame_id=frame_id, pose=outer.compose(cone.pose))
 
     def broadcast(self, pose: Pose, world: str, frame_id: str, stamp_ns: int) -> None:
         """Say where a frame is."""

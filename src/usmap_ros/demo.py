@@ -93,7 +93,10 @@ def run_demo(folder: Path, progress: Progress) -> DemoResult:
         save_summary(folder, summary)
         _draw(recorder, truth, paths, progress)
         range_only = recorder.range_only.occupancy_map()
-        return DemoResult(paths, summary, score(occupancy, truth), score(range_only, truth))
+        views = recorder.paths.views()
+        return DemoResult(
+            paths, summary, score(occupancy, truth, views), score(range_only, truth, views)
+        )
 
 
 def _demo_scenario() -> Scenario:

@@ -18,6 +18,7 @@ from usmap_ros.io.map_files import RobotPaths, load_map
 from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.views import Beam
 
 #: Called with topic and cone after each ping that was fused.
 ConeCallback = Callable[[str, EchoCone], None]
@@ -74,7 +75,7 @@ def map_bag(
     pipeline : Pipeline
         Where the map forms.
     paths : RobotPaths
-        Gets the position of each ping.
+        Gets the position and the beam of each ping.
     on_cone : callable, optional
         Called after each ping.
     workers : Reconstructors, optional
@@ -95,7 +96,8 @@ def map_bag(
             continue
         run.pings += 1
         run.echoes += len(cone.ranges_m)
-        paths.add(topic, float(cone.pose.position_m[0]), float(cone.pose.position_m[1]))
+        x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
+        paths.add(topic, x_m, y_m, Beam.of(cone))
         if on_cone is not None:
             on_cone(topic, cone)
     run.skipped = dict(bag.skipped.by_field)

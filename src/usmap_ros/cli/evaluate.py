@@ -20,6 +20,14 @@ def evaluate(
     truth: Annotated[
         Path, typer.Option(metavar="MAP.yaml", help="nav2 map of what is really there.")
     ],
+    max_range: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            min=0.0,
+            help="How far pings reached, all around, of which the map holds positions only.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the score as JSON.")] = False,
 ) -> None:
     """Score a map against a truth map."""
@@ -29,9 +37,9 @@ def evaluate(
     from usmap_ros.io.map_files import load_map, load_truth
     from usmap_ros.mapping.scoring import score
 
-    occupancy, _ = load_map(folder)
+    occupancy, paths = load_map(folder)
     try:
-        result = score(occupancy, load_truth(truth))
+        result = score(occupancy, load_truth(truth), paths.views(max_range))
     except ValueError as error:
         raise MapFileError(truth, f"does not fit {folder}: {error}") from error
     if as_json:
@@ -46,7 +54,7 @@ def evaluate(
 
 def describe(score: Score) -> dict[str, str]:
     """Score in words and figures, for people."""
-    return {
+    facts = {
         "F1": f"{score.f1:.3f}",
         "precision": f"{score.precision:.3f}",
         "recall": f"{score.recall:.3f}",
@@ -54,4 +62,11 @@ def describe(score: Score) -> dict[str, str]:
         "Brier score": f"{score.brier:.4f}",
         "mean distance": f"{score.mean_distance_m * 100:.1f} cm",
         "truth called free": f"{score.truth_called_free:.1%}",
+    }
+    if math.isnan(score.leak):
+        return facts
+    return facts | {
+        "leak (free, but out of sight)": f"{score.leak:.1%}",
+        "lost (seen walls called free)": f"{score.lost:.1%}",
+        "escape (reached, out of sight)": f"{score.escape_m2:.2f} m²",
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import shutil
 import zipfile
 import zlib
@@ -20,6 +21,7 @@ from usmap_ros.errors import MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.nav2_map import load_nav2_map, save_nav2_map
+from usmap_ros.views import Beam, PingViews
 
 GRID_FILE = "map.npz"
 SUMMARY_FILE = "summary.json"
@@ -38,19 +40,46 @@ _ARCHIVE_ERRORS = (
 
 @dataclass
 class RobotPaths:
-    """Where each transducer was at its pings, for pictures of the map.
+    """Where each transducer was at its pings and what it looked at.
+
+    For pictures of the map, and to judge whether what it calls free can have been seen.
 
     Parameters
     ----------
     positions_m : dict of lists of (x, y)
         By topic, in the order of stamps.
+    beams : dict of lists of Beam
+        The same for the beams; None where only a position is known.
     """
 
     positions_m: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    beams: dict[str, list[Beam | None]] = field(default_factory=dict)
 
-    def add(self, topic: str, x_m: float, y_m: float) -> None:
-        """Append a position."""
+    def __post_init__(self) -> None:
+        for topic, positions in self.positions_m.items():
+            self.beams.setdefault(topic, [None] * len(positions))
+
+    def add(self, topic: str, x_m: float, y_m: float, beam: Beam | None = None) -> None:
+        """Append a ping."""
         self.positions_m.setdefault(topic, []).append((x_m, y_m))
+        self.beams.setdefault(topic, []).append(beam)
+
+    def views(self, max_range_m: float | None = None) -> PingViews | None:
+        """What the pings of all topics looked at; None if that is not known of all of them.
+
+        Parameters
+        ----------
+        max_range_m : float, optional
+            How far those reached, all around, of which only the position is known.
+        """
+        beams = [beam for topic in self.positions_m for beam in self.beams[topic]]
+        if max_range_m is not None:
+            beams = [beam or Beam(0.0, math.pi, max_range_m) for beam in beams]
+        known = [beam for beam in beams if beam is not None]
+        if not known or len(known) < len(beams):
+            return None
+        places = [place for path in self.positions_m.values() for place in path]
+        return PingViews(np.array(places), np.array(known))
 
 
 @contextmanager
@@ -168,6 +197,8 @@ def load_truth(path: Path) -> TruthMap:
 
 def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
     positions = [np.reshape(path, (-1, 2)) for path in paths.positions_m.values()]
+    unknown = (math.nan,) * len(Beam._fields)
+    beams = [beam or unknown for topic in paths.positions_m for beam in paths.beams[topic]]
     content = io.BytesIO()
     np.savez_compressed(
         content,
@@ -180,6 +211,7 @@ def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
         path_topics=np.array(list(paths.positions_m), dtype=np.str_),
         path_lengths=np.array([len(path) for path in positions], dtype=np.int64),
         path_positions=np.concatenate([np.zeros((0, 2)), *positions]).astype(np.float32),
+        path_beams=np.reshape(beams, (-1, len(Beam._fields))).astype(np.float32),
     )
     return content.getvalue()
 
@@ -207,14 +239,16 @@ def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
 
 def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
     """Robots' paths; none in a map that another program wrote."""
+    paths = RobotPaths()
     if "path_topics" not in arrays:
-        return RobotPaths()
-    ends = np.cumsum(arrays["path_lengths"])
-    pieces = np.split(arrays["path_positions"].astype(float), ends[:-1])
-    topics = [str(topic) for topic in arrays["path_topics"]]
-    return RobotPaths(
-        {
-            topic: [(float(x), float(y)) for x, y in piece]
-            for topic, piece in zip(topics, pieces, strict=False)
-        }
-    )
+        return paths
+    positions = arrays["path_positions"].astype(float)
+    unknown = np.full((len(positions), len(Beam._fields)), np.nan)
+    beams = arrays.get("path_beams", unknown).astype(float)
+    if positions.shape[1:] != (2,) or beams.shape != unknown.shape:
+        raise ValueError(f"path_positions is {positions.shape} and path_beams {beams.shape}")
+    topics = np.repeat(arrays["path_topics"], arrays["path_lengths"])
+    for topic, (x_m, y_m), beam in zip(topics, positions, beams, strict=True):
+        known = bool(np.all(np.isfinite(beam)))
+        paths.add(str(topic), float(x_m), float(y_m), Beam(*map(float, beam)) if known else None)
+    return paths

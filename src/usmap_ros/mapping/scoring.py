@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY, OccupancyMap, TruthMap
+from usmap_ros.grids import FREE_PROBABILITY, OccupancyMap, TruthMap
+from usmap_ros.mapping.alignment import align
+from usmap_ros.mapping.drivability import Drivability, drivability
+from usmap_ros.views import PingViews
 
 #: Cells (Chebyshev) within which a predicted cell counts as right.
 TOLERANCE_CELLS = 1
@@ -36,6 +39,8 @@ class Score:
         Share of observed truth cells with a probability of at most 0.35.
     predicted_cells, truth_cells : int
         Observed cells predicted occupied, and observed truth cells.
+    leak, lost, escape_m2 : float
+        See `Drivability`; NaN if it is not known what the pings looked at.
     """
 
     precision: float
@@ -47,18 +52,32 @@ class Score:
     truth_called_free: float
     predicted_cells: int
     truth_cells: int
+    leak: float
+    lost: float
+    escape_m2: float
 
 
-def score(occupancy: OccupancyMap, truth: TruthMap) -> Score:
+def score(occupancy: OccupancyMap, truth: TruthMap, views: PingViews | None = None) -> Score:
     """Score a map against the truth.
+
+    Parameters
+    ----------
+    occupancy : OccupancyMap
+        The map.
+    truth : TruthMap
+        What is there.
+    views : PingViews, optional
+        What the pings that made the map looked at; without them it is not known whether one
+        can drive by it.
 
     Raises
     ------
     ValueError
         If the two have different resolutions, or origins that are not whole cells apart.
     """
-    probability, observed, occupied = _aligned(occupancy, truth)
-    predicted = observed & (probability >= OCCUPIED_PROBABILITY)
+    maps = align(occupancy, truth)
+    probability, observed, occupied = maps.probability, maps.observed, maps.occupied
+    predicted = maps.predicted
     seen_truth = observed & occupied
     neighbourhood = np.ones((2 * TOLERANCE_CELLS + 1,) * 2, dtype=bool)
     precision = _share(binary_dilation(occupied, neighbourhood), predicted)
@@ -67,6 +86,7 @@ def score(occupancy: OccupancyMap, truth: TruthMap) -> Score:
     seen_probability = np.clip(probability[observed], LOG_LOSS_CLIP, 1.0 - LOG_LOSS_CLIP)
     is_occupied = occupied[observed]
     losses = -np.log(np.where(is_occupied, seen_probability, 1.0 - seen_probability))
+    driving = Drivability(*[float("nan")] * 3) if views is None else drivability(maps, views)
     return Score(
         precision=precision,
         recall=recall,
@@ -77,6 +97,9 @@ def score(occupancy: OccupancyMap, truth: TruthMap) -> Score:
         truth_called_free=_share(probability <= FREE_PROBABILITY, seen_truth),
         predicted_cells=int(np.count_nonzero(predicted)),
         truth_cells=int(np.count_nonzero(seen_truth)),
+        leak=driving.leak,
+        lost=driving.lost,
+        escape_m2=driving.escape_m2,
     )
 
 
@@ -87,46 +110,14 @@ def calibration(
 
     Bins without a cell have NaN for the first two.
     """
-    probability, observed, occupied = _aligned(occupancy, truth)
+    maps = align(occupancy, truth)
+    probability, observed, occupied = maps.probability, maps.observed, maps.occupied
     index = np.minimum((probability[observed] * bins).astype(np.int64), bins - 1)
     count = np.bincount(index, minlength=bins)
     with np.errstate(invalid="ignore"):
         mean = np.bincount(index, probability[observed], bins) / count
         share = np.bincount(index, occupied[observed], bins) / count
     return mean, share, count
-
-
-def _aligned(
-    occupancy: OccupancyMap, truth: TruthMap
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Probability, observed and occupied on one grid that holds both maps."""
-    ours, theirs = occupancy.geometry, truth.geometry
-    resolution_m = ours.resolution_m
-    if not np.isclose(resolution_m, theirs.resolution_m, rtol=1e-6):
-        raise ValueError(
-            f"the map's cells are {resolution_m:g} m and the truth's {theirs.resolution_m:g} m"
-        )
-    offset = (np.array(theirs.origin_m) - np.array(ours.origin_m)) / resolution_m
-    if np.any(np.abs(offset - np.rint(offset)) > 0.01):
-        raise ValueError("the origins of map and truth are not whole cells apart")
-    column, row = (int(value) for value in np.rint(offset))
-    top, left = min(0, row), min(0, column)
-    shape = (
-        max(ours.shape[0], row + theirs.shape[0]) - top,
-        max(ours.shape[1], column + theirs.shape[1]) - left,
-    )
-    inside = _window(-top, -left, ours.shape)
-    probability = np.zeros(shape)
-    probability[inside] = occupancy.probability()
-    observed = np.zeros(shape, dtype=np.bool_)
-    observed[inside] = occupancy.observed
-    occupied = np.zeros(shape, dtype=np.bool_)
-    occupied[_window(row - top, column - left, theirs.shape)] = truth.occupied
-    return probability, observed, occupied
-
-
-def _window(row: int, column: int, shape: tuple[int, int]) -> tuple[slice, slice]:
-    return slice(row, row + shape[0]), slice(column, column + shape[1])
 
 
 def _share(property_: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:

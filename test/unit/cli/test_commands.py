@@ -47,12 +47,26 @@ def test_map_finds_the_poles(usmap: Run, recorded: Path) -> None:
     score = json.loads(done.stdout)
     assert score["precision"] == 1.0
     assert score["predicted_cells"] >= 2
+    # In the open nothing hides anything.
+    assert (score["leak"], score["lost"], score["escape_m2"]) == (0.0, 0.0, 0.0)
 
 
 def test_a_score_for_people(usmap: Run, recorded: Path) -> None:
     lines = usmap("evaluate", "map", "--truth", "truth.yaml", cwd=recorded).stdout.splitlines()
     assert lines[0] == "map against truth.yaml"
     assert lines[1].split()[0] == "F1"
+    assert [line.split()[0] for line in lines[-3:]] == ["leak", "lost", "escape"]
+
+
+def test_a_map_without_beams_is_told_how_far_pings_reached(usmap: Run, workspace: Path) -> None:
+    arrays = dict(np.load(workspace / "map" / "map.npz"))
+    arrays["path_beams"][:] = np.nan
+    (workspace / "other").mkdir()
+    np.savez(workspace / "other" / "map.npz", **arrays)
+    evaluate = ("evaluate", "other", "--truth", "truth.yaml", "--json")
+    assert json.loads(usmap(*evaluate, cwd=workspace).stdout)["leak"] is None
+    near = json.loads(usmap(*evaluate, "--max-range", "0.5", cwd=workspace).stdout)
+    assert near["leak"] > 0.0
 
 
 def test_resume_goes_on_where_the_map_was_left(usmap: Run, workspace: Path) -> None:

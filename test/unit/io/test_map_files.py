@@ -17,6 +17,7 @@ from usmap_ros.io.map_files import (
     save_summary,
 )
 from usmap_ros.io.nav2_map import load_nav2_map, save_truth
+from usmap_ros.views import Beam
 
 
 @pytest.fixture
@@ -28,7 +29,8 @@ def occupancy() -> OccupancyMap:
 
 
 def test_a_map_survives_saving(occupancy: OccupancyMap, tmp_path: Path) -> None:
-    paths = RobotPaths({"/b": [(0.0, 1.0), (2.0, 3.0)], "/a": [(4.0, 5.0)]})
+    paths = RobotPaths({"/b": [(0.0, 1.0), (2.0, 3.0)]})
+    paths.add("/a", 4.0, 5.0, Beam(-0.5, 0.75, 5.0))
     save_map(tmp_path, occupancy, paths)
     loaded, loaded_paths = load_map(tmp_path)
     assert loaded.geometry == occupancy.geometry
@@ -36,6 +38,26 @@ def test_a_map_survives_saving(occupancy: OccupancyMap, tmp_path: Path) -> None:
     np.testing.assert_array_equal(loaded.observed, occupancy.observed)
     assert (loaded.frame_id, loaded.stamp_ns) == ("map", 5)
     assert loaded_paths == paths
+
+
+def test_views_need_every_beam_or_a_range() -> None:
+    paths = RobotPaths({"/b": [(0.0, 1.0)]})
+    paths.add("/a", 4.0, 5.0, Beam(-0.5, 0.75, 5.0))
+    assert paths.views() is None
+    assert RobotPaths().views(3.0) is None
+    views = paths.views(3.0)
+    assert views is not None
+    assert views.positions_m.tolist() == [[0.0, 1.0], [4.0, 5.0]]
+    assert views.beams.tolist() == [[0.0, np.pi, 3.0], [-0.5, 0.75, 5.0]]
+
+
+def test_paths_without_beams_are_read(occupancy: OccupancyMap, tmp_path: Path) -> None:
+    save_map(tmp_path, occupancy, RobotPaths({"/b": [(0.0, 1.0), (2.0, 3.0)]}))
+    arrays = dict(np.load(tmp_path / "map.npz"))
+    del arrays["path_beams"]
+    np.savez(tmp_path / "map.npz", **arrays)
+    _, paths = load_map(tmp_path)
+    assert paths.beams == {"/b": [None, None]}
 
 
 def test_the_contracts_arrays(occupancy: OccupancyMap, tmp_path: Path) -> None:

@@ -15,11 +15,14 @@ def record(
         Path, typer.Option("--output", "-o", metavar="BAG", help="Folder of the new recording.")
     ],
     topics: Annotated[
-        str, typer.Option(metavar="REGEX", help="Record topics whose whole name matches.")
-    ] = ".*",
+        str | None,
+        typer.Option(metavar="REGEX", help="Record only topics whose whole name matches."),
+    ] = None,
 ) -> None:
     """Record ROS topics into MCAP until Ctrl-C; what was written outlives even a kill."""
     require_ros()
     from usmap_ros.nodes.bag_recorder import BagRecorder
+    from usmap_ros.parameters.nodes import BagRecorderParameters
 
-    run_live_node(BagRecorder, {"bag": str(output), "topic_pattern": topics})
+    given = {"bag": str(output), "topic_pattern": topics}
+    run_live_node(BagRecorder, BagRecorderParameters, given)

@@ -13,36 +13,43 @@ from usmap_ros.cli.live import require_ros, run_live_node
 def replay(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="rosbag2 folder, .mcap or .db3 file.")],
     rate: Annotated[
-        float,
-        typer.Option(
-            min=0.001, max=1000.0, metavar="R", help="Speed, relative to the recording's."
-        ),
-    ] = 1.0,
+        float | None,
+        typer.Option(metavar="R", help="Speed, relative to the recording's."),
+    ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Start over at the end.")] = False,
     start_paused: Annotated[
         bool, typer.Option("--start-paused", help="Wait for the service /bag_replay/pause.")
     ] = False,
     topics: Annotated[
-        str, typer.Option(metavar="REGEX", help="Publish topics whose whole name matches.")
-    ] = ".*",
-    clock: Annotated[bool, typer.Option(help="Publish /clock.")] = True,
+        str | None,
+        typer.Option(metavar="REGEX", help="Publish only topics whose whole name matches."),
+    ] = None,
+    clock: Annotated[
+        bool | None, typer.Option("--clock/--no-clock", help="Whether to publish /clock.")
+    ] = None,
     wait: Annotated[
-        float, typer.Option(min=0.0, metavar="S", help="Longest wait for subscribers, in seconds.")
-    ] = 5.0,
+        float | None,
+        typer.Option(metavar="S", help="Longest wait for subscribers, in seconds."),
+    ] = None,
 ) -> None:
-    """Publish a bag on ROS topics, with its own QoS, and its time on /clock."""
+    """Publish a bag on ROS topics, with its own QoS, and its time on /clock.
+
+    What is not given has the default of the node bag_replay.
+    """
     require_ros()
     import rclpy
 
     from usmap_ros.nodes.bag_replay import BagReplay
+    from usmap_ros.parameters.nodes import BagReplayParameters
 
     run_live_node(
         lambda **options: BagReplay(on_end=rclpy.try_shutdown, **options),
+        BagReplayParameters,
         {
             "bag": str(bag),
             "rate": rate,
-            "loop": loop,
-            "start_paused": start_paused,
+            "loop": loop or None,
+            "start_paused": start_paused or None,
             "topic_pattern": topics,
             "clock": clock,
             "wait_s": wait,

@@ -99,7 +99,7 @@ class Live:
         node.close()
 
     def until(
-        self, condition: Callable[[], Any], timeout_s: float = 30.0, what: object = None
+        self, condition: Callable[[], Any], timeout_s: float = 90.0, what: object = None
     ) -> Any:
         """Spin until a condition holds; its value."""
         end_s = time.monotonic() + timeout_s

@@ -123,7 +123,7 @@ def test_a_killed_recording_keeps_what_was_written(
     recorder.send_signal(signal.SIGKILL)
     recorder.wait()
     player.send_signal(signal.SIGINT)
-    assert player.wait(30.0) == 0
+    assert player.wait(90.0) == 0
     with BagReader([tmp_path / "recorded"]) as kept:
         assert kept.trace_count > 100
         assert kept.skipped.total == 0

@@ -76,13 +76,14 @@ def test_a_cone_in_another_frame_is_moved(live: Any, tf: FakeTf, cones: Cones) -
 def test_a_cone_waits_for_its_transform_but_not_forever(
     live: Any, tf: FakeTf, cones: Cones
 ) -> None:
-    node = live.add(MapFusion, frame_id="map", transform_wait_s=1.0)
+    node = live.add(MapFusion, frame_id="map", transform_wait_s=10.0)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     publisher.publish(cone_to_message(replace(cones[0][1], frame_id="odom"), TYPES))
-    live.spin(0.3)
+    live.until(lambda: node.health.total("received") == 1)
     assert node.health.total("refused") == 0
     tf.known["map", "odom"] = Pose.planar(0.0, 0.0, 0.0)
     live.until(lambda: node.health.total("fused") == 1)
+    assert live.set_parameter("/map_fusion", "transform_wait_s", 0.0).successful
     publisher.publish(cone_to_message(replace(cones[1][1], frame_id="moon"), TYPES))
     live.until(lambda: node.health.total("refused") == 1)
     assert "moon is not connected to map" in node.health.reason("refused")
@@ -91,7 +92,13 @@ def test_a_cone_waits_for_its_transform_but_not_forever(
 def test_tf_moves_a_simulated_robot(live: Any, tf: FakeTf, request: Any) -> None:
     scenario = str(request.config.rootpath / "config/scenarios/poles.yaml")
     node = live.add(
-        EchoDriver, scenario=scenario, pose_source="tf", publish_tf=True, ping_rate_hz=50.0
+        EchoDriver,
+        scenario=scenario,
+        pose_source="tf",
+        publish_tf=True,
+        ping_rate_hz=50.0,
+        # The machine may be busy.
+        pose_timeout_s=1e6,
     )
     echoes = live.listen("usmap_msgs/msg/EchoTrace", "/echo")
     live.until(lambda: node.health.total("without pose"))

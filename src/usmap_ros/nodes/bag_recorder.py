@@ -14,8 +14,8 @@ from usmap_ros.errors import BagError, ConfigurationError
 from usmap_ros.io.bag_writer import BagWriter
 from usmap_ros.io.bag_writer import qos_profile as recorded_profile
 from usmap_ros.live.interfaces import BAG_RECORDER, Qos
+from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import every, qos_profile
-from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import run_node
@@ -49,7 +49,7 @@ class BagRecorder(Node):
             raise ConfigurationError(
                 f"parameters of {self.get_fully_qualified_name()}", "bag: is missing"
             )
-        self.health = Health(self, parameters.diagnostics_period_s, ("received", "failed"))
+        self.health = NodeHealth(self, parameters.diagnostics_period_s, ("received", "failed"))
         self._writer = _start_recording(Path(parameters.bag).expanduser())
         self._known: set[str] = set()
         every(self, parameters.discovery_period_s, self._look_for_topics)
@@ -89,7 +89,7 @@ class BagRecorder(Node):
         self.get_logger().info(f"recording {topic}")
 
     def _write(self, topic: str, message_type: str, payload: bytes) -> None:
-        self.health.received()
+        self.health.work("received")
         now_ns = self.get_clock().now().nanoseconds
         try:
             self._writer.write_serialized(topic, message_type, now_ns, payload)

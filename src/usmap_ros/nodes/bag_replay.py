@@ -18,8 +18,8 @@ from usmap_ros.errors import BagError, ConfigurationError
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.storage import Channel
 from usmap_ros.live.interfaces import BAG_REPLAY, CLOCK, NODES, PAUSE, Qos
+from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, every, qos_profile, serve
-from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import run_node
@@ -68,7 +68,7 @@ class BagReplay(Node):
                 f"parameters of {self.get_fully_qualified_name()}", "bag: is missing"
             )
         self._on_end = on_end
-        self.health = Health(self, parameters.diagnostics_period_s, ("published", "loops"))
+        self.health = NodeHealth(self, parameters.diagnostics_period_s, ("published", "loops"))
         self._bag = RawBagReader(Path(parameters.bag).expanduser())
         try:
             self._outputs = self._advertise_all()
@@ -157,7 +157,7 @@ class BagReplay(Node):
             output.room = output.depth
         output.publisher.publish(payload)
         output.room -= 1
-        self.health.count("published")
+        self.health.work("published")
 
     def _end(self) -> None:
         for output in self._outputs.values():

@@ -16,8 +16,8 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import cone_to_message, points_to_message, trace_from_message
 from usmap_ros.live.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO
 from usmap_ros.mapping.candidates import candidate_cells
+from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
-from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.plumbing.run import run_node
@@ -57,7 +57,7 @@ class ConeReconstructor(Node):
         self.parameters = ParameterServer(self, ConeReconstructorParameters)
         self.parameters.on_change.append(self._renew_pipeline)
         self._renew_pipeline()
-        self.health = Health(
+        self.health = NodeHealth(
             self,
             self.parameters.value.diagnostics_period_s,
             ("received", "published", "malformed", "dropped", "failed"),
@@ -87,7 +87,7 @@ class ConeReconstructor(Node):
         self._pipeline = Pipeline(parameters)
 
     def _receive(self, channel: _Channel, message: Any) -> None:
-        self.health.received()
+        self.health.work("received")
         depth = self.parameters.value.queue_depth
         while len(self._queue) >= depth:
             self._queue.popleft()

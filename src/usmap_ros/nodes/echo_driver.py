@@ -14,9 +14,9 @@ from usmap_ros.errors import ConfigurationError, MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import range_to_message, trace_to_message
 from usmap_ros.live.interfaces import ECHO, ECHO_DRIVER, RANGE
+from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, within
 from usmap_ros.nodes.plumbing.frames import Transforms
-from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.pose_sources import (
     NoPoseError,
@@ -64,7 +64,7 @@ class EchoDriver(Node):
         )
         self.parameters = ParameterServer(self, EchoDriverParameters)
         parameters = self.parameters.value
-        self.health = Health(
+        self.health = NodeHealth(
             self,
             parameters.diagnostics_period_s,
             ("received", "malformed", "published", "without pose"),
@@ -174,7 +174,7 @@ class EchoDriver(Node):
         pose = base.compose(sonar.mounted.mount)
         trace = self._simulator.ping(sonar.mounted, pose, stamp_ns, sonar.rng)
         sonar.echo.publish(trace_to_message(trace, self._types))
-        self.health.count("published")
+        self.health.work("published")
         self._publish_extras(sonar, trace, pose)
 
     def _publish_extras(self, sonar: _Sonar, trace: EchoTrace, pose: Pose) -> None:

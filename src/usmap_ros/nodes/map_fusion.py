@@ -13,9 +13,9 @@ from usmap_ros.errors import MapFileError, UsmapError
 from usmap_ros.io.map_files import map_folder, save_map
 from usmap_ros.live.interfaces import GET_MAP, MAP_FUSION, PAUSE, RESET, SAVE_MAP
 from usmap_ros.nodes.plumbing.cone_topics import ConeTopics
+from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import every, serve
 from usmap_ros.nodes.plumbing.frames import Transforms
-from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.nodes.plumbing.map_session import MapSession
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.run import run_node
@@ -49,7 +49,7 @@ class MapFusion(LifecycleNode):
         self._is_paused = False
         self.parameters = ParameterServer(self, MapFusionParameters, self._why_fixed)
         self.parameters.on_change.append(self._take_over_parameters)
-        self.health = Health(self, self.parameters.value.diagnostics_period_s, _COUNTED)
+        self.health = NodeHealth(self, self.parameters.value.diagnostics_period_s, _COUNTED)
         self._transforms = Transforms(
             self, "cones must be in the map's frame, as the pose in each message is"
         )
@@ -160,7 +160,7 @@ class MapFusion(LifecycleNode):
         session.set_sources(topics.look(self.parameters.value.topic_pattern))
 
     def _receive(self, session: MapSession, topic: str, message: Any) -> None:
-        self.health.received()
+        self.health.work("received")
         if self._is_paused:
             self.health.count("paused")
         else:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.live.health import Health
 from usmap_ros.nodes.plumbing.frames import NoTransformError, Transforms
-from usmap_ros.nodes.plumbing.health import Health
 
 
 class ForeignCones:

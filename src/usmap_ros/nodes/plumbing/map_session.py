@@ -10,10 +10,10 @@ from usmap_ros.errors import MalformedMessageError, MapFileError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions import cone_from_message
 from usmap_ros.live.checkpoint import Checkpoint
+from usmap_ros.live.health import Health
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
 from usmap_ros.nodes.plumbing.frames import Transforms
-from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.worker import Worker

@@ -9,10 +9,10 @@ from rclpy.node import Node
 from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_from_message
+from usmap_ros.live.health import Health
 from usmap_ros.live.interfaces import ODOM
 from usmap_ros.nodes.plumbing.endpoints import subscribe
 from usmap_ros.nodes.plumbing.frames import NoTransformError, Transforms
-from usmap_ros.nodes.plumbing.health import Health
 from usmap_ros.simulation.motion import Motion
 
 
@@ -80,7 +80,7 @@ class OdometryPose:
         return _young_enough(self._latest, now_ns, self._timeout_s)
 
     def _receive(self, message: Any) -> None:
-        self._health.received()
+        self._health.count("received")
         try:
             self._latest = odometry_from_message(message)
         except MalformedMessageError as error:

@@ -1,0 +1,103 @@
+"""Cones as they come, in the order of their stamps, with a clock that the tests set."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.live.live_fusion import LiveFusion
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate
+
+WAIT_S = 0.5
+
+
+@pytest.fixture(scope="module")
+def cones(request: pytest.FixtureRequest) -> list[EchoCone]:
+    """Give four cones of three robots, in the order of their stamps."""
+    scenario = Scenario.load(request.config.rootpath / "config/scenarios/poles.yaml")
+    pipeline = Pipeline()
+    pings = simulate(scenario)
+    return [pipeline.reconstruct(next(pings)[1]) for _ in range(4)]
+
+
+@pytest.fixture
+def fusion(clock: Any) -> LiveFusion:
+    """Give a fusion that knows of two robots."""
+    made = LiveFusion(MappingParameters(resolution_m=0.2), WAIT_S, capacity=3, clock=clock)
+    made.set_sources({"a": True, "b": True})
+    return made
+
+
+def test_a_silent_robot_holds_the_others_up_once(
+    fusion: LiveFusion, cones: list[EchoCone], clock: Any
+) -> None:
+    fusion.receive("a", cones[0])
+    assert fusion.fuse_next() is None
+    clock.pass_time(0.2)
+    assert fusion.due_in_s() == pytest.approx(WAIT_S - 0.2)
+    clock.pass_time(0.3)
+    fused = fusion.fuse_next()
+    assert fused is not None
+    assert (fused.topic, fused.latency_s) == ("a", pytest.approx(WAIT_S))
+    fusion.receive("a", cones[1])
+    assert fusion.due_in_s() == 0.0
+    assert fusion.fuse_next() is not None
+
+
+def test_a_robot_that_left_holds_nobody_up(fusion: LiveFusion, cones: list[EchoCone]) -> None:
+    fusion.receive("a", cones[0])
+    assert fusion.fuse_next() is None
+    fusion.set_sources({"a": True, "b": False})
+    assert fusion.fuse_next() is not None
+
+
+def test_a_shorter_wait_holds_at_once(fusion: LiveFusion, cones: list[EchoCone]) -> None:
+    fusion.receive("a", cones[0])
+    fusion.set_limits(0.0, 3)
+    assert fusion.fuse_next() is not None
+
+
+def test_frame_and_stamp_are_those_of_the_cones(fusion: LiveFusion, cones: list[EchoCone]) -> None:
+    fusion.set_limits(0.0, 3)
+    assert fusion.frame_id == ""
+    fusion.receive("a", cones[1])
+    assert fusion.frame_id == "map"
+    fusion.fuse_next()
+    fusion.receive("b", cones[0])
+    fusion.fuse_next()
+    occupancy = fusion.occupancy_map()
+    assert (occupancy.frame_id, occupancy.stamp_ns) == ("map", cones[1].stamp_ns)
+    fusion.reset()
+    occupancy = fusion.occupancy_map()
+    assert not occupancy.observed.any()
+    assert (occupancy.frame_id, occupancy.stamp_ns) == ("map", cones[1].stamp_ns)
+
+
+def test_a_map_is_resumed_in_its_frame_only(clock: Any, cones: list[EchoCone]) -> None:
+    parameters = MappingParameters(resolution_m=0.2)
+    first = LiveFusion(parameters, 0.0, 3, clock=clock)
+    first.receive("a", cones[0])
+    first.fuse_next()
+    kept = first.occupancy_map()
+    second = LiveFusion(parameters, 0.0, 3, clock=clock)
+    second.resume(kept)
+    np.testing.assert_array_equal(second.occupancy_map().observed, kept.observed)
+    assert second.frame_id == "map"
+    assert second.occupancy_map().stamp_ns == kept.stamp_ns
+    other = LiveFusion(parameters, 0.0, 3, "odom", clock)
+    with pytest.raises(ValueError, match="its frame is 'map' and not 'odom'"):
+        other.resume(kept)
+
+
+def test_a_cone_beyond_what_a_map_may_hold_is_refused(
+    fusion: LiveFusion, cones: list[EchoCone]
+) -> None:
+    fusion.receive("a", cones[0])
+    far = replace(cones[1].pose, position_m=np.array([1e5, 0.0, 0.0]))
+    with pytest.raises(MalformedMessageError, match="more than a map may hold"):
+        fusion.receive("a", replace(cones[1], pose=far))

@@ -94,6 +94,6 @@ $(OFFLINE): $(VENV)/pyvenv.cfg setup.py setup.cfg pyproject.toml constraints.txt
 
 $(FULL): $(OFFLINE) $(MESSAGES)
 	@echo "Installing ROS 2 and the tools, and compiling the messages (two minutes, once)"
-	@$(PINNED) --editable '.[dev,ros,solvers]'
+	@$(PINNED) --editable '.[dev,ros]'
 	@$(PINNED) --force-reinstall --no-deps ./msg_schemas
 	@touch $@

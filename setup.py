@@ -107,7 +107,6 @@ setup(
         "test": TEST,
         "dev": [*TEST, "mypy>=1.13", "pre-commit>=3.7", "ruff>=0.8", "scipy-stubs", "types-PyYAML"],
         "ros": ["ros-jazzy-common-interfaces", "ros-jazzy-rclpy[fastrtps]"],
-        "solvers": ["pylops>=2.3", "scikit-learn>=1.4"],
     },
     entry_points={
         "console_scripts": [f"{name} = {target}" for name, target in ENTRY_POINTS.items()]

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = "dev,ros,solvers"
+EXTRAS = "dev,ros"
 HEADER = """\
 # Exact versions for reproducible environments: pip install -c constraints.txt .
 # Written by tools/pin_versions.py; setup.py says what is really required.

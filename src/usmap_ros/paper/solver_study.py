@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -11,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.errors import UsmapError
 from usmap_ros.paper.drawing import COEFFICIENT
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (
@@ -24,19 +22,20 @@ from usmap_ros.paper.setting import (
     method,
     sets_of,
 )
+from usmap_ros.parameters.pipeline import SolverName
 from usmap_ros.plotting.style import INK, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.cells import explain
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, merged, same_direction
-from usmap_ros.reconstruction.solvers import Problem, SolverName, solve
-
-_LOGGER = logging.getLogger(__name__)
+from usmap_ros.reconstruction.problem import Problem
+from usmap_ros.reconstruction.solvers import solve
 
 NAMES: dict[SolverName, str] = {
     "cosamp": "CoSaMP",
     "omp": "OMP",
     "l1": "least l1 norm",
     "tv": "total variation",
+    "walls": "fewest walls",
     "nnls": "NNLS",
 }
 NOISE_STDS = (0.0, 0.001, 0.003, 0.01)
@@ -48,30 +47,10 @@ SAMPLES = (16, 24, 32, 48, 64, 96, 128)
 TRIALS = 6
 
 
-def available() -> list[SolverName]:
-    """Solvers whose packages are installed."""
-    problem = Problem(
-        MatrixOperator(np.eye(4)), np.ones(4), 4, places=np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
-    )
-    found: list[SolverName] = []
-    for solver in NAMES:
-        try:
-            solve(problem, solver)
-        except UsmapError:
-            continue
-        found.append(solver)
-    return found
-
-
 def table() -> Part:
     """Compare support, F1, residual and time over noise and number of objects."""
     dictionary = CellDictionary.for_trace(hear([], BASEBAND, pose=OBLIQUE), CELL_M)
-    solvers = available()
-    if missing := set(NAMES).difference(solvers):
-        _LOGGER.warning(
-            "left out the solvers %s: pip install 'usmap_ros[solvers]' brings what they need",
-            ", ".join(sorted(missing)),
-        )
+    solvers = list(NAMES)
     rows = [
         {"solver": solver, "noise_std": noise_std, "objects": count}
         | _compared(dictionary, solver, noise_std, count)
@@ -101,7 +80,7 @@ def table() -> Part:
 
 def phase_transition() -> Part:
     """Probability of exact support recovery against objects and samples."""
-    solvers = available()
+    solvers = list(NAMES)
     dictionary = CellDictionary.for_trace(hear([], BASEBAND, pose=OBLIQUE), CELL_M)
     operator, _ = merged(dictionary, same_direction(dictionary, np.random.default_rng(0)))
     places = np.stack([dictionary.cells.rows, dictionary.cells.columns], axis=-1)

@@ -8,6 +8,9 @@ from pydantic import model_validator
 
 from usmap_ros.parameters.fields import ParameterGroup, quantity
 
+#: Solvers of `usmap_ros.reconstruction.solvers`.
+SolverName = Literal["cosamp", "omp", "l1", "tv", "walls", "nnls", "integer", "binary"]
+
 
 class ReconstructionParameters(ParameterGroup):
     """How echoes are recovered from one trace."""
@@ -17,11 +20,11 @@ class ReconstructionParameters(ParameterGroup):
         "What echoes are looked for by: their delay, or, as in the paper, the grid cell at whose"
         " centre an object would return them.",
     )
-    solver: Literal["cosamp", "omp", "l1", "tv", "nnls", "integer", "binary"] = quantity(
+    solver: SolverName = quantity(
         "cosamp",
         "How few echoes are found that explain a trace: CoSaMP, orthogonal matching pursuit, least"
-        " l1 norm, least total variation, non-negative least squares, whole or binary"
-        " coefficients. All but CoSaMP need the dictionary of cells.",
+        " l1 norm, least total variation, fewest walls, non-negative least squares, whole or"
+        " binary coefficients. All but CoSaMP need the dictionary of cells.",
     )
     cell_size_m: float = quantity(
         0.05, "Side of a cell of the dictionary of cells.", "m", ge=0.005, le=2.0

@@ -51,6 +51,11 @@ class ConeCells:
         return len(self.rows)
 
     @property
+    def places(self) -> IndexArray:
+        """Row and column of every cell, shape (cells, 2)."""
+        return np.stack([self.rows, self.columns], axis=-1)
+
+    @property
     def centers_m(self) -> FloatArray:
         """Centres in the world frame, shape (cells, 2)."""
         places = np.stack([self.columns, self.rows], axis=-1).astype(float)

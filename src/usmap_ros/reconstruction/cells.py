@@ -16,22 +16,17 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import check_pulse
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
+from usmap_ros.reconstruction.column_sets import ColumnSets, alike, told_apart
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.detection import binned_maximum
-from usmap_ros.reconstruction.matrix_operator import (
-    MatrixOperator,
-    SparseMatrix,
-    identical,
-    merged,
-    represented,
-    same_direction,
-)
-from usmap_ros.reconstruction.solvers import Problem, solve
+from usmap_ros.reconstruction.matrix_operator import MatrixOperator
+from usmap_ros.reconstruction.problem import Problem
+from usmap_ros.reconstruction.solvers import solve
 from usmap_ros.trace import EchoTrace
 
-#: Of the random projections that find columns alike: fixed, so that results repeat.
-_SEED = 20180930
+#: Solvers that need no more of Φ than the samples that an echo touches.
+AS_SPARSE = ("cosamp", "omp", "l1", "tv", "walls")
 #: Share of a signal that its samples' single precision may amount to.
 _ROUNDING = 1e-6
 
@@ -47,11 +42,12 @@ class CellReconstruction:
     sets : (cells,) integer array
         Cells with the same number have parallel columns: no trace tells them apart.
     coefficients : (cells,) array
-        q.  Cells with parallel columns share what their set was given, equal columns equally.
+        q.  Cells with parallel columns share what their set was given, equal columns equally;
+        whole numbers are in single cells (see `usmap_ros.reconstruction.column_sets`).
     signal, residual : (samples,) arrays
-        y and y − Φ q.
+        y and r_err = y − A q (section 4).
     solution : Solution
-        What the solver returned, in terms of sets.
+        What the solver returned, in terms of the columns that it was given.
     noise_std : float
         Standard deviation of the noise of `signal`; of the residual where it is not stated.
     """
@@ -93,7 +89,7 @@ def reconstruct_cells(
     """
     check_pulse(trace)
     dictionary = CellDictionary.for_trace(
-        trace, parameters.cell_size_m, floor=floor, as_sparse=parameters.solver == "cosamp"
+        trace, parameters.cell_size_m, floor=floor, as_sparse=parameters.solver in AS_SPARSE
     )
     return explain(dictionary, trace, parameters)
 
@@ -103,25 +99,32 @@ def explain(
 ) -> CellReconstruction:
     """`reconstruct_cells` with a dictionary that is at hand."""
     signal, noise_std = cell_signal(trace)
-    sets, operator, shares = _told_apart(dictionary, parameters)
+    labels = alike(dictionary)
+    sets = told_apart(dictionary, labels, parameters.solver)
     problem = Problem(
-        operator=operator,
+        operator=sets.operator,
         signal=signal,
         sparsity=parameters.sparsity,
         tolerance=noise_std * float(np.sqrt(len(signal))),
         threshold=max(
-            _threshold(operator, noise_std, parameters.false_alarms_per_ping),
+            _threshold(sets.operator, noise_std, parameters.false_alarms_per_ping),
             _ROUNDING * float(np.linalg.norm(signal)),
         ),
         non_negative=parameters.non_negative,
-        places=_places(dictionary, sets),
+        places=dictionary.cells.places[sets.first],
+        cells=sets.sizes,
         max_iterations=parameters.max_iterations,
     )
-    solution = _few_cells(solve(problem, parameters.solver), problem, shares)
-    coefficients = shares[:, solution.support] @ solution.coefficients[:, 0]
+    solution = _few_cells(solve(problem, parameters.solver), problem, sets)
     rms = float(np.sqrt(np.mean(solution.residual**2)))
     return CellReconstruction(
-        dictionary, sets, coefficients, signal, solution.residual, solution, noise_std or rms
+        dictionary,
+        labels,
+        sets.by_cell(solution),
+        signal,
+        solution.residual,
+        solution,
+        noise_std or rms,
     )
 
 
@@ -129,7 +132,8 @@ def cell_cone(
     trace: EchoTrace, found: CellReconstruction, parameters: ReconstructionParameters
 ) -> EchoCone:
     """What fusion is told of a reconstruction by cells: an echo for each set of cells."""
-    dictionary, support = found.dictionary, found.solution.support
+    dictionary = found.dictionary
+    support = np.unique(found.sets[found.coefficients != 0.0])
     _, first = np.unique(found.sets, return_index=True)
     cell = first[support]
     ranges_m = dictionary.cells.ranges_m[cell]
@@ -187,34 +191,12 @@ def _threshold(operator: MatrixOperator, noise_std: float, false_alarms: float) 
     return noise_std * float(norm.isf(false_alarms / max(operator.block_count, 1)))
 
 
-def _told_apart(
-    dictionary: CellDictionary, parameters: ReconstructionParameters
-) -> tuple[IndexArray, MatrixOperator, SparseMatrix]:
-    """Label the sets of cells that look alike, and give a column for each, and their shares."""
-    generator = np.random.default_rng(_SEED)
-    if parameters.solver in ("integer", "binary"):
-        # Where the reflectivity is known, gain tells columns apart that are parallel.
-        sets = identical(dictionary, generator)
-        return sets, *represented(dictionary, sets)
-    sets = same_direction(dictionary, generator)
-    return sets, *merged(dictionary, sets)
-
-
-def _places(dictionary: CellDictionary, sets: IndexArray) -> IndexArray:
-    """Row and column of the first cell of each set."""
-    _, first = np.unique(sets, return_index=True)
-    places: IndexArray = np.stack(
-        [dictionary.cells.rows[first], dictionary.cells.columns[first]], axis=-1
-    )
-    return places
-
-
-def _few_cells(solution: Solution, problem: Problem, shares: SparseMatrix) -> Solution:
+def _few_cells(solution: Solution, problem: Problem, sets: ColumnSets) -> Solution:
     """Drop the weakest sets until no more than `sparsity` cells are left, and fit again."""
-    sizes = np.diff(shares.indptr)[solution.support]
+    cells = sets.cells_of(solution)
     strengths = problem.operator.echo_scores(solution.support, solution.coefficients)
     order = np.argsort(-strengths, kind="stable")
-    kept = np.sort(order[np.cumsum(sizes[order]) <= problem.sparsity])
+    kept = np.sort(order[np.cumsum(cells[order]) <= problem.sparsity])
     if len(kept) == len(order):
         return solution
     return problem.fitted(solution.support[kept], solution.iterations, solution.halt)

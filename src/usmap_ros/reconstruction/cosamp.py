@@ -5,6 +5,11 @@ Appl. Comput. Harmon. Anal. 26 (2009) 301-321; in blocks after Baraniuk, Cevher,
 Hegde, "Model-based compressive sensing", IEEE Trans. Inf. Theory 56 (2010) 1982-2001; with a
 band about each chosen atom excluded after Fannjiang & Liao, "Coherence pattern-guided
 compressive sensing with unresolved grids", SIAM J. Imaging Sci. 5 (2012) 179-202.
+
+The private functions are the steps that Needell & Tropp list in section 2, by their names: signal
+proxy, identification, support merger, estimation by least squares (`Fit`), pruning, sample
+update.  It is the greedy algorithm that Sanchez & Andersson (DSCC 2018-9140) use in section 3 to
+approximate their equation (2).
 """
 
 from __future__ import annotations
@@ -122,23 +127,19 @@ def cosamp(
     for iteration in range(1, max_iterations + 1):
         if best.residual_norm <= tolerance:
             return best.halted(Halt.NOISE_LEVEL)
-        found = _identify(fit, best, limits, 2 * sparsity)
-        if len(found) == 0:
+        proxy = _signal_proxy(fit, best.residual)
+        identified = _identification(operator, proxy, best.support, limits, 2 * sparsity)
+        if len(identified) == 0:
             return best.halted(Halt.NOTHING_LEFT)
-        # What was found lies outside the bands of the support, so nothing stands twice.
-        union = np.sort(np.concatenate([best.support, found]))
-        merged = fit.on(union, iteration, Halt.ITERATIONS)
-        kept = _prune(operator, merged, limits, sparsity)
-        if np.array_equal(kept, best.support):
+        merged = _support_merger(best.support, identified)
+        estimate = fit.on(merged, iteration, Halt.ITERATIONS)
+        pruned = _pruning(operator, estimate, limits, sparsity)
+        if np.array_equal(pruned, best.support):
             return best.halted(Halt.STABLE_SUPPORT)
-        pruned = (
-            merged
-            if np.array_equal(kept, merged.support)
-            else fit.on(kept, iteration, Halt.ITERATIONS)
-        )
-        if pruned.residual_norm >= best.residual_norm * (1.0 - 1e-9):
+        latest = _sample_update(fit, estimate, pruned)
+        if latest.residual_norm >= best.residual_norm * (1.0 - 1e-9):
             return best.halted(Halt.NO_PROGRESS)
-        best = pruned
+        best = latest
     return best
 
 
@@ -146,17 +147,51 @@ def _start(fit: Fit, warm_start: IndexArray | None, limits: FloatArray, sparsity
     """Fit what the thresholds leave of the support to start from."""
     start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
     solution = fit.on(start, 0, Halt.ITERATIONS)
-    kept = _prune(fit.operator, solution, limits, sparsity)
+    kept = _pruning(fit.operator, solution, limits, sparsity)
     return fit.on(kept, 0, Halt.ITERATIONS) if len(kept) < len(start) else solution
 
 
-def _identify(fit: Fit, solution: Solution, limits: FloatArray, count: int) -> IndexArray:
-    """Blocks that explain most of what a solution leaves over."""
-    proxy = fit.operator.adjoint(solution.residual)
-    if fit.non_negative:
-        # What would need a negative coefficient cannot explain anything.
-        proxy = np.maximum(proxy.real, 0.0)
-    return strongest(fit.operator, fit.operator.scores(proxy), limits, solution.support, count)
+def _signal_proxy(fit: Fit, residual: Signal) -> Signal:
+    """Form signal proxy: y ← Φ* v, of the samples v that are not explained yet."""
+    proxy = fit.operator.adjoint(residual)
+    # What would need a negative coefficient cannot explain anything.
+    return np.maximum(proxy.real, 0.0) if fit.non_negative else proxy
+
+
+def _identification(
+    operator: SensingOperator, proxy: Signal, support: IndexArray, limits: FloatArray, count: int
+) -> IndexArray:
+    """Identify large components: Ω ← supp(y_2s).
+
+    Columns are compared as if of norm 1, and none within the bands of the support is taken.
+    """
+    return strongest(operator, operator.scores(proxy), limits, support, count)
+
+
+def _support_merger(support: IndexArray, identified: IndexArray) -> IndexArray:
+    """Merge supports: T is Ω and supp(a^(k−1)), which share nothing."""
+    return np.sort(np.concatenate([support, identified]))
+
+
+def _pruning(
+    operator: SensingOperator, estimate: Solution, limits: FloatArray, sparsity: int
+) -> IndexArray:
+    """Prune to obtain next approximation: the support of b_s, less what is below its limit."""
+    strengths = operator.echo_scores(estimate.support, estimate.coefficients)
+    order = np.argsort(-strengths, kind="stable")[:sparsity]
+    kept = order[strengths[order] > limits[estimate.support[order]]]
+    return np.sort(estimate.support[kept])
+
+
+def _sample_update(fit: Fit, estimate: Solution, pruned: IndexArray) -> Solution:
+    """Update current samples: v ← u − Φ a^k, the residual r_err = y − A q of the paper.
+
+    The coefficients of the pruned support are fitted again, a variation that Needell & Tropp
+    discuss; so the residual is the least that this support can leave.
+    """
+    if np.array_equal(pruned, estimate.support):
+        return estimate
+    return fit.on(pruned, estimate.iterations, estimate.halt)
 
 
 def strongest(
@@ -193,18 +228,8 @@ def strongest(
     return np.array(chosen, dtype=np.intp)
 
 
-def _prune(
-    operator: SensingOperator, merged: Solution, limits: FloatArray, sparsity: int
-) -> IndexArray:
-    """Support of the `sparsity` blocks that contribute most, less those below their limit."""
-    strengths = operator.echo_scores(merged.support, merged.coefficients)
-    order = np.argsort(-strengths, kind="stable")[:sparsity]
-    kept = order[strengths[order] > limits[merged.support[order]]]
-    return np.sort(merged.support[kept])
-
-
 class Fit:
-    """Least squares of one signal on the columns of a support.
+    """Signal estimation by least squares: b|_T ← Φ_T† u, of one signal u on any support T.
 
     Parameters
     ----------

@@ -145,20 +145,6 @@ def merged(operator: MatrixOperator, labels: IndexArray) -> tuple[MatrixOperator
     return MatrixOperator(product), shares
 
 
-def represented(
-    operator: MatrixOperator, labels: IndexArray
-) -> tuple[MatrixOperator, SparseMatrix]:
-    """One of each set of identical columns, whose coefficient its set shares equally.
-
-    Unlike those of `merged`, its coefficients are sums over the set: a whole number of objects
-    stays a whole number.
-    """
-    _, first, sizes = np.unique(labels, return_index=True, return_counts=True)
-    shape = (operator.block_count, len(first))
-    entries = (1.0 / sizes[labels], (np.arange(len(labels)), labels))
-    return MatrixOperator(operator.matrix[:, first]), sparse.csc_array(entries, shape=shape)
-
-
 def _projections(
     operator: MatrixOperator, generator: np.random.Generator, scales: FloatArray
 ) -> FloatArray:

@@ -1,83 +1,42 @@
-"""The solvers that the paper names beside CoSaMP, taken from SciPy, scikit-learn and PyLops.
+"""The solvers that the paper names beside CoSaMP, by name.
 
-They work on a stored real matrix.  Whatever each one minimises, what it returns is treated
-alike: the `sparsity` columns that contribute most are kept and fitted once more, because l1 and
-total variation shrink their coefficients.
+They work on a stored real matrix.  What each one returns is cut to the `sparsity` columns that
+contribute most.  Those of least squares, OMP and l1 are fitted once more, because l1 shrinks
+its coefficients; whole numbers and piecewise constant images are kept as they are.
 
 References
 ----------
 .. [1] Sanchez & Andersson, "Using compressive sensing with in-air ultrasonic measurements for
-   robotic mapping", DSCC 2018-9140: l1 with a noise bound (equation 2), total variation
-   (equation 3).
-.. [2] Efron, Hastie, Johnstone & Tibshirani, "Least angle regression", Ann. Statist. 32 (2004)
-   407-499.
-.. [3] Goldstein & Osher, "The split Bregman method for L1-regularized problems", SIAM J. Imaging
-   Sci. 2 (2009) 323-343.
+   robotic mapping", DSCC 2018-9140.
+.. [2] Pati, Rezaiifar & Krishnaprasad, "Orthogonal matching pursuit", Asilomar 1993, 40-44.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from scipy import sparse
-from scipy.optimize import Bounds, LinearConstraint, milp, nnls
+from scipy.optimize import nnls
 
 from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.errors import UsmapError
-from usmap_ros.reconstruction.cosamp import Fit, Halt, Solution, cosamp
-from usmap_ros.reconstruction.matrix_operator import MatrixOperator
+from usmap_ros.parameters.pipeline import SolverName
+from usmap_ros.reconstruction.analysis_form import (
+    AnalysisOperator,
+    gradient_operator,
+    least_analysis_cost,
+    walls_operator,
+)
+from usmap_ros.reconstruction.cosamp import Halt, Solution, cosamp
+from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatrix
+from usmap_ros.reconstruction.problem import Problem
+from usmap_ros.reconstruction.whole_numbers import integer_programme
 
-SolverName = Literal["cosamp", "omp", "l1", "tv", "nnls", "integer", "binary"]
-#: Coefficients below this share of the largest contribution are not counted as found.
+#: Real coefficients below this share of the largest contribution are not counted as found.
 NEGLIGIBLE = 1e-3
-#: Weight of total variation relative to the largest correlation, and iterations of its solver.
-TV_WEIGHT = 0.02
-TV_ITERATIONS = 15
-#: Objects of an integer solution in one cell, and seconds it may take.
-MOST_OBJECTS = 8
-MILP_SECONDS = 10.0
-
-
-@dataclass(frozen=True)
-class Problem:
-    """What to solve: y ≈ Φ x with few entries in x.
-
-    Parameters
-    ----------
-    operator : MatrixOperator
-        Φ.
-    signal : (samples,) array
-        y, real.
-    sparsity : int
-        Most columns in the solution.
-    tolerance : float
-        ε, the norm of the noise.
-    threshold : float
-        Contribution that a column must exceed.
-    non_negative : bool
-        Whether coefficients must not be negative.
-    places : (columns, 2) integer array, optional
-        Row and column of the pixel of each column of Φ; total variation needs it.
-    max_iterations : int
-        Of CoSaMP.
-    """
-
-    operator: MatrixOperator
-    signal: FloatArray
-    sparsity: int
-    tolerance: float = 0.0
-    threshold: float = 0.0
-    non_negative: bool = True
-    places: IndexArray | None = None
-    max_iterations: int = 20
-
-    def fitted(self, support: IndexArray, iterations: int, halt: Halt) -> Solution:
-        """Least-squares fit of the signal on the columns of a support."""
-        return Fit(self.operator, self.signal, self.non_negative).on(support, iterations, halt)
+#: Solvers whose coefficients are whole numbers, and those whose are not fitted again.
+WHOLE: tuple[SolverName, ...] = ("integer", "binary")
+AS_FOUND: tuple[SolverName, ...] = (*WHOLE, "tv", "walls")
 
 
 def solve(problem: Problem, solver: SolverName) -> Solution:
@@ -85,8 +44,6 @@ def solve(problem: Problem, solver: SolverName) -> Solution:
 
     Raises
     ------
-    UsmapError
-        If the solver needs a package that is not installed.
     ValueError
         If the signal is not finite.
     """
@@ -106,78 +63,60 @@ def solve(problem: Problem, solver: SolverName) -> Solution:
         nothing: IndexArray = np.empty(0, dtype=np.intp)
         return Solution(nothing, np.zeros((0, 1)), problem.signal, 0, Halt.SILENCE)
     coefficients = _SOLVERS[solver](problem)
-    return _pruned(problem, coefficients, refit=solver not in ("integer", "binary"))
+    return _pruned(problem, coefficients, solver)
 
 
 def orthogonal_matching_pursuit(problem: Problem) -> FloatArray:
-    """OMP of scikit-learn, until the residual is within the noise or k columns are taken."""
-    linear_model = _optional("sklearn.linear_model", "scikit-learn")
-    unit, norms = _unit_columns(problem.operator)
-    with warnings.catch_warnings():
-        # It warns when the rest of the signal is explained before k columns are used up.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        found = linear_model.orthogonal_mp(
-            unit, problem.signal, n_nonzero_coefs=min(problem.sparsity, unit.shape[1])
-        )
-    return np.asarray(found).reshape(-1) / norms
+    """OMP ([2]_): one column at a time, the one that explains most of what is left.
+
+    It is what section 3 of [1]_ says of greedy algorithms: they "reconstruct one coefficient at
+    a time, selecting the one that minimizes the residual".  CoSaMP takes up many at once.
+    """
+    operator = problem.operator
+    support: IndexArray = np.empty(0, dtype=np.intp)
+    solution = problem.fitted(support, 0, Halt.ITERATIONS)
+    while len(support) < min(problem.sparsity, operator.block_count):
+        if solution.residual_norm <= problem.tolerance:
+            break
+        proxy = operator.adjoint(solution.residual)
+        scores = operator.scores(np.maximum(proxy, 0.0) if problem.non_negative else proxy)
+        scores[support] = 0.0
+        best = int(np.argmax(scores))
+        if scores[best] <= problem.threshold:
+            break
+        support = np.sort(np.append(support, best))
+        solution = problem.fitted(support, len(support), Halt.ITERATIONS)
+    return _by_column(problem, solution.support, solution.coefficients[:, 0])
 
 
 def basis_pursuit(problem: Problem) -> FloatArray:
-    """Least l1 norm with a residual of at most ε; [1]_, equation 2, for columns of unit norm.
+    """Least l1 norm: equation (2) of [1]_, and equation (1) where ε is 0.
 
-    Follows the path of all lasso solutions from zero on ([2]_, in scikit-learn); it is piecewise
-    linear, and the point on it at which the residual has the norm ε is the solution.
+    The l1 norm is that of what the columns contribute, ‖a_i‖ |q_i|, so that a far cell costs no
+    more than a near one that is as loud.
     """
-    linear_model = _optional("sklearn.linear_model", "scikit-learn")
-    unit, norms = _unit_columns(problem.operator)
-    with warnings.catch_warnings():
-        # It warns where the path ends early because columns are nearly alike.
-        warnings.simplefilter("ignore")
-        *_, path = linear_model.lars_path(
-            unit, problem.signal, method="lasso", positive=problem.non_negative, max_iter=500
-        )
-    misfits = np.linalg.norm(problem.signal[:, np.newaxis] - unit @ path, axis=0)
-    within = np.flatnonzero(misfits <= problem.tolerance)
-    if len(within) == 0 or within[0] == 0:
-        return np.asarray(path[:, -1] if len(within) == 0 else path[:, 0]) / norms
-    before, after = path[:, within[0] - 1], path[:, within[0]]
-    share = _crossing(problem.signal - unit @ before, unit @ (after - before), problem.tolerance)
-    return np.asarray(before + share * (after - before)) / norms
+    weights = AnalysisOperator(sparse.csc_array(sparse.diags_array(problem.operator.norms)))
+    return _least(problem, problem.operator.matrix, weights)
 
 
 def total_variation(problem: Problem) -> FloatArray:
-    """Least total variation of the image of coefficients; [1]_, equation 3, by [3]_ in PyLops.
+    """Least total variation of the image of coefficients: equation (3) of [1]_.
 
-    The bound on the residual enters as a weight: λ = `TV_WEIGHT` · max |Φᵀ y|.
+    With ε above 0 its constraint is relaxed as in equation (2).
     """
-    pylops = _optional("pylops", "pylops")
-    from pylops.optimization.sparsity import splitbregman
+    return _least(problem, problem.operator.matrix, gradient_operator(_places(problem)))
 
-    if problem.places is None:
-        raise ValueError("total variation needs the places of the columns")
-    unit, norms = _unit_columns(problem.operator)
-    corner = problem.places.min(axis=0)
-    shape = tuple(int(side) for side in problem.places.max(axis=0) - corner + 1)
-    pixels = np.ravel_multi_index(tuple((problem.places - corner).T), shape)
-    # What lies outside the cone is empty, so its border counts too.
-    image = pylops.Restriction(shape[0] * shape[1], pixels, dtype="float64").H
-    gradient = [
-        pylops.FirstDerivative(shape, axis=axis, edge=True, kind="backward") @ image
-        for axis in (0, 1)
-    ]
-    weight = TV_WEIGHT * float(np.abs(unit.T @ problem.signal).max())
-    found, *_ = splitbregman(
-        pylops.MatrixMult(unit),
-        problem.signal,
-        gradient,
-        niter_outer=TV_ITERATIONS,
-        niter_inner=2,
-        mu=1.0 / weight,
-        epsRL1s=[1.0, 1.0],
-        **{"iter_lim": 10, "damp": 1e-6},
-    )
-    found = np.asarray(found)
-    return (np.maximum(found, 0.0) if problem.non_negative else found) / norms
+
+def few_walls(problem: Problem) -> FloatArray:
+    """Least number of piecewise constant walls: the analysis operator of section 3 of [1]_.
+
+    Of walls along the rows and walls along the columns; the sum of absolute differences along
+    them takes the place of their number, as the l1 norm does that of the number of cells.
+    """
+    matrix = problem.operator.matrix
+    both = sparse.hstack([sparse.csc_array(matrix)] * 2, format="csc")
+    found = _least(problem, both, walls_operator(_places(problem)))
+    return found[: matrix.shape[1]] + found[matrix.shape[1] :]
 
 
 def non_negative_least_squares(problem: Problem) -> FloatArray:
@@ -186,60 +125,47 @@ def non_negative_least_squares(problem: Problem) -> FloatArray:
     return np.asarray(nnls(unit, problem.signal)[0]) / norms
 
 
-def integer_programme(problem: Problem, most: int = MOST_OBJECTS) -> FloatArray:
-    """Least sum of absolute residuals with whole numbers of equal objects (HiGHS, in SciPy).
-
-    The paper suggests whole or binary coefficients where all objects are alike.  A linear
-    programme takes the l1 norm of the residual in place of the l2 norm.  The samples are turned
-    onto the span of the columns first, which leaves no more rows than columns.
-    """
-    columns = problem.operator.block_count
-    turned, matrix = np.linalg.qr(problem.operator.columns(np.arange(columns)))
-    signal = turned.T @ problem.signal
-    rows = len(signal)
-    # Variables: x, then bounds u on the residuals: −u ≤ y − Φ x ≤ u.
-    residuals = np.eye(rows)
-    above = LinearConstraint(sparse.csc_array(np.hstack([matrix, residuals])), lb=signal)
-    below = LinearConstraint(sparse.csc_array(np.hstack([matrix, -residuals])), ub=signal)
-    result = milp(
-        c=np.concatenate([np.zeros(columns), np.ones(rows)]),
-        integrality=np.concatenate([np.ones(columns), np.zeros(rows)]),
-        bounds=Bounds(0.0, np.concatenate([np.full(columns, most), np.full(rows, np.inf)])),
-        constraints=[above, below],
-        options={"time_limit": MILP_SECONDS},
-    )
-    return np.zeros(columns) if result.x is None else np.rint(result.x[:columns])
-
-
 def binary_programme(problem: Problem) -> FloatArray:
     """`integer_programme` with at most one object in a cell."""
     return integer_programme(problem, most=1)
 
 
-_SOLVERS: dict[str, Callable[[Problem], FloatArray]] = {
+_SOLVERS: dict[SolverName, Callable[[Problem], FloatArray]] = {
     "omp": orthogonal_matching_pursuit,
     "l1": basis_pursuit,
     "tv": total_variation,
+    "walls": few_walls,
     "nnls": non_negative_least_squares,
     "integer": integer_programme,
     "binary": binary_programme,
 }
 
 
-def _pruned(problem: Problem, coefficients: FloatArray, *, refit: bool) -> Solution:
-    """Keep the columns that contribute most, and fit them once more."""
+def _pruned(problem: Problem, coefficients: FloatArray, solver: SolverName) -> Solution:
+    """Keep the columns that contribute most, and fit them once more where that helps."""
     operator = problem.operator
     strengths = np.abs(coefficients) * operator.norms
     if problem.non_negative:
         strengths = np.where(coefficients > 0.0, strengths, 0.0)
-    limit = max(problem.threshold, NEGLIGIBLE * float(strengths.max(initial=0.0)))
+    negligible = 0.0 if solver in WHOLE else NEGLIGIBLE * float(strengths.max(initial=0.0))
+    limit = max(problem.threshold, negligible)
     order = np.argsort(-strengths, kind="stable")[: problem.sparsity]
     support = np.sort(order[strengths[order] > limit])
-    if refit:
+    if solver not in AS_FOUND:
         return problem.fitted(support, 1, Halt.MINIMUM)
-    chosen = coefficients[support]
-    residual = problem.signal - operator.columns(support) @ chosen
-    return Solution(support, chosen[:, np.newaxis], residual, 1, Halt.MINIMUM)
+    return problem.told(support, coefficients[support], Halt.MINIMUM)
+
+
+def _least(problem: Problem, matrix: SparseMatrix, operator: AnalysisOperator) -> FloatArray:
+    return least_analysis_cost(
+        matrix, problem.signal, problem.tolerance, operator, non_negative=problem.non_negative
+    )
+
+
+def _places(problem: Problem) -> IndexArray:
+    if problem.places is None:
+        raise ValueError("an analysis operator needs the places of the columns")
+    return problem.places
 
 
 def _unit_columns(operator: MatrixOperator) -> tuple[FloatArray, FloatArray]:
@@ -248,20 +174,8 @@ def _unit_columns(operator: MatrixOperator) -> tuple[FloatArray, FloatArray]:
     return operator.columns(np.arange(operator.block_count)) / norms, norms
 
 
-def _crossing(start: FloatArray, way: FloatArray, norm: float) -> float:
-    """Share of `way` after which ‖start − share · way‖ has fallen to `norm`."""
-    square, mixed = float(way @ way), float(start @ way)
-    root = np.sqrt(max(mixed**2 - square * (float(start @ start) - norm**2), 0.0))
-    return float(np.clip((mixed - root) / square, 0.0, 1.0))
-
-
-def _optional(module: str, package: str) -> Any:
-    """Import what only some solvers need."""
-    from importlib import import_module
-
-    try:
-        return import_module(module)
-    except ImportError as error:
-        raise UsmapError(
-            f"this solver needs {package}: pip install 'usmap_ros[solvers]'"
-        ) from error
+def _by_column(problem: Problem, support: IndexArray, values: FloatArray) -> FloatArray:
+    """Coefficients of all columns, from those of a support."""
+    coefficients = np.zeros(problem.operator.block_count)
+    coefficients[support] = values
+    return coefficients

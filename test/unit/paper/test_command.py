@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 from usmap_ros.cli.app import app
 from usmap_ros.errors import FileError
-from usmap_ros.paper import solver_study, study
+from usmap_ros.paper import study
 from usmap_ros.paper.figures_2_3 import beam_patterns
 from usmap_ros.paper.part import Part
 from usmap_ros.plotting.style import new_figure
@@ -43,11 +43,3 @@ def test_unusable_folder_is_named(tmp_path):
 
     assert isinstance(result.exception, FileError)
     assert str(tmp_path / "file") in str(result.exception)
-
-
-def test_solvers_that_are_not_installed_are_left_out(monkeypatch):
-    def refuse(name, *args):
-        raise ImportError(name)
-
-    monkeypatch.setattr("importlib.import_module", refuse)
-    assert solver_study.available() == ["cosamp", "nnls"]

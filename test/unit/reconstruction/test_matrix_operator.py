@@ -8,7 +8,6 @@ from usmap_ros.reconstruction.matrix_operator import (
     MatrixOperator,
     identical,
     merged,
-    represented,
     same_direction,
 )
 from usmap_ros.reconstruction.operators import dot_test
@@ -70,13 +69,3 @@ def test_merged_coefficients_are_those_of_least_norm(matrix, make):
     np.testing.assert_allclose(
         np.delete((shares.T @ shares).toarray(), 4, axis=0)[:, :4], np.eye(4), atol=1e-12
     )
-
-
-def test_represented_columns_keep_their_length_and_share_equally(matrix):
-    operator = MatrixOperator(matrix)
-    reduced, shares = represented(operator, identical(operator, np.random.default_rng(4)))
-
-    np.testing.assert_array_equal(reduced.matrix[:, 1], matrix[:, 1])
-    np.testing.assert_allclose(shares[:, [1]].toarray()[:, 0], [0, 0.5, 0, 0, 0.5, 0, 0])
-    x = np.arange(1.0, 7.0)
-    np.testing.assert_allclose(matrix @ (shares @ x), reduced.matrix @ x)

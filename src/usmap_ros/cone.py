@@ -46,6 +46,9 @@ class EchoCone:
         there could have gone unreported, in half decibels above -100 dB.
     residual : float
         Norm of what the echoes leave unexplained, relative to the trace's norm.
+    bearings_rad, bearing_stds_rad : (echoes,) arrays, optional
+        Directions off the beam axis, positive to the left, where receivers side by side could
+        tell them, and their standard deviations; NaN: unknown; None: all of them.
     """
 
     stamp_ns: int
@@ -61,6 +64,8 @@ class EchoCone:
     limit_step_m: float
     detection_limits: NDArray[np.uint8]
     residual: float
+    bearings_rad: NDArray[np.float32] | None = None
+    bearing_stds_rad: NDArray[np.float32] | None = None
 
     def limit_amplitudes(self) -> FloatArray:
         """`detection_limits` as amplitudes."""
@@ -88,12 +93,31 @@ class EchoCone:
                 )
             if not np.all(np.isfinite(column)) or np.any(column < 0.0):
                 raise MalformedMessageError(name, "has an entry that is negative or not finite")
+        self._validate_bearings()
         if np.any(np.diff(self.ranges_m) < 0.0):
             raise MalformedMessageError("ranges", "do not ascend")
         if not (np.isfinite(self.limit_step_m) and self.limit_step_m > 0.0):
             raise MalformedMessageError("limit_step", f"is {self.limit_step_m:g} m")
         if len(self.detection_limits) == 0:
             raise MalformedMessageError("detection_limits", "is empty")
+
+    def _validate_bearings(self) -> None:
+        count, bearings_rad, stds_rad = len(self.ranges_m), self.bearings_rad, self.bearing_stds_rad
+        if bearings_rad is None and stds_rad is None:
+            return
+        if bearings_rad is None or stds_rad is None:
+            raise MalformedMessageError("bearings", "or bearing_stds is missing, need both")
+        for name, column in (("bearings", bearings_rad), ("bearing_stds", stds_rad)):
+            if len(column) != count:
+                raise MalformedMessageError(name, f"has {len(column)} entries, ranges has {count}")
+        known = ~np.isnan(bearings_rad)
+        if np.any(np.abs(bearings_rad[known]) > np.float32(np.pi)):
+            raise MalformedMessageError("bearings", "has an entry beyond π")
+        stds = stds_rad[known]
+        if not (np.all(np.isfinite(stds)) and np.all(stds > 0.0)):
+            raise MalformedMessageError(
+                "bearing_stds", "has an entry for a bearing that is not above 0 and finite"
+            )
 
 
 def encode_limits(amplitudes: FloatArray) -> NDArray[np.uint8]:

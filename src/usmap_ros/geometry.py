@@ -81,6 +81,11 @@ class Pose:
             covariance=turn @ inner.covariance @ turn.T,
         )
 
+    def inverse(self) -> Pose:
+        """Pose of the frame that this one is given in, in this one's frame; exact."""
+        turn = self.rotation.inv()
+        return Pose(position_m=-turn.apply(self.position_m), orientation=turn.as_quat())
+
     def polar(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where points are, as seen from here along the x axis.
 

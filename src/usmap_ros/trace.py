@@ -27,6 +27,25 @@ class Encoding(enum.IntEnum):
 
 
 @dataclass(frozen=True)
+class Emission:
+    """A pulse that was in the air while a trace was received.
+
+    Parameters
+    ----------
+    child_frame_id : str
+        Frame of the transducer that sent it.
+    mount : Pose
+        Of that frame in the frame of the transducer that listened.
+    transducer : Transducer
+        What it was sent with.
+    """
+
+    child_frame_id: str
+    mount: Pose
+    transducer: Transducer
+
+
+@dataclass(frozen=True)
 class EchoTrace:
     """One ping (``usmap_msgs/EchoTrace``).
 
@@ -54,6 +73,9 @@ class EchoTrace:
         RMS of the receiver's noise in units of `samples`; 0: unknown.
     samples : (n,) float32 array
         As in the message; I and Q interleaved where the encoding is IQ.
+    emissions : tuple of Emission
+        Every pulse in the air, its own included if there was one; none: its own and no other.
+        The message has no field for them: they come from a `TransducerArray`.
     """
 
     stamp_ns: int
@@ -67,6 +89,7 @@ class EchoTrace:
     start_delay_s: float
     noise_std: float
     samples: NDArray[np.float32]
+    emissions: tuple[Emission, ...] = ()
 
     def signal(self) -> FloatArray | NDArray[np.complex128]:
         """Samples as the receiver saw them: complex for I/Q, real otherwise."""

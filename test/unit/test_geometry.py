@@ -115,3 +115,12 @@ def test_a_pose_within_a_tilted_one_sees_what_stands_before_both():
     point = np.array([0.3, 1.2, -0.4])
     seen = outer.compose(inner).polar(outer.position_m + outer.rotation.apply(point))
     assert seen == pytest.approx(inner.polar(point))
+
+
+def test_a_pose_undoes_its_inverse():
+    orientation = Rotation.from_euler("ZYX", [0.7, -0.4, 0.2]).as_quat()
+    pose = Pose(np.array([1.0, -2.0, 0.5]), orientation)
+
+    for both in (pose.compose(pose.inverse()), pose.inverse().compose(pose)):
+        np.testing.assert_allclose(both.position_m, 0.0, atol=1e-12)
+        np.testing.assert_allclose(both.rotation.magnitude(), 0.0, atol=1e-7)

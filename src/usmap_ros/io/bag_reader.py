@@ -16,14 +16,18 @@ from rosbags.serde import SerdeError
 from usmap_ros.arrays import IntArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError
-from usmap_ros.io.conversions import cone_from_message, trace_from_message
+from usmap_ros.io.conversions import array_from_message, cone_from_message, trace_from_message
 from usmap_ros.io.definitions import check_definition
-from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, typestore
+from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, TRANSDUCER_ARRAY, typestore
 from usmap_ros.io.skipped import SkippedMessages
 from usmap_ros.io.storage import Channel, MessageIndex, Storage, open_storage
 from usmap_ros.trace import EchoTrace
+from usmap_ros.transducer_array import TransducerArrays
 
 logger = logging.getLogger(__name__)
+
+#: Types of messages that mapping reads.
+MAPPED_TYPES = (ECHO_TRACE, ECHO_CONE, TRANSDUCER_ARRAY)
 
 _Content = TypeVar("_Content")
 
@@ -81,8 +85,7 @@ class BagReader:
             self.close()
             raise
         self._tables = {
-            message_type: _merge(self._indexes, message_type)
-            for message_type in (ECHO_TRACE, ECHO_CONE)
+            message_type: _merge(self._indexes, message_type) for message_type in MAPPED_TYPES
         }
         if not self.trace_count and not self.cone_count:
             self.close()
@@ -119,8 +122,17 @@ class BagReader:
         return len(self._tables[ECHO_CONE])
 
     def traces(self) -> Iterator[tuple[str, EchoTrace]]:
-        """Yield topic and content of every well-formed echo trace."""
-        return self._contents(ECHO_TRACE, trace_from_message)
+        """Yield topic and content of every well-formed echo trace.
+
+        What it lacks of its pulse, and the other pulses in the air, come from the recording's
+        `TransducerArray` messages.
+        """
+        arrays = TransducerArrays(
+            array for _, array in self._contents(TRANSDUCER_ARRAY, array_from_message)
+        )
+        return self._contents(
+            ECHO_TRACE, lambda message: arrays.complete(trace_from_message(message))
+        )
 
     def cones(self) -> Iterator[tuple[str, EchoCone]]:
         """Yield topic and content of every well-formed echo cone."""
@@ -168,7 +180,7 @@ class BagReader:
                 storages = open_storage(path, self._scratch)
                 for storage in storages:
                     self._storages.append(storage)
-                    index = storage.scan((ECHO_TRACE, ECHO_CONE))
+                    index = storage.scan(MAPPED_TYPES)
                     storage.close()
                     self._check(storage, index)
                     indexes.append(index)
@@ -179,7 +191,7 @@ class BagReader:
     def _check(self, storage: Storage, index: MessageIndex) -> None:
         self.channels += index.channels
         for channel in index.channels:
-            if channel.message_type in (ECHO_TRACE, ECHO_CONE):
+            if channel.message_type in MAPPED_TYPES:
                 check_definition(storage.path, channel)
 
     def _warn_of_damage(self) -> None:

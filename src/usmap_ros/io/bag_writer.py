@@ -14,9 +14,16 @@ from mcap.writer import CompressionType, Writer
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError
 from usmap_ros.io.atomic import new_folder, write_atomically
-from usmap_ros.io.conversions import cone_to_message, trace_to_message
-from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, BagMessageTypes, typestore
+from usmap_ros.io.conversions import array_to_message, cone_to_message, trace_to_message
+from usmap_ros.io.message_types import (
+    ECHO_CONE,
+    ECHO_TRACE,
+    TRANSDUCER_ARRAY,
+    BagMessageTypes,
+    typestore,
+)
 from usmap_ros.trace import EchoTrace
+from usmap_ros.transducer_array import TransducerArray
 
 COMPRESSIONS = {
     "none": CompressionType.NONE,
@@ -29,7 +36,7 @@ _CHUNK_BYTES = 128 * 2**10
 _METADATA_VERSION = 9
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 #: Depth of the queues that the nodes offer these messages with; a player does the same.
-_QUEUE_DEPTHS = {ECHO_TRACE: 10, ECHO_CONE: 50}
+_QUEUE_DEPTHS = {ECHO_TRACE: 10, ECHO_CONE: 50, TRANSDUCER_ARRAY: 64}
 
 
 QosProfiles = list[dict[str, Any]]
@@ -94,6 +101,10 @@ class BagWriter:
         """Append an echo cone."""
         self._write(topic, ECHO_CONE, cone.stamp_ns, cone_to_message(cone, self._types))
 
+    def write_array(self, topic: str, array: TransducerArray) -> None:
+        """Append an array of transducers, before the traces that it completes."""
+        self._write(topic, TRANSDUCER_ARRAY, array.stamp_ns, array_to_message(array, self._types))
+
     def add_topic(
         self, topic: str, message_type: str, definition: str, type_hash: str, qos: QosProfiles
     ) -> None:
@@ -150,7 +161,8 @@ class BagWriter:
         if (topic, message_type) not in self._topics:
             definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
             type_hash = typestore().hash_rihs01(message_type)
-            qos = [qos_profile(depth=_QUEUE_DEPTHS[message_type])]
+            is_latched = message_type == TRANSDUCER_ARRAY
+            qos = [qos_profile(_QUEUE_DEPTHS[message_type], is_latched=is_latched)]
             self.add_topic(topic, message_type, definition, type_hash, qos)
         payload = typestore().serialize_cdr(message, message_type)
         self._append(self._topics[topic, message_type], stamp_ns, bytes(payload))

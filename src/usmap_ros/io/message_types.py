@@ -13,8 +13,9 @@ from rosbags.typesys.store import Typestore
 
 ECHO_TRACE = "usmap_msgs/msg/EchoTrace"
 ECHO_CONE = "usmap_msgs/msg/EchoCone"
+TRANSDUCER_ARRAY = "usmap_msgs/msg/TransducerArray"
 
-_MESSAGE_NAMES = ("Transducer", "EchoTrace", "EchoCone")
+_MESSAGE_NAMES = ("Transducer", "EchoTrace", "EchoCone", "ArrayElement", "TransducerArray")
 
 
 @lru_cache(maxsize=1)

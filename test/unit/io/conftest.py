@@ -17,6 +17,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.transducer_array import ArrayElement, TransducerArray
 
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND
@@ -70,6 +71,21 @@ def cone() -> EchoCone:
         limit_step_m=0.03125,
         detection_limits=np.arange(192, dtype=np.uint8),
         residual=0.25,
+    )
+
+
+@pytest.fixture
+def array() -> TransducerArray:
+    """Give two transducers side by side that send different chirps at once."""
+    rising = replace(TRANSDUCER, pulse=Pulse(PulseShape.CHIRP, 50e3, 2e-3, 20e3))
+    falling = replace(TRANSDUCER, pulse=Pulse(PulseShape.CHIRP, 50e3, 2e-3, -20e3))
+    return TransducerArray(
+        stamp_ns=EPOCH,
+        frame_id="robot1/base_link",
+        elements=(
+            ArrayElement("robot1/left", Pose.planar(0.1, 0.05, 0.3, 0.2), True, rising),
+            ArrayElement("robot1/right", Pose.planar(0.1, -0.05, -0.3, 0.2), True, falling),
+        ),
     )
 
 

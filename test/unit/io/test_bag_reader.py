@@ -15,6 +15,7 @@ from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_to_message
 from usmap_ros.io.message_types import ECHO_TRACE, BagMessageTypes, typestore
 from usmap_ros.trace import EchoTrace
+from usmap_ros.transducer_array import TransducerArray
 
 MakeTrace = Callable[..., EchoTrace]
 WriteBag = Callable[..., Path]
@@ -99,6 +100,26 @@ def test_cones_are_read(cone: EchoCone, tmp_path: Path) -> None:
         ((topic, found),) = bag.cones()
     assert topic == "/cone"
     np.testing.assert_array_equal(found.detection_limits, cone.detection_limits)
+
+
+def test_traces_are_completed_by_the_arrays_beside_them(
+    make_trace: MakeTrace, array: TransducerArray, tmp_path: Path
+) -> None:
+    left, right = array.elements
+    with new_bag(tmp_path / "bag") as writer:
+        writer.write_array("/robot1/transducers", array)
+        for element in array.elements:
+            trace = make_trace(child_frame_id=element.child_frame_id, transducer=element.transducer)
+            writer.write_trace(f"/{element.child_frame_id}/echo", trace)
+    with BagReader([tmp_path / "bag"]) as bag:
+        traces = [trace for _, trace in bag.traces()]
+
+    assert [trace.transducer.pulse.sweep_hz for trace in traces] == [20e3, -20e3]
+    for trace in traces:
+        senders = [emission.child_frame_id for emission in trace.emissions]
+        assert senders == [left.child_frame_id, right.child_frame_id]
+    metadata = (tmp_path / "bag" / "metadata.yaml").read_text()
+    assert "durability: transient_local" in metadata
 
 
 def test_a_split_recording_is_read_in_its_order(

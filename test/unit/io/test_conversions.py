@@ -13,13 +13,22 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import (
+    array_from_message,
+    array_to_message,
     cone_from_message,
     cone_to_message,
     trace_from_message,
     trace_to_message,
 )
-from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, BagMessageTypes, typestore
+from usmap_ros.io.message_types import (
+    ECHO_CONE,
+    ECHO_TRACE,
+    TRANSDUCER_ARRAY,
+    BagMessageTypes,
+    typestore,
+)
 from usmap_ros.trace import EchoTrace
+from usmap_ros.transducer_array import TransducerArray
 
 MakeTrace = Callable[..., EchoTrace]
 
@@ -49,6 +58,10 @@ def assert_same(one: Any, other: Any) -> None:
             assert left.dtype == right.dtype
         elif hasattr(left, "__dataclass_fields__"):
             assert_same(left, right)
+        elif field.name == "elements":
+            assert len(left) == len(right)
+            for element, counterpart in zip(left, right, strict=True):
+                assert_same(element, counterpart)
         else:
             assert left == right
 
@@ -60,6 +73,27 @@ def test_a_trace_survives_the_round_trip(make_trace: MakeTrace, types: Any) -> N
 
 def test_a_cone_survives_the_round_trip(cone: EchoCone, types: Any) -> None:
     assert_same(cone_from_message(cone_to_message(cone, types)), cone)
+
+
+def test_bearings_survive_the_round_trip(cone: EchoCone, types: Any) -> None:
+    bearings = np.array([-0.2, np.nan], dtype=np.float32)
+    told = replace(cone, bearings_rad=bearings, bearing_stds_rad=np.abs(0.1 * bearings))
+    assert_same(cone_from_message(cone_to_message(told, types)), told)
+
+
+def test_an_array_survives_the_round_trip(array: TransducerArray, types: Any) -> None:
+    assert_same(array_from_message(array_to_message(array, types)), array)
+
+
+def test_an_array_survives_serialization(array: TransducerArray) -> None:
+    raw = typestore().serialize_cdr(array_to_message(array, BagMessageTypes()), TRANSDUCER_ARRAY)
+    assert_same(array_from_message(typestore().deserialize_cdr(raw, TRANSDUCER_ARRAY)), array)
+
+
+def test_an_impossible_array_is_refused(array: TransducerArray) -> None:
+    message = array_to_message(replace(array, elements=array.elements[:1] * 2), BagMessageTypes())
+    with pytest.raises(MalformedMessageError, match=r"TransducerArray\.elements\.child_frame_id"):
+        array_from_message(message)
 
 
 def test_a_trace_survives_serialization(make_trace: MakeTrace) -> None:

@@ -8,6 +8,7 @@ the classes; reading one takes nothing.  Arrays are passed on as views, never el
 cannot be true.
 """
 
+from usmap_ros.io.conversions.array import array_from_message, array_to_message
 from usmap_ros.io.conversions.common import MessageTypes
 from usmap_ros.io.conversions.cone import cone_from_message, cone_to_message
 from usmap_ros.io.conversions.grid import (
@@ -31,6 +32,8 @@ from usmap_ros.io.conversions.trace import trace_from_message, trace_to_message
 
 __all__ = [
     "MessageTypes",
+    "array_from_message",
+    "array_to_message",
     "cone_from_message",
     "cone_to_message",
     "grid_from_message",

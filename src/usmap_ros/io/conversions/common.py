@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -67,31 +68,38 @@ def header_to_message(stamp_ns: int, frame_id: str, types: MessageTypes) -> Any:
     return types.message_class("std_msgs/msg/Header")(stamp=stamp, frame_id=frame_id)
 
 
-def pose_from_message(message: Any) -> Pose:
-    """`Pose` from a ``geometry_msgs/PoseWithCovariance``, not yet validated."""
-    position, orientation = message.pose.position, message.pose.orientation
-    covariance = array_from_field("pose.covariance", message.covariance, np.float64)
-    if covariance.size != 36:
-        raise MalformedMessageError("pose.covariance", f"has {covariance.size} entries, not 36")
+def bare_pose_from_message(message: Any) -> Pose:
+    """`Pose` from a ``geometry_msgs/Pose``, exact and not yet validated."""
+    position, orientation = message.position, message.orientation
     return Pose(
         position_m=np.array([position.x, position.y, position.z], dtype=np.float64),
         orientation=np.array(
             [orientation.x, orientation.y, orientation.z, orientation.w], dtype=np.float64
         ),
-        covariance=covariance.reshape(6, 6),
     )
 
 
-def pose_to_message(pose: Pose, types: MessageTypes) -> Any:
-    """``geometry_msgs/PoseWithCovariance`` of a `Pose`."""
+def bare_pose_to_message(pose: Pose, types: MessageTypes) -> Any:
+    """``geometry_msgs/Pose`` of a `Pose`, without its covariance."""
     x, y, z = (float(value) for value in pose.position_m)
     position = types.message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z)
     x, y, z, w = (float(value) for value in pose.orientation)
     orientation = types.message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
+    return types.message_class("geometry_msgs/msg/Pose")(position=position, orientation=orientation)
+
+
+def pose_from_message(message: Any) -> Pose:
+    """`Pose` from a ``geometry_msgs/PoseWithCovariance``, not yet validated."""
+    covariance = array_from_field("pose.covariance", message.covariance, np.float64)
+    if covariance.size != 36:
+        raise MalformedMessageError("pose.covariance", f"has {covariance.size} entries, not 36")
+    return replace(bare_pose_from_message(message.pose), covariance=covariance.reshape(6, 6))
+
+
+def pose_to_message(pose: Pose, types: MessageTypes) -> Any:
+    """``geometry_msgs/PoseWithCovariance`` of a `Pose`."""
     return types.message_class("geometry_msgs/msg/PoseWithCovariance")(
-        pose=types.message_class("geometry_msgs/msg/Pose")(
-            position=position, orientation=orientation
-        ),
+        pose=bare_pose_to_message(pose, types),
         # An array of fixed size is a NumPy array for rosbags and rclpy alike.
         covariance=np.ascontiguousarray(pose.covariance, dtype=np.float64).reshape(36),
     )

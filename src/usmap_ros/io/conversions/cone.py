@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions.common import (
@@ -37,6 +38,8 @@ def cone_from_message(message: Any) -> EchoCone:
         range_stds_m=array_from_field("range_stds", message.range_stds, np.float32),
         amplitudes=array_from_field("amplitudes", message.amplitudes, np.float32),
         amplitude_stds=array_from_field("amplitude_stds", message.amplitude_stds, np.float32),
+        bearings_rad=_of_echoes(message, "bearings"),
+        bearing_stds_rad=_of_echoes(message, "bearing_stds"),
         limit_step_m=float(message.limit_step),
         detection_limits=array_from_field("detection_limits", message.detection_limits, np.uint8),
         residual=float(message.residual),
@@ -57,7 +60,19 @@ def cone_to_message(cone: EchoCone, types: MessageTypes) -> Any:
         range_stds=types.sequence(np.asarray(cone.range_stds_m, dtype=np.float32)),
         amplitudes=types.sequence(np.asarray(cone.amplitudes, dtype=np.float32)),
         amplitude_stds=types.sequence(np.asarray(cone.amplitude_stds, dtype=np.float32)),
+        bearings=types.sequence(_or_empty(cone.bearings_rad)),
+        bearing_stds=types.sequence(_or_empty(cone.bearing_stds_rad)),
         limit_step=float(cone.limit_step_m),
         detection_limits=types.sequence(np.asarray(cone.detection_limits, dtype=np.uint8)),
         residual=float(cone.residual),
     )
+
+
+def _of_echoes(message: Any, field: str) -> NDArray[np.float32] | None:
+    """Return an array that may be left out of the message."""
+    values = array_from_field(field, getattr(message, field), np.float32)
+    return values if len(values) else None
+
+
+def _or_empty(values: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    return np.zeros(0, np.float32) if values is None else np.asarray(values, dtype=np.float32)

@@ -13,6 +13,7 @@ from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_to_message, trace_from_message
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.ros_types import interface_class as type_of
 from usmap_ros.simulation import Scenario
 
 SCENARIOS = Path(__file__).parents[2] / "config/scenarios"
@@ -112,3 +113,59 @@ def test_odometry_that_is_old_or_malformed_moves_nothing(live: Any) -> None:
 def test_it_says_why_it_cannot_start(live: Any, parameters: dict[str, Any], reason: str) -> None:
     with pytest.raises(ConfigurationError, match=reason):
         live.add(EchoDriver, **parameters)
+
+
+EPOCH_S = 1_700_000_000
+
+
+@pytest.fixture
+def clocked(live: Any) -> Any:
+    """Give a driver in simulated time, and a function that lets /clock say a time."""
+    node = live.add(EchoDriver, scenario=POLES, use_sim_time=True)
+    echoes = live.listen(ECHO, "/echo")
+    publisher = live.publisher("rosgraph_msgs/msg/Clock", "/clock")
+    clock_class = type_of("rosgraph_msgs/msg/Clock")
+
+    def tell(time_ns: int) -> None:
+        message = clock_class()
+        message.clock.sec, message.clock.nanosec = divmod(time_ns, 10**9)
+        publisher.publish(message)
+        live.until(lambda: node.get_clock().now().nanoseconds == time_ns)
+
+    def run_from(time_s: float, pings: int = 3) -> list[float]:
+        """Let time go on from `time_s` until there are so many pings; their stamps in s."""
+        del echoes[:]
+        for tick in range(1000):
+            tell(round(time_s * 1e9) + tick * 50_000_000)
+            live.spin(0.01)
+            if len(echoes) >= pings:
+                return [trace_from_message(message).stamp_ns / 1e9 for message in echoes]
+        raise AssertionError("it does not ping")
+
+    return node, run_from
+
+
+@pytest.mark.parametrize("first_s", [0.05, 3600.0, EPOCH_S])
+def test_simulated_time_may_start_anywhere(clocked: Any, first_s: float) -> None:
+    node, run_from = clocked
+    stamps_s = run_from(first_s)
+    assert first_s <= stamps_s[0] < first_s + 1.0
+    # However late it is on the clock, the robot has only just set off.
+    assert len(node._pose_source._motion._headings) < 50
+
+
+def test_simulated_time_may_jump_and_the_robot_pings_on(clocked: Any) -> None:
+    node, run_from = clocked
+    for time_s in (100.0, EPOCH_S, 7200.0, 7190.0, 0.5):
+        stamps_s = run_from(time_s)
+        assert time_s <= stamps_s[0] < time_s + 1.0
+    assert len(node._pose_source._motion._headings) < 1000
+
+
+def test_a_path_that_began_long_ago_is_caught_up_with_bit_by_bit(live: Any) -> None:
+    node = live.add(
+        EchoDriver, scenario=POLES, start_time_s=float(round(time.time()) - 120), ping_rate_hz=100.0
+    )
+    live.until(lambda: node.health.total("published"))
+    assert node.health.total("without pose") >= 2
+    assert "path is drawn up to" in node.health.reason("without pose")

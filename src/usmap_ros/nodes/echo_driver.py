@@ -14,6 +14,7 @@ from usmap_ros.errors import ConfigurationError, MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import range_to_message, trace_to_message
 from usmap_ros.live.interfaces import ECHO, ECHO_DRIVER, RANGE
+from usmap_ros.live.scenario_time import NoTimeError, ScenarioTime
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, within
 from usmap_ros.nodes.plumbing.frames import Transforms
@@ -32,8 +33,6 @@ from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
 from usmap_ros.simulation.simulator import SimulatedRobot
 from usmap_ros.trace import EchoTrace
-
-_LONGEST_AGO_S = 100_000.0
 
 
 @dataclass
@@ -75,10 +74,10 @@ class EchoDriver(Node):
         scene = scenario.scene()
         robot = self._choose(scenario.fleet(scene))
         self._world = scenario.frame_id
-        start_ns = self._start_ns()
-        self._simulator = EchoSimulator(scene, scenario.frame_id, start_ns)
+        self._scene = scene
+        self._time = self._make_time()
         self._transforms = self._make_transforms()
-        self._pose_source = self._make_pose_source(robot, start_ns)
+        self._pose_source = self._make_pose_source(robot)
         self._sonars = cycle(self._make_sonars(robot))
         rate_hz = parameters.ping_rate_hz or 1.0 / robot.ping_interval_s
         # One at a time: transducers of one robot would hear one another.
@@ -88,18 +87,18 @@ class EchoDriver(Node):
         """Destroy the node."""
         self.destroy_node()
 
-    def _start_ns(self) -> int:
-        """When the scenario begins."""
-        start_s = self.parameters.value.start_time_s
+    def _make_time(self) -> ScenarioTime:
+        """When the scenario begins; a start too long ago is refused, if the clock says so yet."""
+        time = ScenarioTime(round(self.parameters.value.start_time_s * 1e9))
         now_ns = self.get_clock().now().nanoseconds
-        ago_s = now_ns / 1e9 - start_s
-        # A path is drawn from its start on: one that began in 1970 would never be caught up with.
-        if start_s and ago_s > _LONGEST_AGO_S:
-            raise ConfigurationError(
-                f"parameters of {self.get_fully_qualified_name()}",
-                f"start_time_s: is {ago_s:.3g} s ago, must be at most {_LONGEST_AGO_S:g} s",
-            )
-        return round(start_s * 1e9) or now_ns
+        if self.parameters.value.start_time_s and now_ns > 0:
+            try:
+                time.at(now_ns)
+            except NoTimeError as error:
+                raise ConfigurationError(
+                    f"parameters of {self.get_fully_qualified_name()}", str(error)
+                ) from error
+        return time
 
     def _load_scenario(self) -> Scenario:
         path = self.parameters.value.scenario
@@ -133,7 +132,7 @@ class EchoDriver(Node):
             )
         return transforms
 
-    def _make_pose_source(self, robot: SimulatedRobot, start_ns: int) -> PoseSource:
+    def _make_pose_source(self, robot: SimulatedRobot) -> PoseSource:
         parameters = self.parameters.value
         if parameters.pose_source == "odometry":
             return OdometryPose(self, self.health, parameters.pose_timeout_s)
@@ -142,7 +141,7 @@ class EchoDriver(Node):
             return TransformPose(
                 self._transforms, base_frame, self._world, parameters.pose_timeout_s
             )
-        return PathPose(robot.motion, start_ns)
+        return PathPose(robot.motion)
 
     def _make_sonars(self, robot: SimulatedRobot) -> list[_Sonar]:
         sonars = []
@@ -163,16 +162,19 @@ class EchoDriver(Node):
     def _ping(self) -> None:
         """Let the next transducer ping."""
         sonar = next(self._sonars)
+        now_ns = self.get_clock().now().nanoseconds
         try:
-            base, stamp_ns = self._pose_source.sample(self.get_clock().now().nanoseconds)
-        except NoPoseError as error:
+            base, stamp_ns = self._pose_source.sample(now_ns, self._time.at(now_ns))
+        except (NoTimeError, NoPoseError) as error:
             self.health.problem("without pose", str(error))
             return
         if stamp_ns == sonar.last_stamp_ns:
             return  # Nothing new is known of where it is.
         sonar.last_stamp_ns = stamp_ns
         pose = base.compose(sonar.mounted.mount)
-        trace = self._simulator.ping(sonar.mounted, pose, stamp_ns, sonar.rng)
+        # Its moving objects set off with the scenario, whose start follows jumps of the clock.
+        simulator = EchoSimulator(self._scene, self._world, self._time.start_ns)
+        trace = simulator.ping(sonar.mounted, pose, stamp_ns, sonar.rng)
         sonar.echo.publish(trace_to_message(trace, self._types))
         self.health.work("published")
         self._publish_extras(sonar, trace, pose)

@@ -15,6 +15,9 @@ from usmap_ros.nodes.plumbing.endpoints import subscribe
 from usmap_ros.nodes.plumbing.frames import NoTransformError, Transforms
 from usmap_ros.simulation.motion import Motion
 
+#: Of a path, what is drawn at once, s: some 50 ms of work.
+_STRETCH_S = 50.0
+
 
 class NoPoseError(UsmapError):
     """A pose that is not known, or not any more."""
@@ -23,8 +26,15 @@ class NoPoseError(UsmapError):
 class PoseSource(Protocol):
     """Where a robot's base is."""
 
-    def sample(self, now_ns: int) -> tuple[Pose, int]:
+    def sample(self, now_ns: int, elapsed_s: float) -> tuple[Pose, int]:
         """True pose of the base, and its stamp.
+
+        Parameters
+        ----------
+        now_ns : int
+            The clock's reading.
+        elapsed_s : float
+            Time since the scenario began.
 
         Raises
         ------
@@ -41,17 +51,24 @@ class PathPose:
     ----------
     motion : Motion
         Its path.
-    start_ns : int
-        When it starts.
     """
 
-    def __init__(self, motion: Motion, start_ns: int) -> None:
+    def __init__(self, motion: Motion) -> None:
         self._motion = motion
-        self._start_ns = start_ns
+        self._drawn_s = 0.0
 
-    def sample(self, now_ns: int) -> tuple[Pose, int]:
-        """Pose at this time."""
-        return self._motion.pose(max(0.0, (now_ns - self._start_ns) / 1e9)), now_ns
+    def sample(self, now_ns: int, elapsed_s: float) -> tuple[Pose, int]:
+        """Pose at this time; at the start before it."""
+        # A random walk is drawn step by step.  One that began hours ago is drawn a part at a
+        # time, so that the node goes on answering meanwhile.
+        if elapsed_s > self._drawn_s + _STRETCH_S:
+            self._drawn_s += _STRETCH_S
+            self._motion.pose(self._drawn_s)
+            raise NoPoseError(
+                f"the robot's path is drawn up to {self._drawn_s:.0f} of {elapsed_s:.0f} s"
+            )
+        self._drawn_s = max(self._drawn_s, elapsed_s)
+        return self._motion.pose(max(0.0, elapsed_s)), now_ns
 
 
 class OdometryPose:
@@ -73,7 +90,7 @@ class OdometryPose:
         self._latest: tuple[Pose, int] | None = None
         subscribe(node, ODOM, self._receive)
 
-    def sample(self, now_ns: int) -> tuple[Pose, int]:
+    def sample(self, now_ns: int, elapsed_s: float) -> tuple[Pose, int]:
         """Latest pose."""
         if self._latest is None:
             raise NoPoseError("no odometry has come yet")
@@ -108,7 +125,7 @@ class TransformPose:
         self._world = world
         self._timeout_s = timeout_s
 
-    def sample(self, now_ns: int) -> tuple[Pose, int]:
+    def sample(self, now_ns: int, elapsed_s: float) -> tuple[Pose, int]:
         """Latest pose."""
         try:
             latest = self._transforms.pose_of(self._base_frame, self._world)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
@@ -16,6 +17,9 @@ from usmap_ros.geometry import Pose
 
 #: Longest trace that is believed.
 MAX_SAMPLES = 10_000_000
+#: A trace counts as saturated if this many samples share its largest magnitude, and that is this
+#: many times its noise: a coarse converter gives the noise, too, few values to take.
+SATURATED_SAMPLES, SATURATED_OVER_NOISE = 3, 6.0
 
 
 class Encoding(enum.IntEnum):
@@ -98,10 +102,11 @@ class EchoTrace:
             return pairs.view(np.complex128)
         return np.asarray(self.samples, dtype=np.float64)
 
-    def sample_times_s(self) -> FloatArray:
-        """Delay of every sample (or I/Q pair) after the stamp."""
+    @property
+    def sampling(self) -> Sampling:
+        """When its samples (or I/Q pairs) were taken, after the stamp."""
         count = len(self.samples) // (2 if self.encoding is Encoding.IQ else 1)
-        return self.start_delay_s + np.arange(count) / self.sample_rate_hz
+        return Sampling(self.sample_rate_hz, self.start_delay_s, count)
 
     def with_sweep(self, sweep_hz: float) -> EchoTrace:
         """The trace, with a sweep for its chirp if nobody has said yet how far it goes."""
@@ -110,6 +115,23 @@ class EchoTrace:
             return self
         transducer = replace(self.transducer, pulse=replace(pulse, sweep_hz=sweep_hz))
         return replace(self, transducer=transducer)
+
+    def sample_times_s(self) -> FloatArray:
+        """Delay of every sample (or I/Q pair) after the stamp."""
+        return self.sampling.times_s
+
+    @property
+    def is_saturated(self) -> bool:
+        """Whether several samples sit at the largest magnitude, as behind a clipping converter.
+
+        Its echoes are where they seem to be, but louder than they seem.
+        """
+        magnitude = np.abs(self.samples)
+        largest = magnitude.max(initial=0.0)
+        return bool(
+            largest > SATURATED_OVER_NOISE * self.noise_std
+            and np.count_nonzero(magnitude == largest) >= SATURATED_SAMPLES
+        )
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import firwin, upfirdn
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.trace import EchoTrace, Encoding
@@ -33,8 +33,6 @@ LAGS_PER_CYCLE = 8
 RAYLEIGH_MEAN = float(np.sqrt(np.pi) / 2.0)
 RAYLEIGH_STD = float(np.sqrt(1.0 - np.pi / 4.0))
 RAYLEIGH_SKEWNESS = 0.631
-#: A trace counts as saturated if this many samples share its largest value.
-SATURATED_SAMPLES = 3
 
 
 @dataclass(frozen=True)
@@ -102,8 +100,8 @@ class Baseband:
     ----------
     signal : (samples,) array
         Complex for I/Q and raw traces of a carrier, else real.
-    sample_rate_hz, start_delay_s : float
-        Where its samples lie.
+    sampling : Sampling
+        When its samples were taken.
     noise_std : float
         Standard deviation of the noise in `signal` (of the complex value, where complex), or of
         white noise as dense as it is within the pulse's band.
@@ -111,17 +109,13 @@ class Baseband:
         Third standardised moment of the noise: 0 unless the trace is an envelope.
     template : Template
         What one echo looks like in it.
-    saturated : bool
-        Whether the receiver seems to have been driven to its limit.
     """
 
     signal: Signal
-    sample_rate_hz: float
-    start_delay_s: float
+    sampling: Sampling
     noise_std: float
     noise_skewness: float
     template: Template
-    saturated: bool
 
 
 def to_baseband(trace: EchoTrace) -> Baseband:
@@ -148,12 +142,10 @@ def to_baseband(trace: EchoTrace) -> Baseband:
         pulse = replace(pulse, shape=PulseShape.HANN_BURST, sweep_hz=0.0)
     return Baseband(
         signal=signal,
-        sample_rate_hz=trace.sample_rate_hz,
-        start_delay_s=trace.start_delay_s,
+        sampling=trace.sampling,
         noise_std=noise_std,
         noise_skewness=skewness,
         template=Template(0.0, pulse.duration_s, pulse),
-        saturated=is_saturated(trace.samples),
     )
 
 
@@ -180,13 +172,6 @@ def check_pulse(trace: EchoTrace) -> None:
         )
 
 
-def is_saturated(samples: NDArray[np.float32]) -> bool:
-    """Whether several samples sit at the largest magnitude, as behind a clipping converter."""
-    magnitude = np.abs(samples)
-    largest = magnitude.max()
-    return bool(largest > 0.0 and np.count_nonzero(magnitude == largest) >= SATURATED_SAMPLES)
-
-
 def _demodulated(trace: EchoTrace) -> Baseband:
     """Mix a raw trace down with e^(−j 2π f t), low-pass and decimate it."""
     pulse, rate_hz = trace.transducer.pulse, trace.sample_rate_hz
@@ -202,12 +187,10 @@ def _demodulated(trace: EchoTrace) -> Baseband:
     noise_std = trace.noise_std * gain or _estimate_noise(filtered) / passed
     return Baseband(
         signal=filtered,
-        sample_rate_hz=rate_hz / decimation,
-        start_delay_s=trace.start_delay_s,
+        sampling=Sampling(rate_hz / decimation, trace.start_delay_s, len(filtered)),
         noise_std=noise_std,
         noise_skewness=0.0,
         template=_filtered_template(pulse, rate_hz, decimation),
-        saturated=is_saturated(trace.samples),
     )
 
 

@@ -8,13 +8,14 @@ from functools import lru_cache
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import Baseband, Template, to_baseband
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution, cosamp
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.detection import (
     binned_maximum,
     crowding,
@@ -129,10 +130,9 @@ def _search(
 def _operator(
     trace: EchoTrace, baseband: Baseband, parameters: ReconstructionParameters
 ) -> DelayDomainOperator:
-    sampling = Sampling(baseband.sample_rate_hz, baseband.start_delay_s, len(baseband.signal))
     return _cached_operator(
         baseband.template,
-        sampling,
+        baseband.sampling,
         trace.channel,
         trace.transducer.min_range_m,
         trace.transducer.max_range_m,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.trace import Encoding
 
@@ -109,11 +110,12 @@ class Receiver:
             As in `EchoTrace.samples`.
         """
         noise_std = self.noise_std / np.sqrt(2.0)
+        sampling = Sampling(self.sample_rate_hz, self.start_delay_s, count)
         if self.encoding is Encoding.RAW:
-            raw = self._superpose(pulse.waveform, pulse, delays_s, amplitudes, count).real
+            raw = _superposed(pulse.waveform, pulse, delays_s, amplitudes, sampling).real
             return self._digitise(raw + noise_std * rng.standard_normal(count))
         carrier = np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)
-        baseband = self._superpose(pulse.envelope, pulse, delays_s, amplitudes * carrier, count)
+        baseband = _superposed(pulse.envelope, pulse, delays_s, amplitudes * carrier, sampling)
         pairs = np.stack([baseband.real, baseband.imag], axis=-1)
         pairs += noise_std * rng.standard_normal(pairs.shape)
         if self.encoding is Encoding.ENVELOPE:
@@ -126,23 +128,19 @@ class Receiver:
             values = self.converter.convert(values, signed=signed)
         return values.astype(np.float32)
 
-    def _superpose(
-        self,
-        shape: Callable[[FloatArray], Signal],
-        pulse: Pulse,
-        delays_s: FloatArray,
-        amplitudes: Signal,
-        count: int,
-    ) -> Signal:
-        """Σ a · shape(t − τ) at the sample times; a path touches only what its pulse covers."""
-        rate = self.sample_rate_hz
-        first = np.ceil((delays_s - self.start_delay_s) * rate).astype(np.int64)
-        covered = np.arange(int(np.ceil(pulse.duration_s * rate)) + 1)
-        index = first[:, np.newaxis] + covered
-        age = index / rate + self.start_delay_s - delays_s[:, np.newaxis]
-        inside = (index >= 0) & (index < count)
-        values = (amplitudes[:, np.newaxis] * shape(age))[inside]
-        total = np.zeros(count, dtype=np.complex128)
-        total.real = np.bincount(index[inside], values.real, minlength=count)
-        total.imag = np.bincount(index[inside], values.imag, minlength=count)
-        return total
+
+def _superposed(
+    shape: Callable[[FloatArray], Signal],
+    pulse: Pulse,
+    delays_s: FloatArray,
+    amplitudes: Signal,
+    sampling: Sampling,
+) -> Signal:
+    """Σ a · shape(t − τ) at the sample times; a path touches only what its pulse covers."""
+    samples, ages_s = sampling.touched(delays_s, pulse.duration_s)
+    taken = sampling.takes(samples)
+    values = (amplitudes[:, np.newaxis] * shape(ages_s))[taken]
+    total = np.zeros(sampling.sample_count, dtype=np.complex128)
+    total.real = np.bincount(samples[taken], values.real, minlength=sampling.sample_count)
+    total.imag = np.bincount(samples[taken], values.imag, minlength=sampling.sample_count)
+    return total

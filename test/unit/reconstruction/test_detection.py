@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.reconstruction.baseband import to_baseband
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.detection import (
     binned_maximum,
     loudness,
@@ -14,8 +14,9 @@ from usmap_ros.reconstruction.detection import (
 
 
 def operator_of(baseband, trace):
-    sampling = Sampling(baseband.sample_rate_hz, baseband.start_delay_s, len(baseband.signal))
-    return DelayDomainOperator(baseband.template, sampling, trace.channel, 0.2, 5.0, 4, 1e-4)
+    return DelayDomainOperator(
+        baseband.template, baseband.sampling, trace.channel, 0.2, 5.0, 4, 1e-4
+    )
 
 
 @pytest.mark.parametrize("reception", ["iq", "envelope", "square"])

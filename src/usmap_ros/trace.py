@@ -17,9 +17,9 @@ from usmap_ros.geometry import Pose
 
 #: Longest trace that is believed.
 MAX_SAMPLES = 10_000_000
-#: A trace counts as saturated if this many samples share its largest magnitude, and that is this
-#: many times its noise: a coarse converter gives the noise, too, few values to take.
-SATURATED_SAMPLES, SATURATED_OVER_NOISE = 3, 6.0
+#: A trace counts as saturated if so many samples repeat its largest or least value, and that is
+#: this many times its noise: a coarse converter gives the noise, too, few values to take.
+SATURATED_SAMPLES, SATURATED_OVER_NOISE = 2, 6.0
 
 
 class Encoding(enum.IntEnum):
@@ -122,16 +122,15 @@ class EchoTrace:
 
     @property
     def is_saturated(self) -> bool:
-        """Whether several samples sit at the largest magnitude, as behind a clipping converter.
+        """Whether several samples sit at either end of its scale, as behind a clipping converter.
 
         Its echoes are where they seem to be, but louder than they seem.
         """
-        magnitude = np.abs(self.samples)
-        largest = magnitude.max(initial=0.0)
-        return bool(
-            largest > SATURATED_OVER_NOISE * self.noise_std
-            and np.count_nonzero(magnitude == largest) >= SATURATED_SAMPLES
-        )
+        # An envelope clips at one end only.
+        ends = {float(self.samples.max()), min(0.0, float(self.samples.min()))} - {0.0}
+        repeated = sum(np.count_nonzero(self.samples == end) - 1 for end in ends)
+        is_loud = any(abs(end) > SATURATED_OVER_NOISE * self.noise_std for end in ends)
+        return bool(is_loud and repeated >= SATURATED_SAMPLES)
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

@@ -192,11 +192,19 @@ def _threshold(operator: MatrixOperator, noise_std: float, false_alarms: float) 
 
 
 def _few_cells(solution: Solution, problem: Problem, sets: ColumnSets) -> Solution:
-    """Drop the weakest sets until no more than `sparsity` cells are left, and fit again."""
+    """Keep the strongest sets that together have no more than `sparsity` cells, and fit again.
+
+    Where a set of several cells no longer fits, a weaker one of fewer may: all that is allowed
+    is spent.
+    """
     cells = sets.cells_of(solution)
     strengths = problem.operator.echo_scores(solution.support, solution.coefficients)
-    order = np.argsort(-strengths, kind="stable")
-    kept = np.sort(order[np.cumsum(cells[order]) <= problem.sparsity])
-    if len(kept) == len(order):
+    kept, left = [], problem.sparsity
+    for block in np.argsort(-strengths, kind="stable"):
+        if cells[block] <= left:
+            kept.append(block)
+            left -= cells[block]
+    if len(kept) == len(cells):
         return solution
-    return problem.fitted(solution.support[kept], solution.iterations, solution.halt)
+    support = solution.support[np.sort(kept)]
+    return problem.fitted(support, solution.iterations, solution.halt)

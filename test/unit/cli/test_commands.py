@@ -109,7 +109,7 @@ def test_info_tells_of_saturated_pings(usmap: Run, workspace: Path) -> None:
     (workspace / "loud.yaml").write_text(scenario.replace("noise_std: 0.01", converter))
     usmap("simulate", "loud.yaml", "-o", "loud", cwd=workspace)
     description = json.loads(usmap("info", "loud", "--json", cwd=workspace).stdout)
-    assert description["topics"][0]["saturated_pings"] >= 5
+    assert description["topics"][0]["saturated_pings"] >= 3
     assert "saturated" in usmap("info", "loud", cwd=workspace).stdout
 
 

@@ -108,6 +108,17 @@ class EchoTrace:
         count = len(self.samples) // (2 if self.encoding is Encoding.IQ else 1)
         return Sampling(self.sample_rate_hz, self.start_delay_s, count)
 
+    @property
+    def sent(self) -> tuple[Emission, ...]:
+        """Every pulse in the air, its own first if that was sent."""
+        if not self.emissions:
+            return (Emission(self.child_frame_id, Pose.planar(0.0, 0.0, 0.0), self.transducer),)
+        return tuple(sorted(self.emissions, key=self.is_own, reverse=True))
+
+    def is_own(self, emission: Emission) -> bool:
+        """Whether the transducer that listened sent a pulse itself."""
+        return emission.child_frame_id == self.child_frame_id
+
     def with_sweep(self, sweep_hz: float) -> EchoTrace:
         """The trace, with a sweep for its chirp if nobody has said yet how far it goes."""
         pulse = self.transducer.pulse

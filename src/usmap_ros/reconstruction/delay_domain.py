@@ -10,6 +10,7 @@ import copy
 from collections.abc import Callable
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
@@ -73,6 +74,10 @@ class DelayDomainOperator:
         )
         self._moved: IndexArray = np.empty(0, dtype=np.intp)
         self._last_columns: tuple[IndexArray, Signal] = self._no_columns()
+
+    def blocks(self, part: int) -> slice:
+        """All blocks: there is one pulse, of number 0."""
+        return slice(0, self.block_count)
 
     # ------------------------------------------------------------------ SensingOperator
 
@@ -201,6 +206,18 @@ class DelayDomainOperator:
         padded[rows, np.arange(len(delays_s))[:, np.newaxis]] = values
         columns: Signal = padded[1:-1]
         return columns
+
+    def overlaps(self, support: IndexArray) -> FloatArray:
+        """Correlation of the direct echoes of each two blocks, 0 of a block with itself."""
+        delays_s = self.delays_s(support)[:, 0]
+        overlaps = self.template.overlap(np.abs(delays_s[:, np.newaxis] - delays_s))
+        np.fill_diagonal(overlaps, 0.0)
+        return overlaps
+
+    def loudness(self, scores: FloatArray) -> FloatArray:
+        """Loudest score within a pulse of each block."""
+        loudest: FloatArray = maximum_filter1d(scores, 2 * self.pulse_blocks + 1, mode="nearest")
+        return loudest
 
     @property
     def pulse_blocks(self) -> int:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,23 @@ class Converter:
         lowest = -levels if signed else 0
         step = self.step(signed=signed)
         return np.clip(np.rint(values / step), lowest, levels - 1) * step
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """Paths by which one pulse arrives.
+
+    Parameters
+    ----------
+    pulse : Pulse
+        What was emitted.
+    delays_s, amplitudes : (paths,) arrays
+        Of every path.
+    """
+
+    pulse: Pulse
+    delays_s: FloatArray
+    amplitudes: FloatArray
 
 
 @dataclass(frozen=True)
@@ -85,9 +103,8 @@ class Receiver:
 
     def receive(
         self,
-        pulse: Pulse,
-        delays_s: FloatArray,
-        amplitudes: FloatArray,
+        arrivals: Sequence[Arrivals],
+        carrier_hz: float,
         count: int,
         rng: np.random.Generator,
     ) -> NDArray[np.float32]:
@@ -95,10 +112,10 @@ class Receiver:
 
         Parameters
         ----------
-        pulse : Pulse
-            What was emitted.
-        delays_s, amplitudes : (paths,) arrays
-            Of every path by which it arrives.
+        arrivals : sequence of Arrivals
+            Of each pulse in the air.
+        carrier_hz : float
+            What I/Q is mixed down by: the carrier of the receiver's own pulse.
         count : int
             Number of samples (or pairs) to take.
         rng : numpy.random.Generator
@@ -112,10 +129,15 @@ class Receiver:
         noise_std = self.noise_std / np.sqrt(2.0)
         sampling = Sampling(self.sample_rate_hz, self.start_delay_s, count)
         if self.encoding is Encoding.RAW:
-            raw = _superposed(pulse.waveform, pulse, delays_s, amplitudes, sampling).real
-            return self._digitise(raw + noise_std * rng.standard_normal(count))
-        carrier = np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)
-        baseband = _superposed(pulse.envelope, pulse, delays_s, amplitudes * carrier, sampling)
+            raw = np.zeros(sampling.sample_count)
+            for one in arrivals:
+                raw += _superposed(one.pulse.waveform, one, one.amplitudes, sampling).real
+            return self._digitise(raw + noise_std * rng.standard_normal(raw.shape))
+        baseband = np.zeros(sampling.sample_count, dtype=np.complex128)
+        for one in arrivals:
+            shape = partial(one.pulse.envelope_above, carrier_hz)
+            turned = one.amplitudes * np.exp(-2j * np.pi * carrier_hz * one.delays_s)
+            baseband += _superposed(shape, one, turned, sampling)
         pairs = np.stack([baseband.real, baseband.imag], axis=-1)
         pairs += noise_std * rng.standard_normal(pairs.shape)
         if self.encoding is Encoding.ENVELOPE:
@@ -131,13 +153,12 @@ class Receiver:
 
 def _superposed(
     shape: Callable[[FloatArray], Signal],
-    pulse: Pulse,
-    delays_s: FloatArray,
+    arrivals: Arrivals,
     amplitudes: Signal,
     sampling: Sampling,
 ) -> Signal:
     """Σ a · shape(t − τ) at the sample times; a path touches only what its pulse covers."""
-    samples, ages_s = sampling.touched(delays_s, pulse.duration_s)
+    samples, ages_s = sampling.touched(arrivals.delays_s, arrivals.pulse.duration_s)
     taken = sampling.takes(samples)
     values = (amplitudes[:, np.newaxis] * shape(ages_s))[taken]
     total = np.zeros(sampling.sample_count, dtype=np.complex128)

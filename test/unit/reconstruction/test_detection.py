@@ -7,7 +7,6 @@ from usmap_ros.reconstruction.baseband import to_baseband
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.detection import (
     binned_maximum,
-    loudness,
     noise_thresholds,
     unreported,
 )
@@ -38,7 +37,7 @@ def test_loudness_reaches_as_far_as_a_pulse(hear):
     operator = operator_of(to_baseband(trace), trace)
     scores = np.zeros(operator.block_count)
     scores[500] = 2.0
-    loud = np.flatnonzero(loudness(operator, scores) == 2.0)
+    loud = np.flatnonzero(operator.loudness(scores) == 2.0)
 
     assert (loud[0], loud[-1]) == (500 - operator.pulse_blocks, 500 + operator.pulse_blocks)
 

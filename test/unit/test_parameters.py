@@ -1,9 +1,12 @@
 """Parameters are declared once, completely, and refuse what makes no sense."""
 
+from typing import Any
+
 import pytest
 from pydantic import BaseModel, ValidationError
 
 from usmap_ros.parameters import (
+    CorrectionParameters,
     MappingParameters,
     ParameterGroup,
     PipelineParameters,
@@ -11,13 +14,23 @@ from usmap_ros.parameters import (
     quantity,
 )
 
-GROUPS: list[type[BaseModel]] = [ReconstructionParameters, MappingParameters]
-UNITS_BY_SUFFIX = {"_m": "m", "_s": "s", "_hz": "Hz", "_rad": "rad"}
+GROUPS: list[type[BaseModel]] = [
+    CorrectionParameters,
+    ReconstructionParameters,
+    MappingParameters,
+]
+UNITS_BY_SUFFIX = {"_m_s": "m/s", "_m": "m", "_s": "s", "_hz": "Hz", "_rad": "rad"}
+
+
+def own_parameters(group: type[BaseModel]) -> list[tuple[str, dict[str, Any]]]:
+    """Name and schema of the parameters of a group; a group in it is another's."""
+    properties = group.model_json_schema()["properties"]
+    return [(name, schema) for name, schema in properties.items() if "$ref" not in schema]
 
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_parameter_has_a_description_a_unit_and_its_suffix(group: type[BaseModel]) -> None:
-    for name, description in group.model_json_schema()["properties"].items():
+    for name, description in own_parameters(group):
         assert description["description"].endswith("."), name
         units = [unit for suffix, unit in UNITS_BY_SUFFIX.items() if name.endswith(suffix)]
         assert description["unit"] == (units[0] if units else ""), name
@@ -25,7 +38,7 @@ def test_every_parameter_has_a_description_a_unit_and_its_suffix(group: type[Bas
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_number_has_bounds(group: type[BaseModel]) -> None:
-    for name, description in group.model_json_schema()["properties"].items():
+    for name, description in own_parameters(group):
         if description["type"] in ("number", "integer"):
             assert description.keys() & {"minimum", "exclusiveMinimum"}, name
             bounded = description.keys() & {"maximum", "exclusiveMaximum"}

@@ -10,6 +10,7 @@ import typer
 
 import usmap_ros
 from usmap_ros.cli import (
+    calibrate,
     console,
     demo,
     evaluate,
@@ -33,6 +34,7 @@ app = typer.Typer(
 )
 app.command("demo")(demo.demo)
 app.command("simulate")(simulate.simulate)
+app.command("calibrate")(calibrate.calibrate)
 app.command("map")(map.map_bags)
 app.command("evaluate")(evaluate.evaluate)
 app.command("plot")(plot.plot)

@@ -10,12 +10,14 @@ example files and the reference page are derived from these declarations.
 
 from usmap_ros.parameters.fields import ParameterGroup, quantity
 from usmap_ros.parameters.pipeline import (
+    CorrectionParameters,
     MappingParameters,
     PipelineParameters,
     ReconstructionParameters,
 )
 
 __all__ = [
+    "CorrectionParameters",
     "MappingParameters",
     "ParameterGroup",
     "PipelineParameters",

@@ -12,6 +12,33 @@ from usmap_ros.parameters.fields import ParameterGroup, quantity
 SolverName = Literal["cosamp", "omp", "l1", "tv", "walls", "nnls", "integer", "binary"]
 
 
+class CorrectionParameters(ParameterGroup):
+    """What traces state or contain that is off, and is set right before all else."""
+
+    gain: float = quantity(
+        1.0,
+        "Amplitude in the samples of an echo of which the truth is 1; samples are divided by it.",
+        gt=0.0,
+        le=1e12,
+    )
+    range_offset_m: float = quantity(
+        0.0, "By how much ranges come out too long; it is taken off.", "m", ge=-10.0, le=10.0
+    )
+    sound_speed_m_s: float = quantity(
+        0.0, "Sound speed; 0: as traces state it.", "m/s", ge=0.0, le=10_000.0
+    )
+    floor_height_m: float = quantity(
+        -1.0,
+        "Of the transducer above a reflecting floor, 0 for none; below 0: as traces state it.",
+        "m",
+        ge=-1.0,
+        le=1000.0,
+    )
+    floor_reflectivity: float = quantity(
+        -1.0, "Of the floor; below 0: as traces state it.", ge=-1.0, le=1.0
+    )
+
+
 class ReconstructionParameters(ParameterGroup):
     """How echoes are recovered from one trace."""
 
@@ -79,6 +106,7 @@ class ReconstructionParameters(ParameterGroup):
     limit_step_m: float = quantity(
         0.025, "Range bins in which the detection limit is reported.", "m", ge=0.001, le=1.0
     )
+    correction: CorrectionParameters = CorrectionParameters()
 
     @model_validator(mode="after")
     def _solver_has_its_dictionary(self) -> ReconstructionParameters:

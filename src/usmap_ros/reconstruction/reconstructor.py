@@ -12,6 +12,7 @@ import numpy as np
 
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.cone import EchoCone
+from usmap_ros.correction import corrected
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.delays import reconstruct_delays
@@ -49,14 +50,14 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     trace : EchoTrace
         A valid trace.
     parameters : ReconstructionParameters
-        Dictionary, solver, and what they go by.
+        What is off in the trace; dictionary, solver, and what they go by.
 
     Raises
     ------
     MalformedMessageError
         If the trace cannot be reconstructed.
     """
-    trace = trace.with_sweep(parameters.chirp_sweep_hz)
+    trace = corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
     if parameters.dictionary == "cells":
         return _by_cells(trace, parameters)
     return _by_delays(trace, parameters)
@@ -67,11 +68,12 @@ def _by_delays(trace: EchoTrace, parameters: ReconstructionParameters) -> Recons
     baseband = found.baseband
     # An echo peaks in the middle of its envelope.
     peak_s = baseband.template.start_s + 0.5 * baseband.template.duration_s
+    times_s = baseband.start_delay_s + np.arange(len(baseband.signal)) / baseband.sample_rate_hz
     return Reconstruction(
         found.cone,
         baseband.signal,
         found.solution.residual,
-        baseband.sampling.times_s - peak_s,
+        times_s - peak_s,
         baseband.noise_std,
     )
 

@@ -1,0 +1,14 @@
+"""What a recording itself says of its sensors and of the air: sound speed, floor, gain, offset.
+
+The closed loop that Sanchez & Andersson (DSCC 2018-9140) leave for later: what the sensing
+matrix takes for given is learnt from the recording that it is to explain.
+
+`calibrate` does it in four steps: `hearing` finds echoes, `floor` what trails them over the
+floor, `objects` where what returned them stands, `fit` all quantities together, and `loudness`
+the gain.
+"""
+
+from usmap_ros.calibration.estimation import calibrate
+from usmap_ros.calibration.result import Calibration, Estimate, Target
+
+__all__ = ["Calibration", "Estimate", "Target", "calibrate"]

@@ -1,0 +1,92 @@
+"""A calibration in words, and as a parameter file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import yaml
+
+from usmap_ros.calibration.result import Calibration, Estimate
+
+#: Digits behind the point, unit and name of each quantity.
+_SHOWN = {
+    "gain": (1, "dB", "gain"),
+    "range_offset_m": (1, "mm", "range offset"),
+    "sound_speed_m_s": (2, "m/s", "sound speed"),
+    "floor_height_m": (4, "m", "floor height"),
+    "floor_reflectivity": (3, "", "floor reflectivity"),
+}
+#: A natural logarithm of amplitude in dB.
+_DECIBELS = 20.0 / np.log(10.0)
+
+
+def summary(calibration: Calibration) -> dict[str, str]:
+    """What was found of each quantity, one line each: value ± standard deviation, or why not."""
+    return {
+        _SHOWN[name][2]: _line(name, estimate) for name, estimate in calibration.estimates().items()
+    }
+
+
+def as_json(calibration: Calibration) -> dict[str, Any]:
+    """All figures, ready to become JSON; None where there is none."""
+    figures: dict[str, Any] = {
+        name: {
+            "value": _finite(estimate.value),
+            "std": _finite(estimate.std),
+            "told": estimate.is_told,
+            "untold": estimate.untold,
+        }
+        for name, estimate in calibration.estimates().items()
+    }
+    counts = {name: getattr(calibration, name) for name in ("pings", "echoes", "objects")}
+    return counts | figures
+
+
+def parameter_file(calibration: Calibration, source: str, content: dict[str, Any]) -> str:
+    """Text of a parameter file with what is told, behind comments that say how well.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        What was found.
+    source : str
+        The recording's name.
+    content : dict
+        Other parameters that the file is to hold, as parsed from YAML.
+    """
+    told = {
+        name: float(f"{estimate.value:.6g}")
+        for name, estimate in calibration.estimates().items()
+        if estimate.is_told
+    }
+    group = {**content.get("reconstruction", {}), "correction": told}
+    lines = [
+        f"# Calibrated from {source}: {calibration.pings} pings, {calibration.echoes} echoes of"
+        f" {calibration.objects} objects",
+        *(f"# {name}: {line}" for name, line in summary(calibration).items()),
+    ]
+    body = yaml.safe_dump({**content, "reconstruction": group}, sort_keys=False)
+    return "\n".join(lines) + "\n" + body
+
+
+def _line(name: str, estimate: Estimate) -> str:
+    digits, unit, _ = _SHOWN[name]
+    value, std = estimate.value, estimate.std
+    if not np.isfinite(value):
+        return estimate.untold
+    if name == "gain":
+        factor = f"{value:.4g}, "
+        value, std = _DECIBELS * np.log(value), _DECIBELS * std
+    else:
+        factor = ""
+    if unit == "mm":
+        value, std = 1e3 * value, 1e3 * std
+    text = f"{factor}{value:.{digits}f} ± {std:.{digits}f} {unit}".rstrip()
+    if name == "floor_height_m" and estimate.is_told and value == 0.0:
+        return "no floor is heard, although messages state one"
+    return text if estimate.is_told else f"{text}; left as stated: {estimate.untold}"
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,81 +1,265 @@
-"""How good maps are at default settings, beside the range-only sonar model.
+"""How good maps are: the product, what it is without one of its parts, and other methods.
 
-Simulates the shipped scenarios with the seeds below, maps them and prints a table in Markdown.
+Every scene is drawn at random by `scenes`, recorded under a condition, and mapped by each method.
+F1, log loss and leak, lost and escape are those of `usmap evaluate`; "off" is the largest distance
+from the diagonal of the reliability diagram of all seeds, where a cell counts as right if it holds
+or touches a surface. Means over the seeds, with the standard deviation behind ±.
 
-python benchmarks/scores.py [--readme README.md]
+python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ...] [--conditions plain ...]
+    [--seeds 901 ...] [--methods ours ...] [--nav2-map MAP.yaml ...] [--cache DIR] [--jobs 2]
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+from methods import METHODS
+from recordings import cones
 from rich.progress import track
+from scenes import CONDITIONS, KINDS, scenario
+from score_pictures import draw_maps, draw_scores
 
-from usmap_ros.mapping.range_sensor import RangeSensorFusion
-from usmap_ros.mapping.scoring import score
-from usmap_ros.parameters import MappingParameters
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.simulation.scenario import Scenario
-from usmap_ros.simulation.simulator import simulate
+from usmap_ros.mapping.reliability import Reliability, reliability
+from usmap_ros.mapping.scoring import Score, score
+from usmap_ros.views import PingViews
 
-SCENARIOS = Path(__file__).parent.parent / "config" / "scenarios"
-#: Scenario files, with what they show.
-SHOWN = {
-    "poles": "30 poles, three robots",
-    "pose_error": "the same with poses off by 3 cm and 0.6°",
-    "floor": "20 poles above a reflecting floor",
-    "room": "a room with rough walls, poles and pillars (the demo)",
-    "nav2_map": "a flat with smooth walls, from a nav2 map",
-}
-SEEDS = (1, 2, 3)
+SEEDS = (901, 902, 903)
+#: Under which conditions other than the plain one scenes are recorded, if none is named.
+VARIED = ("poles", "rough_rooms")
+#: Columns of the table: heading, field of the score, digits.
+COLUMNS = (
+    ("F1", "f1", 2),
+    ("leak", "leak", 3),
+    ("lost", "lost", 3),
+    ("escape m²", "escape_m2", 2),
+    ("log loss", "log_loss", 3),
+)
+#: Methods in the table of the README, and in `run`.
+SHOWN_METHODS = ("ours", "range_only")
 START, END = "<!-- scores -->\n", "<!-- /scores -->"
 
 
-def run() -> dict[str, float]:
-    """F1 of every scenario, mean over the seeds, for both models."""
-    results: dict[str, float] = {}
-    for name in track(SHOWN, description="Scoring", transient=True):
-        pairs = [scores(name, seed) for seed in SEEDS]
-        results[f"{name}_f1"] = sum(ours for ours, _ in pairs) / len(pairs)
-        results[f"{name}_range_only_f1"] = sum(theirs for _, theirs in pairs) / len(pairs)
-    return results
+@dataclass(frozen=True)
+class Case:
+    """A scene to be recorded and mapped.
+
+    Parameters
+    ----------
+    scene, condition : str
+        As in `scenes`; of a nav2 map, the scene is its name.
+    seed : int
+        Of everything random.
+    nav2_map : path, optional
+        Its world, instead of a drawn one.
+    """
+
+    scene: str
+    condition: str
+    seed: int
+    nav2_map: Path | None = None
+
+    @property
+    def row(self) -> tuple[str, str]:
+        """Scene and condition."""
+        return self.scene, self.condition
 
 
-def scores(name: str, seed: int) -> tuple[float, float]:
-    """F1 of the pipeline and of the range-only model on one simulated recording."""
-    scenario = Scenario.load(SCENARIOS / f"{name}.yaml").model_copy(update={"seed": seed})
-    pipeline, range_only = Pipeline(), RangeSensorFusion(MappingParameters())
-    for _, trace in simulate(scenario):
-        range_only.fuse(pipeline.process(trace))
-    truth = scenario.truth_map()
-    return (
-        score(pipeline.occupancy_map(), truth).f1,
-        score(range_only.occupancy_map(), truth).f1,
-    )
+@dataclass(frozen=True)
+class Result:
+    """What a method made of a case."""
+
+    case: Case
+    method: str
+    score: Score
+    reliability: Reliability
 
 
-def markdown(results: dict[str, float]) -> str:
-    """The results as a table."""
-    lines = ["| scene | usmap_ros | range only |", "|---|---|---|"]
-    for name, shown in SHOWN.items():
-        ours, theirs = results[f"{name}_f1"], results[f"{name}_range_only_f1"]
-        lines.append(f"| {shown} | {ours:.2f} | {theirs:.2f} |")
+def cases(
+    scenes: Iterable[str],
+    conditions: Iterable[str] | None,
+    seeds: Iterable[int],
+    nav2_maps: Iterable[Path] = (),
+) -> list[Case]:
+    """What is to be done: every scene plainly, and `VARIED` under all conditions if none is named.
+
+    Parameters
+    ----------
+    scenes, conditions : iterable of str
+        As in `scenes`.
+    seeds : iterable of int
+        Of everything random.
+    nav2_maps : iterable of path
+        Further worlds.
+    """
+    seeds = list(seeds)
+    worlds: list[tuple[str, Path | None]] = [(name, None) for name in scenes]
+    worlds += [(path.stem, path) for path in nav2_maps]
+    found = []
+    for name, path in worlds:
+        usual = list(CONDITIONS) if name in VARIED else ["plain"]
+        for condition in conditions or usual:
+            found += [Case(name, condition, seed, path) for seed in seeds]
+    return found
+
+
+def results_of(
+    case: Case, methods: Iterable[str], cache: Path | None = None, pictures: Path | None = None
+) -> list[Result]:
+    """Record a case, map it by each method, and score the maps.
+
+    Parameters
+    ----------
+    case : Case
+        The scene.
+    methods : iterable of str
+        As in `methods`.
+    cache : path, optional
+        Folder where cones are kept.
+    pictures : path, optional
+        Folder for a picture of all maps.
+    """
+    world = scenario(case.scene, case.condition, case.seed, case.nav2_map)
+    truth, found, maps = world.truth_map(), [], {}
+    views = None
+    for name in methods:
+        method = METHODS[name]
+        recorded = cones(world, method.parameters().reconstruction, cache)
+        views = views or PingViews.of(cone for _, cone in recorded)
+        maps[method.shown] = method.map(recorded)
+        judged = score(maps[method.shown], truth, views)
+        found.append(Result(case, name, judged, reliability(maps[method.shown], truth)))
+    if pictures is not None and views is not None:
+        draw_maps(maps, truth, views, pictures / f"{case.scene}_{case.condition}_{case.seed}.png")
+    return found
+
+
+def all_results(
+    todo: list[Case],
+    methods: list[str],
+    cache: Path | None = None,
+    pictures: Path | None = None,
+    jobs: int = 1,
+) -> list[Result]:
+    """`results_of` all cases, pictures of the first seed only."""
+    first = {case.row: case for case in reversed(todo)}
+    folders = [pictures if first[case.row] is case else None for case in todo]
+    arguments = (todo, [methods] * len(todo), [cache] * len(todo), folders)
+
+    def shown(done: Iterator[list[Result]]) -> list[Result]:
+        progress = track(done, description="Scoring", total=len(todo), transient=True)
+        return [result for part in progress for result in part]
+
+    if jobs == 1:
+        return shown(map(results_of, *arguments))
+    with ProcessPoolExecutor(jobs) as executor:
+        return shown(executor.map(results_of, *arguments))
+
+
+def summary(results: list[Result]) -> list[dict[str, Any]]:
+    """A row for each scene, condition and method: means and standard deviations over the seeds."""
+    rows = []
+    for (scene, condition), same_row in groupby(results, key=lambda result: result.case.row):
+        by_method: dict[str, list[Result]] = {}
+        for result in same_row:
+            by_method.setdefault(result.method, []).append(result)
+        for method, seeds in by_method.items():
+            row: dict[str, Any] = {"scene": scene, "condition": condition, "method": method}
+            row["seeds"] = [result.case.seed for result in seeds]
+            for _, name, _ in COLUMNS:
+                values = np.array([asdict(result.score)[name] for result in seeds])
+                row[name], row[f"{name}_std"] = float(values.mean()), float(values.std())
+            counts = [result.reliability for result in seeds]
+            row["off"] = sum(counts[1:], start=counts[0]).worst()
+            rows.append(row)
+    return rows
+
+
+def markdown(rows: list[dict[str, Any]]) -> str:
+    """The rows as a table."""
+    headings = ["scene", "method", *(heading for heading, _, _ in COLUMNS), "off"]
+    lines = [f"| {' | '.join(headings)} |", "|---|---|" + "---:|" * (len(headings) - 2)]
+    for row in rows:
+        scene = row["scene"].replace("_", " ")
+        if row["condition"] != "plain":
+            scene += f", {CONDITIONS[row['condition']].shown}"
+        figures = [
+            f"{row[name]:.{digits}f} ± {row[f'{name}_std']:.{digits}f}"
+            for _, name, digits in COLUMNS
+        ]
+        cells = [scene, METHODS[row["method"]].shown, *figures, f"{row['off']:.2f}"]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
+def readme_table(rows: list[dict[str, Any]]) -> str:
+    """F1, leak, lost and escape of ours beside range only."""
+    lines = [
+        "| scene | F1 | leak | lost | escape m² | range only: F1 | leak | lost | escape m² |",
+        "|---|" + "---:|" * 8,
+    ]
+    for _, pair in groupby(rows, key=lambda row: (row["scene"], row["condition"])):
+        by_method = {row["method"]: row for row in pair}
+        figures = [
+            f"{by_method[method][name]:.{digits}f}"
+            for method in SHOWN_METHODS
+            for _, name, digits in COLUMNS[:4]
+        ]
+        scene = by_method["ours"]["scene"].replace("_", " ")
+        lines.append(f"| {scene} | {' | '.join(figures)} |")
+    return "\n".join(lines) + "\n"
+
+
+def run() -> dict[str, float]:
+    """F1, leak, lost and escape of every scene, means over the seeds, ours and range only."""
+    results = all_results(cases(KINDS, ["plain"], SEEDS), list(SHOWN_METHODS))
+    return {
+        f"{row['scene']}_{row['method']}_{name}": row[name]
+        for row in summary(results)
+        for _, name, _ in COLUMNS[:4]
+    }
+
+
 def main() -> None:
-    """Print the table, and put it into a page if one is named."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--readme", type=Path, help="page to put the table into")
-    arguments = parser.parse_args()
-    table = markdown(run())
+    """Print the table, and write it with its pictures."""
+    arguments = _parsed()
+    output: Path = arguments.output
+    (output / "maps").mkdir(parents=True, exist_ok=True)
+    todo = cases(arguments.scenes, arguments.conditions, arguments.seeds, arguments.nav2_map)
+    results = all_results(todo, arguments.methods, arguments.cache, output / "maps", arguments.jobs)
+    rows = summary(results)
+    table = markdown(rows)
     print(table, end="")
+    (output / "scores.md").write_text(table, encoding="utf-8")
+    (output / "scores.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    draw_scores(rows, output / "scores.png")
     if arguments.readme is not None:
         page = arguments.readme.read_text(encoding="utf-8")
         before, rest = page.split(START)
         _, after = rest.split(END)
-        arguments.readme.write_text(f"{before}{START}{table}{END}{after}", encoding="utf-8")
+        written = f"{before}{START}{readme_table(rows)}{END}{after}"
+        arguments.readme.write_text(written, encoding="utf-8")
+
+
+def _parsed() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("-o", "--output", type=Path, default=Path("bench_output/scores"))
+    parser.add_argument("--scenes", nargs="*", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--conditions", nargs="+", choices=list(CONDITIONS))
+    parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
+    parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
+    parser.add_argument("--nav2-map", nargs="+", type=Path, default=[], help="further worlds")
+    parser.add_argument("--cache", type=Path, help="folder to keep simulated cones in")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--readme", type=Path, help="page to put ours and range only into")
+    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
@@ -16,6 +17,9 @@ from usmap_ros.geometry import Pose
 
 #: Longest trace that is believed.
 MAX_SAMPLES = 10_000_000
+#: A trace counts as saturated if so many samples repeat its largest or least value, and that is
+#: this many times its noise: a coarse converter gives the noise, too, few values to take.
+SATURATED_SAMPLES, SATURATED_OVER_NOISE = 2, 6.0
 
 
 class Encoding(enum.IntEnum):
@@ -98,10 +102,22 @@ class EchoTrace:
             return pairs.view(np.complex128)
         return np.asarray(self.samples, dtype=np.float64)
 
-    def sample_times_s(self) -> FloatArray:
-        """Delay of every sample (or I/Q pair) after the stamp."""
+    @property
+    def sampling(self) -> Sampling:
+        """When its samples (or I/Q pairs) were taken, after the stamp."""
         count = len(self.samples) // (2 if self.encoding is Encoding.IQ else 1)
-        return self.start_delay_s + np.arange(count) / self.sample_rate_hz
+        return Sampling(self.sample_rate_hz, self.start_delay_s, count)
+
+    @property
+    def sent(self) -> tuple[Emission, ...]:
+        """Every pulse in the air, its own first if that was sent."""
+        if not self.emissions:
+            return (Emission(self.child_frame_id, Pose.planar(0.0, 0.0, 0.0), self.transducer),)
+        return tuple(sorted(self.emissions, key=self.is_own, reverse=True))
+
+    def is_own(self, emission: Emission) -> bool:
+        """Whether the transducer that listened sent a pulse itself."""
+        return emission.child_frame_id == self.child_frame_id
 
     def with_sweep(self, sweep_hz: float) -> EchoTrace:
         """The trace, with a sweep for its chirp if nobody has said yet how far it goes."""
@@ -110,6 +126,22 @@ class EchoTrace:
             return self
         transducer = replace(self.transducer, pulse=replace(pulse, sweep_hz=sweep_hz))
         return replace(self, transducer=transducer)
+
+    def sample_times_s(self) -> FloatArray:
+        """Delay of every sample (or I/Q pair) after the stamp."""
+        return self.sampling.times_s
+
+    @property
+    def is_saturated(self) -> bool:
+        """Whether several samples sit at either end of its scale, as behind a clipping converter.
+
+        Its echoes are where they seem to be, but louder than they seem.
+        """
+        # An envelope clips at one end only.
+        ends = {float(self.samples.max()), min(0.0, float(self.samples.min()))} - {0.0}
+        repeated = sum(np.count_nonzero(self.samples == end) - 1 for end in ends)
+        is_loud = any(abs(end) > SATURATED_OVER_NOISE * self.noise_std for end in ends)
+        return bool(is_loud and repeated >= SATURATED_SAMPLES)
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

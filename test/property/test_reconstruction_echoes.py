@@ -15,7 +15,7 @@ from usmap_ros.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.reconstructor import reconstruct
-from usmap_ros.simulation.receiver import Receiver
+from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.trace import EchoTrace, Encoding
 
 QUICK = settings(max_examples=25, deadline=None)
@@ -35,9 +35,8 @@ def heard(ranges_m, strengths, encoding, floor_m, noise_std=0.0, seed=0):
     amplitudes *= (strengths / amplitudes[:, 0])[:, np.newaxis]
     receiver = Receiver(encoding, RATES_HZ[encoding], 0.0, noise_std)
     samples = receiver.receive(
-        TRANSDUCER.pulse,
-        channel.delays_s(ranges_m).ravel(),
-        amplitudes.ravel(),
+        [Arrivals(TRANSDUCER.pulse, channel.delays_s(ranges_m).ravel(), amplitudes.ravel())],
+        TRANSDUCER.pulse.carrier_hz,
         receiver.sample_count(0.027),
         np.random.default_rng(seed),
     )

@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.geometry import Pose
 from usmap_ros.reconstruction.baseband import Template
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, ConeCells
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.operators import dot_test
 from usmap_ros.trace import Encoding
 

@@ -63,3 +63,17 @@ def test_other_samples_are_real(encoding):
 def test_what_no_sensor_could_have_produced_is_named(change, field):
     with pytest.raises(MalformedMessageError, match=field):
         replace(TRACE, **change).validate()
+
+
+def test_clipped_samples_are_known_by_their_like():
+    samples = (1.5 * np.sin(np.linspace(0.0, 10.0, 100))).astype(np.float32)
+    clipped = np.clip(samples, -1.0, 1.0)
+    assert not replace(TRACE, samples=samples).is_saturated
+    assert replace(TRACE, samples=clipped).is_saturated
+
+
+@pytest.mark.parametrize("level", [0.0, 0.01])
+def test_silence_is_not_saturation(level):
+    """Not even behind a converter that gives noise few values to take."""
+    samples = np.tile(np.array([-level, level], dtype=np.float32), 50)
+    assert not replace(TRACE, samples=samples).is_saturated

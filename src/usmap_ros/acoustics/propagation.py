@@ -73,6 +73,31 @@ class Channel:
             amplitudes += [2.0 * direct * reflected, reflected**2]
         return np.stack(amplitudes, axis=-1)
 
+    def between(self, there_m: FloatArray, back_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Delays and amplitudes of all paths from one transducer over points to another one.
+
+        Both are at the height of the floor's channel above it.
+
+        Parameters
+        ----------
+        there_m, back_m : (...) arrays
+            Distance of each point from the transducer that sends, and from the one that listens.
+
+        Returns
+        -------
+        delays_s, amplitudes : (..., paths) arrays
+            One path without a floor, four with one: neither leg, either or both over the floor.
+        """
+        there, back = self._legs_m(there_m), self._legs_m(back_m)
+        reflected = (1.0, self.floor_reflectivity)
+        legs = [(0, 0), (0, 1), (1, 0), (1, 1)] if self.has_floor else [(0, 0)]
+        lengths_m = [there[a] + back[b] for a, b in legs]
+        gains = [
+            reflected[a] * self._leg_gain(there[a]) * reflected[b] * self._leg_gain(back[b])
+            for a, b in legs
+        ]
+        return np.stack(lengths_m, axis=-1) / self.sound_speed_m_s, np.stack(gains, axis=-1)
+
     def _legs_m(self, range_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         direct_m = np.asarray(range_m, dtype=float)
         return direct_m, np.hypot(direct_m, 2.0 * self.floor_height_m)

@@ -91,6 +91,14 @@ class Pulse:
         envelope: Signal = self.window(time_s) * np.exp(1j * self._swept_phase(time_s))
         return envelope
 
+    def envelope_above(self, frequency_hz: float, time_s: FloatArray) -> Signal:
+        """What modulates a carrier of another frequency so that this pulse comes of it."""
+        offset_hz = self.carrier_hz - frequency_hz
+        if offset_hz == 0.0:
+            return self.envelope(time_s)
+        shifted: Signal = self.envelope(time_s) * np.exp(2j * np.pi * offset_hz * time_s)
+        return shifted
+
     def waveform(self, time_s: FloatArray) -> FloatArray:
         """Transmitted signal p(t) = w(t) sin(2π f t + φ(t)), or w(t) itself without a carrier."""
         window = self.window(time_s)

@@ -43,10 +43,17 @@ def _facts(description: dict[str, Any]) -> dict[str, str]:
         "duration": f"{description['seconds']:.1f} s",
         "frames": ", ".join(description["frames"]),
         "positions": f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m",
+        "saturated": _saturated(description),
         "other topics": ", ".join(description["other_topics"]),
         "skipped": ", ".join(f"{name} ({n})" for name, n in description["skipped"].items()),
     }
     return {name: value for name, value in facts.items() if value}
+
+
+def _saturated(description: dict[str, Any]) -> str:
+    """How many pings were driven to their converter's limit, if any."""
+    pings = sum(topic["saturated_pings"] for topic in description["topics"])
+    return f"{pings} pings: their echoes are louder than recorded" if pings else ""
 
 
 def _row(topic: dict[str, Any]) -> list[str]:

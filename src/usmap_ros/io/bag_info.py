@@ -22,12 +22,14 @@ class _Topic:
         self.first = first
         self.pings = 0
         self.last_ns = 0
+        self.saturated = 0
         self.encodings: set[str] = set()
 
     def add(self, ping: EchoTrace | EchoCone) -> None:
         """Take a ping into account."""
         self.pings += 1
         self.last_ns = ping.stamp_ns
+        self.saturated += isinstance(ping, EchoTrace) and ping.is_saturated
         self.encodings.add(ping.encoding.name if isinstance(ping, EchoTrace) else "CONE")
 
     def describe(self) -> dict[str, Any]:
@@ -38,6 +40,7 @@ class _Topic:
             "topic": self.name,
             "sensor": self.first.child_frame_id,
             "pings": self.pings,
+            "saturated_pings": self.saturated,
             "rate_hz": (self.pings - 1) / seconds if seconds > 0.0 else None,
             "encoding": ", ".join(sorted(self.encodings)),
             "sample_rate_hz": getattr(self.first, "sample_rate_hz", None),

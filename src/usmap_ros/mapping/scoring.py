@@ -103,23 +103,6 @@ def score(occupancy: OccupancyMap, truth: TruthMap, views: PingViews | None = No
     )
 
 
-def calibration(
-    occupancy: OccupancyMap, truth: TruthMap, bins: int = 10
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Mean probability, share really occupied and number of observed cells in probability bins.
-
-    Bins without a cell have NaN for the first two.
-    """
-    maps = align(occupancy, truth)
-    probability, observed, occupied = maps.probability, maps.observed, maps.occupied
-    index = np.minimum((probability[observed] * bins).astype(np.int64), bins - 1)
-    count = np.bincount(index, minlength=bins)
-    with np.errstate(invalid="ignore"):
-        mean = np.bincount(index, probability[observed], bins) / count
-        share = np.bincount(index, occupied[observed], bins) / count
-    return mean, share, count
-
-
 def _share(property_: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:
     """Share of the cells `among` that have a property; 0 if there are none."""
     count = np.count_nonzero(among)

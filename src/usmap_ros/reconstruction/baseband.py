@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import firwin, upfirdn
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.errors import MalformedMessageError
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.reconstruction.pulses import check_pulses
+from usmap_ros.trace import EchoTrace, Emission, Encoding
 
 #: Baseband samples per second and hertz of the pulse's bandwidth, at least, after decimation of a
 #: raw trace: eight samples on a pulse without a sweep.
@@ -26,15 +26,13 @@ TAPS_PER_SAMPLE = 8
 PASS_BAND = 0.8
 #: Points a raw sample at which the filtered pulse is tabulated.
 TABLE_POINTS = 4
-#: Points at which the overlap of two echoes is tabulated, and further ones a cycle of a sweep.
+#: Points at which the overlap of two echoes is tabulated, and further ones a cycle of its phase.
 LAGS = 257
-LAGS_PER_CYCLE = 8
+LAGS_PER_CYCLE = 16
 #: Mean and standard deviation of the modulus of complex noise of RMS 1 (Rayleigh).
 RAYLEIGH_MEAN = float(np.sqrt(np.pi) / 2.0)
 RAYLEIGH_STD = float(np.sqrt(1.0 - np.pi / 4.0))
 RAYLEIGH_SKEWNESS = 0.631
-#: A trace counts as saturated if this many samples share its largest value.
-SATURATED_SAMPLES = 3
 
 
 @dataclass(frozen=True)
@@ -49,17 +47,20 @@ class Template:
         Evaluated where `table` is None.
     table : (n,) array, optional
         Values on an even grid over the interval.
+    mixed_by_hz : float, optional
+        Frequency that the signal was mixed down by; None: the pulse's carrier.
     """
 
     start_s: float
     duration_s: float
     pulse: Pulse
     table: tuple[complex, ...] | None = None
+    mixed_by_hz: float | None = None
 
     def __call__(self, time_s: FloatArray) -> Signal:
         """Envelope at times after the echo's delay."""
         if self.table is None:
-            return self.pulse.envelope(time_s)
+            return self.pulse.envelope_above(self._centre_hz, time_s)
         values = np.asarray(self.table)
         grid = np.linspace(self.start_s, self.start_s + self.duration_s, len(values))
         envelope: Signal = np.interp(time_s, grid, values, left=0.0, right=0.0)
@@ -77,6 +78,15 @@ class Template:
         return np.interp(delay_s, lags_s, correlation)
 
     @property
+    def highest_hz(self) -> float:
+        """Highest frequency by which its phase turns, either way."""
+        return abs(self.pulse.carrier_hz - self._centre_hz) + 0.5 * abs(self.pulse.sweep_hz)
+
+    @property
+    def _centre_hz(self) -> float:
+        return self.pulse.carrier_hz if self.mixed_by_hz is None else self.mixed_by_hz
+
+    @property
     def is_smooth(self) -> bool:
         """Whether a delay can be told finer than a sample from it."""
         smooth = (PulseShape.HANN_BURST, PulseShape.CHIRP)
@@ -86,7 +96,7 @@ class Template:
 @lru_cache(maxsize=16)
 def _autocorrelation(template: Template) -> tuple[FloatArray, FloatArray]:
     """Lags from 0 to the template's length, and its normalised autocorrelation there."""
-    cycles = abs(template.pulse.sweep_hz) * template.duration_s
+    cycles = template.highest_hz * template.duration_s
     count = LAGS + int(LAGS_PER_CYCLE * cycles)
     time_s = np.linspace(template.start_s, template.start_s + template.duration_s, count)
     values = template(time_s)
@@ -102,26 +112,27 @@ class Baseband:
     ----------
     signal : (samples,) array
         Complex for I/Q and raw traces of a carrier, else real.
-    sample_rate_hz, start_delay_s : float
-        Where its samples lie.
+    sampling : Sampling
+        When its samples were taken.
     noise_std : float
         Standard deviation of the noise in `signal` (of the complex value, where complex), or of
         white noise as dense as it is within the pulse's band.
     noise_skewness : float
         Third standardised moment of the noise: 0 unless the trace is an envelope.
-    template : Template
-        What one echo looks like in it.
-    saturated : bool
-        Whether the receiver seems to have been driven to its limit.
+    templates : tuple of Template
+        What one echo of each pulse in the air looks like in it, in the order of `EchoTrace.sent`.
     """
 
     signal: Signal
-    sample_rate_hz: float
-    start_delay_s: float
+    sampling: Sampling
     noise_std: float
     noise_skewness: float
-    template: Template
-    saturated: bool
+    templates: tuple[Template, ...]
+
+    @property
+    def template(self) -> Template:
+        """What an echo of its own pulse looks like, or of the first one if it sent none."""
+        return self.templates[0]
 
 
 def to_baseband(trace: EchoTrace) -> Baseband:
@@ -132,7 +143,7 @@ def to_baseband(trace: EchoTrace) -> Baseband:
     MalformedMessageError
         If the trace is sampled too slowly for its pulse, or the pulse is not known.
     """
-    check_pulse(trace)
+    check_pulses(trace)
     if trace.encoding is Encoding.RAW and trace.transducer.pulse.has_carrier:
         return _demodulated(trace)
     signal, noise_std = trace.signal(), trace.noise_std
@@ -142,55 +153,32 @@ def to_baseband(trace: EchoTrace) -> Baseband:
     if trace.encoding is Encoding.ENVELOPE:
         signal = signal - RAYLEIGH_MEAN * noise_std
         noise_std, skewness = RAYLEIGH_STD * noise_std, RAYLEIGH_SKEWNESS
-    pulse = trace.transducer.pulse
-    if trace.encoding is Encoding.ENVELOPE and pulse.sweep_hz != 0.0:
-        # A magnitude knows nothing of a sweep: what is left of a chirp is its window.
-        pulse = replace(pulse, shape=PulseShape.HANN_BURST, sweep_hz=0.0)
     return Baseband(
         signal=signal,
-        sample_rate_hz=trace.sample_rate_hz,
-        start_delay_s=trace.start_delay_s,
+        sampling=trace.sampling,
         noise_std=noise_std,
         noise_skewness=skewness,
-        template=Template(0.0, pulse.duration_s, pulse),
-        saturated=is_saturated(trace.samples),
+        templates=tuple(_sampled_template(trace, emission) for emission in trace.sent),
     )
 
 
-def check_pulse(trace: EchoTrace) -> None:
-    """Raise `MalformedMessageError` unless the pulse is known and the samples can hold it."""
-    pulse, rate_hz = trace.transducer.pulse, trace.sample_rate_hz
-    if trace.encoding is Encoding.ENVELOPE:
-        return
-    if pulse.lacks_sweep:
-        raise MalformedMessageError(
-            "transducer.pulse_shape",
-            "is a chirp of which no TransducerArray message says how far it sweeps;"
-            " reconstruction.chirp_sweep_hz can",
-        )
-    if trace.encoding is Encoding.IQ and rate_hz < abs(pulse.sweep_hz):
-        raise MalformedMessageError(
-            "sample_rate",
-            f"of {rate_hz:g} Hz is too low for a chirp that sweeps {pulse.sweep_hz:g} Hz",
-        )
-    highest_hz = pulse.carrier_hz + 0.5 * abs(pulse.sweep_hz)
-    if trace.encoding is Encoding.RAW and pulse.has_carrier and rate_hz <= 2.0 * highest_hz:
-        raise MalformedMessageError(
-            "sample_rate", f"of {rate_hz:g} Hz is too low for a raw carrier of {highest_hz:g} Hz"
-        )
-
-
-def is_saturated(samples: NDArray[np.float32]) -> bool:
-    """Whether several samples sit at the largest magnitude, as behind a clipping converter."""
-    magnitude = np.abs(samples)
-    largest = magnitude.max()
-    return bool(largest > 0.0 and np.count_nonzero(magnitude == largest) >= SATURATED_SAMPLES)
+def _sampled_template(trace: EchoTrace, emission: Emission) -> Template:
+    """What an echo looks like in samples that are taken as they are."""
+    pulse = emission.transducer.pulse
+    if trace.encoding is not Encoding.ENVELOPE:
+        return Template(0.0, pulse.duration_s, pulse, None, trace.transducer.pulse.carrier_hz)
+    if pulse.sweep_hz != 0.0:
+        # A magnitude knows nothing of a sweep: what is left of a chirp is its window.
+        pulse = replace(pulse, shape=PulseShape.HANN_BURST, sweep_hz=0.0)
+    return Template(0.0, pulse.duration_s, pulse)
 
 
 def _demodulated(trace: EchoTrace) -> Baseband:
     """Mix a raw trace down with e^(−j 2π f t), low-pass and decimate it."""
     pulse, rate_hz = trace.transducer.pulse, trace.sample_rate_hz
-    decimation = max(1, int(rate_hz / (SAMPLES_PER_BANDWIDTH * pulse.bandwidth_hz)))
+    sent = [emission.transducer.pulse for emission in trace.sent]
+    bandwidth_hz = max(2.0 * abs(p.carrier_hz - pulse.carrier_hz) + p.bandwidth_hz for p in sent)
+    decimation = max(1, int(rate_hz / (SAMPLES_PER_BANDWIDTH * bandwidth_hz)))
     taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
     phase = 2.0 * np.pi * pulse.carrier_hz * trace.sample_times_s()
     mixed = 2.0 * trace.signal() * np.exp(-1j * phase)
@@ -202,12 +190,12 @@ def _demodulated(trace: EchoTrace) -> Baseband:
     noise_std = trace.noise_std * gain or _estimate_noise(filtered) / passed
     return Baseband(
         signal=filtered,
-        sample_rate_hz=rate_hz / decimation,
-        start_delay_s=trace.start_delay_s,
+        sampling=Sampling(rate_hz / decimation, trace.start_delay_s, len(filtered)),
         noise_std=noise_std,
         noise_skewness=0.0,
-        template=_filtered_template(pulse, rate_hz, decimation),
-        saturated=is_saturated(trace.samples),
+        templates=tuple(
+            _filtered_template(one, pulse.carrier_hz, rate_hz, decimation) for one in sent
+        ),
     )
 
 
@@ -220,15 +208,17 @@ def _low_pass(decimation: int, carrier_per_sample: float) -> FloatArray:
 
 
 @lru_cache(maxsize=16)
-def _filtered_template(pulse: Pulse, rate_hz: float, decimation: int) -> Template:
-    """Envelope of an echo behind the low-pass, tabulated from w convolved with the taps."""
-    taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
+def _filtered_template(
+    pulse: Pulse, carrier_hz: float, rate_hz: float, decimation: int
+) -> Template:
+    """Envelope of an echo behind the mixer at `carrier_hz` and the low-pass, tabulated."""
+    taps = _low_pass(decimation, carrier_hz / rate_hz)
     duration_s = pulse.duration_s + (len(taps) - 1) / rate_hz
     points = int(np.ceil(duration_s * rate_hz * TABLE_POINTS)) + 1
     time_s = np.linspace(0.0, duration_s, points)
     tap_delay_s = np.arange(len(taps)) / rate_hz
-    table = pulse.envelope(time_s[:, np.newaxis] - tap_delay_s) @ taps
-    return Template(0.0, duration_s, pulse, tuple(table))
+    table = pulse.envelope_above(carrier_hz, time_s[:, np.newaxis] - tap_delay_s) @ taps
+    return Template(0.0, duration_s, pulse, tuple(table), carrier_hz)
 
 
 def _estimate_noise(signal: Signal) -> float:

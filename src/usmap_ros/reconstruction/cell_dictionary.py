@@ -14,11 +14,11 @@ from scipy import sparse
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.geometry import Pose
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN
-from usmap_ros.reconstruction.delay_domain import Sampling
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatrix
 from usmap_ros.trace import EchoTrace, Encoding
 
@@ -150,7 +150,7 @@ class CellDictionary(MatrixOperator):
             ConeCells.seen(trace.pose, trace.transducer, resolution_m),
             trace.transducer.pulse,
             channel,
-            Sampling(trace.sample_rate_hz, trace.start_delay_s, len(trace.sample_times_s())),
+            trace.sampling,
             trace.encoding,
             as_sparse=as_sparse,
         )
@@ -175,15 +175,11 @@ def _echoes(
     cells: ConeCells, pulse: Pulse, channel: Channel, sampling: Sampling, encoding: Encoding
 ) -> SparseMatrix:
     """Echo of an ideal object in each cell, as columns of a sparse matrix."""
-    rate_hz, start_s = sampling.sample_rate_hz, sampling.start_delay_s
     delays_s = channel.delays_s(cells.ranges_m)
     amplitudes = cells.gains[:, np.newaxis] * channel.amplitudes(cells.ranges_m)
-    first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)
-    taps = np.arange(int(np.ceil(pulse.duration_s * rate_hz)) + 1)
-    sample = first[..., np.newaxis] + taps
-    age_s = sample / rate_hz + start_s - delays_s[..., np.newaxis]
+    sample, age_s = sampling.touched(delays_s, pulse.duration_s)
     column = np.broadcast_to(np.arange(len(cells))[:, np.newaxis, np.newaxis], sample.shape)
-    heard = (sample >= 0) & (sample < sampling.sample_count)
+    heard = sampling.takes(sample)
 
     shapes = {
         Encoding.RAW: pulse.waveform,

@@ -14,7 +14,6 @@ from scipy.stats import norm
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.reconstruction.baseband import check_pulse
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
 from usmap_ros.reconstruction.column_sets import ColumnSets, alike, told_apart
 from usmap_ros.reconstruction.cones import Echoes, make_cone
@@ -22,6 +21,7 @@ from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.detection import binned_maximum
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 from usmap_ros.reconstruction.problem import Problem
+from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.solvers import solve
 from usmap_ros.trace import EchoTrace
 
@@ -87,7 +87,7 @@ def reconstruct_cells(
     MalformedMessageError
         If the trace is sampled too slowly for its pulse, or the pulse is not known.
     """
-    check_pulse(trace)
+    check_pulses(trace)
     dictionary = CellDictionary.for_trace(
         trace, parameters.cell_size_m, floor=floor, as_sparse=parameters.solver in AS_SPARSE
     )
@@ -192,11 +192,19 @@ def _threshold(operator: MatrixOperator, noise_std: float, false_alarms: float) 
 
 
 def _few_cells(solution: Solution, problem: Problem, sets: ColumnSets) -> Solution:
-    """Drop the weakest sets until no more than `sparsity` cells are left, and fit again."""
+    """Keep the strongest sets that together have no more than `sparsity` cells, and fit again.
+
+    Where a set of several cells no longer fits, a weaker one of fewer may: all that is allowed
+    is spent.
+    """
     cells = sets.cells_of(solution)
     strengths = problem.operator.echo_scores(solution.support, solution.coefficients)
-    order = np.argsort(-strengths, kind="stable")
-    kept = np.sort(order[np.cumsum(cells[order]) <= problem.sparsity])
-    if len(kept) == len(order):
+    kept, left = [], problem.sparsity
+    for block in np.argsort(-strengths, kind="stable"):
+        if cells[block] <= left:
+            kept.append(block)
+            left -= cells[block]
+    if len(kept) == len(cells):
         return solution
-    return problem.fitted(solution.support[kept], solution.iterations, solution.halt)
+    support = solution.support[np.sort(kept)]
+    return problem.fitted(support, solution.iterations, solution.halt)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.cone import EchoCone, encode_limits
 from usmap_ros.trace import EchoTrace
 
@@ -27,6 +27,15 @@ class Echoes:
     range_stds_m: FloatArray
     amplitudes: FloatArray
     amplitude_stds: FloatArray
+
+    def where(self, kept: BoolArray) -> Echoes:
+        """Those echoes for which `kept` is true."""
+        return Echoes(
+            self.ranges_m[kept],
+            self.range_stds_m[kept],
+            self.amplitudes[kept],
+            self.amplitude_stds[kept],
+        )
 
 
 def make_cone(

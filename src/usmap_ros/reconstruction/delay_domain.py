@@ -8,22 +8,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.reconstruction.baseband import Template
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """When a baseband signal was sampled."""
-
-    sample_rate_hz: float
-    start_delay_s: float
-    sample_count: int
 
 
 class DelayDomainOperator:
@@ -82,6 +74,10 @@ class DelayDomainOperator:
         )
         self._moved: IndexArray = np.empty(0, dtype=np.intp)
         self._last_columns: tuple[IndexArray, Signal] = self._no_columns()
+
+    def blocks(self, part: int) -> slice:
+        """All blocks: there is one pulse, of number 0."""
+        return slice(0, self.block_count)
 
     # ------------------------------------------------------------------ SensingOperator
 
@@ -202,17 +198,26 @@ class DelayDomainOperator:
 
     def _scatter(self, delays_s: FloatArray, profile: Callable[[FloatArray], Signal]) -> Signal:
         """Profiles at delays as columns; each touches only the samples in its support."""
-        rate_hz, start_s = self.sampling.sample_rate_hz, self.sampling.start_delay_s
-        first = np.ceil((delays_s - start_s) * rate_hz).astype(np.intp)
-        taps = self._polyphase.shape[1]
-        tap = np.arange(taps)[:, np.newaxis]
-        values = profile(start_s + (first + tap) / rate_hz - delays_s)
+        samples, ages_s = self.sampling.touched(delays_s, self.template.duration_s)
+        values = profile(ages_s)
         # What lies before or after the signal falls into a margin on either side of it.
-        padded = np.zeros((self.sample_count + 2 * taps, len(delays_s)), dtype=values.dtype)
-        rows = np.clip(first + taps, 0, self.sample_count + taps) + tap
-        padded[rows, np.arange(len(delays_s))] = values
-        columns: Signal = padded[taps : taps + self.sample_count]
+        padded = np.zeros((self.sample_count + 2, len(delays_s)), dtype=values.dtype)
+        rows = np.clip(samples, -1, self.sample_count) + 1
+        padded[rows, np.arange(len(delays_s))[:, np.newaxis]] = values
+        columns: Signal = padded[1:-1]
         return columns
+
+    def overlaps(self, support: IndexArray) -> FloatArray:
+        """Correlation of the direct echoes of each two blocks, 0 of a block with itself."""
+        delays_s = self.delays_s(support)[:, 0]
+        overlaps = self.template.overlap(np.abs(delays_s[:, np.newaxis] - delays_s))
+        np.fill_diagonal(overlaps, 0.0)
+        return overlaps
+
+    def loudness(self, scores: FloatArray) -> FloatArray:
+        """Loudest score within a pulse of each block."""
+        loudest: FloatArray = maximum_filter1d(scores, 2 * self.pulse_blocks + 1, mode="nearest")
+        return loudest
 
     @property
     def pulse_blocks(self) -> int:
@@ -261,11 +266,7 @@ class DelayDomainOperator:
     def _block_ranges(self, min_range_m: float, max_range_m: float) -> FloatArray:
         """Ranges on the grid whose direct echo lies within the limits and the trace."""
         speed = self.channel.sound_speed_m_s
-        end_s = (
-            self.sampling.start_delay_s
-            + self.sample_count / self.sampling.sample_rate_hz
-            - self.template.duration_s
-        )
+        end_s = self.sampling.end_s - self.template.duration_s
         # A point at the transducer itself would return an infinite echo.
         nearest_m = max(min_range_m, self.range_step_m)
         first_delay_s = max(2.0 * nearest_m / speed, self.sampling.start_delay_s)

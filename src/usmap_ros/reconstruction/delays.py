@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.cone import EchoCone
+from usmap_ros.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import Baseband, Template, to_baseband
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution, cosamp
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.detection import (
     binned_maximum,
     crowding,
-    loudness,
     noise_thresholds,
     unreported,
 )
+from usmap_ros.reconstruction.joint import DelayOperator, JointOperator
 from usmap_ros.reconstruction.refinement import delay_step
 from usmap_ros.trace import EchoTrace
 
@@ -30,6 +32,8 @@ SETTLED_STEP = 0.05
 #: A step below this share needs no other after it, unless it let new echoes be found: Gauss-Newton
 #: steps converge quadratically, and what is left is a hundredth of a grid step.
 SMALL_STEP = 0.6
+#: Quaternion of a frame that is not turned.
+NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -46,12 +50,16 @@ class DelayReconstruction:
         Support, complex coefficients and residual.
     cone : EchoCone
         What fusion is told.
+    echoes : tuple of Echoes
+        Of each pulse in the air, in the order of `EchoTrace.sent`; ranges are half the lengths of
+        the paths from its transducer to the one that listened.
     """
 
     baseband: Baseband
-    operator: DelayDomainOperator
+    operator: DelayOperator
     solution: Solution
     cone: EchoCone
+    echoes: tuple[Echoes, ...]
 
 
 def reconstruct_delays(
@@ -79,18 +87,44 @@ def reconstruct_delays(
     signal = baseband.signal
     noise = noise_thresholds(operator, baseband, parameters.false_alarms_per_ping)
     heard = operator.scores(operator.adjoint(signal))
-    thresholds = noise + parameters.model_error * loudness(operator, heard)
+    thresholds = noise + parameters.model_error * operator.loudness(heard)
     operator, solution, delay_std_s = _search(operator, baseband, thresholds, parameters)
-    cone = _cone(trace, baseband, operator, solution, thresholds, delay_std_s, parameters)
-    return DelayReconstruction(baseband, operator, solution, cone)
+    echoes = _echoes(trace, baseband, operator, solution, delay_std_s, parameters)
+    by_pulse = tuple(
+        echoes.where((solution.support >= blocks.start) & (solution.support < blocks.stop))
+        for blocks in map(operator.blocks, range(len(trace.sent)))
+    )
+    limits = _limits(trace, operator, solution, thresholds, parameters)
+    norm = float(np.linalg.norm(signal))
+    cone = make_cone(
+        replace(trace, pose=_heard_from(trace)),
+        by_pulse[0],
+        limits,
+        parameters.limit_step_m,
+        residual=solution.residual_norm / norm if norm > 0.0 else 0.0,
+    )
+    return DelayReconstruction(baseband, operator, solution, cone, by_pulse)
+
+
+def _heard_from(trace: EchoTrace) -> Pose:
+    """Pose of the cone: the transducer's, or half way to the one that sent if it only listened.
+
+    As far as objects are farther than the two are apart, sound that goes there and back between
+    them has been as far as if both were in the middle.
+    """
+    first = trace.sent[0]
+    if trace.is_own(first):
+        return trace.pose
+    middle = trace.pose.compose(Pose(0.5 * first.mount.position_m, NO_TURN))
+    return replace(trace.pose, position_m=middle.position_m)
 
 
 def _search(
-    operator: DelayDomainOperator,
+    operator: DelayOperator,
     baseband: Baseband,
     thresholds: FloatArray,
     parameters: ReconstructionParameters,
-) -> tuple[DelayDomainOperator, Solution, FloatArray]:
+) -> tuple[DelayOperator, Solution, FloatArray]:
     """Search on the grid and move delays off it in turn, until they have settled.
 
     Returns the operator with the moved atoms, the solution, and the standard deviations of its
@@ -109,7 +143,7 @@ def _search(
         )
 
     solution = find(np.empty(0, dtype=np.intp))
-    if not baseband.template.is_smooth:
+    if not all(template.is_smooth for template in baseband.templates):
         # Anywhere between two samples the echo would look the same.
         grid_std_s = operator.delay_step_s / np.sqrt(12.0)
         return operator, solution, np.full(len(solution.support), grid_std_s)
@@ -128,17 +162,20 @@ def _search(
 
 def _operator(
     trace: EchoTrace, baseband: Baseband, parameters: ReconstructionParameters
-) -> DelayDomainOperator:
-    sampling = Sampling(baseband.sample_rate_hz, baseband.start_delay_s, len(baseband.signal))
-    return _cached_operator(
-        baseband.template,
-        sampling,
-        trace.channel,
-        trace.transducer.min_range_m,
-        trace.transducer.max_range_m,
-        parameters.oversampling,
-        parameters.exclusion * baseband.template.pulse.resolution_s,
-    )
+) -> DelayOperator:
+    parts = [
+        _cached_operator(
+            template,
+            baseband.sampling,
+            trace.channel,
+            trace.transducer.min_range_m,
+            trace.transducer.max_range_m,
+            parameters.oversampling,
+            parameters.exclusion * template.pulse.resolution_s,
+        )
+        for template in baseband.templates
+    ]
+    return parts[0] if len(parts) == 1 else JointOperator(parts)
 
 
 @lru_cache(maxsize=64)
@@ -157,46 +194,47 @@ def _cached_operator(
     )
 
 
-def _cone(
+def _echoes(
     trace: EchoTrace,
     baseband: Baseband,
-    operator: DelayDomainOperator,
+    operator: DelayOperator,
     solution: Solution,
-    thresholds: FloatArray,
     delay_std_s: FloatArray,
     parameters: ReconstructionParameters,
-) -> EchoCone:
+) -> Echoes:
+    """Range and amplitude of every block of the support, in its order."""
     support = solution.support
     unit_norms = operator.unit_norms[support]
-    echo_scores = operator.echo_scores(support, solution.coefficients)
+    amplitudes = operator.echo_scores(support, solution.coefficients) / unit_norms
+    return Echoes(
+        ranges_m=operator.block_ranges_m(support),
+        range_stds_m=0.5 * trace.channel.sound_speed_m_s * delay_std_s,
+        amplitudes=amplitudes,
+        amplitude_stds=np.hypot(
+            baseband.noise_std / unit_norms,
+            parameters.interference * crowding(operator, support, amplitudes),
+        ),
+    )
+
+
+def _limits(
+    trace: EchoTrace,
+    operator: DelayOperator,
+    solution: Solution,
+    thresholds: FloatArray,
+    parameters: ReconstructionParameters,
+) -> FloatArray:
+    """Amplitude below which an echo of the first pulse could have gone unreported, by range."""
     limits = unreported(
         operator,
         thresholds,
         operator.scores(operator.adjoint(solution.residual)),
-        support,
-        echo_scores,
+        solution.support,
+        operator.echo_scores(solution.support, solution.coefficients),
         parameters.masking,
     )
+    own = operator.blocks(0)
     minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
-    binned = binned_maximum(
-        limits, operator.ranges_m, minimum_m, parameters.limit_step_m, maximum_m
-    )
-    ranges_m = operator.block_ranges_m(support)
-    amplitudes = echo_scores / unit_norms
-    amplitude_stds = np.hypot(
-        baseband.noise_std / unit_norms,
-        parameters.interference * crowding(operator, support, amplitudes),
-    )
-    signal_norm = float(np.linalg.norm(baseband.signal))
-    return make_cone(
-        trace,
-        Echoes(
-            ranges_m=ranges_m,
-            range_stds_m=0.5 * trace.channel.sound_speed_m_s * delay_std_s,
-            amplitudes=amplitudes,
-            amplitude_stds=amplitude_stds,
-        ),
-        binned,
-        parameters.limit_step_m,
-        residual=solution.residual_norm / signal_norm if signal_norm > 0.0 else 0.0,
+    return binned_maximum(
+        limits[own], operator.ranges_m[own], minimum_m, parameters.limit_step_m, maximum_m
     )

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 from scipy.stats import norm
 
 from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
+from usmap_ros.reconstruction.joint import DelayOperator
 
 
 def noise_thresholds(
-    operator: DelayDomainOperator, baseband: Baseband, false_alarms: float
+    operator: DelayOperator, baseband: Baseband, false_alarms: float
 ) -> FloatArray:
     """Scores that noise alone exceeds `false_alarms` times a ping, shape (blocks,).
 
@@ -33,13 +32,8 @@ def noise_thresholds(
     return thresholds
 
 
-def loudness(operator: DelayDomainOperator, scores: FloatArray) -> FloatArray:
-    """Loudest score within a pulse of each block: what an imperfect pulse model may leak from."""
-    return maximum_filter1d(scores, 2 * operator.pulse_blocks + 1, mode="nearest")
-
-
 def unreported(
-    operator: DelayDomainOperator,
+    operator: DelayOperator,
     thresholds: FloatArray,
     residual_scores: FloatArray,
     support: IndexArray,
@@ -60,18 +54,13 @@ def unreported(
     return amplitudes
 
 
-def crowding(
-    operator: DelayDomainOperator, support: IndexArray, amplitudes: FloatArray
-) -> FloatArray:
+def crowding(operator: DelayOperator, support: IndexArray, amplitudes: FloatArray) -> FloatArray:
     """Loudness of the other echoes as far as they overlap with each, shape (echoes,).
 
     Overlapping echoes interfere, and what is taken for one echo may be several that could not
     be told apart: an amplitude is uncertain by a share of theirs.
     """
-    delays_s = operator.delays_s(support)[:, 0]
-    overlap = operator.template.overlap(np.abs(delays_s[:, np.newaxis] - delays_s))
-    np.fill_diagonal(overlap, 0.0)
-    return np.sqrt((overlap**2) @ (amplitudes**2))
+    return np.sqrt((operator.overlaps(support) ** 2) @ (amplitudes**2))
 
 
 def binned_maximum(

@@ -68,12 +68,11 @@ def _by_delays(trace: EchoTrace, parameters: ReconstructionParameters) -> Recons
     baseband = found.baseband
     # An echo peaks in the middle of its envelope.
     peak_s = baseband.template.start_s + 0.5 * baseband.template.duration_s
-    times_s = baseband.start_delay_s + np.arange(len(baseband.signal)) / baseband.sample_rate_hz
     return Reconstruction(
         found.cone,
         baseband.signal,
         found.solution.residual,
-        times_s - peak_s,
+        baseband.sampling.times_s - peak_s,
         baseband.noise_std,
     )
 

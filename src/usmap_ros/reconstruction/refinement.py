@@ -6,13 +6,13 @@ import numpy as np
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.reconstruction.cosamp import Solution, least_squares
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
+from usmap_ros.reconstruction.joint import DelayOperator
 
 #: Farthest that one step moves a delay, in grid steps: a linearisation holds no farther.
 MAX_STEP = 1.0
 
 
-def delay_step(operator: DelayDomainOperator, solution: Solution) -> tuple[FloatArray, FloatArray]:
+def delay_step(operator: DelayOperator, solution: Solution) -> tuple[FloatArray, FloatArray]:
     """One Gauss-Newton step on the delays of all echoes together.
 
     The residual is linearised in the delays, D = ∂(Φ x)/∂τ, and the part of D that the
@@ -21,7 +21,7 @@ def delay_step(operator: DelayDomainOperator, solution: Solution) -> tuple[Float
 
     Parameters
     ----------
-    operator : DelayDomainOperator
+    operator : DelayOperator
         At whose delays `solution` was fitted.
     solution : Solution
         A least-squares fit: its residual is orthogonal to its columns.

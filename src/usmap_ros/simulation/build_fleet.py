@@ -46,7 +46,7 @@ def build_robot(
         What the sound goes through, and what the messages say of it.
     first_ping_s : float
         When its first transducer pings first; the others share the rest of the interval evenly,
-        since transducers of one robot would hear one another.
+        since transducers of one robot would hear one another, unless they are to.
     motion_seed, noise_seed : numpy.random.SeedSequence
         For its path, and for the noise and pose errors of its transducers.
 
@@ -57,6 +57,8 @@ def build_robot(
     """
     count = len(model.transducers)
     interval_s = 1.0 / model.ping_rate_hz
+    turns = [0] * count if model.simultaneous else range(count)
+    seeds = noise_seed.spawn(count + 1)
     try:
         return SimulatedRobot(
             name=model.name,
@@ -64,9 +66,11 @@ def build_robot(
             transducers=[
                 _mounted(model, transducer, medium, stated) for transducer in model.transducers
             ],
-            first_ping_s=[first_ping_s + index * interval_s / count for index in range(count)],
+            first_ping_s=[first_ping_s + turn * interval_s / count for turn in turns],
             ping_interval_s=interval_s,
-            noise_seeds=noise_seed.spawn(count),
+            noise_seeds=seeds[:-1],
+            simultaneous=model.simultaneous,
+            error_seed=seeds[-1],
         )
     except UsmapError as error:
         raise UsmapError(f"robot {model.name!r}: {error}") from error
@@ -104,11 +108,10 @@ def _mounted(
     parts = [robot.name, "echo"]
     if len(robot.transducers) > 1:
         parts.insert(1, model.name)
-    mount = model.mount
     mounted = MountedTransducer(
         topic="/" + "/".join(parts),
         child_frame_id=f"{robot.name}/{model.name}",
-        mount=Pose.planar(mount.x_m, mount.y_m, mount.yaw_rad, mount.z_m),
+        mount=model.mount.build(),
         transducer=transducer,
         receiver=receiver,
         channel=channel,
@@ -117,6 +120,7 @@ def _mounted(
             receiver.stated_noise_std if stated.noise_std is None else stated.noise_std
         ),
         pose_stds=_pose_stds(robot.pose_error),
+        emits=model.emits,
     )
     _check_sampling(mounted)
     return mounted

@@ -6,11 +6,13 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.geometry import Pose
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.receiver import Converter, Receiver
 from usmap_ros.simulation.world import Coordinate, Point
@@ -119,6 +121,16 @@ class MountModel(ParameterGroup):
     yaw_rad: float = quantity(
         0.0, "Direction of the beam axis, to the left.", "rad", ge=-2.0 * np.pi, le=2.0 * np.pi
     )
+    pitch_rad: float = quantity(
+        0.0, "Of the beam axis, downwards.", "rad", ge=-0.5 * np.pi, le=0.5 * np.pi
+    )
+    roll_rad: float = quantity(0.0, "About the beam axis.", "rad", ge=-np.pi, le=np.pi)
+
+    def build(self) -> Pose:
+        """The pose itself, turned about z, then y, then x as is usual in ROS."""
+        angles_rad = [self.yaw_rad, self.pitch_rad, self.roll_rad]
+        position_m = np.array([self.x_m, self.y_m, self.z_m])
+        return Pose(position_m, Rotation.from_euler("ZYX", angles_rad).as_quat())
 
 
 class ConverterModel(ParameterGroup):
@@ -169,6 +181,9 @@ class TransducerModel(ParameterGroup):
     min_range_m: float = quantity(0.2, "Least range that it reports.", "m", ge=0.0, le=1000.0)
     max_range_m: float = quantity(5.0, "Largest range.", "m", gt=0.0, le=1000.0)
     receiver: ReceiverModel = quantity(ReceiverModel(), "Noise, converter and encoding.")
+    emits: bool = quantity(
+        True, "False: it only listens, which needs others of its robot that are simultaneous."
+    )
 
     def build(self) -> Transducer:
         """The transducer itself."""
@@ -236,11 +251,27 @@ class RobotModel(ParameterGroup):
         [TransducerModel()], "What it carries.", min_length=1, max_length=64
     )
     ping_rate_hz: float = quantity(10.0, "Of each transducer.", "Hz", gt=0.0, le=1000.0)
+    simultaneous: bool = quantity(
+        False,
+        "Whether its transducers ping at once and hear one another's pulses, which must differ;"
+        " otherwise they take turns.",
+    )
     pose_error: PoseErrorModel = quantity(PoseErrorModel(), "Error of reported poses.")
 
     @model_validator(mode="after")
     def _names_differ(self) -> RobotModel:
         check_names_differ([transducer.name for transducer in self.transducers])
+        return self
+
+    @model_validator(mode="after")
+    def _pulses_can_be_told_apart(self) -> RobotModel:
+        pulses = [one.pulse.build() for one in self.transducers if one.emits]
+        if not pulses:
+            raise ValueError("transducers: none of them emits")
+        if not self.simultaneous and len(pulses) < len(self.transducers):
+            raise ValueError("simultaneous: must be true where a transducer only listens")
+        if self.simultaneous and len(set(pulses)) < len(pulses):
+            raise ValueError("transducers: two that ping at once send the same pulse")
         return self
 
 

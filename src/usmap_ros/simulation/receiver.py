@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.trace import Encoding
 
@@ -38,6 +40,23 @@ class Converter:
         lowest = -levels if signed else 0
         step = self.step(signed=signed)
         return np.clip(np.rint(values / step), lowest, levels - 1) * step
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """Paths by which one pulse arrives.
+
+    Parameters
+    ----------
+    pulse : Pulse
+        What was emitted.
+    delays_s, amplitudes : (paths,) arrays
+        Of every path.
+    """
+
+    pulse: Pulse
+    delays_s: FloatArray
+    amplitudes: FloatArray
 
 
 @dataclass(frozen=True)
@@ -84,9 +103,8 @@ class Receiver:
 
     def receive(
         self,
-        pulse: Pulse,
-        delays_s: FloatArray,
-        amplitudes: FloatArray,
+        arrivals: Sequence[Arrivals],
+        carrier_hz: float,
         count: int,
         rng: np.random.Generator,
     ) -> NDArray[np.float32]:
@@ -94,10 +112,10 @@ class Receiver:
 
         Parameters
         ----------
-        pulse : Pulse
-            What was emitted.
-        delays_s, amplitudes : (paths,) arrays
-            Of every path by which it arrives.
+        arrivals : sequence of Arrivals
+            Of each pulse in the air.
+        carrier_hz : float
+            What I/Q is mixed down by: the carrier of the receiver's own pulse.
         count : int
             Number of samples (or pairs) to take.
         rng : numpy.random.Generator
@@ -109,11 +127,17 @@ class Receiver:
             As in `EchoTrace.samples`.
         """
         noise_std = self.noise_std / np.sqrt(2.0)
+        sampling = Sampling(self.sample_rate_hz, self.start_delay_s, count)
         if self.encoding is Encoding.RAW:
-            raw = self._superpose(pulse.waveform, pulse, delays_s, amplitudes, count).real
-            return self._digitise(raw + noise_std * rng.standard_normal(count))
-        carrier = np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)
-        baseband = self._superpose(pulse.envelope, pulse, delays_s, amplitudes * carrier, count)
+            raw = np.zeros(sampling.sample_count)
+            for one in arrivals:
+                raw += _superposed(one.pulse.waveform, one, one.amplitudes, sampling).real
+            return self._digitise(raw + noise_std * rng.standard_normal(raw.shape))
+        baseband = np.zeros(sampling.sample_count, dtype=np.complex128)
+        for one in arrivals:
+            shape = partial(one.pulse.envelope_above, carrier_hz)
+            turned = one.amplitudes * np.exp(-2j * np.pi * carrier_hz * one.delays_s)
+            baseband += _superposed(shape, one, turned, sampling)
         pairs = np.stack([baseband.real, baseband.imag], axis=-1)
         pairs += noise_std * rng.standard_normal(pairs.shape)
         if self.encoding is Encoding.ENVELOPE:
@@ -126,23 +150,18 @@ class Receiver:
             values = self.converter.convert(values, signed=signed)
         return values.astype(np.float32)
 
-    def _superpose(
-        self,
-        shape: Callable[[FloatArray], Signal],
-        pulse: Pulse,
-        delays_s: FloatArray,
-        amplitudes: Signal,
-        count: int,
-    ) -> Signal:
-        """Σ a · shape(t − τ) at the sample times; a path touches only what its pulse covers."""
-        rate = self.sample_rate_hz
-        first = np.ceil((delays_s - self.start_delay_s) * rate).astype(np.int64)
-        covered = np.arange(int(np.ceil(pulse.duration_s * rate)) + 1)
-        index = first[:, np.newaxis] + covered
-        age = index / rate + self.start_delay_s - delays_s[:, np.newaxis]
-        inside = (index >= 0) & (index < count)
-        values = (amplitudes[:, np.newaxis] * shape(age))[inside]
-        total = np.zeros(count, dtype=np.complex128)
-        total.real = np.bincount(index[inside], values.real, minlength=count)
-        total.imag = np.bincount(index[inside], values.imag, minlength=count)
-        return total
+
+def _superposed(
+    shape: Callable[[FloatArray], Signal],
+    arrivals: Arrivals,
+    amplitudes: Signal,
+    sampling: Sampling,
+) -> Signal:
+    """Σ a · shape(t − τ) at the sample times; a path touches only what its pulse covers."""
+    samples, ages_s = sampling.touched(arrivals.delays_s, arrivals.pulse.duration_s)
+    taken = sampling.takes(samples)
+    values = (amplitudes[:, np.newaxis] * shape(ages_s))[taken]
+    total = np.zeros(sampling.sample_count, dtype=np.complex128)
+    total.real = np.bincount(samples[taken], values.real, minlength=sampling.sample_count)
+    total.imag = np.bincount(samples[taken], values.imag, minlength=sampling.sample_count)
+    return total

@@ -52,6 +52,8 @@ class Targets:
 
     Parameters
     ----------
+    positions_m : (n, 2) array
+        x, y of each.
     ranges_m : (n,) array
         Distance from the transducer.
     bearings_rad : (n,) array
@@ -60,6 +62,7 @@ class Targets:
         Of each as a point target.
     """
 
+    positions_m: FloatArray
     ranges_m: FloatArray
     bearings_rad: FloatArray
     reflectivities: FloatArray
@@ -121,7 +124,7 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
     )
     candidates = candidates.where(~hidden)
     ranges, bearings = view.pose.polar(candidates.positions_m)
-    return Targets(ranges, bearings, candidates.reflectivities)
+    return Targets(candidates.positions_m, ranges, bearings, candidates.reflectivities)
 
 
 def _in_cone(candidates: _Candidates, view: View) -> BoolArray:

@@ -100,6 +100,17 @@ def test_info(usmap: Run, recorded: Path) -> None:
     shown = usmap("info", "bag", cwd=recorded).stdout
     assert "/robot1/echo" in shown
     assert "25 kS/s" in shown
+    assert "saturated" not in shown
+
+
+def test_info_tells_of_saturated_pings(usmap: Run, workspace: Path) -> None:
+    scenario = (workspace / "scenario.yaml").read_text()
+    converter = "noise_std: 0.01, converter: {bits: 12, full_scale: 0.08}"
+    (workspace / "loud.yaml").write_text(scenario.replace("noise_std: 0.01", converter))
+    usmap("simulate", "loud.yaml", "-o", "loud", cwd=workspace)
+    description = json.loads(usmap("info", "loud", "--json", cwd=workspace).stdout)
+    assert description["topics"][0]["saturated_pings"] >= 3
+    assert "saturated" in usmap("info", "loud", cwd=workspace).stdout
 
 
 @pytest.mark.parametrize("source", ["bag", "map", "map/map.npz"])

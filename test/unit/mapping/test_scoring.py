@@ -5,7 +5,7 @@ import pytest
 from scipy.special import logit
 
 from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
-from usmap_ros.mapping.scoring import calibration, score
+from usmap_ros.mapping.scoring import score
 
 RESOLUTION_M = 0.5
 
@@ -139,16 +139,3 @@ def test_another_resolution_is_refused() -> None:
 def test_origins_that_are_not_whole_cells_apart_are_refused() -> None:
     with pytest.raises(ValueError, match="whole cells"):
         score(make_map(np.full((2, 2), 0.5)), make_truth((2, 2), origin_m=(0.2, 0.0)))
-
-
-def test_calibration_is_counted_in_bins_of_probability() -> None:
-    probability = np.array([[0.05, 0.05, 0.05, 0.85], [0.85, 0.85, 0.85, 0.85]])
-    observed = np.ones((2, 4), dtype=bool)
-    observed[0, 0] = False
-    truth = make_truth((2, 4), (0, 3), (1, 0), (1, 1), (1, 2))
-    mean, share, count = calibration(make_map(probability, observed), truth)
-    assert count.tolist() == [2, 0, 0, 0, 0, 0, 0, 0, 5, 0]
-    assert mean[[0, 8]] == pytest.approx([0.05, 0.85])
-    assert share[[0, 8]] == pytest.approx([0.0, 0.8])
-    assert np.isnan(mean[1])
-    assert np.isnan(share[1])

@@ -6,7 +6,6 @@ import pytest
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.geometry import Pose
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, ConeCells, cell_signal
-from usmap_ros.reconstruction.delay_domain import Sampling
 from usmap_ros.reconstruction.matrix_operator import identical
 
 FLOOR = Channel(343.0, 1.5, floor_height_m=0.6, floor_reflectivity=0.7)
@@ -110,7 +109,7 @@ def test_cell_beyond_what_was_heard_has_a_column_of_zeros(hear):
         cells,
         far.pulse,
         trace.channel,
-        Sampling(trace.sample_rate_hz, 0.0, len(trace.sample_times_s())),
+        trace.sampling,
         trace.encoding,
     )
     assert np.all(dictionary.norms[cells.ranges_m < 1.9] > 0.0)

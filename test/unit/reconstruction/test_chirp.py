@@ -118,7 +118,7 @@ def test_too_few_samples_for_a_sweep_are_refused(hear):
 def test_the_template_is_what_an_echo_looks_like(hear, reception):
     trace = hear([(2.0, 0.0)], [4.0], reception=reception)
     baseband = to_baseband(trace)
-    times_s = baseband.start_delay_s + np.arange(len(baseband.signal)) / baseband.sample_rate_hz
+    times_s = baseband.sampling.times_s
 
     expected = baseband.template(times_s - 4.0 / 343.0)
 

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from usmap_ros.reconstruction.baseband import to_baseband
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.detection import (
     binned_maximum,
-    loudness,
     noise_thresholds,
     unreported,
 )
 
 
 def operator_of(baseband, trace):
-    sampling = Sampling(baseband.sample_rate_hz, baseband.start_delay_s, len(baseband.signal))
-    return DelayDomainOperator(baseband.template, sampling, trace.channel, 0.2, 5.0, 4, 1e-4)
+    return DelayDomainOperator(
+        baseband.template, baseband.sampling, trace.channel, 0.2, 5.0, 4, 1e-4
+    )
 
 
 @pytest.mark.parametrize("reception", ["iq", "envelope", "square"])
@@ -37,7 +37,7 @@ def test_loudness_reaches_as_far_as_a_pulse(hear):
     operator = operator_of(to_baseband(trace), trace)
     scores = np.zeros(operator.block_count)
     scores[500] = 2.0
-    loud = np.flatnonzero(loudness(operator, scores) == 2.0)
+    loud = np.flatnonzero(operator.loudness(scores) == 2.0)
 
     assert (loud[0], loud[-1]) == (500 - operator.pulse_blocks, 500 + operator.pulse_blocks)
 

@@ -5,9 +5,10 @@ import pytest
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.reconstruction.baseband import Template
 from usmap_ros.reconstruction.cosamp import Fit, Halt
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator, Sampling
+from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.refinement import delay_step
 
 SUPPORT = np.array([100, 300])

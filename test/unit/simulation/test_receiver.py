@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.simulation.receiver import Converter, Receiver
+from usmap_ros.simulation.receiver import Arrivals, Converter, Receiver
 from usmap_ros.trace import Encoding
 
 HANN = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
@@ -16,7 +16,8 @@ def receive(encoding, delays, amplitudes, *, rate=25_000.0, noise=0.0, pulse=HAN
     count, seed = others.pop("count", 750), others.pop("seed", 0)
     receiver = Receiver(encoding, rate, others.pop("start", 0.0), noise, **others)
     rng = np.random.default_rng(seed)
-    return receiver.receive(pulse, np.array(delays), np.array(amplitudes), count, rng)
+    arrivals = [Arrivals(pulse, np.array(delays), np.array(amplitudes))]
+    return receiver.receive(arrivals, pulse.carrier_hz, count, rng)
 
 
 @pytest.mark.parametrize("pulse", [HANN, TONE, SQUARE])

@@ -1,0 +1,113 @@
+"""Ways of making a map from a recording, each a row of the table of scores."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from recordings import Cones
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.io.yaml_files import validated
+from usmap_ros.mapping.range_sensor import RangeSensorFusion
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pipeline import Pipeline
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way of making a map.
+
+    Parameters
+    ----------
+    shown : str
+        In words.
+    settings : dict
+        Parameters other than their defaults, such as ``{"mapping.occlusion": False}``.
+    fusion : {"pipeline", "range_only", "max_merging"}
+        The product's own; nav2's range model on first echoes; the product's for each robot alone,
+        and of their maps the cells that are surest to be occupied.
+    """
+
+    shown: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    fusion: Literal["pipeline", "range_only", "max_merging"] = "pipeline"
+
+    def parameters(self) -> PipelineParameters:
+        """The defaults with the method's own settings.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is no such parameter, or its value is out of range.
+        """
+        content: dict[str, dict[str, Any]] = defaultdict(dict)
+        for key, value in self.settings.items():
+            group, _, name = key.partition(".")
+            content[group][name] = value
+        return validated(f"method '{self.shown}'", PipelineParameters, dict(content))
+
+    def map(self, cones: Cones) -> OccupancyMap:
+        """The map of a recording."""
+        parameters = self.parameters()
+        if self.fusion == "range_only":
+            range_only = RangeSensorFusion(parameters.mapping)
+            for _, cone in cones:
+                range_only.fuse(cone)
+            return range_only.occupancy_map()
+        if self.fusion == "max_merging":
+            topics = sorted({topic for topic, _ in cones})
+            return _max_merged(
+                [_fused([c for t, c in cones if t == topic], parameters) for topic in topics]
+            )
+        return _fused([cone for _, cone in cones], parameters)
+
+
+#: The product with one of its parts taken out, to see what each is worth.
+ABLATIONS = {
+    "no_occlusion": Method("ours, nothing hides anything", {"mapping.occlusion": False}),
+    "no_revisits": Method("ours, every ping weighed once", {"mapping.revisits": 0}),
+}
+
+METHODS = {
+    "ours": Method("ours"),
+    **ABLATIONS,
+    "additive": Method("additive log-odds", {"mapping.method": "additive"}),
+    "range_only": Method("range only (nav2's model)", fusion="range_only"),
+    "max_merging": Method("robots' maps merged by maximum", fusion="max_merging"),
+    "paper": Method(
+        "the paper's cells, additive",
+        {"reconstruction.dictionary": "cells", "mapping.method": "additive"},
+    ),
+}
+
+
+def _fused(cones: list[EchoCone], parameters: PipelineParameters) -> OccupancyMap:
+    pipeline = Pipeline(parameters)
+    for cone in cones:
+        pipeline.fuse(cone)
+    return pipeline.occupancy_map()
+
+
+def _max_merged(maps: list[OccupancyMap]) -> OccupancyMap:
+    """The largest log-odds of each cell among the maps that observed it."""
+    resolution_m = maps[0].geometry.resolution_m
+    firsts = [np.rint(np.array(m.geometry.origin_m) / resolution_m).astype(int) for m in maps]
+    low = np.min(firsts, axis=0)
+    ends = [first + m.geometry.shape[::-1] for first, m in zip(firsts, maps, strict=True)]
+    columns, rows = np.max(ends, axis=0) - low
+    log_odds = np.full((rows, columns), -np.inf, dtype=np.float32)
+    for first, single in zip(firsts, maps, strict=True):
+        column, row = first - low
+        height, width = single.geometry.shape
+        window = log_odds[row : row + height, column : column + width]
+        seen = np.where(single.observed, single.log_odds, np.float32(-np.inf))
+        np.maximum(window, seen, out=window)
+    observed = np.isfinite(log_odds)
+    origin_m = (float(low[0] * resolution_m), float(low[1] * resolution_m))
+    geometry = GridGeometry(resolution_m, origin_m, (int(rows), int(columns)))
+    # Nothing is known of the rest, which no score looks at.
+    return OccupancyMap(geometry, np.where(observed, log_odds, 0.0), observed, maps[0].frame_id)

@@ -1,0 +1,74 @@
+"""Simulated recordings as cones, kept on disk so that another run need not simulate again."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from pathlib import Path
+
+import usmap_ros
+from usmap_ros.cone import EchoCone
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.simulation import Scenario, simulate
+
+#: Cones with the topics they came on, in the order of stamps.
+Cones = list[tuple[str, EchoCone]]
+
+#: Of the package: what a cone depends on.
+_MAKERS = ("acoustics", "simulation", "reconstruction")
+
+
+def cones(
+    scenario: Scenario, parameters: ReconstructionParameters, cache_folder: Path | None
+) -> Cones:
+    """Cones of a scenario's pings.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What is simulated.
+    parameters : ReconstructionParameters
+        How cones come from traces.
+    cache_folder : path, optional
+        Where cones are kept; whatever they depend on is part of their name, the code as well.
+    """
+    if cache_folder is None:
+        return _simulated(scenario, parameters)
+    path = cache_folder / _name(scenario, parameters)
+    if not path.exists():
+        # Under another name until it is whole, since others may look for it.
+        unfinished = path.with_suffix(".part")
+        with new_bag(unfinished, replace=True) as writer:
+            for topic, cone in _simulated(scenario, parameters):
+                writer.write_cone(topic, cone)
+        unfinished.rename(path)
+    with BagReader([path]) as bag:
+        return list(bag.cones())
+
+
+def _simulated(scenario: Scenario, parameters: ReconstructionParameters) -> Cones:
+    return [(topic, reconstruct(trace, parameters).cone) for topic, trace in simulate(scenario)]
+
+
+def _name(scenario: Scenario, parameters: ReconstructionParameters) -> str:
+    digest = hashlib.sha256(_code())
+    digest.update(scenario.model_dump_json().encode() + parameters.model_dump_json().encode())
+    if scenario.world.map is not None:
+        for part in sorted(
+            scenario.world.map.path.parent.glob(f"{scenario.world.map.path.stem}.*")
+        ):
+            digest.update(part.read_bytes())
+    return digest.hexdigest()[:24]
+
+
+@cache
+def _code() -> bytes:
+    """Digest of the code that makes cones."""
+    digest = hashlib.sha256()
+    for package in _MAKERS:
+        for file in sorted((Path(usmap_ros.__file__).parent / package).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.digest()

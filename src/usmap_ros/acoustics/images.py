@@ -1,0 +1,101 @@
+"""Walls as mirrors: the image sources of first order.
+
+"As long as multi-path or other phenomena can be modeled, they can be incorporated into the
+observation matrix" (Sanchez & Andersson, DSCC 2018-9140, section 4, which models the floor and
+leaves walls).  A leg from a transducer to a point by way of a wall is as long as the straight line
+from the transducer's mirror image, and leaves towards the point's mirror image; Allen & Berkley,
+"Image method for efficiently simulating small-room acoustics", J. Acoust. Soc. Am. 65 (1979)
+943-950.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.arrays import BoolArray, FloatArray
+
+#: What is nearer to a wall than this belongs to it, and is not seen in it.
+_ON_WALL_M = 1e-3
+
+
+@dataclass(frozen=True)
+class Mirrors:
+    """Upright plane walls that reflect, on either side.
+
+    Parameters
+    ----------
+    starts_m, ends_m : (walls, 2) arrays
+        x, y of their ends.
+    reflectivities : (walls,) array
+        Amplitude reflectivity, 0 to 1.
+    """
+
+    starts_m: FloatArray
+    ends_m: FloatArray
+    reflectivities: FloatArray
+
+    @classmethod
+    def none(cls) -> Mirrors:
+        """No walls at all."""
+        return cls(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+
+    def __len__(self) -> int:
+        return len(self.starts_m)
+
+    @property
+    def normals(self) -> FloatArray:
+        """Unit vectors across the walls, shape (walls, 2)."""
+        along = self.ends_m - self.starts_m
+        left = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+        return np.asarray(left / np.linalg.norm(along, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class MirroredLegs:
+    """Legs from one place to points by way of each wall.
+
+    Parameters
+    ----------
+    images_m : (points, walls, 2) array
+        Mirror images of the points: the leg leaves towards them, and is as long as the way there.
+    touches_m : (points, walls, 2) array
+        Where the leg meets the wall.
+    exists : (points, walls) bool array
+        Whether it does: place and point on one side of the wall, and the wall long enough.
+    """
+
+    images_m: FloatArray
+    touches_m: FloatArray
+    exists: BoolArray
+
+
+def mirrored_legs(place_m: FloatArray, points_m: FloatArray, mirrors: Mirrors) -> MirroredLegs:
+    """Legs from a place to points by way of each wall, other things in the way disregarded.
+
+    Parameters
+    ----------
+    place_m : (2,) array
+        x, y of the transducer.
+    points_m : (points, 2) array
+        Of the objects.
+    mirrors : Mirrors
+        The walls.
+    """
+    normals = mirrors.normals
+    place_side = np.sum((place_m - mirrors.starts_m) * normals, axis=-1)
+    offsets = points_m[:, np.newaxis] - mirrors.starts_m
+    point_side = np.sum(offsets * normals, axis=-1)
+    images_m = points_m[:, np.newaxis] - 2.0 * point_side[..., np.newaxis] * normals
+    # Sides of equal sign, and the way to the image is cut by the wall in their ratio.
+    same = place_side * point_side > 0.0
+    clear = (np.abs(place_side) > _ON_WALL_M) & (np.abs(point_side) > _ON_WALL_M)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.nan_to_num(place_side / (place_side + point_side), posinf=0.0, neginf=0.0)
+    touches_m = place_m + share[..., np.newaxis] * (images_m - place_m)
+    along = mirrors.ends_m - mirrors.starts_m
+    fraction = np.sum((touches_m - mirrors.starts_m) * along, axis=-1)
+    fraction /= np.sum(along**2, axis=-1)
+    within = (fraction >= 0.0) & (fraction <= 1.0)
+    return MirroredLegs(images_m, touches_m, same & clear & within)

@@ -1,0 +1,125 @@
+"""The benchmark of scores: its scenes, its methods, and its table."""
+
+import importlib
+import json
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from usmap_ros.grids import GridGeometry, OccupancyMap
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def benchmark() -> ModuleType:
+    sys.path.insert(0, str(FOLDER))
+    yield importlib.import_module("scores")
+    sys.path.remove(str(FOLDER))
+
+
+@pytest.fixture
+def scenes(benchmark: ModuleType) -> ModuleType:
+    return importlib.import_module("scenes")
+
+
+@pytest.fixture
+def methods(benchmark: ModuleType) -> ModuleType:
+    return importlib.import_module("methods")
+
+
+def test_every_kind_of_scene_has_room_for_its_robots(scenes: ModuleType) -> None:
+    for kind in scenes.KINDS:
+        for seed in range(3):
+            scenario = scenes.scenario(kind, "six_robots", seed)
+            assert len(scenario.fleet(scenario.scene())) == 6, (kind, seed)
+
+
+def test_a_seed_gives_the_same_scene_whatever_the_condition(scenes: ModuleType) -> None:
+    first, again = (scenes.scenario("clutter", "plain", 4) for _ in range(2))
+    assert first.model_dump() == again.model_dump()
+    assert first.world != scenes.scenario("clutter", "plain", 5).world
+    assert first.world == scenes.scenario("clutter", "noisy", 4).world
+    assert first.world != scenes.scenario("corners", "plain", 4).world
+
+
+def test_a_condition_changes_what_it_says(scenes: ModuleType) -> None:
+    few = scenes.scenario("corners", "few_pings", 1)
+    assert few.ping_count == 3 * 30
+    off = scenes.scenario("corners", "poses_off", 1)
+    assert {robot.pose_error.position_std_m for robot in off.robots} == {0.03}
+    noisy = scenes.scenario("corners", "noisy", 1)
+    assert noisy.robots[0].transducers[0].receiver.noise_std == 0.04
+
+
+def test_every_method_has_parameters_that_exist(methods: ModuleType) -> None:
+    for method in methods.METHODS.values():
+        method.parameters()
+
+
+def test_maps_are_merged_by_the_larger_probability_of_those_observed(methods: ModuleType) -> None:
+    def single(left_m: float, log_odds: list[float], observed: list[bool]) -> OccupancyMap:
+        geometry = GridGeometry(0.5, (left_m, 0.0), (1, len(log_odds)))
+        return OccupancyMap(geometry, np.float32([log_odds]), np.array([observed]), "map")
+
+    merged = methods._max_merged(
+        [single(-0.5, [1.0, -2.0, 3.0], [True, True, True]),
+         single(0.0, [-1.0, 5.0, 4.0], [True, False, True])]
+    )  # fmt: skip
+    assert merged.geometry == GridGeometry(0.5, (-0.5, 0.0), (1, 4))
+    assert merged.observed.all()
+    assert merged.log_odds.tolist() == [[1.0, -1.0, 3.0, 4.0]]
+
+
+@pytest.fixture(scope="module")
+def tiny(benchmark: ModuleType) -> None:
+    """A condition that is quickly simulated."""
+    conditions = benchmark.CONDITIONS
+    conditions["tiny"] = type(conditions["plain"])("four pings", robots=2, pings=4)
+    yield
+    del conditions["tiny"]
+
+
+@pytest.mark.usefixtures("tiny")
+def test_table_and_pictures_of_a_small_run(benchmark: ModuleType, tmp_path: Path) -> None:
+    todo = benchmark.cases(["corners"], ["tiny"], [1, 2])
+    chosen = ["ours", "range_only", "max_merging"]
+    (tmp_path / "maps").mkdir()
+    results = benchmark.all_results(todo, chosen, tmp_path / "cones", tmp_path / "maps")
+    rows = benchmark.summary(results)
+    json.dumps(rows)
+    assert [row["method"] for row in rows] == chosen
+    assert all(row["seeds"] == [1, 2] for row in rows)
+    ours = [result.score.f1 for result in results if result.method == "ours"]
+    assert rows[0]["f1"] == pytest.approx(np.mean(ours))
+    assert rows[0]["f1_std"] == pytest.approx(np.std(ours))
+    lines = benchmark.markdown(rows).splitlines()
+    assert lines[2].startswith("| corners, four pings | ours | ")
+    assert len(lines) == 2 + len(chosen)
+    benchmark.draw_scores(rows, tmp_path / "scores.png")
+    assert [path.name for path in (tmp_path / "maps").iterdir()] == ["corners_tiny_1.png"]
+
+    # From what was kept, the same scores.
+    assert len(list((tmp_path / "cones").iterdir())) == 2
+    again = benchmark.all_results(todo, chosen, tmp_path / "cones")
+    assert benchmark.summary(again) == rows
+
+
+def test_conditions_are_varied_on_some_scenes_only(benchmark: ModuleType) -> None:
+    todo = benchmark.cases(["poles", "corners"], None, [1])
+    assert [case.row for case in todo].count(("corners", "plain")) == 1
+    assert {case.condition for case in todo if case.scene == "poles"} == set(benchmark.CONDITIONS)
+    assert {case.condition for case in todo if case.scene == "corners"} == {"plain"}
+
+
+def test_the_readme_shows_ours_beside_range_only(benchmark: ModuleType) -> None:
+    figures = {"f1": 0.5, "leak": 0.25, "lost": 0.125, "escape_m2": 2.0}
+    rows = [
+        {"scene": "rough_rooms", "condition": "plain", "method": method, **figures}
+        for method in ("ours", "range_only")
+    ]
+    last = benchmark.readme_table(rows).splitlines()[-1]
+    assert last == "| rough rooms |" + " 0.50 | 0.250 | 0.125 | 2.00 |" * 2

@@ -14,8 +14,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.grids import TruthMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
-from usmap_ros.io.nav2_map import save_truth
+from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary, save_truth
 from usmap_ros.io.yaml_files import read_mapping
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.mapping.range_sensor import RangeSensorFusion

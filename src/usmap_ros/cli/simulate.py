@@ -39,7 +39,7 @@ def simulate(
 ) -> None:
     """Simulate a scenario and record it: the same scenario gives the same bag, byte for byte."""
     from usmap_ros.io.bag_writer import new_bag
-    from usmap_ros.io.nav2_map import save_truth
+    from usmap_ros.io.map_files import save_truth
     from usmap_ros.io.yaml_files import read_mapping
     from usmap_ros.simulation import Scenario
     from usmap_ros.simulation import simulate as pings_of

@@ -84,7 +84,11 @@ def describe_bag(bag: BagReader, on_ping: Callable[[], None]) -> dict[str, Any]:
         "extent_m": [lowest[0], highest[0], lowest[1], highest[1]] if topics else [0.0] * 4,
         "topics": [topics[name].describe() for name in sorted(topics)],
         "other_topics": sorted(
-            {c.topic for c in bag.channels if c.message_type not in (ECHO_TRACE, ECHO_CONE)}
+            {
+                topic.name
+                for topic in bag.topics
+                if topic.message_type not in (ECHO_TRACE, ECHO_CONE)
+            }
         ),
         "skipped": dict(bag.skipped.by_field),
     }

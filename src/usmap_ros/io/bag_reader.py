@@ -20,7 +20,7 @@ from usmap_ros.io.conversions import array_from_message, cone_from_message, trac
 from usmap_ros.io.definitions import check_definition
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, TRANSDUCER_ARRAY, typestore
 from usmap_ros.io.skipped import SkippedMessages
-from usmap_ros.io.storage import Channel, MessageIndex, Storage, open_storage
+from usmap_ros.io.storage import MessageIndex, RecordedTopic, Storage, open_storage
 from usmap_ros.trace import EchoTrace
 from usmap_ros.transducer_array import TransducerArrays
 
@@ -54,7 +54,7 @@ class BagReader:
 
     Attributes
     ----------
-    channels : list of Channel
+    topics : list of RecordedTopic
         Every topic of every file, whatever its type.
     skipped : SkippedMessages
         Malformed messages met so far.
@@ -75,7 +75,7 @@ class BagReader:
     def __init__(self, paths: Sequence[str | Path]) -> None:
         self.paths = [Path(path) for path in paths]
         self.skipped = SkippedMessages()
-        self.channels: list[Channel] = []
+        self.topics: list[RecordedTopic] = []
         self._storages: list[Storage] = []
         self._open_storages: list[Storage] = []
         self._scratch = TemporaryDirectory(prefix="usmap_")
@@ -143,7 +143,7 @@ class BagReader:
     ) -> Iterator[tuple[str, _Content]]:
         for storage_number, row in self._tables[message_type]:
             index = self._indexes[storage_number]
-            topic = index.channels[index.channel[row]].topic
+            topic = index.topics[index.topic[row]].name
             try:
                 yield topic, convert(self._message(storage_number, row, message_type))
             except MalformedMessageError as error:
@@ -173,7 +173,7 @@ class BagReader:
             self._open_storages.pop(0).close()
 
     def _scan(self) -> list[MessageIndex]:
-        """Index every file; fills `_storages` and `channels`."""
+        """Index every file; fills `_storages` and `topics`."""
         indexes = []
         for path in self.paths:
             try:
@@ -189,10 +189,10 @@ class BagReader:
         return indexes
 
     def _check(self, storage: Storage, index: MessageIndex) -> None:
-        self.channels += index.channels
-        for channel in index.channels:
-            if channel.message_type in MAPPED_TYPES:
-                check_definition(storage.path, channel)
+        self.topics += index.topics
+        for recorded in index.topics:
+            if recorded.message_type in MAPPED_TYPES:
+                check_definition(storage.path, recorded)
 
     def _warn_of_damage(self) -> None:
         for storage, index in zip(self._storages, self._indexes, strict=True):
@@ -209,7 +209,7 @@ class BagReader:
         for index in self._indexes:
             if index.damage is not None:
                 return f"{index.damage.cause} before its first echo trace"
-        types = sorted({channel.message_type for channel in self.channels})
+        types = sorted({recorded.message_type for recorded in self.topics})
         others = f", only {', '.join(types)}" if types else ""
         return f"holds no {ECHO_TRACE} messages{others}"
 
@@ -231,16 +231,18 @@ class _Table:
 
 def _merge(indexes: list[MessageIndex], message_type: str) -> _Table:
     """Order all messages of a type by stamp, then topic, then file and place in it."""
-    topics = sorted({channel.topic for index in indexes for channel in index.channels})
+    topics = sorted({recorded.name for index in indexes for recorded in index.topics})
     rank = {topic: number for number, topic in enumerate(topics)}
     stamps, ranks, storage_numbers, rows = [], [], [], []
     for storage_number, index in enumerate(indexes):
-        is_wanted = np.array([c.message_type == message_type for c in index.channels], dtype=bool)
-        topic_rank = np.array([rank[c.topic] for c in index.channels], dtype=np.int64)
-        channel = np.asarray(index.channel)
-        wanted = np.flatnonzero(is_wanted[channel]) if len(channel) else np.zeros(0, dtype=np.int64)
+        is_wanted = np.array(
+            [recorded.message_type == message_type for recorded in index.topics], dtype=bool
+        )
+        topic_rank = np.array([rank[recorded.name] for recorded in index.topics], dtype=np.int64)
+        number = np.asarray(index.topic)
+        wanted = np.flatnonzero(is_wanted[number]) if len(number) else np.zeros(0, dtype=np.int64)
         stamps.append(np.asarray(index.stamp_ns)[wanted])
-        ranks.append(topic_rank[channel[wanted]])
+        ranks.append(topic_rank[number[wanted]])
         storage_numbers.append(np.full(len(wanted), storage_number))
         rows.append(wanted)
     # lexsort is stable, and its last key counts most.

@@ -9,10 +9,10 @@ from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
 
 from usmap_ros.errors import BagError
 from usmap_ros.io.message_types import typestore
-from usmap_ros.io.storage import Channel
+from usmap_ros.io.storage import RecordedTopic
 
 
-def check_definition(path: Path, channel: Channel) -> None:
+def check_definition(path: Path, recorded: RecordedTopic) -> None:
     """Refuse a topic whose messages are laid out differently from ours.
 
     Comments and constants may differ.  A recording that carries no definitions is trusted.
@@ -22,31 +22,31 @@ def check_definition(path: Path, channel: Channel) -> None:
     BagError
         Naming the topic, the message type and the first difference.
     """
-    if channel.encoding != "cdr":
+    if recorded.encoding != "cdr":
         raise BagError(
-            path, f"topic {channel.topic} is serialized as {channel.encoding!r}, not CDR"
+            path, f"topic {recorded.name} is serialized as {recorded.encoding!r}, not CDR"
         )
-    if not channel.definition:
+    if not recorded.definition:
         return
-    for message_type, theirs in _parse(path, channel).items():
+    for message_type, theirs in _parse(path, recorded).items():
         difference = _difference(theirs, message_type)
         if difference:
             raise BagError(
                 path,
-                f"topic {channel.topic} has another definition of {message_type}: {difference}",
+                f"topic {recorded.name} has another definition of {message_type}: {difference}",
             )
 
 
-def _parse(path: Path, channel: Channel) -> dict[str, Any]:
-    """Fields by message type, of all types in the channel's definition."""
+def _parse(path: Path, recorded: RecordedTopic) -> dict[str, Any]:
+    """Fields by message type, of all types in the topic's definition."""
     try:
-        if channel.definition_format == "ros2idl":
-            types = get_types_from_idl(channel.definition)
+        if recorded.definition_format == "ros2idl":
+            types = get_types_from_idl(recorded.definition)
         else:
-            types = get_types_from_msg(channel.definition, channel.message_type)
+            types = get_types_from_msg(recorded.definition, recorded.message_type)
     except TypesysError as error:
         raise BagError(
-            path, f"topic {channel.topic} has a definition that cannot be parsed"
+            path, f"topic {recorded.name} has a definition that cannot be parsed"
         ) from error
     return {name: fields for name, (_, fields) in types.items()}
 

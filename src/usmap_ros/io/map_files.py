@@ -1,4 +1,7 @@
-"""The folder that ``usmap map`` writes: the map for nav2, as log-odds, and a summary."""
+"""The folder that ``usmap map`` writes, and the truth that a map is scored against.
+
+In the folder are the map for nav2, the map as log-odds, and a summary.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.errors import MapFileError
-from usmap_ros.grids import OCCUPIED_PROBABILITY, GridGeometry, OccupancyMap, TruthMap
+from usmap_ros.grids import (
+    FREE_VALUE,
+    OCCUPIED_PROBABILITY,
+    OCCUPIED_VALUE,
+    GridGeometry,
+    OccupancyMap,
+    TruthMap,
+)
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.nav2_map import load_nav2_map, save_nav2_map
 from usmap_ros.views import Beam, PingViews
@@ -175,6 +185,18 @@ def load_map(folder: Path) -> tuple[OccupancyMap, RobotPaths]:
         raise MapFileError(path, f"lacks the array {error.args[0]!r}") from error
     except (TypeError, ValueError) as error:
         raise MapFileError(path, f"holds arrays that make no map: {error}") from error
+
+
+def save_truth(path: Path, truth: TruthMap) -> None:
+    """Write a truth map in nav2's format: every cell is occupied or free.
+
+    Raises
+    ------
+    MapFileError
+        If a file cannot be written.
+    """
+    values = np.where(truth.occupied, OCCUPIED_VALUE, FREE_VALUE).astype(np.int8)
+    save_nav2_map(path, truth.geometry, values)
 
 
 def load_truth(path: Path) -> TruthMap:

@@ -15,13 +15,7 @@ from PIL import Image, UnidentifiedImageError
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MapFileError
-from usmap_ros.grids import (
-    FREE_VALUE,
-    OCCUPIED_PROBABILITY,
-    OCCUPIED_VALUE,
-    GridGeometry,
-    TruthMap,
-)
+from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
 from usmap_ros.io.atomic import write_atomically
 
 #: Shades of gray that nav2 and the map server of ROS 1 use.
@@ -87,18 +81,6 @@ def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) 
         write_atomically(path, text.encode())
     except OSError as error:
         raise MapFileError(path, f"cannot be written: {error.strerror}") from error
-
-
-def save_truth(path: Path, truth: TruthMap) -> None:
-    """Write a truth map in nav2's format: every cell is occupied or free.
-
-    Raises
-    ------
-    MapFileError
-        If a file cannot be written.
-    """
-    values = np.where(truth.occupied, OCCUPIED_VALUE, FREE_VALUE).astype(np.int8)
-    save_nav2_map(path, truth.geometry, values)
 
 
 def load_nav2_map(path: Path) -> Nav2Map:

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from usmap_ros.errors import BagError
-from usmap_ros.io.storage import Channel, MessageIndex, Storage, open_storage
+from usmap_ros.io.storage import MessageIndex, RecordedTopic, Storage, open_storage
 
 
 class _Everything:
@@ -64,9 +64,11 @@ class RawBagReader:
         return len(self._order)
 
     @property
-    def channels(self) -> list[Channel]:
+    def topics(self) -> list[RecordedTopic]:
         """One of each topic."""
-        return list({c.topic: c for index in self._indexes for c in index.channels}.values())
+        return list(
+            {topic.name: topic for index in self._indexes for topic in index.topics}.values()
+        )
 
     @property
     def start_ns(self) -> int:
@@ -86,7 +88,7 @@ class RawBagReader:
             payload = self._storages[number].payload(
                 index.block[row], index.offset[row], index.size[row]
             )
-            topic = index.channels[index.channel[row]].topic
+            topic = index.topics[index.topic[row]].name
             yield topic, int(self._times_ns[place]), bytes(payload)
 
     def close(self) -> None:
@@ -96,14 +98,14 @@ class RawBagReader:
         self._scratch.cleanup()
 
 
-def recorded_qos(channel: Channel) -> tuple[int, bool, bool] | None:
+def recorded_qos(recorded: RecordedTopic) -> tuple[int, bool, bool] | None:
     """Depth, and whether reliable and latched, of a topic's publishers; None if unknown.
 
     Where they differed, what every subscriber of theirs could be content with is given: reliable
     if one was, latched if one was.
     """
     try:
-        profiles = yaml.safe_load(channel.offered_qos) or []
+        profiles = yaml.safe_load(recorded.offered_qos) or []
         depths = [int(profile["depth"]) for profile in profiles]
         # Older versions of rosbag2 write the numbers of rmw's enumerations.
         reliable = [profile["reliability"] in ("reliable", 1) for profile in profiles]

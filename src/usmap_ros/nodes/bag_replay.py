@@ -16,7 +16,7 @@ from rclpy.time import Time
 
 from usmap_ros.errors import BagError, ConfigurationError
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
-from usmap_ros.io.storage import Channel
+from usmap_ros.io.storage import RecordedTopic
 from usmap_ros.live.interfaces import BAG_REPLAY, CLOCK, NODES, PAUSE, Qos
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, every, qos_profile, serve
@@ -90,19 +90,19 @@ class BagReplay(Node):
     def _advertise_all(self) -> dict[str, _Output]:
         parameters = self.parameters.value
         outputs = {}
-        for channel in self._bag.channels:
+        for recorded in self._bag.topics:
             # The recorded clock would contradict the replayed one.
-            is_clock = channel.topic == CLOCK.name and parameters.clock
-            if is_clock or not re.fullmatch(parameters.topic_pattern, channel.topic):
+            is_clock = recorded.name == CLOCK.name and parameters.clock
+            if is_clock or not re.fullmatch(parameters.topic_pattern, recorded.name):
                 continue
             try:
-                message_class = interface_class(channel.message_type)
+                message_class = interface_class(recorded.message_type)
             except (ImportError, ValueError) as error:
-                self.get_logger().warning(f"{channel.topic} is not published: {error}")
+                self.get_logger().warning(f"{recorded.name} is not published: {error}")
                 continue
-            qos = _qos_of(channel)
-            publisher = self.create_publisher(message_class, channel.topic, qos_profile(qos))
-            outputs[channel.topic] = _Output(publisher, qos.depth, qos.depth)
+            qos = _qos_of(recorded)
+            publisher = self.create_publisher(message_class, recorded.name, qos_profile(qos))
+            outputs[recorded.name] = _Output(publisher, qos.depth, qos.depth)
         if not outputs:
             raise BagError(self._bag.path, "holds no topic that could be published")
         return outputs
@@ -177,12 +177,12 @@ class BagReplay(Node):
         return response
 
 
-def _qos_of(channel: Channel) -> Qos:
+def _qos_of(recorded: RecordedTopic) -> Qos:
     """QoS of a topic as recorded, or else as the nodes here publish its type."""
-    recorded = recorded_qos(channel)
-    if recorded is None:
-        return _USUAL_QOS.get(channel.message_type, Qos(depth=10))
-    depth, is_reliable, is_latched = recorded
+    qos = recorded_qos(recorded)
+    if qos is None:
+        return _USUAL_QOS.get(recorded.message_type, Qos(depth=10))
+    depth, is_reliable, is_latched = qos
     return Qos(depth, is_reliable, is_latched)
 
 

@@ -28,7 +28,7 @@ from usmap_ros.pipeline import Pipeline
 
 
 @dataclass(frozen=True)
-class _Channel:
+class _Outputs:
     """Where the cones of one transducer go."""
 
     cone: Any
@@ -39,7 +39,7 @@ class _Channel:
 class _Job:
     """A trace that waits."""
 
-    channel: _Channel
+    outputs: _Outputs
     message: Any
     received_s: float
 
@@ -74,19 +74,19 @@ class ConeReconstructor(Node):
         self.destroy_node()
 
     def _connect(self, transducer: str) -> None:
-        channel = _Channel(
+        outputs = _Outputs(
             cone=advertise(self, CONE, within(transducer, CONE)),
             cells=advertise(self, CONE_CELLS, within(transducer, CONE_CELLS)),
         )
         subscribe(
-            self, ECHO, lambda message: self._receive(channel, message), within(transducer, ECHO)
+            self, ECHO, lambda message: self._receive(outputs, message), within(transducer, ECHO)
         )
 
     def _renew_pipeline(self) -> None:
         parameters = PipelineParameters(reconstruction=self.parameters.value.reconstruction)
         self._pipeline = Pipeline(parameters)
 
-    def _receive(self, channel: _Channel, message: Any) -> None:
+    def _receive(self, outputs: _Outputs, message: Any) -> None:
         self.health.work("received")
         depth = self.parameters.value.queue_depth
         while len(self._queue) >= depth:
@@ -94,7 +94,7 @@ class ConeReconstructor(Node):
             self.health.problem(
                 "dropped", f"traces come faster than they are worked on; {depth} wait already"
             )
-        self._queue.append(_Job(channel, message, time.monotonic()))
+        self._queue.append(_Job(outputs, message, time.monotonic()))
         self._worker.wake()
 
     def _step(self) -> float | None:
@@ -115,11 +115,11 @@ class ConeReconstructor(Node):
         return 0.0
 
     def _publish(self, job: _Job, cone: EchoCone) -> None:
-        job.channel.cone.publish(cone_to_message(cone, self._types))
+        job.outputs.cone.publish(cone_to_message(cone, self._types))
         self.health.count("published")
         self.health.latency(time.monotonic() - job.received_s)
-        if job.channel.cells.get_subscription_count():
-            job.channel.cells.publish(self._cells_message(cone))
+        if job.outputs.cells.get_subscription_count():
+            job.outputs.cells.publish(self._cells_message(cone))
 
     def _cells_message(self, cone: EchoCone) -> Any:
         parameters = self.parameters.value

@@ -10,10 +10,10 @@ from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY
 from usmap_ros.io.nav2_map import Nav2Map
+from usmap_ros.simulation.models.world import PointModel, RandomPolesModel, WorldModel
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.scene import Discs, FreeSpace, Scene
 from usmap_ros.simulation.surfaces import Scatterers, Surface, Walls, scatter_along, walls_of_cells
-from usmap_ros.simulation.world import PointModel, RandomPolesModel, WorldModel
 
 #: How many places are tried on average for a random pole.
 _ATTEMPTS_PER_POLE = 300

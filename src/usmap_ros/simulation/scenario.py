@@ -16,14 +16,14 @@ from usmap_ros.grids import TruthMap
 from usmap_ros.io.nav2_map import Nav2Map, load_nav2_map
 from usmap_ros.io.yaml_files import read_mapping, validated
 from usmap_ros.parameters import ParameterGroup, quantity
-from usmap_ros.simulation.build_fleet import build_robot
+from usmap_ros.simulation.build_robots import build_robot
 from usmap_ros.simulation.build_world import build_scene, world_bounds
-from usmap_ros.simulation.conditions import MediumModel, StatedModel
-from usmap_ros.simulation.fleet import RobotModel, check_names_differ
+from usmap_ros.simulation.models.medium import MediumModel, StatedModel
+from usmap_ros.simulation.models.robots import RobotModel, check_names_differ
+from usmap_ros.simulation.models.world import WorldModel
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import NANOSECONDS, SimulatedRobot, ping_count
 from usmap_ros.simulation.truth import build_truth_map
-from usmap_ros.simulation.world import WorldModel
 
 #: What a stream of random numbers is for: each has a seed of its own, so that a scenario with
 #: another robot or another noise keeps its world.

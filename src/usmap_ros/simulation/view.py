@@ -8,15 +8,15 @@ import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 from usmap_ros.geometry import Pose
-from usmap_ros.simulation.scene import Discs, Scene
-from usmap_ros.simulation.surfaces import Walls
-from usmap_ros.simulation.visibility import (
+from usmap_ros.simulation.line_of_sight import (
     NO_OWNER,
     cross,
     hidden_by_discs,
     hidden_by_walls,
     point_segment_distances,
 )
+from usmap_ros.simulation.scene import Discs, Scene
+from usmap_ros.simulation.surfaces import Walls
 
 #: What is nearer is inside the transducer, where sound does not spread as from a point.
 _NEAREST_M = 0.01

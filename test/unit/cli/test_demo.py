@@ -27,7 +27,7 @@ def test_the_demo_does_the_main_job(usmap: Callable[..., Any], tmp_path: Path) -
         assert f"demo/{name}" in done.stdout
     assert "range-only sonar" in done.stdout
     with BagReader([folder / "bag"]) as bag:
-        assert len({channel.topic for channel in bag.channels}) >= 3
+        assert len({topic.name for topic in bag.topics}) >= 3
         assert json.loads((folder / "summary.json").read_text())["pings"] == bag.trace_count
     with Image.open(folder / "map.gif") as animation:
         assert animation.n_frames == 48

@@ -15,8 +15,9 @@ from usmap_ros.io.map_files import (
     map_folder,
     save_map,
     save_summary,
+    save_truth,
 )
-from usmap_ros.io.nav2_map import load_nav2_map, save_truth
+from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.views import Beam
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry
+from usmap_ros.simulation.line_of_sight import path_wall_distances
 from usmap_ros.simulation.motion import BlockedPathError, RandomWalk, WaypointMotion
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import FreeSpace
-from usmap_ros.simulation.visibility import path_wall_distances
 
 AREA = (0.0, 4.0, 0.0, 4.0)
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])

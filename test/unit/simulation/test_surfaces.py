@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along, walls_of_cells
-from usmap_ros.simulation.visibility import (
+from usmap_ros.simulation.line_of_sight import (
     NO_OWNER,
     hidden_by_walls,
     point_segment_distances,
 )
+from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along, walls_of_cells
 
 
 def scattered(density=40.0, roughness=0.005, length=10.0, seed=3):

@@ -7,6 +7,6 @@ interleaved robots, from a memory that does not grow with the size of the record
 """
 
 from usmap_ros.io.storage.files import open_storage
-from usmap_ros.io.storage.index import Channel, Damage, MessageIndex, Storage
+from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, Storage
 
-__all__ = ["Channel", "Damage", "MessageIndex", "Storage", "open_storage"]
+__all__ = ["Damage", "MessageIndex", "RecordedTopic", "Storage", "open_storage"]

@@ -15,13 +15,13 @@ _ENCAPSULATION_SIZE = 4
 
 
 @dataclass
-class Channel:
+class RecordedTopic:
     """One topic of a recording.
 
     Parameters
     ----------
-    topic : str
-        Name of the topic.
+    name : str
+        Such as ``/robot1/echo``.
     message_type : str
         Such as ``usmap_msgs/msg/EchoTrace``.
     definition : str
@@ -36,7 +36,7 @@ class Channel:
         QoS profiles of its publishers, in the YAML that rosbag2 records; empty if unknown.
     """
 
-    topic: str
+    name: str
     message_type: str
     definition: str = ""
     definition_format: str = "ros2msg"
@@ -70,18 +70,18 @@ class MessageIndex:
 
     Parameters
     ----------
-    channels : list of Channel
+    topics : list of RecordedTopic
         Every topic of the file, wanted or not.
     damage : Damage or None
         Set if the file could not be read to its end.
-    channel, stamp_ns, recorded_ns, block, offset, size : arrays of integers
-        Per message: position in `channels`, stamp of its header, time of recording, and what
+    topic, stamp_ns, recorded_ns, block, offset, size : arrays of integers
+        Per message: position in `topics`, stamp of its header, time of recording, and what
         `Storage.payload` takes.  The stamp means something only where the type has a header.
     """
 
-    channels: list[Channel] = field(default_factory=list)
+    topics: list[RecordedTopic] = field(default_factory=list)
     damage: Damage | None = None
-    channel: array[int] = field(default_factory=lambda: array("q"))
+    topic: array[int] = field(default_factory=lambda: array("q"))
     stamp_ns: array[int] = field(default_factory=lambda: array("q"))
     recorded_ns: array[int] = field(default_factory=lambda: array("q"))
     block: array[int] = field(default_factory=lambda: array("q"))
@@ -89,10 +89,10 @@ class MessageIndex:
     size: array[int] = field(default_factory=lambda: array("q"))
 
     def append(
-        self, channel: int, stamp_ns: int, recorded_ns: int, block: int, offset: int, size: int
+        self, topic: int, stamp_ns: int, recorded_ns: int, block: int, offset: int, size: int
     ) -> None:
         """Note one message."""
-        self.channel.append(channel)
+        self.topic.append(topic)
         self.stamp_ns.append(stamp_ns)
         self.recorded_ns.append(recorded_ns)
         self.block.append(block)
@@ -101,7 +101,7 @@ class MessageIndex:
 
     def __len__(self) -> int:
         """Count the messages."""
-        return len(self.channel)
+        return len(self.topic)
 
 
 class Storage(Protocol):

@@ -23,7 +23,7 @@ from mcap.records import Schema as SchemaRecord
 
 from usmap_ros.errors import BagError
 from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, FORMATS, decompress
-from usmap_ros.io.storage.index import Channel, Damage, MessageIndex, header_stamp_ns
+from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -129,7 +129,7 @@ class _Scan:
         self._compression = compression
         self._total_bytes = file.seek(0, io.SEEK_END)
         self._schemas: dict[int, SchemaRecord] = {}
-        self._channel_numbers: dict[int, int] = {}
+        self._topic_numbers: dict[int, int] = {}
 
     def run(self) -> None:
         """Fill `index` and `chunks`."""
@@ -230,27 +230,27 @@ class _Scan:
             raise _CorruptError("has a record that makes no sense", position) from error
 
     def _note_channel(self, record: ChannelRecord) -> None:
-        if record.id in self._channel_numbers:
+        if record.id in self._topic_numbers:
             return
         schema = self._schemas.get(record.schema_id)
-        channel = Channel(
+        recorded = RecordedTopic(
             record.topic, schema.name if schema else "", encoding=record.message_encoding
         )
         if schema:
-            channel.definition = schema.data.decode()
-            channel.definition_format = schema.encoding
-        channel.offered_qos = record.metadata.get("offered_qos_profiles", "")
-        self._channel_numbers[record.id] = len(self.index.channels)
-        self.index.channels.append(channel)
+            recorded.definition = schema.data.decode()
+            recorded.definition_format = schema.encoding
+        recorded.offered_qos = record.metadata.get("offered_qos_profiles", "")
+        self._topic_numbers[record.id] = len(self.index.topics)
+        self.index.topics.append(recorded)
 
     def _note_message(self, body: memoryview, block: int, offset: int) -> None:
         channel_id, _, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
-        number = self._channel_numbers.get(channel_id)
+        number = self._topic_numbers.get(channel_id)
         if number is None:
             raise ValueError(f"message on channel {channel_id}, which was not declared")
-        channel = self.index.channels[number]
-        channel.count += 1
-        if channel.message_type not in self._wanted:
+        recorded = self.index.topics[number]
+        recorded.count += 1
+        if recorded.message_type not in self._wanted:
             return
         payload = body[_MESSAGE_HEAD.size :]
         if self._compression:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from usmap_ros.errors import BagError
 from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, decompress
-from usmap_ros.io.storage.index import Channel, Damage, MessageIndex, header_stamp_ns
+from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
 
 MAGIC = b"SQLite format 3\x00"
 
@@ -43,14 +43,14 @@ class SqliteFile:
         index = MessageIndex()
         kept_bytes = 0
         try:
-            numbers = self._read_channels(index)
+            numbers = self._read_topics(index)
             for row, topic, log_time_ns, data in self._open().execute(
                 "SELECT rowid, topic_id, timestamp, data FROM messages ORDER BY rowid"
             ):
                 number = numbers[topic]
-                channel = index.channels[number]
-                channel.count += 1
-                if channel.message_type in wanted:
+                recorded = index.topics[number]
+                recorded.count += 1
+                if recorded.message_type in wanted:
                     stamp_ns = header_stamp_ns(self._unpack(data), log_time_ns)
                     index.append(number, stamp_ns, log_time_ns, block=0, offset=row, size=0)
                 kept_bytes += len(data)
@@ -83,8 +83,8 @@ class SqliteFile:
             self._connection.execute("PRAGMA writable_schema = ON")
         return self._connection
 
-    def _read_channels(self, index: MessageIndex) -> dict[int, int]:
-        """Fill `index.channels`; positions in it by the database's topic number."""
+    def _read_topics(self, index: MessageIndex) -> dict[int, int]:
+        """Fill `index.topics`; positions in it by the database's topic number."""
         database = self._open()
         tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
         if not {"topics", "messages"} <= tables:
@@ -106,9 +106,11 @@ class SqliteFile:
             f"SELECT id, name, type, serialization_format, {qos_column} FROM topics ORDER BY id"
         ):
             text, definition_format = definitions.get(message_type, ("", "ros2msg"))
-            numbers[topic_id] = len(index.channels)
-            index.channels.append(
-                Channel(topic, message_type, text, definition_format, encoding, offered_qos=qos)
+            numbers[topic_id] = len(index.topics)
+            index.topics.append(
+                RecordedTopic(
+                    topic, message_type, text, definition_format, encoding, offered_qos=qos
+                )
             )
         return numbers
 

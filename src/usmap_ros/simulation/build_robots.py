@@ -7,8 +7,8 @@ import numpy as np
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
-from usmap_ros.simulation.conditions import MediumModel, StatedModel
-from usmap_ros.simulation.fleet import (
+from usmap_ros.simulation.models.medium import MediumModel, StatedModel
+from usmap_ros.simulation.models.robots import (
     PoseErrorModel,
     RobotModel,
     TransducerModel,

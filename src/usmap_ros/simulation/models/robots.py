@@ -14,8 +14,8 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.parameters import ParameterGroup, quantity
+from usmap_ros.simulation.models.world import Coordinate, Point
 from usmap_ros.simulation.receiver import Converter, Receiver
-from usmap_ros.simulation.world import Coordinate, Point
 from usmap_ros.trace import Encoding
 
 

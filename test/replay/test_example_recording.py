@@ -10,8 +10,8 @@ from usmap_ros.io.map_files import RobotPaths, load_truth
 from usmap_ros.mapping.scoring import score
 from usmap_ros.offline import map_bag
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.simulation.run import simulate
 from usmap_ros.simulation.scenario import Scenario
-from usmap_ros.simulation.simulator import simulate
 
 BAGS = Path(__file__).parents[2] / "bags"
 

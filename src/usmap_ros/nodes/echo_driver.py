@@ -31,7 +31,7 @@ from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.parameters.nodes import EchoDriverParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
-from usmap_ros.simulation.simulator import SimulatedRobot
+from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.trace import EchoTrace
 
 

@@ -16,8 +16,9 @@ from usmap_ros.simulation.models.robots import (
 )
 from usmap_ros.simulation.motion import Bounds, Motion, RandomWalk, WaypointMotion
 from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
-from usmap_ros.simulation.simulator import MountedTransducer, SimulatedRobot
+from usmap_ros.simulation.simulator import MountedTransducer
 from usmap_ros.trace import MAX_SAMPLES
 
 

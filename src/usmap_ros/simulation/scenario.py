@@ -21,8 +21,9 @@ from usmap_ros.simulation.build_world import build_scene, world_bounds
 from usmap_ros.simulation.models.medium import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import RobotModel, check_names_differ
 from usmap_ros.simulation.models.world import WorldModel
+from usmap_ros.simulation.robot import SimulatedRobot, ping_count
 from usmap_ros.simulation.scene import Scene
-from usmap_ros.simulation.simulator import NANOSECONDS, SimulatedRobot, ping_count
+from usmap_ros.simulation.simulator import NANOSECONDS
 from usmap_ros.simulation.truth import build_truth_map
 
 #: What a stream of random numbers is for: each has a seed of its own, so that a scenario with

@@ -1,29 +1,19 @@
-"""The echo simulator: one ping at a time, or a whole scenario."""
+"""The echo simulator, one ping at a time."""
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.acoustics.pulse import PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
-from usmap_ros.simulation.motion import Motion
 from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.view import View, targets_in_view
 from usmap_ros.trace import EchoTrace, Emission
-from usmap_ros.transducer_array import ArrayElement, TransducerArray
-
-if TYPE_CHECKING:
-    from usmap_ros.simulation.scenario import Scenario
-
 
 NANOSECONDS = 1_000_000_000
 
@@ -209,106 +199,3 @@ def reported_pose(true_pose: Pose, stds: FloatArray, error: FloatArray) -> Pose:
         orientation=(drifted.rotation * true_pose.rotation).as_quat(),
         covariance=drifted.covariance,
     )
-
-
-@dataclass(frozen=True)
-class SimulatedRobot:
-    """A robot of a scenario.
-
-    Parameters
-    ----------
-    name : str
-        Its name, and the first part of its topics and frames.
-    motion : Motion
-        Where its base is.
-    transducers : list of MountedTransducer
-        What it carries.
-    first_ping_s : list of float
-        When each transducer pings first.
-    ping_interval_s : float
-        From each transducer's ping to its next one.
-    noise_seeds : list of numpy.random.SeedSequence
-        For each transducer's noise and errors.
-    simultaneous : bool
-        Whether the transducers ping at once, and hear one another's pulses.
-    error_seed : numpy.random.SeedSequence
-        For the errors of poses that transducers share which ping at once.
-    """
-
-    name: str
-    motion: Motion
-    transducers: list[MountedTransducer]
-    first_ping_s: list[float]
-    ping_interval_s: float
-    noise_seeds: list[np.random.SeedSequence]
-    simultaneous: bool
-    error_seed: np.random.SeedSequence
-
-    def emissions_to(self, listener: MountedTransducer) -> tuple[Emission, ...]:
-        """All pulses in the air when a transducer listens; none where it is alone."""
-        if not self.simultaneous:
-            return ()
-        return tuple(one.emission_to(listener) for one in self.transducers if one.emits)
-
-    def arrays(self, start_ns: int) -> list[TransducerArray]:
-        """What the traces of its transducers do not say of themselves, if there is anything.
-
-        Parameters
-        ----------
-        start_ns : int
-            Stamp from which on it holds.
-        """
-        groups = [self.transducers] if self.simultaneous else [[one] for one in self.transducers]
-        return [
-            TransducerArray(
-                start_ns,
-                f"{self.name}/base_link",
-                tuple(
-                    ArrayElement(one.child_frame_id, one.mount, one.emits, one.transducer)
-                    for one in group
-                ),
-            )
-            for group in groups
-            if len(group) > 1 or group[0].transducer.pulse.shape is PulseShape.CHIRP
-        ]
-
-    def pings(
-        self, simulator: EchoSimulator, index: int, start_ns: int, duration_s: float
-    ) -> Iterator[tuple[str, EchoTrace]]:
-        """Topic and trace of every ping of transducer `index`."""
-        transducer, rng = self.transducers[index], np.random.default_rng(self.noise_seeds[index])
-        emissions = self.emissions_to(transducer)
-        # Those that ping at once draw the same errors, each from a generator of its own.
-        errors = np.random.default_rng(self.error_seed)
-        for ping in range(ping_count(duration_s, self.ping_interval_s)):
-            time_s = self.first_ping_s[index] + ping * self.ping_interval_s
-            stamp_ns = start_ns + round(time_s * NANOSECONDS)
-            pose = self.motion.pose(time_s).compose(transducer.mount)
-            error = errors.standard_normal(3) if self.simultaneous else None
-            yield (
-                transducer.topic,
-                simulator.ping(
-                    transducer, pose, stamp_ns, rng, emissions=emissions, pose_error=error
-                ),
-            )
-
-
-def ping_count(duration_s: float, interval_s: float) -> int:
-    """How many pings, the first at 0, begin before `duration_s`."""
-    # A duration of whole intervals counts exactly, whatever the last bit of the quotient.
-    return max(1, int(np.ceil(round(duration_s / interval_s, 6))))
-
-
-def simulate(scenario: Scenario) -> Iterator[tuple[str, EchoTrace]]:
-    """Topic and trace of every ping of a scenario, in the order of their stamps.
-
-    The same scenario gives the same traces, bit by bit.
-    """
-    scene = scenario.scene()
-    simulator = EchoSimulator(scene, scenario.frame_id, scenario.start_ns)
-    streams = [
-        robot.pings(simulator, index, scenario.start_ns, scenario.duration_s)
-        for robot in scenario.fleet(scene)
-        for index in range(len(robot.transducers))
-    ]
-    yield from heapq.merge(*streams, key=lambda ping: ping[1].stamp_ns)

@@ -12,7 +12,8 @@ from scipy.stats import kstest
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.geometry import Pose
 from usmap_ros.simulation import EchoSimulator, Scenario, simulate
-from usmap_ros.simulation.simulator import ping_count, reported_pose
+from usmap_ros.simulation.robot import ping_count
+from usmap_ros.simulation.simulator import reported_pose
 from usmap_ros.trace import Encoding
 
 HOME = Pose.planar(0.0, 0.0, 0.0)

@@ -57,8 +57,7 @@ def draw(found: dict[str, Reliability], path: Path) -> None:
         figure = style.new_figure(3.4 * len(found), 3.8)
         for axes, (name, counts) in zip(figure.subplots(1, len(found)), found.items(), strict=True):
             _draw_pool(axes, name, counts)
-        handles = figure.axes[0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside lower center", ncols=3)
+        style.legend_below(figure, *figure.axes[0].get_legend_handles_labels(), columns=3)
     save_figure(figure, path)
 
 

@@ -45,7 +45,7 @@ def draw_maps(maps: dict[str, OccupancyMap], truth: TruthMap, views: PingViews, 
         down = -(-len(maps) // across)
         x_min, x_max, y_min, y_max = truth.geometry.extent_m
         tall = 3.6 * (y_max - y_min) / (x_max - x_min)
-        figure = style.new_figure(3.6 * across, (tall + 0.5) * down, 110)
+        figure = style.new_figure(3.6 * across, (tall + 0.5) * down + 0.4, 110)
         for axes in figure.subplots(down, across, squeeze=False).flat:
             axes.set_visible(False)
         for axes, (title, occupancy) in zip(figure.axes, maps.items(), strict=False):
@@ -60,7 +60,7 @@ def draw_maps(maps: dict[str, OccupancyMap], truth: TruthMap, views: PingViews, 
         handles, labels = figure.axes[0].get_legend_handles_labels()
         handles += [Patch(color=LEAKED), Patch(color=style.UNKNOWN)]
         labels += ["free, though no beam can have reached it", "unknown"]
-        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        style.legend_below(figure, handles, labels, columns=3)
     save_figure(figure, path)
 
 
@@ -108,5 +108,5 @@ def draw_scores(rows: list[dict[str, Any]], path: Path) -> None:
         ]
         axes.set_xticks(range(len(scenes)), [title.replace("_", " ") for title in titles],
                         rotation=45, ha="right")  # fmt: skip
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+        style.legend_below(figure, *axes.get_legend_handles_labels(), columns=3)
     save_figure(figure, path)

@@ -24,6 +24,7 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.plotting import map_figure, overview_figure, save_figure
 from usmap_ros.plotting.animation import MapFrame, save_animation
+from usmap_ros.plotting.map import shown_extent
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
 
@@ -146,25 +147,21 @@ class _Observer:
 
 
 def _draw(observer: _Observer, truth: TruthMap, paths: dict[str, Path], progress: Progress) -> None:
-    """Draw both maps, one ping, and the map forming."""
+    """Draw both maps to the same extent, one ping, and the map forming."""
+    occupancy = observer.pipeline.occupancy_map()
+    range_only = observer.range_only.occupancy_map()
+    extent_m = shown_extent([occupancy, range_only], observer.paths, truth)
+    titles = {
+        "picture of the map": (occupancy, "Three robots, one map"),
+        "range-only sonar": (range_only, "The same recording, from the first echoes' ranges alone"),
+    }
     with progress("drawing", 4) as step:
-        occupancy = observer.pipeline.occupancy_map()
-        save_figure(
-            map_figure(occupancy, observer.paths, truth, title="Three robots, one map"),
-            paths["picture of the map"],
-        )
-        step()
-        save_figure(
-            map_figure(
-                observer.range_only.occupancy_map(), observer.paths, truth,
-                title="The same recording, from the first echoes' ranges alone",
-            ),
-            paths["range-only sonar"],
-        )  # fmt: skip
-        step()
+        for picture, (drawn, title) in titles.items():
+            save_figure(map_figure(drawn, observer.paths, truth, title, extent_m), paths[picture])
+            step()
         _draw_ping(observer.pipeline, truth, paths)
         step()
-        save_animation(observer.frames, observer.paths, paths["map forming"])
+        save_animation(observer.frames, observer.paths, paths["map forming"], truth, extent_m)
         step()
 
 

@@ -16,17 +16,23 @@ from PIL import Image
 from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import FileError
-from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.plotting import style
-from usmap_ros.plotting.map import figure_size_in, show_all
-from usmap_ros.plotting.plan import draw_probability
+from usmap_ros.plotting.map import (
+    Extent,
+    draw_legend,
+    figure_size_in,
+    robot_name,
+    shown_extent,
+)
+from usmap_ros.plotting.plan import draw_probability, draw_truth
 
 _FRAME_MS = 90
 #: The finished map stays in view for a while.
 _LAST_FRAME_MS = 3000
-_DOTS_PER_INCH = 90
+_DOTS_PER_INCH = 110
 _COLORS = 128
 
 
@@ -52,7 +58,13 @@ class MapFrame:
     stamp_ns: int
 
 
-def save_animation(frames: Sequence[MapFrame], paths: RobotPaths, path: Path) -> None:
+def save_animation(
+    frames: Sequence[MapFrame],
+    paths: RobotPaths,
+    path: Path,
+    truth: TruthMap | None = None,
+    extent_m: Extent | None = None,
+) -> None:
     """Write snapshots of a map as an animated GIF.
 
     Parameters
@@ -63,6 +75,10 @@ def save_animation(frames: Sequence[MapFrame], paths: RobotPaths, path: Path) ->
         The robots' whole paths.
     path : path
         The file.
+    truth : TruthMap, optional
+        Drawn as an outline.
+    extent_m : (x_min, x_max, y_min, y_max), optional
+        What is shown; by default what the finished map observed and all paths.
 
     Raises
     ------
@@ -70,7 +86,7 @@ def save_animation(frames: Sequence[MapFrame], paths: RobotPaths, path: Path) ->
         If the file cannot be written.
     """
     with style.styled():
-        canvas = _MovingMap(frames[-1].occupancy, paths)
+        canvas = _MovingMap(frames[-1].occupancy, paths, truth, extent_m)
         images = [canvas.draw(frame, frames[0].stamp_ns) for frame in frames]
     palette = _common_palette(images)
     indexed = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
@@ -97,21 +113,31 @@ def _common_palette(images: list[Image.Image]) -> Image.Image:
 class _MovingMap:
     """A figure of which each frame changes what differs, since making one takes long."""
 
-    def __init__(self, final: OccupancyMap, paths: RobotPaths) -> None:
+    def __init__(
+        self,
+        final: OccupancyMap,
+        paths: RobotPaths,
+        truth: TruthMap | None,
+        extent_m: Extent | None,
+    ) -> None:
         self._geometry = final.geometry
         self._paths = paths
-        shown = final.observed_geometry()
+        shown = extent_m or shown_extent([final], paths)
         self._figure = style.new_figure(*figure_size_in(shown), _DOTS_PER_INCH)
         self._axes = self._figure.subplots()
         self._image = draw_probability(self._axes, final)
         self._figure.colorbar(
             self._image, ax=self._axes, shrink=0.6, label="probability of being occupied"
         )
+        self._axes.set_xlim(*shown[:2])
+        self._axes.set_ylim(*shown[2:])
+        if truth is not None:
+            draw_truth(self._axes, truth)
         self._title = self._axes.set_title("Map")
         topics = sorted(paths.positions_m)
-        self._trails = {topic: self._trail(number) for number, topic in enumerate(topics)}
+        self._trails = {topic: self._trail(number, topic) for number, topic in enumerate(topics)}
         self._beams = {topic: self._beam(number) for number, topic in enumerate(topics)}
-        show_all(self._axes, shown, paths)
+        draw_legend(self._figure, self._axes)
         # The layout is that of the first drawing: to find it again takes longer than to draw.
         self._figure.canvas.draw()
         self._figure.set_layout_engine("none")
@@ -129,8 +155,9 @@ class _MovingMap:
         pixels = np.asarray(self._figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
         return Image.fromarray(pixels[..., :3])
 
-    def _trail(self, number: int) -> Line2D:
-        return self._axes.plot([], [], color=style.robot_color(number), linewidth=1.0, alpha=0.7)[0]
+    def _trail(self, number: int, topic: str) -> Line2D:
+        color, name = style.robot_color(number), robot_name(topic)
+        return self._axes.plot([], [], color=color, linewidth=1.3, alpha=0.85, label=name)[0]
 
     def _beam(self, number: int) -> Polygon:
         color = style.robot_color(number)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
+from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.plotting import style
 from usmap_ros.plotting.plan import draw_probability, draw_truth
 
 _LONG_SIDE_IN = 7.0
+#: Around what is shown, in cells.
+_MARGIN_CELLS = 2.0
+
+#: Lowest x, highest x, lowest y, highest y, m.
+Extent = tuple[float, float, float, float]
 
 
 def map_figure(
@@ -19,6 +27,7 @@ def map_figure(
     paths: RobotPaths | None = None,
     truth: TruthMap | None = None,
     title: str = "Fused map",
+    extent_m: Extent | None = None,
 ) -> Figure:
     """Draw a map as probability.
 
@@ -32,39 +41,56 @@ def map_figure(
         Drawn as an outline.
     title : str
         What stands above it.
+    extent_m : (x_min, x_max, y_min, y_max), optional
+        What is shown, so that pictures can be compared; by default what was observed and all
+        paths.
     """
+    paths = paths or RobotPaths()
     with style.styled():
-        shown = occupancy.observed_geometry()
+        shown = extent_m or shown_extent([occupancy], paths)
         figure = style.new_figure(*figure_size_in(shown))
         axes = figure.subplots()
         image = draw_probability(axes, occupancy)
+        axes.set_xlim(*shown[:2])
+        axes.set_ylim(*shown[2:])
         if truth is not None:
             draw_truth(axes, truth)
-        draw_paths(axes, paths or RobotPaths())
-        show_all(axes, shown, paths or RobotPaths())
+        draw_paths(axes, paths)
         axes.set_title(title)
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=5)
+        draw_legend(figure, axes)
         figure.colorbar(image, ax=axes, shrink=0.6, label="probability of being occupied")
     return figure
 
 
-def figure_size_in(geometry: GridGeometry) -> tuple[float, float]:
+def figure_size_in(extent_m: Extent) -> tuple[float, float]:
     """Size of a figure that a map fills, with room for its colour bar, legend and labels."""
-    rows, columns = geometry.shape
-    scale = _LONG_SIDE_IN / max(rows, columns)
-    return max(columns * scale, 3.0) + 1.9, max(rows * scale, 3.0) + 0.8
+    x_min, x_max, y_min, y_max = extent_m
+    scale = _LONG_SIDE_IN / max(x_max - x_min, y_max - y_min)
+    return max((x_max - x_min) * scale, 4.0) + 1.9, max((y_max - y_min) * scale, 3.0) + 1.3
 
 
-def show_all(axes: Axes, geometry: GridGeometry, paths: RobotPaths) -> None:
-    """Set the limits of the axes to hold a map and all paths, which may lead out of it."""
-    x_min, x_max, y_min, y_max = geometry.extent_m
-    corners_m = [[(x_min, y_min), (x_max, y_max)], *paths.positions_m.values()]
-    points_m = np.concatenate([np.reshape(positions, (-1, 2)) for positions in corners_m])
-    (x_min, y_min), (x_max, y_max) = points_m.min(axis=0), points_m.max(axis=0)
-    margin_m = 2.0 * geometry.resolution_m
-    axes.set_xlim(x_min - margin_m, x_max + margin_m)
-    axes.set_ylim(y_min - margin_m, y_max + margin_m)
+def shown_extent(
+    maps: Iterable[OccupancyMap], paths: RobotPaths, truth: TruthMap | None = None
+) -> Extent:
+    """What holds all that maps observed and all paths, which may lead out of them.
+
+    Parameters
+    ----------
+    maps : iterable of OccupancyMap
+        One or more.
+    paths : RobotPaths
+        Where the robots were.
+    truth : TruthMap, optional
+        To be held as well.
+    """
+    geometries = [occupancy.observed_geometry() for occupancy in maps]
+    geometries += [] if truth is None else [truth.geometry]
+    places = [np.reshape(positions, (-1, 2)) for positions in paths.positions_m.values()]
+    places += [np.reshape(geometry.extent_m, (2, 2)).T for geometry in geometries]
+    margin_m = _MARGIN_CELLS * geometries[0].resolution_m
+    x_min, y_min = np.concatenate(places).min(axis=0) - margin_m
+    x_max, y_max = np.concatenate(places).max(axis=0) + margin_m
+    return float(x_min), float(x_max), float(y_min), float(y_max)
 
 
 def draw_paths(axes: Axes, paths: RobotPaths) -> None:
@@ -72,5 +98,25 @@ def draw_paths(axes: Axes, paths: RobotPaths) -> None:
     for number, (topic, positions_m) in enumerate(sorted(paths.positions_m.items())):
         color = style.robot_color(number)
         x, y = np.transpose(positions_m)
-        axes.plot(x, y, color=color, linewidth=1.2, alpha=0.85, label=topic)
+        axes.plot(x, y, color=color, linewidth=1.2, alpha=0.85, label=robot_name(topic))
         axes.plot(x[-1:], y[-1:], color=color, marker="o", markersize=5, linestyle="none")
+
+
+def draw_legend(figure: Figure, axes: Axes) -> None:
+    """Say below a map what is drawn on it, and what its paper and its grey mean."""
+    handles, labels = axes.get_legend_handles_labels()
+    handles = [
+        Patch(facecolor="white", edgecolor=style.FAINT),
+        Patch(facecolor=style.UNKNOWN, edgecolor=style.FAINT),
+        *handles,
+    ]
+    style.legend_below(figure, handles, ["free", "unknown", *labels], columns=6)
+
+
+def robot_name(topic: str) -> str:
+    """The robot that a topic is of, and its transducer if the topic names one.
+
+    ``/robot1/echo`` is robot1's, ``/robot1/left/echo`` that of its transducer "left".
+    """
+    parts = topic.strip("/").split("/")
+    return " ".join(parts[:-1]) or topic

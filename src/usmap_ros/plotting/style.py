@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -89,6 +90,32 @@ def new_figure(width_in: float, height_in: float, dots_per_inch: float = _DOTS_P
     figure = Figure(figsize=(width_in, height_in), dpi=dots_per_inch, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def legend_below(
+    figure: Figure, handles: Sequence[Artist], labels: Sequence[str], columns: int
+) -> None:
+    """Put a legend below all axes of a figure, in room that is kept for it.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        As `new_figure` makes them.
+    handles, labels : sequence of Artist, sequence of str
+        What is explained.
+    columns : int
+        Most entries in a row.
+    """
+    columns = min(columns, len(labels))
+    rows = -(-len(labels) // columns)
+    share = (1.6 * rows + 1.0) * _STYLE["legend.fontsize"] / (72.0 * figure.get_figheight())
+    figure.set_layout_engine("constrained", rect=(0.0, share, 1.0, 1.0 - share))
+    legend = figure.legend(
+        handles, labels, loc="lower center", ncols=columns, handlelength=1.4, columnspacing=1.2,
+        borderaxespad=0.2,
+    )  # fmt: skip
+    # Its room is set aside already.
+    legend.set_in_layout(False)
 
 
 def counted(number: int, singular: str, plural: str) -> str:

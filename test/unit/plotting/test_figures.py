@@ -27,6 +27,7 @@ from usmap_ros.plotting import (
     trace_figure,
 )
 from usmap_ros.plotting.animation import MapFrame, save_animation
+from usmap_ros.plotting.map import robot_name, shown_extent
 from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct
 from usmap_ros.trace import EchoTrace, Encoding
 
@@ -134,12 +135,30 @@ def test_a_map_is_drawn_with_paths_and_truth(occupancy: OccupancyMap) -> None:
     paths = RobotPaths({"/robot1/echo": [(0.1, 0.1), (3.0, 0.2)]})
     figure = map_figure(occupancy, paths, TRUTH, title="Room")
     axes, _ = figure.axes
-    assert legend_of(axes) == {"truth, within one cell", "/robot1/echo"}
+    explained = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert explained == {"free", "unknown", "truth, within one cell", "robot1"}
     assert labelled(axes)
     # The path leads out of the map, and is seen all the same.
     assert axes.get_xlim()[1] > 3.0
     drawn = axes.images[0].get_array()
     assert np.ma.getmaskarray(np.ma.masked_invalid(drawn))[:, 25:].all()
+
+
+def test_pictures_of_different_maps_can_show_the_same(occupancy: OccupancyMap) -> None:
+    other = replace(occupancy, geometry=GridGeometry(0.05, (-1.0, 0.5), (20, 30)))
+    extent_m = shown_extent([occupancy, other], RobotPaths({"/echo": [(2.0, -1.0)]}), TRUTH)
+    assert extent_m == pytest.approx((-1.1, 2.1, -1.1, 1.6))
+    for each in (occupancy, other):
+        axes, _ = map_figure(each, truth=TRUTH, extent_m=extent_m).axes
+        assert (*axes.get_xlim(), *axes.get_ylim()) == pytest.approx(extent_m)
+
+
+@pytest.mark.parametrize(
+    ("topic", "name"),
+    [("/robot1/echo", "robot1"), ("robot1/left/echo", "robot1 left"), ("/echo", "/echo")],
+)
+def test_a_path_is_named_by_its_robot(topic: str, name: str) -> None:
+    assert robot_name(topic) == name
 
 
 def test_drawing_changes_no_global_settings(occupancy: OccupancyMap) -> None:
@@ -179,7 +198,7 @@ def test_an_animation_shows_every_frame(
         MapFrame(occupancy, cones, {"/echo": 2}, 1_000_000_000),
     ]
     paths = RobotPaths({"/echo": [(0.5, 0.5), (0.6, 0.5)]})
-    save_animation(frames, paths, tmp_path / "map.gif")
+    save_animation(frames, paths, tmp_path / "map.gif", TRUTH)
     with Image.open(tmp_path / "map.gif") as animation:
         assert animation.n_frames == 2
         assert animation.info["loop"] == 0

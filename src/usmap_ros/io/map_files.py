@@ -269,6 +269,8 @@ def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
     beams = arrays.get("path_beams", unknown).astype(float)
     if positions.shape[1:] != (2,) or beams.shape != unknown.shape:
         raise ValueError(f"path_positions is {positions.shape} and path_beams {beams.shape}")
+    if not np.all(np.isfinite(positions)):
+        raise ValueError("path_positions is not finite everywhere")
     topics = np.repeat(arrays["path_topics"], arrays["path_lengths"])
     for topic, (x_m, y_m), beam in zip(topics, positions, beams, strict=True):
         known = bool(np.all(np.isfinite(beam)))

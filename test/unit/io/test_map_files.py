@@ -61,6 +61,22 @@ def test_paths_without_beams_are_read(occupancy: OccupancyMap, tmp_path: Path) -
     assert paths.beams == {"/b": [None, None]}
 
 
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({"path_positions": np.full((1, 2), np.inf)}, "path_positions is not finite everywhere"),
+        ({"path_beams": np.zeros((2, 3))}, r"path_positions is \(1, 2\) and path_beams \(2, 3\)"),
+    ],
+)
+def test_paths_that_cannot_be(
+    occupancy: OccupancyMap, tmp_path: Path, changes: dict[str, np.ndarray], cause: str
+) -> None:
+    save_map(tmp_path, occupancy, RobotPaths({"/b": [(0.0, 1.0)]}))
+    np.savez(tmp_path / "map.npz", **{**np.load(tmp_path / "map.npz"), **changes})
+    with pytest.raises(MapFileError, match=cause):
+        load_map(tmp_path)
+
+
 def test_the_contracts_arrays(occupancy: OccupancyMap, tmp_path: Path) -> None:
     save_map(tmp_path, occupancy)
     with np.load(tmp_path / "map.npz") as arrays:

@@ -1,0 +1,132 @@
+"""What must hold of leak, lost and escape in any room."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.ndimage import binary_dilation
+
+from usmap_ros.grids import GridGeometry
+from usmap_ros.mapping.alignment import AlignedMaps
+from usmap_ros.mapping.drivability import drivability, reachable
+from usmap_ros.mapping.line_of_sight import pings_in_sight
+from usmap_ros.views import PingViews
+
+SHAPE = (24, 30)
+GEOMETRY = GridGeometry(0.05, (-0.4, 1.0), SHAPE)
+AROUND = np.ones((3, 3), dtype=bool)
+
+
+@st.composite
+def truths(draw: st.DrawFn) -> np.ndarray:
+    """Rooms with a closed outline and straight pieces of wall anywhere."""
+    occupied = np.zeros(SHAPE, dtype=bool)
+    occupied[[2, -3], 2:-2] = True
+    occupied[2:-2, [2, -3]] = True
+    for _ in range(draw(st.integers(0, 5))):
+        row, column = draw(st.integers(3, SHAPE[0] - 4)), draw(st.integers(3, SHAPE[1] - 4))
+        length = draw(st.integers(1, 10))
+        if draw(st.booleans()):
+            occupied[row : min(row + length, SHAPE[0] - 3), column] = True
+        else:
+            occupied[row, column : min(column + length, SHAPE[1] - 3)] = True
+    return occupied
+
+
+@st.composite
+def all_views(draw: st.DrawFn) -> PingViews:
+    """One to four pings from inside the outline."""
+    x = st.floats(GEOMETRY.origin_m[0] + 0.2, GEOMETRY.extent_m[1] - 0.2)
+    y = st.floats(GEOMETRY.origin_m[1] + 0.2, GEOMETRY.extent_m[3] - 0.2)
+    beam = st.tuples(st.floats(-4.0, 4.0), st.floats(0.1, np.pi), st.floats(0.1, 2.0))
+    pings = draw(st.lists(st.tuples(x, y, beam), min_size=1, max_size=4))
+    return PingViews(
+        np.array([(x_m, y_m) for x_m, y_m, _ in pings]), np.array([beam for _, _, beam in pings])
+    )
+
+
+def made(occupied: np.ndarray, probability: np.ndarray, observed: np.ndarray) -> AlignedMaps:
+    return AlignedMaps(GEOMETRY, probability, observed, occupied)
+
+
+@given(truths(), all_views())
+def test_a_map_that_says_what_was_seen_has_no_fault(occupied: np.ndarray, views: PingViews) -> None:
+    seen = pings_in_sight(occupied, GEOMETRY, views) > 0
+    maps = made(occupied, np.where(occupied, 0.99, 0.01), seen)
+    result = drivability(maps, views)
+    assert (result.leak, result.lost, result.escape_m2) == (0.0, 0.0, 0.0)
+
+
+@given(truths(), all_views(), st.data())
+def test_another_ping_never_makes_a_map_leak_more(
+    occupied: np.ndarray, views: PingViews, data: st.DataObject
+) -> None:
+    probability = data.draw(arrays(float, SHAPE, elements=st.sampled_from([0.01, 0.5, 0.99])))
+    maps = made(occupied, probability, np.ones(SHAPE, dtype=bool))
+    fewer = PingViews(views.positions_m[:1], views.beams[:1])
+    assert drivability(maps, views).leak <= drivability(maps, fewer).leak
+
+
+@given(truths(), all_views())
+def test_no_beam_gets_out_of_a_closed_room(occupied: np.ndarray, views: PingViews) -> None:
+    outside = np.ones(SHAPE, dtype=bool)
+    outside[2:-2, 2:-2] = False
+    assert not pings_in_sight(occupied, GEOMETRY, views)[outside].any()
+
+
+@given(truths(), all_views(), st.integers(1, 3))
+def test_sight_turns_with_the_room(occupied: np.ndarray, views: PingViews, turns: int) -> None:
+    origin_m = np.array(GEOMETRY.origin_m)
+    width_m = SHAPE[1] * GEOMETRY.resolution_m
+    height_m = SHAPE[0] * GEOMETRY.resolution_m
+    x_m, y_m = (views.positions_m - origin_m).T
+    for _ in range(turns):
+        # A quarter to the right, as np.rot90 has it where rows count upwards.
+        x_m, y_m = y_m, width_m - x_m
+        width_m, height_m = height_m, width_m
+    turned = np.rot90(occupied, turns)
+    beams = views.beams - [turns * np.pi / 2.0, 0.0, 0.0]
+    geometry = GridGeometry(GEOMETRY.resolution_m, (0.0, 0.0), turned.shape)
+    got = pings_in_sight(turned, geometry, PingViews(np.stack([x_m, y_m], axis=-1), beams)) > 0
+    expected = np.rot90(pings_in_sight(occupied, GEOMETRY, views) > 0, turns)
+    # Rays that graze a corner may go either way.
+    assert not np.any(got & ~binary_dilation(expected, AROUND))
+    assert not np.any(expected & ~binary_dilation(got, AROUND))
+
+
+@given(truths(), all_views())
+def test_all_that_points_along_straight_lines_reach_is_in_sight(
+    occupied: np.ndarray, views: PingViews
+) -> None:
+    """A plain reference: one ray down the middle of each beam, in small steps."""
+    counts = pings_in_sight(occupied, GEOMETRY, views)
+    for position_m, (yaw, _, max_range_m) in zip(views.positions_m, views.beams, strict=True):
+        steps = np.arange(0.0, max_range_m, 0.01 * GEOMETRY.resolution_m)
+        places = position_m + steps[:, np.newaxis] * [np.cos(yaw), np.sin(yaw)]
+        column, row = np.floor((places - GEOMETRY.origin_m) / GEOMETRY.resolution_m).astype(int).T
+        moved = (row != row[0]) | (column != column[0])
+        inside = (row >= 0) & (row < SHAPE[0]) & (column >= 0) & (column < SHAPE[1])
+        row, column, moved = row[inside], column[inside], moved[inside]
+        hits = np.flatnonzero(occupied[row, column] & moved)
+        end = hits[0] + 1 if len(hits) else len(row)
+        # Half a cell's spacing of rays may miss a corner that the middle one just touches.
+        near = binary_dilation(counts > 0, AROUND)
+        assert near[row[:end], column[:end]].all()
+
+
+@given(truths(), all_views(), st.floats(0.0, 0.3))
+def test_a_larger_robot_reaches_nothing_more_from_where_it_stands(
+    occupied: np.ndarray, views: PingViews, radius_m: float
+) -> None:
+    free = ~occupied
+    small = reachable(free, occupied, GEOMETRY, views.positions_m, radius_m)
+    assert not np.any(small & ~free)
+    outside = np.ones(SHAPE, dtype=bool)
+    outside[2:-2, 2:-2] = False
+    if radius_m < 0.1:
+        assert not small[outside].any()
+    # From the cells that a larger one gets to, and no others.
+    large = reachable(free, occupied, GEOMETRY, views.positions_m, radius_m + 0.05)
+    rows, columns = np.nonzero(large)
+    again = reachable(free, occupied, GEOMETRY, GEOMETRY.cell_centers_m(rows, columns), radius_m)
+    assert not np.any(large & ~again)

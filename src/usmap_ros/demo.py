@@ -26,7 +26,7 @@ from usmap_ros.plotting import map_figure, overview_figure, save_figure
 from usmap_ros.plotting.animation import MapFrame, save_animation
 from usmap_ros.plotting.map import shown_extent
 from usmap_ros.reconstruction.reconstructor import reconstruct
-from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.simulation import Scenario, record
 
 #: Shows how far something is that takes a number of steps; gives what tells of each step.
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
@@ -109,9 +109,7 @@ def _record(scenario: Scenario, path: Path, progress: Progress) -> None:
         new_bag(path, replace=True) as writer,
         progress("simulating", scenario.ping_count) as step,
     ):
-        for topic, trace in simulate(scenario):
-            writer.write_trace(topic, trace)
-            step()
+        record(scenario, writer, step)
 
 
 class _Observer:

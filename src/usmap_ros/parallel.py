@@ -15,14 +15,15 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pipeline import Pipeline
-from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
+from usmap_ros.soundings import soundings
 from usmap_ros.trace import EchoTrace
 
 #: A trace and the topic that it came on; what became of it.
 RecordedTrace = tuple[str, EchoTrace]
 Outcome = tuple[str, int, EchoCone | MalformedMessageError]
 
-#: Traces that are handed to a worker at once, so that the handing over does not count.
+#: Soundings that are handed to a worker at once, so that the handing over does not count.
 BATCH = 8
 #: Batches under way for each worker: enough to keep it busy, and memory flat.
 BATCHES_AHEAD = 3
@@ -62,7 +63,7 @@ class Reconstructors:
         self._ahead = BATCHES_AHEAD * processes
 
     def cones(self, traces: Iterable[RecordedTrace]) -> Iterator[Outcome]:
-        """Reconstruct traces, in their order.
+        """Reconstruct traces, in their order; those of transducers that pinged at once, together.
 
         Yields
         ------
@@ -70,10 +71,10 @@ class Reconstructors:
             The error says why a trace could not be reconstructed.
         """
         if self._executor is None:
-            for recorded in traces:
-                yield from _reconstruct_batch([recorded], self._parameters)
+            for sounding in soundings(traces):
+                yield from _reconstruct_batch([sounding], self._parameters)
             return
-        remaining = iter(traces)
+        remaining = soundings(traces)
         under_way: deque[Future[list[Outcome]]] = deque()
         while True:
             while len(under_way) < self._ahead and (batch := list(islice(remaining, BATCH))):
@@ -111,12 +112,13 @@ def _can_fork() -> bool:
 
 
 def _reconstruct_batch(
-    batch: list[RecordedTrace], parameters: ReconstructionParameters
+    batch: list[list[RecordedTrace]], parameters: ReconstructionParameters
 ) -> list[Outcome]:
     outcomes: list[Outcome] = []
-    for topic, trace in batch:
-        try:
-            outcomes.append((topic, trace.stamp_ns, reconstruct(trace, parameters).cone))
-        except MalformedMessageError as error:
-            outcomes.append((topic, trace.stamp_ns, error))
+    for sounding in batch:
+        found = reconstruct_sounding([trace for _, trace in sounding], parameters)
+        for (topic, trace), one in zip(sounding, found, strict=True):
+            if one is not None:
+                outcome = one if isinstance(one, MalformedMessageError) else one.cone
+                outcomes.append((topic, trace.stamp_ns, outcome))
     return outcomes

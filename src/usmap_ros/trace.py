@@ -80,6 +80,8 @@ class EchoTrace:
     emissions : tuple of Emission
         Every pulse in the air, its own included if there was one; none: its own and no other.
         The message has no field for them: they come from a `TransducerArray`.
+    array_frame_ids : tuple of str
+        Frames of all transducers that listened to them; none: its own and no other.
     """
 
     stamp_ns: int
@@ -94,6 +96,7 @@ class EchoTrace:
     noise_std: float
     samples: NDArray[np.float32]
     emissions: tuple[Emission, ...] = ()
+    array_frame_ids: tuple[str, ...] = ()
 
     def signal(self) -> FloatArray | NDArray[np.complex128]:
         """Samples as the receiver saw them: complex for I/Q, real otherwise."""

@@ -75,6 +75,9 @@ class TransducerArray:
                 f"or another number of the pulse is not what the TransducerArray says of"
                 f" {trace.child_frame_id!r}",
             )
+        trace = replace(
+            trace, array_frame_ids=tuple(element.child_frame_id for element in self.elements)
+        )
         senders = [element for element in self.elements if element.emits]
         if senders == [listener]:
             return trace

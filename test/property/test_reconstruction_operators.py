@@ -11,8 +11,9 @@ from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.geometry import Pose
 from usmap_ros.reconstruction.baseband import Template
-from usmap_ros.reconstruction.cell_dictionary import CellDictionary, ConeCells
+from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellSound, ConeCells
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
+from usmap_ros.reconstruction.joint import JointOperator
 from usmap_ros.reconstruction.operators import dot_test
 from usmap_ros.trace import Encoding
 
@@ -74,14 +75,40 @@ def cell_dictionaries(draw):
     pulse = draw(pulses)
     transducer = Transducer(pulse, BeamPattern.linear(), 0.1, 1.5)
     cells = ConeCells.seen(pose, transducer, draw(st.floats(0.1, 0.5)))
+    sounds = [CellSound.own(one, cells) for one in [pulse, *draw(st.lists(pulses, max_size=1))]]
     return CellDictionary(
         cells,
-        pulse,
+        sounds,
         draw(channels),
         draw(samplings),
         draw(st.sampled_from(Encoding)),
         as_sparse=draw(st.booleans()),
     )
+
+
+@st.composite
+def joint_operators(draw):
+    sampling, channel = draw(samplings), draw(channels)
+    return JointOperator(
+        [
+            DelayDomainOperator(
+                Template(0.0, pulse.duration_s, pulse, None, 40e3 + draw(st.floats(-5e3, 5e3))),
+                sampling,
+                channel,
+                0.1,
+                1.5,
+                3,
+                1e-4,
+            )
+            for pulse in draw(st.lists(pulses, min_size=2, max_size=3))
+        ]
+    )
+
+
+@QUICK
+@given(joint_operators(), seeds)
+def test_joint_operator_passes_the_dot_test(operator, seed):
+    assert dot_test(operator, np.random.default_rng(seed))
 
 
 @QUICK
@@ -97,7 +124,7 @@ def test_cell_dictionary_passes_the_dot_test(dictionary, seed):
 
 
 @QUICK
-@given(st.one_of(delay_operators(), cell_dictionaries()), seeds)
+@given(st.one_of(delay_operators(), joint_operators(), cell_dictionaries()), seeds)
 def test_columns_are_what_forward_makes_of_them(operator, seed):
     generator = np.random.default_rng(seed)
     count = min(5, operator.block_count)
@@ -114,7 +141,7 @@ def test_columns_are_what_forward_makes_of_them(operator, seed):
 
 
 @QUICK
-@given(st.one_of(delay_operators(), cell_dictionaries()), seeds)
+@given(st.one_of(delay_operators(), joint_operators(), cell_dictionaries()), seeds)
 def test_operators_are_linear(operator, seed):
     generator = np.random.default_rng(seed)
     shape = (2, operator.block_count, operator.block_size)

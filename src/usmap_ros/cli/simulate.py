@@ -41,19 +41,14 @@ def simulate(
     from usmap_ros.io.bag_writer import new_bag
     from usmap_ros.io.map_files import save_truth
     from usmap_ros.io.yaml_files import read_mapping
-    from usmap_ros.simulation import Scenario
-    from usmap_ros.simulation import simulate as pings_of
+    from usmap_ros.simulation import Scenario, record
 
     scenario = Scenario.from_mapping(read_mapping(scenario_file), scenario_file)
-    count = 0
     with (
         new_bag(output, replace=force, compression=compression.value) as writer,
         console.progress("simulating", scenario.ping_count) as step,
     ):
-        for topic, trace in pings_of(scenario):
-            writer.write_trace(topic, trace)
-            count += 1
-            step()
+        count = record(scenario, writer, step)
     if truth is not None:
         save_truth(truth, scenario.truth_map())
     typer.echo(f"{output}: {count} pings of {len(scenario.robots)} robots")

@@ -7,7 +7,9 @@ at its centre; Ψ is the identity, because the scene itself is sparse.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy import sparse
@@ -20,7 +22,7 @@ from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.geometry import Pose
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatrix
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.trace import EchoTrace, Emission, Encoding
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,33 @@ class ConeCells:
         )
 
 
+@dataclass(frozen=True)
+class CellSound:
+    """A pulse that was in the air, and what cells have to do with it.
+
+    Parameters
+    ----------
+    pulse : Pulse
+        What was emitted.
+    ranges_m : (cells,) array
+        From the transducer that sent it.
+    gains : (cells,) array
+        Of its beam on the way there, and of the listening transducer's on the way back.
+    mixed_by_hz : float
+        What I/Q was mixed down by: the carrier of the transducer that listened.
+    """
+
+    pulse: Pulse
+    ranges_m: FloatArray
+    gains: FloatArray
+    mixed_by_hz: float
+
+    @classmethod
+    def own(cls, pulse: Pulse, cells: ConeCells) -> CellSound:
+        """The pulse of the transducer that listens itself."""
+        return cls(pulse, cells.ranges_m, cells.gains, pulse.carrier_hz)
+
+
 class CellDictionary(MatrixOperator):
     """Φ of Sanchez & Andersson: a column per cell, the cells sorted by distance.
 
@@ -88,8 +117,9 @@ class CellDictionary(MatrixOperator):
     ----------
     cells : ConeCells
         The cells.
-    pulse : Pulse
-        What was emitted.
+    sounds : sequence of CellSound
+        What was emitted, where and how loud the cells heard it: a column is the sum of the echoes
+        of all pulses that were in the air.
     channel : Channel
         With a floor, a column is the coherent sum of all paths over it; without, the direct
         path alone (the paper's simple Φ).
@@ -110,7 +140,7 @@ class CellDictionary(MatrixOperator):
     def __init__(
         self,
         cells: ConeCells,
-        pulse: Pulse,
+        sounds: Sequence[CellSound],
         channel: Channel,
         sampling: Sampling,
         encoding: Encoding,
@@ -118,7 +148,7 @@ class CellDictionary(MatrixOperator):
         as_sparse: bool = False,
     ) -> None:
         self.cells = cells
-        matrix = _echoes(cells, pulse, channel, sampling, encoding)
+        matrix = sum(_echoes(cells, sound, channel, sampling, encoding) for sound in sounds)
         super().__init__(matrix if as_sparse else matrix.toarray())
         #: Amplitude of the direct path of an ideal object in each cell.
         self.unit_amplitudes: FloatArray = cells.gains * channel.amplitudes(cells.ranges_m)[:, 0]
@@ -146,14 +176,28 @@ class CellDictionary(MatrixOperator):
             Store only the samples that an echo touches.
         """
         channel = trace.channel if floor else replace(trace.channel, floor_height_m=0.0)
+        cells = ConeCells.seen(trace.pose, trace.transducer, resolution_m)
         return cls(
-            ConeCells.seen(trace.pose, trace.transducer, resolution_m),
-            trace.transducer.pulse,
+            cells,
+            [_sound(trace, emission, cells) for emission in trace.sent],
             channel,
             trace.sampling,
             trace.encoding,
             as_sparse=as_sparse,
         )
+
+
+def _sound(trace: EchoTrace, emission: Emission, cells: ConeCells) -> CellSound:
+    """What the cells of a trace hear and return of a pulse in the air."""
+    own_hz = trace.transducer.pulse.carrier_hz
+    pulse = emission.transducer.pulse
+    if trace.is_own(emission):
+        return CellSound.own(pulse, cells)
+    sender = trace.pose.compose(emission.mount)
+    ranges_m, bearings_rad = sender.polar(cells.centers_m)
+    # One way the gain is the root of that both ways.
+    gains = np.sqrt(cells.gains * emission.transducer.beam.gain(bearings_rad))
+    return CellSound(pulse, ranges_m, gains, own_hz)
 
 
 def cell_signal(trace: EchoTrace) -> tuple[Signal, float]:
@@ -172,25 +216,26 @@ def cell_signal(trace: EchoTrace) -> tuple[Signal, float]:
 
 
 def _echoes(
-    cells: ConeCells, pulse: Pulse, channel: Channel, sampling: Sampling, encoding: Encoding
+    cells: ConeCells, sound: CellSound, channel: Channel, sampling: Sampling, encoding: Encoding
 ) -> SparseMatrix:
     """Echo of an ideal object in each cell, as columns of a sparse matrix."""
-    delays_s = channel.delays_s(cells.ranges_m)
-    amplitudes = cells.gains[:, np.newaxis] * channel.amplitudes(cells.ranges_m)
+    pulse = sound.pulse
+    delays_s, amplitudes = channel.between(sound.ranges_m, cells.ranges_m)
+    amplitudes = sound.gains[:, np.newaxis] * amplitudes
     sample, age_s = sampling.touched(delays_s, pulse.duration_s)
     column = np.broadcast_to(np.arange(len(cells))[:, np.newaxis, np.newaxis], sample.shape)
     heard = sampling.takes(sample)
 
-    shapes = {
+    shapes: dict[Encoding, Callable[[FloatArray], Signal]] = {
         Encoding.RAW: pulse.waveform,
         Encoding.ENVELOPE: pulse.window,
-        Encoding.IQ: pulse.envelope,
+        Encoding.IQ: partial(pulse.envelope_above, sound.mixed_by_hz),
     }
     values = amplitudes[..., np.newaxis] * shapes[encoding](age_s)
     if encoding is not Encoding.IQ:
         entries = (values[heard], (sample[heard], column[heard]))
         return sparse.csc_array(entries, shape=(sampling.sample_count, len(cells)))
-    carrier = np.exp(-2j * np.pi * pulse.carrier_hz * delays_s)[..., np.newaxis]
+    carrier = np.exp(-2j * np.pi * sound.mixed_by_hz * delays_s)[..., np.newaxis]
     pairs = (values * carrier)[heard].view(float).reshape(-1, 2)
     rows = 2 * sample[heard][:, np.newaxis] + np.arange(2)
     entries = (pairs.reshape(-1), (rows.reshape(-1), np.repeat(column[heard], 2)))

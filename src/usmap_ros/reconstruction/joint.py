@@ -101,17 +101,19 @@ class JointOperator:
         return slice(start + band.start, min(start + band.stop, int(self._ends[number])))
 
     def rivals(self, block: int) -> IndexArray:
-        """Blocks of the same pulse as there, and those of others that overlap with the echo."""
+        """Blocks of any pulse that overlaps with the echo.
+
+        Different pulses correlate a little at all delays at which they overlap at all: what is
+        left of a block's score is known only when the louder echoes about it are accounted for.
+        """
         number, local = self._place(block)
-        own = self.parts[number].rivals(local)
-        if isinstance(own, slice):
-            own = np.arange(self.parts[number].block_count)[own]
-        rivals = [own + self._starts[number]]
-        delay_s = float(self.parts[number].delays_s(np.array([local]))[0, 0])
-        for other, part in enumerate(self.parts):
-            if other != number:
-                rivals.append(self._starts[other] + self._overlapping(number, part, delay_s))
-        return np.concatenate(rivals)
+        delays_s = self.parts[number].delays_s(np.array([local]))[0]
+        return np.concatenate(
+            [
+                start + self._overlapping(number, part, delays_s)
+                for start, part in zip(self._starts, self.parts, strict=True)
+            ]
+        )
 
     # ------------------------------------------------------------------ as of a single pulse
 
@@ -159,12 +161,14 @@ class JointOperator:
 
     # ------------------------------------------------------------------ whose block is it
 
-    def _overlapping(self, number: int, part: DelayDomainOperator, delay_s: float) -> IndexArray:
-        """Blocks of `part` whose pulse overlaps with that of part `number` at a delay."""
-        starts_s = 2.0 * part.ranges_m / part.channel.sound_speed_m_s
-        first_s = delay_s - part.template.duration_s
-        last_s = delay_s + self.parts[number].template.duration_s
-        return np.arange(*np.searchsorted(starts_s, [first_s, last_s]))
+    def _overlapping(
+        self, number: int, part: DelayDomainOperator, delays_s: FloatArray
+    ) -> IndexArray:
+        """Blocks of `part` of which a path overlaps with the pulse of part `number` at delays."""
+        own_s = self.parts[number].template.duration_s
+        paths_s = part.delays_s(np.arange(part.block_count))[:, :, np.newaxis] - delays_s
+        overlaps = (paths_s > -part.template.duration_s) & (paths_s < own_s)
+        return np.flatnonzero(overlaps.any(axis=(1, 2)))
 
     def _place(self, block: int) -> tuple[int, int]:
         number = int(np.searchsorted(self._ends, block, side="right"))

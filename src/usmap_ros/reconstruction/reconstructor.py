@@ -6,6 +6,7 @@ accepted is obeyed by all of them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,11 @@ import numpy as np
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.correction import corrected
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
-from usmap_ros.reconstruction.delays import reconstruct_delays
+from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_delays
 from usmap_ros.trace import EchoTrace, Encoding
 
 
@@ -57,19 +60,64 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     MalformedMessageError
         If the trace cannot be reconstructed.
     """
-    trace = corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
+    told = _told(trace, parameters)
     if parameters.dictionary == "cells":
-        return _by_cells(trace, parameters)
-    return _by_delays(trace, parameters)
+        return _by_cells(told, parameters)
+    found = reconstruct_delays(told, parameters)
+    return _by_delays(found, cone_with_bearings(0, [(told, found)]))
 
 
-def _by_delays(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconstruction:
-    found = reconstruct_delays(trace, parameters)
+def reconstruct_sounding(
+    traces: Sequence[EchoTrace], parameters: ReconstructionParameters
+) -> list[Reconstruction | MalformedMessageError | None]:
+    """Explain the traces of transducers that pinged at once, each by itself and all together.
+
+    By delays, the echoes of one transducer get the bearings that the others tell.
+
+    Parameters
+    ----------
+    traces : sequence of EchoTrace
+        Of one stamp and array of transducers; or a single one.
+    parameters : ReconstructionParameters
+        Dictionary, solver, and what they go by.
+
+    Returns
+    -------
+    list of Reconstruction, MalformedMessageError or None
+        For each trace: what was found, why it could not be reconstructed, or None where all that
+        a transducer has heard is in the bearings of others.
+    """
+    outcomes: list[Reconstruction | MalformedMessageError | None] = []
+    heard: dict[int, Heard] = {}
+    for place, trace in enumerate(traces):
+        try:
+            told = _told(trace, parameters)
+            if parameters.dictionary == "cells":
+                outcomes.append(_by_cells(told, parameters))
+            else:
+                heard[place] = (told, reconstruct_delays(told, parameters))
+                outcomes.append(None)
+        except MalformedMessageError as error:
+            outcomes.append(error)
+    together = list(heard.values())
+    for number, place in enumerate(heard):
+        if not is_spent(number, together):
+            cone = cone_with_bearings(number, together)
+            outcomes[place] = _by_delays(together[number][1], cone)
+    return outcomes
+
+
+def _told(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
+    """The trace as it should have been, as far as parameters say what it lacks."""
+    return corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
+
+
+def _by_delays(found: DelayReconstruction, cone: EchoCone) -> Reconstruction:
     baseband = found.baseband
     # An echo peaks in the middle of its envelope.
     peak_s = baseband.template.start_s + 0.5 * baseband.template.duration_s
     return Reconstruction(
-        found.cone,
+        cone,
         baseband.signal,
         found.solution.residual,
         baseband.sampling.times_s - peak_s,

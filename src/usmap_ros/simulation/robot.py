@@ -10,7 +10,7 @@ import numpy as np
 from usmap_ros.acoustics.pulse import PulseShape
 from usmap_ros.simulation.motion import Motion
 from usmap_ros.simulation.simulator import NANOSECONDS, EchoSimulator, MountedTransducer
-from usmap_ros.trace import EchoTrace, Emission
+from usmap_ros.trace import EchoTrace
 from usmap_ros.transducer_array import ArrayElement, TransducerArray
 
 
@@ -47,11 +47,10 @@ class SimulatedRobot:
     simultaneous: bool
     error_seed: np.random.SeedSequence
 
-    def emissions_to(self, listener: MountedTransducer) -> tuple[Emission, ...]:
-        """All pulses in the air when a transducer listens; none where it is alone."""
-        if not self.simultaneous:
-            return ()
-        return tuple(one.emission_to(listener) for one in self.transducers if one.emits)
+    @property
+    def array_topic(self) -> str:
+        """Where its arrays are published."""
+        return f"/{self.name}/transducers"
 
     def arrays(self, start_ns: int) -> list[TransducerArray]:
         """What the traces of its transducers do not say of themselves, if there is anything.
@@ -72,7 +71,7 @@ class SimulatedRobot:
                 ),
             )
             for group in groups
-            if len(group) > 1 or group[0].transducer.pulse.shape is PulseShape.CHIRP
+            if self.simultaneous or group[0].transducer.pulse.shape is PulseShape.CHIRP
         ]
 
     def pings(
@@ -80,7 +79,7 @@ class SimulatedRobot:
     ) -> Iterator[tuple[str, EchoTrace]]:
         """Topic and trace of every ping of transducer `index`."""
         transducer, rng = self.transducers[index], np.random.default_rng(self.noise_seeds[index])
-        emissions = self.emissions_to(transducer)
+        array = self.arrays(start_ns)[0] if self.simultaneous else None
         # Those that ping at once draw the same errors, each from a generator of its own.
         errors = np.random.default_rng(self.error_seed)
         for ping in range(ping_count(duration_s, self.ping_interval_s)):
@@ -90,9 +89,7 @@ class SimulatedRobot:
             error = errors.standard_normal(3) if self.simultaneous else None
             yield (
                 transducer.topic,
-                simulator.ping(
-                    transducer, pose, stamp_ns, rng, emissions=emissions, pose_error=error
-                ),
+                simulator.ping(transducer, pose, stamp_ns, rng, array=array, pose_error=error),
             )
 
 

@@ -3,11 +3,40 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
+from usmap_ros.io.bag_writer import BagWriter
 from usmap_ros.simulation.scenario import Scenario
 from usmap_ros.simulation.simulator import EchoSimulator
 from usmap_ros.trace import EchoTrace
+
+
+def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> int:
+    """Simulate a scenario into a recording.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to simulate.
+    writer : BagWriter
+        Gets every trace, and first what traces do not say of their transducers.
+    step : callable
+        Called after each ping.
+
+    Returns
+    -------
+    int
+        How many traces were written.
+    """
+    count = 0
+    for robot in scenario.fleet(scenario.scene()):
+        for array in robot.arrays(scenario.start_ns):
+            writer.write_array(robot.array_topic, array)
+    for topic, trace in simulate(scenario):
+        writer.write_trace(topic, trace)
+        count += 1
+        step()
+    return count
 
 
 def simulate(scenario: Scenario) -> Iterator[tuple[str, EchoTrace]]:

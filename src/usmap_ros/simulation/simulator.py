@@ -14,6 +14,7 @@ from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.view import View, targets_in_view
 from usmap_ros.trace import EchoTrace, Emission
+from usmap_ros.transducer_array import TransducerArray
 
 NANOSECONDS = 1_000_000_000
 
@@ -57,11 +58,6 @@ class MountedTransducer:
     pose_stds: FloatArray
     emits: bool = True
 
-    def emission_to(self, listener: MountedTransducer) -> Emission:
-        """Its pulse, as one that listens on the same robot has it."""
-        mount = listener.mount.inverse().compose(self.mount)
-        return Emission(self.child_frame_id, mount, self.transducer)
-
     @property
     def listening_s(self) -> float:
         """Until one pulse length after the echo from the largest range, over the longest path.
@@ -99,7 +95,7 @@ class EchoSimulator:
         stamp_ns: int,
         rng: np.random.Generator,
         *,
-        emissions: tuple[Emission, ...] = (),
+        array: TransducerArray | None = None,
         pose_error: FloatArray | None = None,
     ) -> EchoTrace:
         """What one ping brings back.
@@ -114,8 +110,8 @@ class EchoSimulator:
             Start of emission, nanoseconds since the epoch.
         rng : numpy.random.Generator
             For the noise and the error of the reported pose.
-        emissions : tuple of Emission
-            All pulses in the air, where transducers of a robot ping at once; none: its own.
+        array : TransducerArray, optional
+            Transducers of its robot that ping at once, itself among them; None: it pings alone.
         pose_error : (3,) array, optional
             Error of the reported pose in standard deviations, which transducers of a robot that
             ping at once share; None: it is drawn.
@@ -126,33 +122,32 @@ class EchoSimulator:
             With `sonar`'s stated channel and a pose that is off by as much as its covariance
             says.
         """
-        arrivals = [
-            self._arrivals(sonar, true_pose, stamp_ns, emission)
-            for emission in emissions or (sonar.emission_to(sonar),)
-        ]
         receiver = sonar.receiver
-        samples = receiver.receive(
-            arrivals,
-            sonar.transducer.pulse.carrier_hz,
-            receiver.sample_count(sonar.listening_s),
-            rng,
-        )
-        if pose_error is None:
-            pose_error = rng.standard_normal(3)
-        return EchoTrace(
+        trace = EchoTrace(
             stamp_ns=stamp_ns,
             frame_id=self._frame_id,
             child_frame_id=sonar.child_frame_id,
-            pose=reported_pose(true_pose, sonar.pose_stds, pose_error),
+            pose=true_pose,
             transducer=sonar.transducer,
             channel=sonar.stated_channel,
             encoding=receiver.encoding,
             sample_rate_hz=receiver.sample_rate_hz,
             start_delay_s=receiver.start_delay_s,
             noise_std=sonar.stated_noise_std,
-            samples=samples,
-            emissions=emissions,
+            samples=np.zeros(0, dtype=np.float32),
         )
+        if array is not None:
+            trace = array.complete(trace)
+        samples = receiver.receive(
+            [self._arrivals(sonar, true_pose, stamp_ns, emission) for emission in trace.sent],
+            sonar.transducer.pulse.carrier_hz,
+            receiver.sample_count(sonar.listening_s),
+            rng,
+        )
+        if pose_error is None:
+            pose_error = rng.standard_normal(3)
+        pose = reported_pose(true_pose, sonar.pose_stds, pose_error)
+        return replace(trace, pose=pose, samples=samples)
 
     def _arrivals(
         self, sonar: MountedTransducer, true_pose: Pose, stamp_ns: int, emission: Emission

@@ -5,7 +5,12 @@ import pytest
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.geometry import Pose
-from usmap_ros.reconstruction.cell_dictionary import CellDictionary, ConeCells, cell_signal
+from usmap_ros.reconstruction.cell_dictionary import (
+    CellDictionary,
+    CellSound,
+    ConeCells,
+    cell_signal,
+)
 from usmap_ros.reconstruction.matrix_operator import identical
 
 FLOOR = Channel(343.0, 1.5, floor_height_m=0.6, floor_reflectivity=0.7)
@@ -107,7 +112,7 @@ def test_cell_beyond_what_was_heard_has_a_column_of_zeros(hear):
     cells = ConeCells.seen(trace.pose, far, 0.5)
     dictionary = CellDictionary(
         cells,
-        far.pulse,
+        [CellSound.own(far.pulse, cells)],
         trace.channel,
         trace.sampling,
         trace.encoding,

@@ -9,6 +9,7 @@ from rclpy.qos import qos_profile_sensor_data
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_from_message, points_from_message, trace_to_message
+from usmap_ros.live.health import Level
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.trace import EchoTrace
@@ -33,6 +34,20 @@ def test_every_trace_becomes_the_cone_that_the_pipeline_makes(
         assert back.stamp_ns == cone.stamp_ns
         np.testing.assert_array_equal(back.ranges_m, cone.ranges_m)
         np.testing.assert_array_equal(back.amplitudes, cone.amplitudes)
+
+
+def test_cones_that_nobody_hears_are_a_warning(
+    live: Any, trace_message: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = live.add(ConeReconstructor)
+    monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
+    live.publisher(ECHO, "/echo").publish(trace_message)
+    live.until(lambda: node.health.total("published") == 1)
+    report = node.health.report()
+    assert (report.facts["unheard"], report.facts["listeners"]) == ("1", "0")
+    assert (report.level, "does map_fusion run?" in report.message) == (Level.WARN, True)
+    live.listen(CONE, "/cone", 50)
+    live.until(lambda: node.health.report().facts["listeners"] == "1")
 
 
 def test_candidate_cells_lie_on_the_rings_of_the_echoes(live: Any, traces: Traces) -> None:

@@ -30,6 +30,7 @@ def test_it_pings_at_the_rate_of_the_scenario(live: Any) -> None:
     assert {trace.child_frame_id for trace in traces} == {"robot2/sonar"}
     assert np.diff([trace.stamp_ns for trace in traces]).min() > 0
     assert node.health.total("published") >= 5
+    assert float(node.health.report().facts["rate (Hz)"]) > 0.0
     assert 100_000_000 in [timer.timer_period_ns for timer in node.timers]
 
 

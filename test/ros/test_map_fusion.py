@@ -13,6 +13,7 @@ from usmap_ros.grids import GridGeometry
 from usmap_ros.io.conversions import cone_to_message, grid_from_message
 from usmap_ros.io.map_files import load_map
 from usmap_ros.io.nav2_map import load_nav2_map
+from usmap_ros.live.health import Level
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing.map_publisher import BLOCK_CELLS, block_geometry, changed_part, placed
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
@@ -169,7 +170,9 @@ def test_pause_and_reset(live: Any, cones: Cones, nav2_qos: Any) -> None:
     grids = live.listen(GRID, "/map", nav2_qos)
     send(live, cones[:6])
     live.until(lambda: grids and 0 in grids[-1].data)
+    assert node.health.report().level == Level.OK
     assert live.call("std_srvs/srv/SetBool", "/map_fusion/pause", data=True).success
+    assert node.health.report().message == "nothing is mapped: paused"
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     publisher.publish(cone_to_message(cones[6][1], TYPES))
     live.until(lambda: node.health.total("paused") == 1)
@@ -181,7 +184,7 @@ def test_pause_and_reset(live: Any, cones: Cones, nav2_qos: Any) -> None:
 
 
 def test_the_life_cycle(live: Any, cones: Cones, tmp_path: Path) -> None:
-    live.add(MapFusion, autostart=False, checkpoint_path=str(tmp_path / "map"))
+    node = live.add(MapFusion, autostart=False, checkpoint_path=str(tmp_path / "map"))
 
     def state() -> str:
         response = live.call("lifecycle_msgs/srv/GetState", "/map_fusion/get_state")
@@ -199,8 +202,10 @@ def test_the_life_cycle(live: Any, cones: Cones, tmp_path: Path) -> None:
         )
 
     assert state() == "unconfigured"
+    assert node.health.report().message == "nothing is mapped: the node is not configured"
     assert not live.call("std_srvs/srv/Trigger", "/map_fusion/save_map").success
     assert change("configure")
+    assert node.health.report().message == "nothing is mapped: the node is not active"
     assert change("activate")
     assert state() == "active"
     send(live, cones[:6])
@@ -251,6 +256,9 @@ def test_a_checkpoint_that_does_not_fit_is_left_alone(
         options["frame_id"] = "odom"
     node = live.add(MapFusion, checkpoint_path=str(path), **options)
     assert node.session is None
+    report = node.health.report()
+    assert report.level == Level.ERROR
+    assert report.message.startswith(f"nothing is mapped: {path}")
     live.spin(0.2)
     assert (path / "map.npz").read_bytes() == content
 

@@ -11,6 +11,8 @@ from enum import IntEnum
 
 #: A problem shows for this long after it last occurred, and rates are of as long a time.
 _MEMORY_S = 5.0
+#: Without any work for so long, a node is not doing what it is there for.
+_SILENT_AFTER_S = 10.0
 #: Events that rates and percentiles are taken of.
 _RECENT = 500
 
@@ -67,11 +69,17 @@ class Health:
         self._problems: dict[str, tuple[float, Level]] = {}
         self._work_s: deque[float] = deque(maxlen=_RECENT)
         self._latencies_s: deque[tuple[float, float]] = deque(maxlen=_RECENT)
+        self._started_s = clock()
         self._watches: list[Callable[[], Finding | None]] = []
+        self._told: dict[str, Callable[[], object]] = {}
 
     def watch(self, look: Callable[[], Finding | None]) -> None:
         """Ask `look`, with each report, whether there is something that an operator should know."""
         self._watches.append(look)
+
+    def tell(self, what: str, look: Callable[[], object]) -> None:
+        """Report, as a figure, what `look` gives at the time."""
+        self._told[what] = look
 
     def work(self, what: str) -> None:
         """Count a piece of what the node is there for, and take it into the rate."""
@@ -120,15 +128,25 @@ class Health:
             Level.WARN, f"slow: messages take {latency_s:.1f} s, more than {limit_s:g} s"
         )
 
+    def silence(self, text: str) -> Finding | None:
+        """Warn if no work has come for some seconds; `text` says of what, and why that may be."""
+        with self._lock:
+            since_s = self._work_s[-1] if self._work_s else self._started_s
+        silent_s = self._clock() - since_s
+        if silent_s < _SILENT_AFTER_S:
+            return None
+        return Finding(Level.WARN, f"silent for {silent_s:.0f} s: {text}")
+
     def report(self) -> Report:
         """How the node is, now."""
         # Not under the lock: they may look at figures themselves.
         watched = [finding for look in self._watches if (finding := look()) is not None]
+        told = {what: str(look()) for what, look in self._told.items()}
         with self._lock:
             findings = [*watched, *self._recent_problems()]
             facts = {what: str(number) for what, number in self._counts.items()}
             facts |= {f"last {what}": reason for what, reason in self._reasons.items()}
-            facts |= self._timing()
+            facts |= told | self._timing()
         return Report(
             max((finding.level for finding in findings), default=Level.OK),
             "; ".join(finding.text for finding in findings) or "all is well",

@@ -60,20 +60,23 @@ class ConeReconstructor(Node):
         self.health = NodeHealth(
             self,
             self.parameters.value.diagnostics_period_s,
-            ("received", "published", "malformed", "dropped", "failed"),
+            ("received", "published", "unheard", "malformed", "dropped", "failed"),
         )
+        self.health.watch(lambda: self.health.silence("no trace has come on echo"))
+        self.health.watch(lambda: self.health.slowness(self.parameters.value.latency_limit_s))
         self._types = RosMessageTypes()
         self._queue: deque[_Job] = deque()
         self._worker = Worker(self, self._step)
-        for transducer in self.parameters.value.transducers or [""]:
-            self._connect(transducer)
+        names = self.parameters.value.transducers or [""]
+        self._outputs = [self._connect(transducer) for transducer in names]
+        self.health.tell("listeners", self._fewest_listeners)
 
     def close(self) -> None:
         """Finish the trace at hand, and destroy the node."""
         self._worker.stop()
         self.destroy_node()
 
-    def _connect(self, transducer: str) -> None:
+    def _connect(self, transducer: str) -> _Outputs:
         outputs = _Outputs(
             cone=advertise(self, CONE, within(transducer, CONE)),
             cells=advertise(self, CONE_CELLS, within(transducer, CONE_CELLS)),
@@ -81,6 +84,11 @@ class ConeReconstructor(Node):
         subscribe(
             self, ECHO, lambda message: self._receive(outputs, message), within(transducer, ECHO)
         )
+        return outputs
+
+    def _fewest_listeners(self) -> int:
+        """Subscribers of the cone topic that has the fewest."""
+        return min(int(outputs.cone.get_subscription_count()) for outputs in self._outputs)
 
     def _renew_pipeline(self) -> None:
         parameters = PipelineParameters(reconstruction=self.parameters.value.reconstruction)
@@ -115,6 +123,8 @@ class ConeReconstructor(Node):
         return 0.0
 
     def _publish(self, job: _Job, cone: EchoCone) -> None:
+        if not job.outputs.cone.get_subscription_count():
+            self.health.problem("unheard", "nobody listens to the cones; does map_fusion run?")
         job.outputs.cone.publish(cone_to_message(cone, self._types))
         self.health.count("published")
         self.health.latency(time.monotonic() - job.received_s)

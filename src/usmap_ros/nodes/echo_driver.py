@@ -68,6 +68,9 @@ class EchoDriver(Node):
             parameters.diagnostics_period_s,
             ("received", "malformed", "published", "without pose"),
         )
+        self.health.watch(
+            lambda: self.health.silence("no ping; its pose is not known, or time stands still")
+        )
         self._types = RosMessageTypes()
         self._pipeline = Pipeline()
         scenario = self._load_scenario()

@@ -11,6 +11,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from usmap_ros.errors import MapFileError, UsmapError
 from usmap_ros.io.map_files import map_folder, save_map
+from usmap_ros.live.health import Finding, Level
 from usmap_ros.live.interfaces import GET_MAP, MAP_FUSION, PAUSE, RESET, SAVE_MAP
 from usmap_ros.nodes.plumbing.cone_topics import ConeTopics
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
@@ -47,9 +48,12 @@ class MapFusion(LifecycleNode):
         self._topics: ConeTopics | None = None
         self._timers_of_life: list[Any] = []
         self._is_paused = False
+        self._why_unconfigured = ""
         self.parameters = ParameterServer(self, MapFusionParameters, self._why_fixed)
         self.parameters.on_change.append(self._take_over_parameters)
         self.health = NodeHealth(self, self.parameters.value.diagnostics_period_s, _COUNTED)
+        self.health.watch(self._state)
+        self.health.watch(self._slowness)
         self._transforms = Transforms(
             self, "cones must be in the map's frame, as the pose in each message is"
         )
@@ -76,8 +80,10 @@ class MapFusion(LifecycleNode):
         try:
             self.session = MapSession(self, self.parameters, self.health, self._transforms)
         except UsmapError as error:
+            self._why_unconfigured = str(error)
             self.get_logger().error(f"cannot be configured: {error}")
             return TransitionCallbackReturn.FAILURE
+        self._why_unconfigured = ""
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -131,6 +137,25 @@ class MapFusion(LifecycleNode):
         if self.session is not None:
             self.session.close()
             self.session = None
+
+    # ---- health
+
+    def _state(self) -> Finding | None:
+        """Whether the node maps at all."""
+        if self._why_unconfigured:
+            return Finding(Level.ERROR, f"nothing is mapped: {self._why_unconfigured}")
+        if self.session is None:
+            return Finding(Level.WARN, "nothing is mapped: the node is not configured")
+        if self._topics is None:
+            return Finding(Level.WARN, "nothing is mapped: the node is not active")
+        if self._is_paused:
+            return Finding(Level.WARN, "nothing is mapped: paused")
+        return self.health.silence("no cone has come from any robot")
+
+    def _slowness(self) -> Finding | None:
+        """Whether it falls behind, the wait that is asked for left aside."""
+        now = self.parameters.value
+        return self.health.slowness(now.order_wait_s + now.latency_limit_s)
 
     # ---- parameters
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import field_validator
 
@@ -19,6 +19,17 @@ class NodeParameters(ParameterGroup):
 
     diagnostics_period_s: float = quantity(
         1.0, "Time from one diagnostic message to the next.", "s", ge=0.05, le=60.0
+    )
+
+
+def _latency_limit() -> Any:
+    """For nodes through which messages go."""
+    return quantity(
+        1.0,
+        "Latency beyond which the node warns in /diagnostics, if half of the messages take longer.",
+        "s",
+        gt=0.0,
+        le=3600.0,
     )
 
 
@@ -87,6 +98,7 @@ class ConeReconstructorParameters(NodeParameters):
     queue_depth: int = quantity(
         20, "Traces that wait to be reconstructed; beyond it the oldest is dropped.", ge=1, le=10000
     )
+    latency_limit_s: float = _latency_limit()
     cell_resolution_m: float = quantity(
         0.05, "Side of the cells in cone_cells.", "m", ge=0.005, le=2.0
     )
@@ -138,6 +150,7 @@ class MapFusionParameters(NodeParameters):
     queue_depth: int = quantity(
         1000, "Cones that wait to be fused; beyond it the oldest is dropped.", ge=1, le=1_000_000
     )
+    latency_limit_s: float = _latency_limit()
     checkpoint_path: str = quantity("", "Folder that the map is kept in; empty: none.")
     checkpoint_period_s: float = quantity(
         10.0, "Time from one checkpoint to the next.", "s", ge=0.1, le=86_400.0

@@ -81,6 +81,23 @@ def test_slow_messages_are_a_warning_until_they_are_quick_again(health: Health, 
     assert health.report().level == Level.OK
 
 
+def test_silence_is_a_warning(health: Health, clock: Any) -> None:
+    health.watch(lambda: health.silence("no trace has come"))
+    clock.pass_time(9.0)
+    assert health.report().level == Level.OK
+    health.work("received")
+    clock.pass_time(9.0)
+    assert health.report().level == Level.OK
+    clock.pass_time(3.0)
+    report = health.report()
+    assert (report.level, report.message) == (Level.WARN, "silent for 12 s: no trace has come")
+
+
+def test_what_is_told_is_a_figure(health: Health) -> None:
+    health.tell("listeners", lambda: 2)
+    assert health.report().facts["listeners"] == "2"
+
+
 def test_what_is_watched_is_asked_for_each_report(health: Health) -> None:
     findings: list[Finding | None] = [Finding(Level.ERROR, "is not configured"), None]
     health.watch(lambda: findings.pop(0))

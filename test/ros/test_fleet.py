@@ -45,7 +45,7 @@ def test_one_ctrl_c_ends_a_fleet_that_has_mapped(
     command += [str(ROOT / "config/scenarios/poles.yaml"), "-o", str(tmp_path / "map")]
     fleet = processes.run(command, "fleet")
     grids = live.listen("nav_msgs/msg/OccupancyGrid", "/map", nav2_qos)
-    live.until(lambda: len(grids) > 3, timeout_s=90.0)
+    live.until(lambda: len(grids) > 3, timeout_s=300.0)
     # By name, as a robot's own crash would be: which process it is, the fleet alone knows.
     drivers = [line for line in _processes() if "start_time_s" in line[1] and "robot2" in line[1]
                and str(fleet.pid) == line[2]]  # fmt: skip

@@ -109,7 +109,7 @@ def test_mapping_resumes_by_itself_after_the_link_was_down(
             processes.start("echo_driver", robot, hosts.on(0), scenario=scenario, robot=robot),
             processes.start("cone_reconstructor", robot, hosts.on(0)),
         ]
-    wait_for_stamp(folder, time.time() - 2.0, 60.0)
+    wait_for_stamp(folder, time.time() - 2.0, 300.0)
 
     hosts.set_link("down")
     went_down_s = time.time()
@@ -119,5 +119,5 @@ def test_mapping_resumes_by_itself_after_the_link_was_down(
     hosts.set_link("up")
     came_up_s = time.time()
 
-    wait_for_stamp(folder, came_up_s + 2.0, 60.0)
+    wait_for_stamp(folder, came_up_s + 2.0, 300.0)
     assert all(process.poll() is None for process in (fusion, *robots))

@@ -89,7 +89,7 @@ def test_a_bad_value_at_the_start_is_refused_with_its_reason(live: Any) -> None:
 
 def _start(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "usmap_ros.nodes.map_fusion", "--ros-args", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
 
 @pytest.mark.usefixtures("domain")

@@ -1,7 +1,107 @@
 """Multi-robot occupancy mapping from in-air ultrasound.
 
 Data flows one way: acoustics → simulation → reconstruction → mapping.
-``io`` stands beside them; ``nodes`` and ``cli`` are thin and on top.
+``io`` stands beside them; ``live``, ``nodes`` and ``cli`` are on top.
+
+What programs need most can be had from here; docs/python.md shows how.  Nothing is imported
+before it is asked for, and nothing of it needs ROS.
+
+Examples
+--------
+>>> import usmap_ros
+>>> pipeline = usmap_ros.Pipeline()
+>>> pole = usmap_ros.hear([(1.5, 0.2)], pose=usmap_ros.Pose.planar(0.0, 0.0, 0.0))
+>>> cone = pipeline.process(pole)
+>>> len(cone.ranges_m)
+1
 """
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from usmap_ros.acoustics.beam import BeamPattern
+    from usmap_ros.acoustics.propagation import Channel
+    from usmap_ros.acoustics.pulse import Pulse, PulseShape
+    from usmap_ros.acoustics.transducer import Transducer
+    from usmap_ros.cone import EchoCone
+    from usmap_ros.errors import UsmapError
+    from usmap_ros.geometry import Pose
+    from usmap_ros.grids import OccupancyMap, TruthMap
+    from usmap_ros.io.bags import read_bag, write_bag
+    from usmap_ros.io.map_files import load_map, load_truth, save_map
+    from usmap_ros.mapping.scoring import score
+    from usmap_ros.parameters import PipelineParameters
+    from usmap_ros.pipeline import Pipeline
+    from usmap_ros.plotting import draw
+    from usmap_ros.simulation import Scenario, hear, simulate
+    from usmap_ros.trace import EchoTrace, Encoding
+    from usmap_ros.trial import try_scenario
+
 __version__ = "0.1.0"
+
+__all__ = [
+    "BeamPattern",
+    "Channel",
+    "EchoCone",
+    "EchoTrace",
+    "Encoding",
+    "OccupancyMap",
+    "Pipeline",
+    "PipelineParameters",
+    "Pose",
+    "Pulse",
+    "PulseShape",
+    "Scenario",
+    "Transducer",
+    "TruthMap",
+    "UsmapError",
+    "draw",
+    "hear",
+    "load_map",
+    "load_truth",
+    "read_bag",
+    "save_map",
+    "score",
+    "simulate",
+    "try_scenario",
+    "write_bag",
+]
+
+#: Where each name is at home.
+_HOMES = {
+    "acoustics.beam": ["BeamPattern"],
+    "acoustics.propagation": ["Channel"],
+    "acoustics.pulse": ["Pulse", "PulseShape"],
+    "acoustics.transducer": ["Transducer"],
+    "cone": ["EchoCone"],
+    "errors": ["UsmapError"],
+    "geometry": ["Pose"],
+    "grids": ["OccupancyMap", "TruthMap"],
+    "io.bags": ["read_bag", "write_bag"],
+    "io.map_files": ["load_map", "load_truth", "save_map"],
+    "mapping.scoring": ["score"],
+    "parameters": ["PipelineParameters"],
+    "pipeline": ["Pipeline"],
+    "plotting": ["draw"],
+    "simulation": ["Scenario", "hear", "simulate"],
+    "trace": ["EchoTrace", "Encoding"],
+    "trial": ["try_scenario"],
+}
+_MODULES = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for, the first time it is."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value: object = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Names that can be had, imported or not."""
+    return sorted({*globals(), *__all__})

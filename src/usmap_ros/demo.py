@@ -16,16 +16,14 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary, save_truth
 from usmap_ros.io.yaml_files import read_mapping
-from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.scoring import Score, score
 from usmap_ros.offline import map_bag
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
-from usmap_ros.plotting import map_figure, overview_figure, save_figure
+from usmap_ros.plotting import draw, map_figure, save_figure
 from usmap_ros.plotting.animation import MapFrame, save_animation
 from usmap_ros.plotting.map import shown_extent
-from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, record
 
 #: Shows how far something is that takes a number of steps; gives what tells of each step.
@@ -168,7 +166,4 @@ def _draw_ping(pipeline: Pipeline, truth: TruthMap, paths: dict[str, Path]) -> N
     parameters = pipeline.parameters
     with BagReader([paths["recording"]]) as bag:
         _, trace = next(bag.traces())
-    reconstruction = reconstruct(trace, parameters.reconstruction)
-    candidates = candidate_cells(reconstruction.cone, parameters.mapping)
-    figure = overview_figure(trace, reconstruction, candidates, truth)
-    save_figure(figure, paths["picture of a ping"])
+    save_figure(draw(trace, truth, parameters), paths["picture of a ping"])

@@ -6,7 +6,7 @@ import enum
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
@@ -97,6 +97,62 @@ class EchoTrace:
     samples: NDArray[np.float32]
     emissions: tuple[Emission, ...] = ()
     array_frame_ids: tuple[str, ...] = ()
+
+    @classmethod
+    def from_signal(
+        cls,
+        signal: ArrayLike,
+        sample_rate_hz: float,
+        *,
+        pose: Pose,
+        transducer: Transducer,
+        channel: Channel,
+        stamp_ns: int = 0,
+        noise_std: float = 0.0,
+        is_envelope: bool = False,
+    ) -> EchoTrace:
+        """Trace of an array: complex baseband, raw samples, or their envelope.
+
+        Its first sample is taken at the start of emission, its frames are ``map`` and ``sonar``;
+        `dataclasses.replace` makes them others.
+
+        Parameters
+        ----------
+        signal : (n,) array-like
+            Complex: I + jQ; real: raw samples, or an envelope if `is_envelope`.  An ideal point
+            target on axis at 1 m has an amplitude of 1.
+        sample_rate_hz : float
+            Of the signal.
+        pose, transducer, channel, stamp_ns, noise_std
+            See `EchoTrace`.
+
+        Raises
+        ------
+        MalformedMessageError
+            If it cannot be true.
+        """
+        values = np.asarray(signal)
+        is_complex = np.iscomplexobj(values)
+        real = Encoding.ENVELOPE if is_envelope else Encoding.RAW
+        trace = cls(
+            stamp_ns=stamp_ns,
+            frame_id="map",
+            child_frame_id="sonar",
+            pose=pose,
+            transducer=transducer,
+            channel=channel,
+            encoding=Encoding.IQ if is_complex else real,
+            sample_rate_hz=sample_rate_hz,
+            start_delay_s=0.0,
+            noise_std=noise_std,
+            samples=(
+                np.ascontiguousarray(values, dtype=np.complex64).view(np.float32)
+                if is_complex
+                else values.astype(np.float32)
+            ),
+        )
+        trace.validate()
+        return trace
 
     def signal(self) -> FloatArray | NDArray[np.complex128]:
         """Samples as the receiver saw them: complex for I/Q, real otherwise."""

@@ -12,11 +12,8 @@ from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_paramete
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from matplotlib.figure import Figure
-
     from usmap_ros.cone import EchoCone
-    from usmap_ros.grids import TruthMap
-    from usmap_ros.parameters import PipelineParameters
+    from usmap_ros.trace import EchoTrace
 
 
 def plot(
@@ -37,7 +34,7 @@ def plot(
 ) -> None:
     """Draw a map, or one ping of a bag: its trace, what was found in it, and its cone."""
     from usmap_ros.io.map_files import GRID_FILE, load_map, load_truth
-    from usmap_ros.plotting import map_figure, save_figure
+    from usmap_ros.plotting import draw, map_figure, save_figure
 
     true_cells = load_truth(truth) if truth else None
     if path.name == GRID_FILE or (path / GRID_FILE).exists():
@@ -45,35 +42,24 @@ def plot(
         figure = map_figure(occupancy, paths, true_cells, title=path.resolve().name)
     else:
         parameters = pipeline_parameters(parameters_file, settings)
-        figure = ping_figure(path, ping, parameters, true_cells)
+        figure = draw(_ping(path, ping), true_cells, parameters)
     save_figure(figure, output)
     typer.echo(output)
 
 
-def ping_figure(
-    bag_path: Path, ping: int, parameters: PipelineParameters, truth: TruthMap | None
-) -> Figure:
-    """Draw ping number `ping` of a bag, with its trace if the bag has traces."""
+def _ping(bag_path: Path, number: int) -> EchoTrace | EchoCone:
+    """Ping number `number` of a bag: its trace if the bag has traces, or else its cone."""
     from itertools import islice
 
     from usmap_ros.errors import BagError
     from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.mapping.candidates import candidate_cells
-    from usmap_ros.plotting import cone_figure, overview_figure
-    from usmap_ros.reconstruction.reconstructor import reconstruct
-    from usmap_ros.trace import EchoTrace
 
     with BagReader([bag_path]) as bag:
         pings: Iterator[tuple[str, EchoTrace | EchoCone]] = bag.traces()
         if not bag.trace_count:
             pings = bag.cones()
-        chosen = next(islice(pings, ping, None), None)
+        chosen = next(islice(pings, number, None), None)
         if chosen is None:
             usable = (bag.trace_count or bag.cone_count) - bag.skipped.total
-            raise BagError(bag_path, f"has no ping {ping}: its {usable} pings count from 0")
-    found = chosen[1]
-    if isinstance(found, EchoTrace):
-        reconstruction = reconstruct(found, parameters.reconstruction)
-        candidates = candidate_cells(reconstruction.cone, parameters.mapping)
-        return overview_figure(found, reconstruction, candidates, truth)
-    return cone_figure(found, candidate_cells(found, parameters.mapping), truth)
+            raise BagError(bag_path, f"has no ping {number}: its {usable} pings count from 0")
+    return chosen[1]

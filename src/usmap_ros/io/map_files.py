@@ -104,6 +104,7 @@ def map_folder(folder: Path) -> Iterator[None]:
         If the folder cannot be made or written to.
     """
     existed = folder.exists()
+    folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".usmap"
@@ -119,13 +120,13 @@ def map_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-def save_map(folder: Path, occupancy: OccupancyMap, paths: RobotPaths | None = None) -> None:
+def save_map(folder: str | Path, occupancy: OccupancyMap, paths: RobotPaths | None = None) -> None:
     """Write ``map.npz``, ``map.pgm`` and ``map.yaml``, each in one step.
 
     Parameters
     ----------
     folder : path
-        An existing folder; other files in it are left alone.
+        Made if it is not there; other files in it are left alone.
     occupancy : OccupancyMap
         The map.
     paths : RobotPaths, optional
@@ -136,7 +137,9 @@ def save_map(folder: Path, occupancy: OccupancyMap, paths: RobotPaths | None = N
     MapFileError
         If a file cannot be written.
     """
+    folder = Path(folder)
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         write_atomically(folder / GRID_FILE, _to_bytes(occupancy, paths or RobotPaths()))
     except OSError as error:
         raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
@@ -157,7 +160,7 @@ def save_summary(folder: Path, summary: Mapping[str, Any]) -> None:
         raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
 
 
-def load_map(folder: Path) -> tuple[OccupancyMap, RobotPaths]:
+def load_map(folder: str | Path) -> tuple[OccupancyMap, RobotPaths]:
     """Load what `save_map` saved.
 
     Parameters
@@ -170,7 +173,9 @@ def load_map(folder: Path) -> tuple[OccupancyMap, RobotPaths]:
     MapFileError
         If there is no map, or its arrays do not fit together.
     """
-    path = folder / GRID_FILE if folder.is_dir() else folder
+    path = Path(folder)
+    if path.is_dir():
+        path /= GRID_FILE
     if not path.exists():
         raise MapFileError(path, "does not exist; 'usmap map' writes it")
     try:
@@ -199,7 +204,7 @@ def save_truth(path: Path, truth: TruthMap) -> None:
     save_nav2_map(path, truth.geometry, values)
 
 
-def load_truth(path: Path) -> TruthMap:
+def load_truth(path: str | Path) -> TruthMap:
     """Load the occupied cells of any nav2 map, as what a map is scored against.
 
     Parameters
@@ -212,7 +217,7 @@ def load_truth(path: Path) -> TruthMap:
     MapFileError
         If it cannot be read.
     """
-    nav2_map = load_nav2_map(path)
+    nav2_map = load_nav2_map(Path(path))
     # Unknown cells are NaN, which compares as not occupied.
     return TruthMap(nav2_map.geometry, nav2_map.probability >= OCCUPIED_PROBABILITY)
 

@@ -7,7 +7,8 @@ function returns a `matplotlib.figure.Figure`, and `save_figure` writes it.
 from usmap_ros.plotting.cone import cone_figure
 from usmap_ros.plotting.map import map_figure
 from usmap_ros.plotting.overview import overview_figure
+from usmap_ros.plotting.picture import draw
 from usmap_ros.plotting.style import save_figure
 from usmap_ros.plotting.trace import trace_figure
 
-__all__ = ["cone_figure", "map_figure", "overview_figure", "save_figure", "trace_figure"]
+__all__ = ["cone_figure", "draw", "map_figure", "overview_figure", "save_figure", "trace_figure"]

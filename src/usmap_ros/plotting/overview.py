@@ -12,11 +12,9 @@ from usmap_ros.plotting import style
 from usmap_ros.plotting.cone import LIKELIHOOD_LABEL, draw_cone
 from usmap_ros.plotting.trace import draw_trace
 from usmap_ros.reconstruction.reconstructor import Reconstruction
-from usmap_ros.trace import EchoTrace
 
 
 def overview_figure(
-    trace: EchoTrace,
     reconstruction: Reconstruction,
     candidates: CandidateCells,
     truth: TruthMap | None = None,
@@ -25,8 +23,6 @@ def overview_figure(
 
     Parameters
     ----------
-    trace : EchoTrace
-        The trace.
     reconstruction : Reconstruction
         What reconstruction made of it.
     candidates : CandidateCells
@@ -39,7 +35,7 @@ def overview_figure(
         panels: Any = figure.subfigures(1, 2, width_ratios=[1.25, 1.0])
         left, right = panels
         upper, lower = left.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
-        draw_trace(upper, lower, trace, reconstruction)
+        draw_trace(upper, lower, reconstruction)
         axes = right.subplots()
         image = draw_cone(axes, reconstruction.cone, candidates, truth)
         right.colorbar(image, ax=axes, shrink=0.8, label=LIKELIHOOD_LABEL)

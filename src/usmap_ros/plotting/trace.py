@@ -10,34 +10,31 @@ from numpy.typing import NDArray
 from usmap_ros.arrays import FloatArray
 from usmap_ros.plotting import style
 from usmap_ros.reconstruction.reconstructor import Reconstruction
-from usmap_ros.trace import EchoTrace
 
 #: Amplitudes below are drawn at the bottom of the picture.
 _FLOOR_DB = -80.0
 
 
-def trace_figure(trace: EchoTrace, reconstruction: Reconstruction) -> Figure:
+def trace_figure(reconstruction: Reconstruction) -> Figure:
     """Draw a trace with its reconstruction, and the residual below.
 
     Parameters
     ----------
-    trace : EchoTrace
-        The trace.
     reconstruction : Reconstruction
-        What `usmap_ros.reconstruction.reconstructor.reconstruct` made of it.
+        What `usmap_ros.reconstruction.reconstructor.reconstruct` made of a trace.
     """
     with style.styled():
         figure = style.new_figure(8.0, 4.8)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
-        draw_trace(upper, lower, trace, reconstruction)
+        draw_trace(upper, lower, reconstruction)
     return figure
 
 
-def draw_trace(upper: Axes, lower: Axes, trace: EchoTrace, reconstruction: Reconstruction) -> None:
+def draw_trace(upper: Axes, lower: Axes, reconstruction: Reconstruction) -> None:
     """Draw signal and reconstruction into one pair of axes, the residual into the other."""
     cone, residual = reconstruction.cone, reconstruction.residual
     received = reconstruction.received
-    ranges_m = 0.5 * trace.channel.sound_speed_m_s * reconstruction.delays_s
+    ranges_m = 0.5 * reconstruction.trace.channel.sound_speed_m_s * reconstruction.delays_s
     explained = received - residual
 
     upper.fill_between(
@@ -58,7 +55,7 @@ def draw_trace(upper: Axes, lower: Axes, trace: EchoTrace, reconstruction: Recon
         cone.ranges_m, _decibels(cone.amplitudes) + 2.5, linestyle="none", marker="v",
         markersize=5, color=style.RECONSTRUCTION, label=echoes,
     )  # fmt: skip
-    upper.set_title(f"Echo trace of {trace.child_frame_id}")
+    upper.set_title(f"Echo trace of {reconstruction.trace.child_frame_id}")
     upper.legend(ncols=4, loc="upper right")
 
     lower.plot(ranges_m, _decibels(residual), color=style.RESIDUAL, linewidth=0.8, label="residual")

@@ -28,6 +28,8 @@ class Reconstruction:
 
     Parameters
     ----------
+    trace : EchoTrace
+        What was explained: with what is known to be off in it set right.
     cone : EchoCone
         What fusion is told.
     received, residual : (samples,) arrays
@@ -38,6 +40,7 @@ class Reconstruction:
         Standard deviation of the noise of `received`, of the complex value where it is complex.
     """
 
+    trace: EchoTrace
     cone: EchoCone
     received: Signal
     residual: Signal
@@ -64,7 +67,7 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     if parameters.dictionary == "cells":
         return _by_cells(told, parameters)
     found = reconstruct_delays(told, parameters)
-    return _by_delays(found, cone_with_bearings(0, [(told, found)]))
+    return _by_delays(told, found, cone_with_bearings(0, [(told, found)]))
 
 
 def reconstruct_sounding(
@@ -103,7 +106,7 @@ def reconstruct_sounding(
     for number, place in enumerate(heard):
         if not is_spent(number, together):
             cone = cone_with_bearings(number, together)
-            outcomes[place] = _by_delays(together[number][1], cone)
+            outcomes[place] = _by_delays(*together[number], cone)
     return outcomes
 
 
@@ -112,11 +115,12 @@ def _told(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
     return corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
 
 
-def _by_delays(found: DelayReconstruction, cone: EchoCone) -> Reconstruction:
+def _by_delays(trace: EchoTrace, found: DelayReconstruction, cone: EchoCone) -> Reconstruction:
     baseband = found.baseband
     # An echo peaks in the middle of its envelope.
     peak_s = baseband.template.start_s + 0.5 * baseband.template.duration_s
     return Reconstruction(
+        trace,
         cone,
         baseband.signal,
         found.solution.residual,
@@ -133,6 +137,7 @@ def _by_cells(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconst
         received, residual = received.view(np.complex128), residual.view(np.complex128)
         noise_std *= np.sqrt(2.0)
     return Reconstruction(
+        trace,
         cell_cone(trace, found, parameters),
         received,
         residual,

@@ -55,7 +55,7 @@ class Scenario(ParameterGroup):
         return self
 
     @classmethod
-    def load(cls, path: Path) -> Scenario:
+    def load(cls, path: str | Path) -> Scenario:
         """Read a scenario file.
 
         Raises
@@ -63,7 +63,7 @@ class Scenario(ParameterGroup):
         ConfigurationError
             If there is no such file, or a key in it is unknown or has a value out of range.
         """
-        return cls.from_mapping(read_mapping(path), path)
+        return cls.from_mapping(read_mapping(Path(path)), path)
 
     @classmethod
     def from_mapping(cls, content: Mapping[str, Any], source: str | Path) -> Scenario:

@@ -84,7 +84,7 @@ def labelled(axes: Axes) -> bool:
 def test_a_trace_is_drawn_with_its_reconstruction_and_residual(
     trace: EchoTrace, reconstruction: Reconstruction
 ) -> None:
-    upper, lower = trace_figure(trace, reconstruction).axes
+    upper, lower = trace_figure(reconstruction).axes
     assert legend_of(upper) == {"received", "reconstructed", "detection limit", "1 echo"}
     assert legend_of(lower) == {"residual", "receiver noise"}
     assert lower.get_xlabel() == "range (m)"
@@ -127,7 +127,7 @@ def test_a_cone_without_echoes_can_be_drawn(reconstruction: Reconstruction) -> N
 
 def test_an_overview_has_all_of_it(trace: EchoTrace, reconstruction: Reconstruction) -> None:
     candidates = candidate_cells(reconstruction.cone, MappingParameters())
-    figure = overview_figure(trace, reconstruction, candidates, TRUTH)
+    figure = overview_figure(reconstruction, candidates, TRUTH)
     assert len([axes for part in figure.subfigs for axes in part.axes]) == 4
 
 

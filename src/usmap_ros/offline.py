@@ -18,6 +18,7 @@ from usmap_ros.io.map_files import RobotPaths, load_map
 from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.repeats import SeenPings
 from usmap_ros.views import Beam
 
 #: Called with topic and cone after each ping that was fused.
@@ -86,10 +87,11 @@ def map_bag(
     BagError
         If not a single ping could be used.
     """
-    run = MappingRun()
+    run, seen = MappingRun(), SeenPings()
     workers = workers or Reconstructors(pipeline)
     for topic, cone in _cones(bag, workers):
         try:
+            seen.add(cone)
             pipeline.fuse(cone)
         except MalformedMessageError as error:
             bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)

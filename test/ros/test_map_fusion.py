@@ -323,3 +323,16 @@ def test_the_changed_part_is_the_smallest_rectangle() -> None:
     first, part = changed_part(before, after) or ((0, 0), before)
     assert first == (1, 2)
     np.testing.assert_array_equal(part, after[1:4, 2:4])
+
+
+def test_two_reconstructors_of_a_robot_count_once(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion)
+    send(live, cones[:3])
+    expected = node.session.fusion.occupancy_map()
+    twin = live.publisher(CONE, "/twin/cone", 50)
+    for _, cone in cones[:3]:
+        twin.publish(cone_to_message(cone, TYPES))
+    live.until(lambda: node.health.total("repeated") == 3)
+    assert "a second reconstructor" in node.health.reason("repeated")
+    assert node.health.total("fused") == 3
+    np.testing.assert_array_equal(node.session.fusion.occupancy_map().log_odds, expected.log_odds)

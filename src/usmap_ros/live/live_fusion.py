@@ -20,6 +20,7 @@ from usmap_ros.io.conversions.grid import MAX_SIDE
 from usmap_ros.live.ordering import StampOrder
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.repeats import SeenPings
 
 #: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
 _LONGEST_REACH = 0.1
@@ -86,6 +87,7 @@ class LiveFusion:
         self._map_lock = threading.Lock()
         self._order_lock = threading.Lock()
         self._middle_m: FloatArray | None = None
+        self._seen = SeenPings()
         self.version = 0
 
     @property
@@ -122,10 +124,13 @@ class LiveFusion:
 
         Raises
         ------
+        RepeatedPingError
+            If the ping was there before.
         MalformedMessageError
             If it lies or reaches so far away that the map could not be published any more.
         """
         self._check_reach(cone)
+        self._seen.add(cone)
         if not self.frame_id:
             # From the first cone on, though it may still wait to be fused: the next ones must fit.
             self._pipeline.fusion.frame_id = cone.frame_id
@@ -206,4 +211,5 @@ class LiveFusion:
             self._pipeline.fusion.stamp_ns = before.stamp_ns
             self._order.clear()
             self._middle_m = None
+            self._seen = SeenPings()
             self.version += 1

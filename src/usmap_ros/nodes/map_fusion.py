@@ -25,7 +25,8 @@ from usmap_ros.parameters.nodes import MapFusionParameters
 
 _RETRY_S = 0.02
 _COUNTED = (
-    "received", "fused", "malformed", "refused", "dropped", "late", "paused", "failed", "published"
+    "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "paused", "failed",
+    "published",
 )  # fmt: skip
 
 

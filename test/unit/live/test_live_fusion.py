@@ -11,6 +11,7 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.repeats import RepeatedPingError
 from usmap_ros.simulation import Scenario, simulate
 
 WAIT_S = 0.5
@@ -101,3 +102,17 @@ def test_a_cone_beyond_what_a_map_may_hold_is_refused(
     far = replace(cones[1].pose, position_m=np.array([1e5, 0.0, 0.0]))
     with pytest.raises(MalformedMessageError, match="more than a map may hold"):
         fusion.receive("a", replace(cones[1], pose=far))
+
+
+def test_a_ping_that_comes_twice_is_fused_once(fusion: LiveFusion, cones: list[EchoCone]) -> None:
+    fusion.set_limits(0.0, 3)
+    fusion.receive("a", cones[0])
+    assert fusion.fuse_next() is not None
+    expected = fusion.occupancy_map()
+    with pytest.raises(RepeatedPingError):
+        fusion.receive("b", cones[0])
+    assert fusion.fuse_next() is None
+    np.testing.assert_array_equal(fusion.occupancy_map().log_odds, expected.log_odds)
+    fusion.reset()
+    fusion.receive("b", cones[0])
+    assert fusion.fuse_next() is not None

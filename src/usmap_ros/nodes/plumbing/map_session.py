@@ -18,6 +18,7 @@ from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
+from usmap_ros.repeats import RepeatedPingError
 
 #: Why cones are lost, by what they are counted as.
 _LOSSES = {
@@ -114,6 +115,10 @@ class MapSession:
     def _hand_over(self, topic: str, cone: EchoCone) -> None:
         try:
             self.fusion.receive(topic, cone)
+        except RepeatedPingError as error:
+            self._health.problem(
+                "repeated", f"{topic}: {error}; a second reconstructor, or a bag played again?"
+            )
         except MalformedMessageError as error:
             self._health.problem("malformed", f"{topic}: {error}")
         else:

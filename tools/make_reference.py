@@ -1,7 +1,7 @@
-"""Write what follows from the code: docs/reference.md, and an example of every parameter file.
+"""Write what follows from the code: docs/reference.md, docs/scenarios.md, and parameter files.
 
-Run it after a change to a topic, service or parameter: ``make docs``.  With --check nothing is
-written; exit status 1 says that something would change.
+Run it after a change to a topic, service, parameter or key of scenarios: ``make docs``.  With
+--check nothing is written; exit status 1 says that something would change.
 """
 
 from __future__ import annotations
@@ -10,6 +10,10 @@ import argparse
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from usmap_ros.io.yaml_files import dump_yaml
 from usmap_ros.live.interfaces import NODES, NodeInterface, Topic
@@ -21,6 +25,7 @@ from usmap_ros.parameters.fields import (
     is_among,
     unit_of,
 )
+from usmap_ros.simulation import Scenario
 
 ROOT = Path(__file__).parents[1]
 
@@ -34,6 +39,24 @@ Every topic, service and parameter of every node. How the nodes work together is
 
 Topic names without a leading slash are relative: namespaces and remappings apply to them. QoS is
 that of the publisher; the nodes' own subscriptions keep ten times as many messages.
+"""
+
+SCENARIO_EXAMPLE = ROOT / "bags/yard.yaml"
+SCENARIOS = """\
+# All keys of a scenario
+
+<!-- Written by tools/make_reference.py from the code; "make docs" brings it up to date. -->
+
+`usmap simulate SCENARIO.yaml -o BAG` simulates what such a file says; the same file gives the same
+recording. An unknown key is an error that names its place. Examples stand in
+[config/scenarios](../config/scenarios); this one is that of the recording in [bags/](../bags):
+
+```yaml
+{example}```
+
+A section is a mapping of its own, a name with `[]` a list of them; of sections with a `kind` there
+is one for each. Their models are in `src/usmap_ros/simulation/models`, the file as a whole is
+`src/usmap_ros/simulation/scenario.py`.
 """
 
 DEFAULTS = """\
@@ -52,6 +75,7 @@ def files() -> dict[Path, str]:
     """Content of every generated file."""
     content = {
         ROOT / "docs/reference.md": reference(),
+        ROOT / "docs/scenarios.md": scenario_page(),
         ROOT / "config/parameters/defaults.yaml": DEFAULTS + dump_yaml(PipelineParameters()),
     }
     for node in NODES:
@@ -126,6 +150,52 @@ def _changeable(node: NodeInterface, name: str) -> str:
         return "at the start"
     while_configured = getattr(node.parameters, "fixed_while_configured", frozenset())
     return "while unconfigured" if is_among(name, while_configured) else "always"
+
+
+def scenario_page() -> str:
+    """The page of all scenario keys: a section for the file, and one for each model in it."""
+    parts = [SCENARIOS.format(example=SCENARIO_EXAMPLE.read_text(encoding="utf-8"))]
+    waiting: dict[type[BaseModel], str] = {Scenario: ""}
+    told: set[type[BaseModel]] = set()
+    while waiting:
+        model = next(iter(waiting))
+        path = waiting.pop(model)
+        told.add(model)
+        meaning = (model.__doc__ or "").split(";")[0].rstrip(".")
+        parts.append(f"## {path or 'The file'}\n\n{meaning}.\n")
+        rows = [_scenario_row(name, info) for name, info in model.model_fields.items()]
+        parts.append(table(["Key", "Default", "Unit", "Constraint", "Meaning"], rows))
+        for name, info in model.model_fields.items():
+            for inner in models_in(info.annotation):
+                if inner not in told:
+                    waiting.setdefault(inner, _section(f"{path}.{name}".lstrip("."), info, inner))
+    return "\n".join(parts)
+
+
+def _section(path: str, info: FieldInfo, model: type[BaseModel]) -> str:
+    """Heading of a model's section: where it stands, and its kind if there are several."""
+    kind = model.model_fields.get("kind")
+    mark = "[]" if "list" in str(info.annotation) else ""
+    return path + mark + (f" ({get_args(kind.annotation)[0]})" if kind else "")
+
+
+def _scenario_row(name: str, info: FieldInfo) -> list[str]:
+    is_section = bool(models_in(info.annotation))
+    if is_section:
+        default = "section"
+    elif info.is_required():
+        default = "needed"
+    else:
+        default = "none" if info.default is None else _default(info.default)
+    constraint = "" if is_section else constraints_of(info)
+    return [f"`{name}`", default, unit_of(info), constraint, info.description or ""]
+
+
+def models_in(annotation: object) -> list[type[BaseModel]]:
+    """Models that a value of a type may be, or hold, in the order in which they stand."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in models_in(part)]
 
 
 def table(captions: list[str], rows: list[list[str]]) -> str:

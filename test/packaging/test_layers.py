@@ -1,0 +1,111 @@
+"""Imports go one way, in no circle, and the core needs no ROS."""
+
+import ast
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
+#: Modules and packages from the bottom up; those that share a layer do not know each other.
+LAYERS = [
+    {"arrays", "errors"},
+    {"acoustics", "geometry"},
+    {"grids", "parameters"},
+    {"trace", "cone"},
+    {"correction", "soundings", "transducer_array", "views"},
+    {"io"},
+    {"simulation", "reconstruction", "mapping"},
+    {"calibration", "pipeline"},
+    {"parallel", "plotting", "trial"},
+    {"offline"},
+    {"demo", "live", "paper"},
+    {"nodes"},
+    {"cli"},
+]
+HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
+ROS = {
+    "action_msgs", "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
+    "launch", "launch_ros", "lifecycle_msgs", "map_msgs", "nav_msgs", "rcl_interfaces", "rclpy",
+    "rosgraph_msgs", "rosidl_runtime_py", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs",
+    "tf2_ros", "usmap_msgs",
+}  # fmt: skip
+MODULES = {
+    ".".join(("usmap_ros", *path.relative_to(SOURCE).with_suffix("").parts)).removesuffix(
+        ".__init__"
+    ): path
+    for path in SOURCE.rglob("*.py")
+}
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Every module that a file imports, at its top, in a function, or for the type checker."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            for alias in node.names:
+                # A package that is asked for a module has only to find it.
+                module = f"{node.module}.{alias.name}"
+                yield module if module in MODULES else node.module
+
+
+#: What each module imports of the package.  The package's own page of names points everywhere.
+IMPORTS = {
+    name: {module for module in imported(path) if module in MODULES and module != name}
+    for name, path in MODULES.items()
+    if name != "usmap_ros"
+}
+
+
+def part(module: str) -> str:
+    """Module or package right below ``usmap_ros``."""
+    return module.split(".")[1]
+
+
+def test_every_part_has_a_layer() -> None:
+    assert {part(name) for name in IMPORTS} == set(HEIGHT)
+
+
+@pytest.mark.parametrize("name", sorted(HEIGHT))
+def test_no_import_goes_up_or_across(name: str) -> None:
+    wrong = [
+        f"{module} imports {other}"
+        for module, others in IMPORTS.items()
+        if part(module) == name
+        for other in others - {"usmap_ros"}
+        if part(other) != name and HEIGHT[part(other)] >= HEIGHT[name]
+    ]
+    assert not wrong
+
+
+def test_no_imports_form_a_circle() -> None:
+    try:
+        TopologicalSorter(IMPORTS).prepare()
+    except CycleError as error:
+        pytest.fail(" → ".join(error.args[1]))
+
+
+def test_the_core_imports_no_ros() -> None:
+    """Nodes do, and commands that run nodes, in their functions."""
+    wrong = [
+        f"{name} imports {module}"
+        for name, path in MODULES.items()
+        if not name.startswith(("usmap_ros.nodes", "usmap_ros.cli"))
+        for module in imported(path)
+        if module.split(".")[0] in ROS
+    ]
+    assert not wrong
+
+
+def test_the_tests_see_imports() -> None:
+    """Or the others would pass whatever there is."""
+    assert "usmap_ros.geometry" in IMPORTS["usmap_ros.trace"]
+    assert "usmap_ros.mapping.scoring" in IMPORTS["usmap_ros.cli.evaluate"]
+    assert "rclpy" in {
+        module.split(".")[0]
+        for name, path in MODULES.items()
+        if name.startswith("usmap_ros.nodes")
+        for module in imported(path)
+    }

@@ -10,17 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
 from usmap_ros.pipeline import Pipeline
-from usmap_ros.simulation import EchoSimulator
+from usmap_ros.simulation import hear
 from usmap_ros.simulation.receiver import Receiver
-from usmap_ros.simulation.scene import Discs, Scene
-from usmap_ros.simulation.simulator import MountedTransducer
-from usmap_ros.simulation.surfaces import Scatterers, Walls
 from usmap_ros.trace import Encoding
 
 ROOT = Path(__file__).parents[2]
@@ -100,16 +96,10 @@ def look_at_poles() -> Callable[[int, int], Sighting]:
     transducer = Transducer(
         Pulse(PulseShape.HANN_BURST, 50e3, 3.2e-4), BeamPattern.linear(), 0.2, 5.0
     )
-    receiver, channel = Receiver(Encoding.IQ, 25e3, 0.0, NOISE_STD), Channel(343.0)
-    sonar = MountedTransducer(
-        "echo", "sonar", Pose.planar(0.0, 0.0, 0.0), transducer, receiver, channel, channel,
-        NOISE_STD, np.zeros(3),
-    )  # fmt: skip
+    receiver = Receiver(Encoding.IQ, 25e3, 0.0, NOISE_STD)
 
     def are_heard(pose: Pose, points_m: FloatArray, strengths: FloatArray) -> bool:
-        away_m = points_m - pose.position_m[:2]
-        ranges_m = np.hypot(*away_m.T)
-        bearings = np.angle((away_m[:, 0] + 1j * away_m[:, 1]) * np.exp(-1j * pose.yaw_rad))
+        ranges_m, bearings = pose.polar(points_m)
         amplitudes = strengths * transducer.beam.gain(bearings) / ranges_m**2
         apart_m = np.diff(np.sort(ranges_m))
         return bool(
@@ -138,12 +128,12 @@ def look_at_poles() -> Callable[[int, int], Sighting]:
             strengths = np.exp(rng.normal(0.0, 0.35, count))
             if all(are_heard(pose, points_m, strengths) for pose in places):
                 break
-        scene = Scene(
-            Discs(points_m, np.zeros(count), strengths), Walls.joined([]), Scatterers.joined([])
-        )
-        simulator, pipeline = EchoSimulator(scene), Pipeline()
-        for number, pose in enumerate(places):
-            pipeline.process(simulator.ping(sonar, pose, number, rng))
+        pipeline = Pipeline()
+        for pose in places:
+            trace = hear(
+                points_m, strengths, pose=pose, transducer=transducer, receiver=receiver, seed=rng
+            )
+            pipeline.process(trace)
         occupancy = pipeline.occupancy_map()
         resolution_m, probability = occupancy.geometry.resolution_m, occupancy.probability()
         order = np.argsort(-probability, axis=None, kind="stable")

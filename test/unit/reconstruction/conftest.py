@@ -1,17 +1,15 @@
 """Traces of points, as the simulator hears them."""
 
-import numpy as np
+from dataclasses import replace
+
 import pytest
 
+import usmap_ros
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import Pose
 from usmap_ros.simulation.receiver import Receiver
-from usmap_ros.simulation.scene import Discs, Scene
-from usmap_ros.simulation.simulator import EchoSimulator, MountedTransducer
-from usmap_ros.simulation.surfaces import Scatterers, Walls
 from usmap_ros.trace import Encoding
 
 HANN = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
@@ -49,29 +47,15 @@ def hear():
         seed=0,
     ):
         encoding, pulse, rate_hz = RECEPTIONS[reception]
-        points = np.reshape(np.asarray(points, dtype=float), (-1, 2))
-        strengths = np.ones(len(points)) if reflectivities is None else reflectivities
-        receiver = Receiver(encoding, rate_hz, start_delay_s, noise_std)
-        channel = channel or Channel(343.0)
-        sonar = MountedTransducer(
-            topic="echo",
-            child_frame_id="sonar",
-            mount=Pose.planar(0.0, 0.0, 0.0),
+        trace = usmap_ros.hear(
+            points,
+            1.0 if reflectivities is None else reflectivities,
+            pose=pose,
             transducer=Transducer(pulse, BeamPattern.linear(), 0.2, max_range_m),
-            receiver=receiver,
-            channel=channel,
-            stated_channel=channel,
-            stated_noise_std=(
-                receiver.stated_noise_std if stated_noise_std is None else stated_noise_std
-            ),
-            pose_stds=np.zeros(3),
+            receiver=Receiver(encoding, rate_hz, start_delay_s, noise_std),
+            channel=channel or Channel(343.0),
+            seed=seed,
         )
-        scene = Scene(
-            Discs(points, np.zeros(len(points)), np.asarray(strengths, dtype=float)),
-            Walls.joined([]),
-            Scatterers.joined([]),
-        )
-        pose = pose or Pose.planar(0.0, 0.0, 0.0)
-        return EchoSimulator(scene).ping(sonar, pose, 0, np.random.default_rng(seed))
+        return trace if stated_noise_std is None else replace(trace, noise_std=stated_noise_std)
 
     return hear

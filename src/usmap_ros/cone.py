@@ -46,6 +46,9 @@ class EchoCone:
         there could have gone unreported, in half decibels above -100 dB.
     residual : float
         Norm of what the echoes leave unexplained, relative to the trace's norm.
+    object_rise_m : float
+        Height of the objects above the transducer; 0 if they are at its height, and for upright
+        ones, which answer from there.
     bearings_rad, bearing_stds_rad : (echoes,) arrays, optional
         Directions off the beam axis, positive to the left, where receivers side by side could
         tell them, and their standard deviations; NaN: unknown; None: all of them.
@@ -64,6 +67,7 @@ class EchoCone:
     limit_step_m: float
     detection_limits: NDArray[np.uint8]
     residual: float
+    object_rise_m: float = 0.0
     bearings_rad: NDArray[np.float32] | None = None
     bearing_stds_rad: NDArray[np.float32] | None = None
 
@@ -80,6 +84,8 @@ class EchoCone:
         self.transducer.validate()
         if not (np.isfinite(self.attenuation_db_m) and self.attenuation_db_m >= 0.0):
             raise MalformedMessageError("attenuation", f"is {self.attenuation_db_m:g} dB/m")
+        if not np.isfinite(self.object_rise_m):
+            raise MalformedMessageError("object_rise", "is not finite")
         columns = {
             "ranges": self.ranges_m,
             "range_stds": self.range_stds_m,

@@ -81,6 +81,11 @@ class Pose:
             covariance=turn @ inner.covariance @ turn.T,
         )
 
+    @property
+    def is_tilted(self) -> bool:
+        """Whether the x axis points up or down."""
+        return bool(abs(self.rotation.as_matrix()[2, 0]) > 1e-9)
+
     def inverse(self) -> Pose:
         """Pose of the frame that this one is given in, in this one's frame; exact."""
         turn = self.rotation.inv()
@@ -128,3 +133,9 @@ class Pose:
             raise MalformedMessageError("pose.covariance", "is not finite")
         if np.any(np.diagonal(self.covariance) < 0.0):
             raise MalformedMessageError("pose.covariance", "has a negative variance")
+
+
+def at_height(places_m: FloatArray, height_m: float | FloatArray) -> FloatArray:
+    """Points in space, shape (n, 3), over places in the plane, shape (n, 2)."""
+    heights_m = np.broadcast_to(height_m, len(places_m))
+    return np.column_stack([places_m, heights_m])

@@ -29,12 +29,16 @@ class Channel:
         Of the transducer above a reflecting floor; 0: no floor echo.
     floor_reflectivity : float
         Amplitude reflectivity of the floor, 0 to 1.
+    object_rise_m : float
+        Height of the objects above the transducer, on which their way over the floor depends;
+        upright ones answer from its height.
     """
 
     sound_speed_m_s: float
     attenuation_db_m: float = 0.0
     floor_height_m: float = 0.0
     floor_reflectivity: float = 0.0
+    object_rise_m: float = 0.0
 
     @property
     def has_floor(self) -> bool:
@@ -73,7 +77,9 @@ class Channel:
             amplitudes += [2.0 * direct * reflected, reflected**2]
         return np.stack(amplitudes, axis=-1)
 
-    def between(self, there_m: FloatArray, back_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def between(
+        self, there_m: FloatArray, back_m: FloatArray, rise_m: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Delays and amplitudes of all paths from one transducer over points to another one.
 
         Both are at the height of the floor's channel above it.
@@ -82,13 +88,15 @@ class Channel:
         ----------
         there_m, back_m : (...) arrays
             Distance of each point from the transducer that sends, and from the one that listens.
+        rise_m : (...) array, optional
+            Height of each point above them; None: `object_rise_m`.
 
         Returns
         -------
         delays_s, amplitudes : (..., paths) arrays
             One path without a floor, four with one: neither leg, either or both over the floor.
         """
-        there, back = self._legs_m(there_m), self._legs_m(back_m)
+        there, back = self._legs_m(there_m, rise_m), self._legs_m(back_m, rise_m)
         reflected = (1.0, self.floor_reflectivity)
         legs = [(0, 0), (0, 1), (1, 0), (1, 1)] if self.has_floor else [(0, 0)]
         lengths_m = [there[a] + back[b] for a, b in legs]
@@ -98,9 +106,19 @@ class Channel:
         ]
         return np.stack(lengths_m, axis=-1) / self.sound_speed_m_s, np.stack(gains, axis=-1)
 
-    def _legs_m(self, range_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _legs_m(
+        self, range_m: FloatArray, rise_m: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Length of the direct leg, and of the one over the floor, to the transducer's image.
+
+        Horizontally a point is as far from the transducer as from its image below the floor, and
+        vertically by h - H against h + H: the squares differ by 4 h H, H being its own height.
+        """
         direct_m = np.asarray(range_m, dtype=float)
-        return direct_m, np.hypot(direct_m, 2.0 * self.floor_height_m)
+        rise = self.object_rise_m if rise_m is None else rise_m
+        object_height_m = np.maximum(self.floor_height_m + rise, 0.0)
+        via_floor_m = np.sqrt(direct_m**2 + 4.0 * self.floor_height_m * object_height_m)
+        return direct_m, via_floor_m
 
     def _leg_gain(self, leg_m: FloatArray) -> FloatArray:
         return 10.0 ** (-self.attenuation_db_m * leg_m / 20.0) / leg_m

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.cone import EchoCone
+from usmap_ros.geometry import at_height
 from usmap_ros.mapping.grid import FloatArray, IndexArray
 
 #: Gain at which the beam counts as silent: keeps logarithms finite.
@@ -58,16 +59,28 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
     x_m, y_m = cone.pose.position_m[:2]
     yaw_rad = cone.pose.yaw_rad
     columns, rows = _cells_in_box(cone, resolution_m)
+    height_m = cone.pose.position_m[2] + cone.object_rise_m
     east_m = (columns + 0.5) * resolution_m - x_m
     north_m = (rows + 0.5) * resolution_m - y_m
     range_m = np.sqrt(east_m[np.newaxis, :] ** 2 + north_m[:, np.newaxis] ** 2)
     ahead_m = np.cos(yaw_rad) * east_m[np.newaxis, :] + np.sin(yaw_rad) * north_m[:, np.newaxis]
-    in_beam = ahead_m > range_m * np.cos(min(beam.half_angle_rad, np.pi))
+    if cone.pose.is_tilted or cone.object_rise_m:
+        # In the plane alone neither range nor angle is what it is in space.
+        every_m = np.stack(np.meshgrid(east_m + x_m, north_m + y_m), axis=-1).reshape(-1, 2)
+        range_m, off_axis = (
+            values.reshape(range_m.shape)
+            for values in cone.pose.polar(at_height(every_m, height_m))
+        )
+        in_beam = np.abs(off_axis) < beam.half_angle_rad
+    else:
+        in_beam = ahead_m > range_m * np.cos(min(beam.half_angle_rad, np.pi))
     transducer = cone.transducer
     in_range = (range_m > transducer.min_range_m) & (range_m < transducer.max_range_m)
     row, column = np.nonzero(in_beam & in_range)
     centers_m = np.stack([columns[column] + 0.5, rows[row] + 0.5], axis=-1) * resolution_m
-    range_m, bearing_rad = cone.pose.polar(centers_m)
+    range_m, bearing_rad = cone.pose.polar(
+        at_height(centers_m, height_m) if cone.object_rise_m else centers_m
+    )
     cosine, sine = east_m[column] / range_m, north_m[row] / range_m
     range_std_m, bearing_std_rad = _pose_spread(cone.pose.planar_covariance, cosine, sine, range_m)
     gain = np.maximum(beam.gain(bearing_rad), LEAST_GAIN)
@@ -90,6 +103,8 @@ def _cells_in_box(cone: EchoCone, resolution_m: float) -> tuple[IndexArray, Inde
     """Columns and rows of the box around the sector that the beam covers."""
     x_m, y_m = cone.pose.position_m[:2]
     reach_m, half_angle = cone.transducer.max_range_m, cone.transducer.beam.half_angle_rad
+    if cone.pose.is_tilted or cone.object_rise_m:
+        half_angle = np.pi
     # The extremes of a sector lie at its edges or where it crosses an axis.
     quarters = np.arange(-2, 3) * (np.pi / 2.0)
     crossing = (quarters - cone.pose.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi

@@ -56,6 +56,18 @@ class ReconstructionParameters(ParameterGroup):
     cell_size_m: float = quantity(
         0.05, "Side of a cell of the dictionary of cells.", "m", ge=0.005, le=2.0
     )
+    upright_objects: bool = quantity(
+        True,
+        "Objects reach up to the transducer, and answer from its height; otherwise they all lie at"
+        " object_height_m.",
+    )
+    object_height_m: float = quantity(
+        0.0,
+        "Height (z in the world frame) of objects that are not upright.",
+        "m",
+        ge=-1000.0,
+        le=1000.0,
+    )
     sparsity: int = quantity(
         32, "Most echoes that are looked for in one ping (k of CoSaMP).", ge=1, le=1000
     )

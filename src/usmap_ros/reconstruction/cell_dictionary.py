@@ -19,7 +19,7 @@ from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.geometry import Pose
+from usmap_ros.geometry import Pose, at_height
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatrix
 from usmap_ros.trace import EchoTrace, Emission, Encoding
@@ -64,8 +64,22 @@ class ConeCells:
         return (places + 0.5) * self.resolution_m
 
     @classmethod
-    def seen(cls, pose: Pose, transducer: Transducer, resolution_m: float) -> ConeCells:
-        """Cells within the range limits of a transducer that its beam reaches."""
+    def seen(
+        cls, pose: Pose, transducer: Transducer, resolution_m: float, rise_m: float = 0.0
+    ) -> ConeCells:
+        """Cells within the range limits of a transducer that its beam reaches.
+
+        Parameters
+        ----------
+        pose : Pose
+            Of the transducer, tilted or not.
+        transducer : Transducer
+            Its beam and range limits.
+        resolution_m : float
+            Side of a cell.
+        rise_m : float
+            Height of the objects in the cells above the transducer.
+        """
         x_m, y_m = pose.position_m[:2]
         reach = transducer.max_range_m / resolution_m + 1.0
         first_column, first_row = np.floor(np.array([x_m, y_m]) / resolution_m - reach).astype(int)
@@ -73,7 +87,7 @@ class ConeCells:
         row, column = (grid.reshape(-1) for grid in np.meshgrid(side, side, indexing="ij"))
         row, column = row + first_row, column + first_column
         centers_m = (np.stack([column, row], axis=-1) + 0.5) * resolution_m
-        range_m, bearing = pose.polar(centers_m)
+        range_m, bearing = pose.polar(at_height(centers_m, pose.position_m[2] + rise_m))
         gain = transducer.beam.gain(bearing)
         seen = (range_m >= transducer.min_range_m) & (range_m <= transducer.max_range_m)
         inside = np.flatnonzero(seen & (gain > 0.0) & (range_m > 0.0))
@@ -176,7 +190,7 @@ class CellDictionary(MatrixOperator):
             Store only the samples that an echo touches.
         """
         channel = trace.channel if floor else replace(trace.channel, floor_height_m=0.0)
-        cells = ConeCells.seen(trace.pose, trace.transducer, resolution_m)
+        cells = ConeCells.seen(trace.pose, trace.transducer, resolution_m, channel.object_rise_m)
         return cls(
             cells,
             [_sound(trace, emission, cells) for emission in trace.sent],
@@ -194,7 +208,8 @@ def _sound(trace: EchoTrace, emission: Emission, cells: ConeCells) -> CellSound:
     if trace.is_own(emission):
         return CellSound.own(pulse, cells)
     sender = trace.pose.compose(emission.mount)
-    ranges_m, bearings_rad = sender.polar(cells.centers_m)
+    height_m = trace.pose.position_m[2] + trace.channel.object_rise_m
+    ranges_m, bearings_rad = sender.polar(at_height(cells.centers_m, height_m))
     # One way the gain is the root of that both ways.
     gains = np.sqrt(cells.gains * emission.transducer.beam.gain(bearings_rad))
     return CellSound(pulse, ranges_m, gains, own_hz)

@@ -68,6 +68,7 @@ def make_cone(
         pose=trace.pose,
         transducer=trace.transducer,
         attenuation_db_m=trace.channel.attenuation_db_m,
+        object_rise_m=trace.channel.object_rise_m,
         ranges_m=echoes.ranges_m[order].astype(np.float32),
         range_stds_m=echoes.range_stds_m[order].astype(np.float32),
         amplitudes=echoes.amplitudes[order].astype(np.float32),

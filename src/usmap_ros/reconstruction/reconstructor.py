@@ -7,7 +7,7 @@ accepted is obeyed by all of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -112,7 +112,11 @@ def reconstruct_sounding(
 
 def _told(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
     """The trace as it should have been, as far as parameters say what it lacks."""
-    return corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
+    trace = corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
+    if parameters.upright_objects:
+        return trace
+    rise_m = parameters.object_height_m - float(trace.pose.position_m[2])
+    return replace(trace, channel=replace(trace.channel, object_rise_m=rise_m))
 
 
 def _by_delays(trace: EchoTrace, found: DelayReconstruction, cone: EchoCone) -> Reconstruction:

@@ -12,6 +12,7 @@ from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY
 from usmap_ros.io.nav2_map import Nav2Map
 from usmap_ros.simulation.models.world import PointModel, RandomPolesModel, WorldModel
 from usmap_ros.simulation.motion import Bounds
+from usmap_ros.simulation.reflectors import EVERYWHERE, Reflectors
 from usmap_ros.simulation.scene import Discs, FreeSpace, Scene
 from usmap_ros.simulation.surfaces import Scatterers, Surface, Walls, scatter_along, walls_of_cells
 
@@ -44,12 +45,40 @@ def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSeq
         scatterers,
         [disc.build() for disc in world.moving],
         None if plan is None else FreeSpace(plan.geometry, plan.probability <= FREE_PROBABILITY),
+        _reflectors(world),
     )
     if world.random_poles is None:
         return scene
     area = world_bounds(world, plan)
     poles = _random_poles(world.random_poles, scene, area, np.random.default_rng(pole_seed))
     return replace(scene, discs=Discs.joined([scene.discs, poles]))
+
+
+def _reflectors(world: WorldModel) -> Reflectors:
+    balls, facets = world.balls, world.facets
+    count = len(balls)
+    places = [(ball.x_m, ball.y_m, ball.z_m) for ball in balls]
+    places += [(one.x_m, one.y_m, np.nan if one.z_m is None else one.z_m) for one in facets]
+    # A ball that states no reflectivity returns what a large rigid one would.
+    strengths = [ball.reflectivity or 0.5 * ball.radius_m for ball in balls]
+    turned = np.array([(one.normal_rad, one.elevation_rad) for one in facets]).reshape(-1, 2)
+    azimuth, elevation = turned.T
+    normals = np.zeros((count + len(facets), 3))
+    normals[count:] = np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ],
+        axis=-1,
+    )
+    return Reflectors(
+        centers_m=np.array(places, dtype=float).reshape(-1, 3),
+        radii_m=np.array([ball.radius_m for ball in balls] + [0.0] * len(facets)),
+        reflectivities=np.array(strengths + [facet.reflectivity for facet in facets]),
+        normals=normals,
+        lobes_rad=np.array([EVERYWHERE] * count + [facet.lobe_rad for facet in facets]),
+    )
 
 
 def _stated_discs(world: WorldModel) -> Discs:
@@ -78,6 +107,8 @@ def world_bounds(world: WorldModel, plan: Nav2Map | None) -> Bounds:
         radius = cylinder.radius_m
         corners += [(cylinder.x_m - radius, cylinder.y_m - radius)]
         corners += [(cylinder.x_m + radius, cylinder.y_m + radius)]
+    corners += [(ball.x_m, ball.y_m) for ball in world.balls]
+    corners += [(facet.x_m, facet.y_m) for facet in world.facets]
     if plan is not None:
         x_min, x_max, y_min, y_max = plan.geometry.extent_m
         corners += [(x_min, y_min), (x_max, y_max)]

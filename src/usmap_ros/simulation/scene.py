@@ -10,6 +10,7 @@ from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.grids import GridGeometry
 from usmap_ros.simulation.line_of_sight import path_wall_distances, point_segment_distances
 from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.reflectors import Reflectors
 from usmap_ros.simulation.surfaces import Scatterers, Walls
 
 
@@ -106,6 +107,8 @@ class Scene:
         The roughness of the walls.
     moving : list of MovingDisc
         What moves.  Robots' paths do not keep clear of it.
+    reflectors : Reflectors
+        Balls and facets, which hide nothing and stand in nobody's way.
     free_space : FreeSpace or None
         Where robots and random poles may be put down; None: anywhere.
     """
@@ -115,6 +118,7 @@ class Scene:
     scatterers: Scatterers
     moving: list[MovingDisc] = field(default_factory=list)
     free_space: FreeSpace | None = None
+    reflectors: Reflectors = field(default_factory=Reflectors.none)
 
     def discs_at(self, time_s: float) -> Discs:
         """All discs, the moving ones where they are at a time after the scene's start."""

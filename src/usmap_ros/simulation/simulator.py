@@ -170,7 +170,8 @@ class EchoSimulator:
         gains = np.sqrt(
             emission.transducer.beam.gain(sent_at) * sonar.transducer.beam.gain(heard_at)
         )
-        delays_s, amplitudes = sonar.channel.between(there_m, back_m)
+        rise_m = targets.positions_m[:, 2] - true_pose.position_m[2]
+        delays_s, amplitudes = sonar.channel.between(there_m, back_m, rise_m)
         amplitudes *= (targets.reflectivities * gains)[:, np.newaxis]
         return Arrivals(emission.transducer.pulse, delays_s.ravel(), amplitudes.ravel())
 

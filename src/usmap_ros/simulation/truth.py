@@ -10,7 +10,7 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY, GridGeometry, TruthMap
 from usmap_ros.io.nav2_map import Nav2Map
 from usmap_ros.simulation.motion import Bounds
-from usmap_ros.simulation.scene import Discs, Scene
+from usmap_ros.simulation.scene import Scene
 
 #: What nav2 takes.
 MAX_SIDE = 32_767
@@ -44,7 +44,8 @@ def build_truth_map(
     # Those of a map have one side; the cells behind them are what counts.
     thin = ~walls.one_sided
     outlines = [
-        _disc_outlines(scene.discs, resolution_m),
+        _disc_outlines(scene.discs.centers_m, scene.discs.radii_m, resolution_m),
+        _disc_outlines(scene.reflectors.centers_m[:, :2], scene.reflectors.radii_m, resolution_m),
         _along(walls.starts_m[thin], walls.ends_m[thin], resolution_m),
     ]
     if plan is not None:
@@ -68,10 +69,10 @@ def build_truth_map(
     return TruthMap(GridGeometry(resolution_m, origin, (int(rows), int(columns))), occupied)
 
 
-def _disc_outlines(discs: Discs, resolution_m: float) -> FloatArray:
+def _disc_outlines(centers_m: FloatArray, radii_m: FloatArray, resolution_m: float) -> FloatArray:
     """Points around every disc, close enough to touch each cell that it passes through."""
     outlines = [np.zeros((0, 2))]
-    for center, radius in zip(discs.centers_m, discs.radii_m, strict=True):
+    for center, radius in zip(centers_m, radii_m, strict=True):
         count = max(1, int(np.ceil(2.0 * np.pi * radius / (_SAMPLING * resolution_m))))
         angle = 2.0 * np.pi * np.arange(count) / count
         outlines.append(center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1))

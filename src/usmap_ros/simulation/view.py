@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IntArray
-from usmap_ros.geometry import Pose
+from usmap_ros.geometry import Pose, at_height
 from usmap_ros.simulation.line_of_sight import (
     NO_OWNER,
     cross,
@@ -52,8 +52,8 @@ class Targets:
 
     Parameters
     ----------
-    positions_m : (n, 2) array
-        x, y of each.
+    positions_m : (n, 3) array
+        x, y, z of each; upright things answer from the transducer's height.
     ranges_m : (n,) array
         Distance from the transducer.
     bearings_rad : (n,) array
@@ -70,12 +70,31 @@ class Targets:
 
 @dataclass(frozen=True)
 class _Candidates:
-    """Points that would answer if nothing hid them, and the disc or wall each belongs to."""
+    """Points that would answer if nothing hid them, and the disc or wall each belongs to.
+
+    Their positions are in the plane; their heights are NaN where they are that of the transducer.
+    """
 
     positions_m: FloatArray
     reflectivities: FloatArray
     discs: IntArray
     walls: IntArray
+    heights_m: FloatArray
+
+    @classmethod
+    def upright(
+        cls, positions_m: FloatArray, reflectivities: FloatArray, discs: IntArray, walls: IntArray
+    ) -> _Candidates:
+        """Points of what reaches up to the transducer."""
+        heights_m = np.full(len(positions_m), np.nan)
+        return cls(positions_m, reflectivities, discs, walls, heights_m)
+
+    def in_space(self, view: View) -> FloatArray:
+        """x, y, z of each."""
+        height_m = view.pose.position_m[2]
+        return at_height(
+            self.positions_m, np.where(np.isnan(self.heights_m), height_m, self.heights_m)
+        )
 
     @classmethod
     def joined(cls, parts: list[_Candidates]) -> _Candidates:
@@ -84,11 +103,16 @@ class _Candidates:
             np.concatenate([part.reflectivities for part in parts]),
             np.concatenate([part.discs for part in parts]),
             np.concatenate([part.walls for part in parts]),
+            np.concatenate([part.heights_m for part in parts]),
         )
 
     def where(self, kept: BoolArray) -> _Candidates:
         return _Candidates(
-            self.positions_m[kept], self.reflectivities[kept], self.discs[kept], self.walls[kept]
+            self.positions_m[kept],
+            self.reflectivities[kept],
+            self.discs[kept],
+            self.walls[kept],
+            self.heights_m[kept],
         )
 
 
@@ -111,6 +135,7 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
             _disc_fronts(discs, view),
             _mirror_points(scene.walls, near, view),
             _rough_points(scene, near, view),
+            _floating_points(scene, view),
         ]
     )
     candidates = candidates.where(_in_cone(candidates, view))
@@ -123,12 +148,13 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
         candidates.discs,
     )
     candidates = candidates.where(~hidden)
-    ranges, bearings = view.pose.polar(candidates.positions_m)
-    return Targets(candidates.positions_m, ranges, bearings, candidates.reflectivities)
+    positions_m = candidates.in_space(view)
+    ranges, bearings = view.pose.polar(positions_m)
+    return Targets(positions_m, ranges, bearings, candidates.reflectivities)
 
 
 def _in_cone(candidates: _Candidates, view: View) -> BoolArray:
-    ranges, bearings = view.pose.polar(candidates.positions_m)
+    ranges, bearings = view.pose.polar(candidates.in_space(view))
     inside: BoolArray = (ranges <= view.reach_m) & (ranges >= _NEAREST_M)
     inside &= np.abs(bearings) <= view.half_angle_rad
     return inside & (candidates.reflectivities > 0.0)
@@ -142,7 +168,8 @@ def _walls_near(walls: Walls, view: View) -> IntArray:
     distances = point_segment_distances(view.position_m, walls.starts_m, walls.ends_m)
     near = np.flatnonzero(distances <= view.reach_m)
     near = near[_faces(walls, near, view)]
-    if view.half_angle_rad >= np.pi / 2.0:
+    # Seen from above, a cone that points up or down is wider than it is.
+    if view.half_angle_rad >= np.pi / 2.0 or view.pose.is_tilted:
         return near
     # Up to 90° the cone is where two half planes overlap: a wall is outside of it if both of its
     # ends are beyond the same edge.
@@ -163,7 +190,7 @@ def _disc_fronts(discs: Discs, view: View) -> _Candidates:
     ratio = np.divide(discs.radii_m, distances, out=np.zeros_like(distances), where=outside)
     fronts = discs.centers_m + ratio[:, np.newaxis] * offsets
     reflectivities = np.where(outside, discs.reflectivities, 0.0)
-    return _Candidates(fronts, reflectivities, np.arange(len(discs)), _nobody(len(discs)))
+    return _Candidates.upright(fronts, reflectivities, np.arange(len(discs)), _nobody(len(discs)))
 
 
 def _mirror_points(walls: Walls, near: IntArray, view: View) -> _Candidates:
@@ -178,7 +205,7 @@ def _mirror_points(walls: Walls, near: IntArray, view: View) -> _Candidates:
     ranges = np.hypot(*(view.position_m - feet).T)
     answers = (fraction >= 0.0) & (fraction <= 1.0)
     reflectivities = np.where(answers, walls.specular_reflectivity[near] * ranges / 2.0, 0.0)
-    return _Candidates(feet, reflectivities, _nobody(len(near)), near)
+    return _Candidates.upright(feet, reflectivities, _nobody(len(near)), near)
 
 
 def _rough_points(scene: Scene, near: IntArray, view: View) -> _Candidates:
@@ -197,7 +224,14 @@ def _rough_points(scene: Scene, near: IntArray, view: View) -> _Candidates:
     # Walls that are near do not turn away: the sign only tells the sides of a two-sided one.
     cosine = np.abs(np.sum(offsets * walls.normals[owners], axis=-1)) / ranges
     reflectivities = scatterers.reflectivities[kept] * cosine
-    return _Candidates(positions, reflectivities, _nobody(len(kept)), owners)
+    return _Candidates.upright(positions, reflectivities, _nobody(len(kept)), owners)
+
+
+def _floating_points(scene: Scene, view: View) -> _Candidates:
+    """Balls and facets, each where it is nearest."""
+    points_m, reflectivities = scene.reflectors.answers(view.pose.position_m)
+    nobody = _nobody(len(points_m))
+    return _Candidates(points_m[:, :2], reflectivities, nobody, nobody, points_m[:, 2])
 
 
 def _faces(walls: Walls, near: IntArray, view: View) -> BoolArray:

@@ -61,6 +61,51 @@ class CylinderModel(PointModel):
     radius_m: float = quantity(..., "Radius.", "m", gt=0.0, le=100.0)
 
 
+class BallModel(ParameterGroup):
+    """A ball at a height of its own: off the plane of the transducers, or in it."""
+
+    x_m: Coordinate = quantity(..., "Position.", "m")
+    y_m: Coordinate = quantity(..., "Position.", "m")
+    z_m: Coordinate = quantity(..., "Height of its centre in the world frame.", "m")
+    radius_m: float = quantity(0.0, "Radius; 0: a point.", "m", ge=0.0, le=10.0)
+    reflectivity: float | None = quantity(
+        None,
+        "As a point target; None: half the radius, as of a large rigid ball.",
+        gt=0.0,
+        le=100.0,
+    )
+
+    @model_validator(mode="after")
+    def _returns_something(self) -> BallModel:
+        if self.reflectivity is None and self.radius_m == 0.0:
+            raise ValueError("reflectivity: is needed where radius_m is 0")
+        return self
+
+
+class FacetModel(ParameterGroup):
+    """A small mirror that faces somewhere: what it returns depends on the angle."""
+
+    x_m: Coordinate = quantity(..., "Position.", "m")
+    y_m: Coordinate = quantity(..., "Position.", "m")
+    z_m: Coordinate | None = quantity(
+        None, "Height in the world frame; None: that of whoever listens.", "m"
+    )
+    normal_rad: float = quantity(
+        ..., "Direction that it faces, from the x axis to the left.", "rad", ge=-7.0, le=7.0
+    )
+    elevation_rad: float = quantity(
+        0.0, "How far it faces upwards.", "rad", ge=-0.5 * np.pi, le=0.5 * np.pi
+    )
+    lobe_rad: float = quantity(
+        0.2,
+        "Angle off the normal at which exp(-1/2) of the amplitude is left.",
+        "rad",
+        gt=0.0,
+        le=np.pi,
+    )
+    reflectivity: float = quantity(1.0, "As a point target, from straight ahead.", gt=0.0, le=100.0)
+
+
 class RandomPolesModel(ParameterGroup):
     """Poles at random places, with log-normal reflectivities."""
 
@@ -125,6 +170,8 @@ class WorldModel(ParameterGroup):
     points: list[PointModel] = quantity([], "Thin poles.")
     cylinders: list[CylinderModel] = quantity([], "Round pillars.")
     random_poles: RandomPolesModel | None = quantity(None, "Poles at random places.")
+    balls: list[BallModel] = quantity([], "Balls at heights of their own.")
+    facets: list[FacetModel] = quantity([], "Small mirrors that face somewhere.")
     walls: list[WallModel] = quantity([], "Straight walls.")
     map: MapModel | None = quantity(None, "A nav2 map whose occupied cells are walls.")
     moving: list[MovingModel] = quantity([], "What moves; not part of the truth map.")

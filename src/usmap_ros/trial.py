@@ -10,7 +10,7 @@ from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.scoring import Score, score
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
-from usmap_ros.simulation.run import simulate
+from usmap_ros.simulation.recording import simulate
 from usmap_ros.simulation.scenario import Scenario
 from usmap_ros.trace import EchoTrace
 from usmap_ros.views import PingViews

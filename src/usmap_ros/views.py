@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
-
-FloatArray = NDArray[np.float64]
 
 
 class Beam(NamedTuple):

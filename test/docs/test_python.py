@@ -85,7 +85,7 @@ def test_importing_it_imports_nothing_else() -> None:
     assert done.stdout == "[]\n"
 
 
-@pytest.mark.parametrize("module", ["usmap_ros", "usmap_ros.simulation.hearing"])
+@pytest.mark.parametrize("module", ["usmap_ros", "usmap_ros.simulation.points"])
 def test_examples_in_docstrings_hold(module: str) -> None:
     results = doctest.testmod(importlib.import_module(module))
     assert results.attempted > 0

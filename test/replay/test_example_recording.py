@@ -10,7 +10,7 @@ from usmap_ros.io.map_files import RobotPaths, load_truth
 from usmap_ros.mapping.scoring import score
 from usmap_ros.offline import map_bag
 from usmap_ros.pipeline import Pipeline
-from usmap_ros.simulation.run import simulate
+from usmap_ros.simulation.recording import simulate
 from usmap_ros.simulation.scenario import Scenario
 
 BAGS = Path(__file__).parents[2] / "bags"

@@ -7,7 +7,7 @@ import numpy as np
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
-from usmap_ros.simulation.models.medium import MediumModel, StatedModel
+from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import (
     PoseErrorModel,
     RobotModel,

@@ -18,7 +18,7 @@ from usmap_ros.io.yaml_files import read_mapping, validated
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.build_robots import build_robot
 from usmap_ros.simulation.build_world import build_scene, world_bounds
-from usmap_ros.simulation.models.medium import MediumModel, StatedModel
+from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import RobotModel, check_names_differ
 from usmap_ros.simulation.models.world import WorldModel
 from usmap_ros.simulation.robot import SimulatedRobot, ping_count

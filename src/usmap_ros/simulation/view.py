@@ -8,7 +8,7 @@ import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 from usmap_ros.geometry import Pose, at_height
-from usmap_ros.simulation.line_of_sight import (
+from usmap_ros.simulation.occlusion import (
     NO_OWNER,
     cross,
     hidden_by_discs,

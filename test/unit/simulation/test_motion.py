@@ -7,8 +7,8 @@ import pytest
 
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry
-from usmap_ros.simulation.line_of_sight import path_wall_distances
 from usmap_ros.simulation.motion import BlockedPathError, RandomWalk, WaypointMotion
+from usmap_ros.simulation.occlusion import path_wall_distances
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import FreeSpace
 

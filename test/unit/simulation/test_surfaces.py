@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from usmap_ros.simulation.line_of_sight import (
+from usmap_ros.simulation.occlusion import (
     NO_OWNER,
     hidden_by_walls,
     point_segment_distances,

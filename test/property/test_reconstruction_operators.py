@@ -10,11 +10,11 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.geometry import Pose
-from usmap_ros.reconstruction.baseband import Template
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellSound, ConeCells
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.joint import JointOperator
 from usmap_ros.reconstruction.operators import dot_test
+from usmap_ros.reconstruction.template import Template
 from usmap_ros.trace import Encoding
 
 QUICK = settings(max_examples=40, deadline=None)

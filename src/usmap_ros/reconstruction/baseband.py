@@ -16,6 +16,7 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.reconstruction.pulses import check_pulses
+from usmap_ros.reconstruction.template import Template
 from usmap_ros.trace import EchoTrace, Emission, Encoding
 
 #: Baseband samples per second and hertz of the pulse's bandwidth, at least, after decimation of a
@@ -26,82 +27,13 @@ TAPS_PER_SAMPLE = 8
 PASS_BAND = 0.8
 #: Points a raw sample at which the filtered pulse is tabulated.
 TABLE_POINTS = 4
-#: Points at which the overlap of two echoes is tabulated, and further ones a cycle of its phase.
-LAGS = 257
-LAGS_PER_CYCLE = 16
+#: Delays at which a raw echo is tried for what sampling does to it, spread by this irrational step.
+JITTER_DELAYS = 64
+GOLDEN_RATIO = 0.6180339887
 #: Mean and standard deviation of the modulus of complex noise of RMS 1 (Rayleigh).
 RAYLEIGH_MEAN = float(np.sqrt(np.pi) / 2.0)
 RAYLEIGH_STD = float(np.sqrt(1.0 - np.pi / 4.0))
 RAYLEIGH_SKEWNESS = 0.631
-
-
-@dataclass(frozen=True)
-class Template:
-    """The envelope that an echo has in the baseband, or its filtered form; a chirp's is complex.
-
-    Parameters
-    ----------
-    start_s, duration_s : float
-        The interval on which it is not zero.
-    pulse : Pulse
-        Evaluated where `table` is None.
-    table : (n,) array, optional
-        Values on an even grid over the interval.
-    mixed_by_hz : float, optional
-        Frequency that the signal was mixed down by; None: the pulse's carrier.
-    """
-
-    start_s: float
-    duration_s: float
-    pulse: Pulse
-    table: tuple[complex, ...] | None = None
-    mixed_by_hz: float | None = None
-
-    def __call__(self, time_s: FloatArray) -> Signal:
-        """Envelope at times after the echo's delay."""
-        if self.table is None:
-            return self.pulse.envelope_above(self._centre_hz, time_s)
-        values = np.asarray(self.table)
-        grid = np.linspace(self.start_s, self.start_s + self.duration_s, len(values))
-        envelope: Signal = np.interp(time_s, grid, values, left=0.0, right=0.0)
-        return envelope
-
-    def slope(self, time_s: FloatArray) -> Signal:
-        """Derivative with respect to time, by central difference."""
-        step_s = self.pulse.resolution_s * 1e-4
-        slope: Signal = (self(time_s + step_s) - self(time_s - step_s)) / (2.0 * step_s)
-        return slope
-
-    def overlap(self, delay_s: FloatArray) -> FloatArray:
-        """Correlation of two echoes whose delays differ by `delay_s`, 1 at 0; its magnitude."""
-        lags_s, correlation = _autocorrelation(self)
-        return np.interp(delay_s, lags_s, correlation)
-
-    @property
-    def highest_hz(self) -> float:
-        """Highest frequency by which its phase turns, either way."""
-        return abs(self.pulse.carrier_hz - self._centre_hz) + 0.5 * abs(self.pulse.sweep_hz)
-
-    @property
-    def _centre_hz(self) -> float:
-        return self.pulse.carrier_hz if self.mixed_by_hz is None else self.mixed_by_hz
-
-    @property
-    def is_smooth(self) -> bool:
-        """Whether a delay can be told finer than a sample from it."""
-        smooth = (PulseShape.HANN_BURST, PulseShape.CHIRP)
-        return self.table is not None or self.pulse.shape in smooth
-
-
-@lru_cache(maxsize=16)
-def _autocorrelation(template: Template) -> tuple[FloatArray, FloatArray]:
-    """Lags from 0 to the template's length, and its normalised autocorrelation there."""
-    cycles = template.highest_hz * template.duration_s
-    count = LAGS + int(LAGS_PER_CYCLE * cycles)
-    time_s = np.linspace(template.start_s, template.start_s + template.duration_s, count)
-    values = template(time_s)
-    correlation = np.abs(np.correlate(values, values, mode="full")[count - 1 :])
-    return time_s - template.start_s, correlation / correlation[0]
 
 
 @dataclass(frozen=True)
@@ -117,6 +49,8 @@ class Baseband:
     noise_std : float
         Standard deviation of the noise in `signal` (of the complex value, where complex), or of
         white noise as dense as it is within the pulse's band.
+    echo_noise_std : float
+        The same for the part of the noise that is in phase with an echo, within it.
     noise_skewness : float
         Third standardised moment of the noise: 0 unless the trace is an envelope.
     templates : tuple of Template
@@ -126,6 +60,7 @@ class Baseband:
     signal: Signal
     sampling: Sampling
     noise_std: float
+    echo_noise_std: float
     noise_skewness: float
     templates: tuple[Template, ...]
 
@@ -149,7 +84,10 @@ def to_baseband(trace: EchoTrace) -> Baseband:
     signal, noise_std = trace.signal(), trace.noise_std
     if noise_std == 0.0:
         noise_std = _estimate_noise(signal)
-    skewness = 0.0
+    skewness, echo_noise_std = 0.0, noise_std
+    if trace.encoding is not Encoding.RAW:
+        # Of complex noise an echo feels the half that is in phase with it.
+        echo_noise_std = noise_std / float(np.sqrt(2.0))
     if trace.encoding is Encoding.ENVELOPE:
         signal = signal - RAYLEIGH_MEAN * noise_std
         noise_std, skewness = RAYLEIGH_STD * noise_std, RAYLEIGH_SKEWNESS
@@ -157,6 +95,7 @@ def to_baseband(trace: EchoTrace) -> Baseband:
         signal=signal,
         sampling=trace.sampling,
         noise_std=noise_std,
+        echo_noise_std=echo_noise_std,
         noise_skewness=skewness,
         templates=tuple(_sampled_template(trace, emission) for emission in trace.sent),
     )
@@ -192,6 +131,7 @@ def _demodulated(trace: EchoTrace) -> Baseband:
         signal=filtered,
         sampling=Sampling(rate_hz / decimation, trace.start_delay_s, len(filtered)),
         noise_std=noise_std,
+        echo_noise_std=noise_std / float(np.sqrt(2.0)),
         noise_skewness=0.0,
         templates=tuple(
             _filtered_template(one, pulse.carrier_hz, rate_hz, decimation) for one in sent
@@ -215,10 +155,65 @@ def _filtered_template(
     taps = _low_pass(decimation, carrier_hz / rate_hz)
     duration_s = pulse.duration_s + (len(taps) - 1) / rate_hz
     points = int(np.ceil(duration_s * rate_hz * TABLE_POINTS)) + 1
-    time_s = np.linspace(0.0, duration_s, points)
-    tap_delay_s = np.arange(len(taps)) / rate_hz
-    table = pulse.envelope_above(carrier_hz, time_s[:, np.newaxis] - tap_delay_s) @ taps
-    return Template(0.0, duration_s, pulse, tuple(table), carrier_hz)
+    time_s = np.arange(points) / (rate_hz * TABLE_POINTS)
+    age_s = time_s[:, np.newaxis] - np.arange(len(taps)) / rate_hz
+    table = _envelope_between_samples(pulse, carrier_hz, rate_hz, age_s) @ taps
+    template = Template(0.0, float(time_s[-1]), pulse, tuple(table), carrier_hz)
+    delay_jitter_s, amplitude_jitter, misfit = _sampling_errors(template, rate_hz, decimation, taps)
+    return replace(
+        template,
+        delay_jitter_s=float(delay_jitter_s),
+        amplitude_jitter=float(amplitude_jitter),
+        misfit=float(misfit),
+    )
+
+
+def _envelope_between_samples(
+    pulse: Pulse, carrier_hz: float, rate_hz: float, age_s: FloatArray
+) -> Signal:
+    """Envelope of an echo in raw samples as a smooth function of its delay.
+
+    An edge takes effect from one raw sample to the next: as a function of the delay, an echo with
+    edges is a staircase, which has no slope; the line through the middles of its stairs has.
+    """
+    if pulse.shape is not PulseShape.TONE_BURST:
+        return pulse.envelope_above(carrier_hz, age_s)
+    begun = (age_s * rate_hz + 0.5).clip(0.0, 1.0)
+    ended = ((age_s - pulse.duration_s) * rate_hz + 0.5).clip(0.0, 1.0)
+    offset_hz = pulse.carrier_hz - carrier_hz
+    window: Signal = (begun - ended).astype(np.complex128)
+    if offset_hz == 0.0:
+        return window.real
+    window *= np.exp(2j * np.pi * offset_hz * age_s)
+    return window
+
+
+def _sampling_errors(
+    template: Template, rate_hz: float, decimation: int, taps: FloatArray
+) -> FloatArray:
+    """RMS error of delay (s) and amplitude, and misfit, of an echo without any noise, (3,).
+
+    They come from how edges fall among raw samples, and from what the low-pass lets through of the
+    mixer's image at twice the carrier.  Measured on echoes at evenly spread delays.
+    """
+    pulse, carrier_hz = template.pulse, template.mixed_by_hz or 0.0
+    raw_s = np.arange(int(np.ceil(template.duration_s * rate_hz)) + 3 * decimation) / rate_hz
+    mixer = 2.0 * np.exp(-2j * np.pi * carrier_hz * raw_s)
+    errors = []
+    for share in (np.arange(JITTER_DELAYS) * GOLDEN_RATIO) % 1.0:
+        delay_s = (1.0 + share) * decimation / rate_hz
+        heard = upfirdn(taps, mixer * pulse.waveform(raw_s - delay_s), up=1, down=decimation)
+        age_s = np.arange(len(heard)) * decimation / rate_hz - delay_s
+        shape = template(age_s)
+        amplitude = np.vdot(shape, heard) / np.vdot(shape, shape)
+        slope = -amplitude * template.slope(age_s)
+        free = slope - shape * (np.vdot(shape, slope) / np.vdot(shape, shape))
+        step_s = np.vdot(free, heard - amplitude * shape).real / np.vdot(free, free).real
+        left = heard - amplitude * shape - step_s * free
+        misfit = np.linalg.norm(left) / np.linalg.norm(heard)
+        errors.append((step_s, np.abs(amplitude) - 1.0, misfit))
+    rms: FloatArray = np.sqrt(np.mean(np.square(errors), axis=0))
+    return rms
 
 
 def _estimate_noise(signal: Signal) -> float:

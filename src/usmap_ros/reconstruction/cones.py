@@ -59,9 +59,14 @@ def make_cone(
         Width of a range bin.
     residual : float
         Norm of what the echoes leave unexplained, relative to the trace's norm.
+
+    Raises
+    ------
+    MalformedMessageError
+        If what was found is no cone that could be sent to others.
     """
     order = np.argsort(echoes.ranges_m)
-    return EchoCone(
+    cone = EchoCone(
         stamp_ns=trace.stamp_ns,
         frame_id=trace.frame_id,
         child_frame_id=trace.child_frame_id,
@@ -78,3 +83,5 @@ def make_cone(
         detection_limits=encode_limits(limit_amplitudes),
         residual=residual,
     )
+    cone.validate()
+    return cone

@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter1d
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.reconstruction.baseband import Template
+from usmap_ros.reconstruction.template import Template
 
 
 class DelayDomainOperator:

@@ -7,7 +7,8 @@ import pytest
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.reconstruction.baseband import Template, to_baseband
+from usmap_ros.reconstruction.baseband import to_baseband
+from usmap_ros.reconstruction.template import Template
 
 RECEPTIONS = ["iq", "envelope", "raw", "square", "tone_iq"]
 

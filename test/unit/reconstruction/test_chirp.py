@@ -8,9 +8,10 @@ import pytest
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.reconstruction.baseband import Template, to_baseband
+from usmap_ros.reconstruction.baseband import to_baseband
 from usmap_ros.reconstruction.cells import reconstruct_cells
 from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.reconstruction.template import Template
 
 PARAMETERS = ReconstructionParameters()
 CELLS = ReconstructionParameters(dictionary="cells", cell_size_m=0.25)

@@ -6,9 +6,9 @@ import pytest
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.reconstruction.baseband import Template
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.operators import dot_test
+from usmap_ros.reconstruction.template import Template
 
 HANN = Template(0.0, 3.2e-4, Pulse(PulseShape.HANN_BURST, 50e3, 3.2e-4))
 FLOOR = Channel(343.0, floor_height_m=0.5, floor_reflectivity=0.8)

@@ -6,10 +6,10 @@ import pytest
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.reconstruction.baseband import Template
 from usmap_ros.reconstruction.cosamp import Fit, Halt
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.refinement import delay_step
+from usmap_ros.reconstruction.template import Template
 
 SUPPORT = np.array([100, 300])
 OFFSETS_S = np.array([3e-6, -2e-6])
@@ -55,7 +55,9 @@ def test_deviation_is_the_scatter_over_noise(operator, heard):
         step_s, unit_std_s = delay_step(at, solution)
         steps.append(step_s)
 
-    np.testing.assert_allclose(np.std(steps, axis=0), noise_std * unit_std_s, rtol=0.2)
+    np.testing.assert_allclose(
+        np.std(steps, axis=0), noise_std / np.sqrt(2.0) * unit_std_s, rtol=0.2
+    )
 
 
 def test_step_is_never_longer_than_the_grid_step(operator, heard):

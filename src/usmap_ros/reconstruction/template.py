@@ -1,0 +1,93 @@
+"""What one echo looks like in the baseband."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.arrays import FloatArray, Signal
+
+#: Points at which the overlap of two echoes is tabulated, and further ones a cycle of its phase.
+LAGS = 257
+LAGS_PER_CYCLE = 16
+
+
+@dataclass(frozen=True)
+class Template:
+    """The envelope that an echo has in the baseband, or its filtered form; a chirp's is complex.
+
+    Parameters
+    ----------
+    start_s, duration_s : float
+        The interval on which it is not zero.
+    pulse : Pulse
+        Evaluated where `table` is None.
+    table : (n,) array, optional
+        Values on an even grid over the interval.
+    mixed_by_hz : float, optional
+        Frequency that the signal was mixed down by; None: the pulse's carrier.
+    delay_jitter_s : float
+        Standard deviation of the delay that sampling leaves open, however little noise there is.
+    amplitude_jitter : float
+        The same of the amplitude, relative to it.
+    misfit : float
+        Norm of what the template leaves of an echo without noise, relative to the echo.
+    """
+
+    start_s: float
+    duration_s: float
+    pulse: Pulse
+    table: tuple[complex, ...] | None = None
+    mixed_by_hz: float | None = None
+    delay_jitter_s: float = 0.0
+    amplitude_jitter: float = 0.0
+    misfit: float = 0.0
+
+    def __call__(self, time_s: FloatArray) -> Signal:
+        """Envelope at times after the echo's delay."""
+        if self.table is None:
+            return self.pulse.envelope_above(self._centre_hz, time_s)
+        values = np.asarray(self.table)
+        grid = np.linspace(self.start_s, self.start_s + self.duration_s, len(values))
+        envelope: Signal = np.interp(time_s, grid, values, left=0.0, right=0.0)
+        return envelope
+
+    def slope(self, time_s: FloatArray) -> Signal:
+        """Derivative with respect to time, by central difference."""
+        step_s = self.pulse.resolution_s * 1e-4
+        slope: Signal = (self(time_s + step_s) - self(time_s - step_s)) / (2.0 * step_s)
+        return slope
+
+    def overlap(self, delay_s: FloatArray) -> FloatArray:
+        """Correlation of two echoes whose delays differ by `delay_s`, 1 at 0; its magnitude."""
+        lags_s, correlation = _autocorrelation(self)
+        return np.interp(delay_s, lags_s, correlation)
+
+    @property
+    def highest_hz(self) -> float:
+        """Highest frequency by which its phase turns, either way."""
+        return abs(self.pulse.carrier_hz - self._centre_hz) + 0.5 * abs(self.pulse.sweep_hz)
+
+    @property
+    def _centre_hz(self) -> float:
+        return self.pulse.carrier_hz if self.mixed_by_hz is None else self.mixed_by_hz
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether a delay can be told finer than a sample from it."""
+        smooth = (PulseShape.HANN_BURST, PulseShape.CHIRP)
+        return self.table is not None or self.pulse.shape in smooth
+
+
+@lru_cache(maxsize=16)
+def _autocorrelation(template: Template) -> tuple[FloatArray, FloatArray]:
+    """Lags from 0 to the template's length, and its normalised autocorrelation there."""
+    cycles = template.highest_hz * template.duration_s
+    count = LAGS + int(LAGS_PER_CYCLE * cycles)
+    time_s = np.linspace(template.start_s, template.start_s + template.duration_s, count)
+    values = template(time_s)
+    correlation = np.abs(np.correlate(values, values, mode="full")[count - 1 :])
+    return time_s - template.start_s, correlation / correlation[0]

@@ -14,7 +14,7 @@ LAYERS = [
     {"acoustics", "geometry"},
     {"grids", "parameters"},
     {"trace", "cone"},
-    {"correction", "soundings", "transducer_array", "views"},
+    {"correction", "repeats", "soundings", "transducer_array", "views"},
     {"io"},
     {"simulation", "reconstruction", "mapping"},
     {"calibration", "pipeline"},

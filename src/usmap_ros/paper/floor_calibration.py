@@ -148,10 +148,9 @@ def _truth() -> TruthMap:
 
 def _heard_ranges_m(trace: EchoTrace) -> FloatArray:
     """Ranges of the poles well inside the cone."""
-    offset = np.array(POLES) - trace.pose.position_m[:2]
-    bearing = np.arctan2(offset[:, 1], offset[:, 0]) - trace.pose.yaw_rad
-    ranges_m: FloatArray = np.hypot(*offset.T)[np.abs(bearing) < np.deg2rad(33.0)]
-    return ranges_m
+    ranges_m, bearings_rad = trace.pose.polar(np.array(POLES))
+    well_inside: FloatArray = ranges_m[np.abs(bearings_rad) < np.deg2rad(33.0)]
+    return well_inside
 
 
 def _draw_carpet(axes: Axes, carpet: dict[str, Any]) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from usmap_ros import simulation
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
@@ -21,9 +22,6 @@ from usmap_ros.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cells import CellReconstruction
 from usmap_ros.simulation.receiver import Receiver
-from usmap_ros.simulation.scene import Discs, Scene
-from usmap_ros.simulation.simulator import EchoSimulator, MountedTransducer
-from usmap_ros.simulation.surfaces import Scatterers, Walls
 from usmap_ros.trace import EchoTrace, Encoding
 
 Points = Sequence[tuple[float, float]]
@@ -97,7 +95,7 @@ def hear(
     pose: Pose = ALIGNED,
     seed: int = 0,
 ) -> EchoTrace:
-    """Simulate one ping at points.
+    """`usmap_ros.simulation.hear` one ping, with the paper's transducer.
 
     Parameters
     ----------
@@ -116,25 +114,16 @@ def hear(
     seed : int
         Of the noise.
     """
-    centers_m = np.asarray(points, dtype=float).reshape(-1, 2)
-    count = len(centers_m)
-    strengths = np.ones(count) if reflectivities is None else np.asarray(reflectivities, float)
-    scene = Scene(
-        Discs(centers_m, np.zeros(count), strengths), Walls.joined([]), Scatterers.joined([])
-    )
-    receiver = Receiver(listening.encoding, listening.sample_rate_hz, 0.0, noise_std)
-    sonar = MountedTransducer(
-        topic="echo",
-        child_frame_id="sonar",
-        mount=Pose.planar(0.0, 0.0, 0.0),
+    return simulation.hear(
+        points,
+        1.0 if reflectivities is None else reflectivities,
+        pose=pose,
         transducer=Transducer(listening.pulse, BeamPattern.linear(), 0.3, listening.max_range_m),
-        receiver=receiver,
+        receiver=Receiver(listening.encoding, listening.sample_rate_hz, 0.0, noise_std),
         channel=channel,
-        stated_channel=stated or channel,
-        stated_noise_std=receiver.stated_noise_std,
-        pose_stds=np.zeros(3),
+        stated_channel=stated,
+        seed=seed,
     )
-    return EchoSimulator(scene).ping(sonar, pose, 0, np.random.default_rng(seed))
 
 
 def coefficients_by_cell(found: CellReconstruction, least: float = 1e-4) -> list[dict[str, float]]:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.noisy_or import NoisyOrFusion
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.reconstruction.reconstructor import (
+    Reconstruction,
+    reconstruct,
+    reconstruct_sounding,
+)
 from usmap_ros.trace import EchoTrace
 
 #: Ways of fusing, by the name that the parameter ``method`` has for them.
@@ -45,6 +52,22 @@ class Pipeline:
             If the trace cannot be reconstructed.
         """
         return reconstruct(trace, self.parameters.reconstruction).cone
+
+    def reconstruct_sounding(
+        self, traces: Sequence[EchoTrace]
+    ) -> list[EchoCone | MalformedMessageError | None]:
+        """Reconstruct traces of transducers that pinged at once.
+
+        Returns
+        -------
+        list of EchoCone, MalformedMessageError or None
+            For each trace: its cone, why there is none, or None where all that a transducer has
+            heard is in the cones of others.
+        """
+        return [
+            found.cone if isinstance(found, Reconstruction) else found
+            for found in reconstruct_sounding(traces, self.parameters.reconstruction)
+        ]
 
     def fuse(self, cone: EchoCone) -> None:
         """Take a cone up into the map; cones are expected in the order of their stamps.

@@ -119,11 +119,17 @@ class TransducerArrays:
             self.add(array)
 
     def add(self, array: TransducerArray) -> None:
-        """Take an array up: it holds from its stamp on for each of its elements."""
+        """Take an array up: it holds from its stamp on for each of its elements.
+
+        Of two of one stamp the newer one holds.
+        """
         for element in array.elements:
-            arrays = self._by_frame.setdefault(element.child_frame_id, [])
-            arrays.append(array)
-            arrays.sort(key=lambda one: one.stamp_ns)
+            frame_id = element.child_frame_id
+            others = [
+                one for one in self._by_frame.get(frame_id, []) if one.stamp_ns != array.stamp_ns
+            ]
+            # A list of its own, because another thread may be looking something up.
+            self._by_frame[frame_id] = sorted([*others, array], key=lambda one: one.stamp_ns)
 
     def complete(self, trace: EchoTrace) -> EchoTrace:
         """Return the trace with the pulses that were in the air, as far as an array says so.

@@ -88,15 +88,15 @@ def test_the_oldest_is_dropped_and_counted_when_it_cannot_keep_up(
     node = live.add(ConeReconstructor, queue_depth=3, diagnostics_period_s=0.1)
     # What went wrong shows for some seconds: here, for as long as the test takes.
     monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
-    reconstruct = node._pipeline.reconstruct
+    reconstruct = node._pipeline.reconstruct_sounding
     has_begun, may_go_on = threading.Event(), threading.Event()
 
-    def when_told(trace: EchoTrace) -> EchoCone:
+    def when_told(sounding: list[EchoTrace]) -> Any:
         has_begun.set()
         assert may_go_on.wait(90.0)
-        return reconstruct(trace)
+        return reconstruct(sounding)
 
-    monkeypatch.setattr(node._pipeline, "reconstruct", when_told)
+    monkeypatch.setattr(node._pipeline, "reconstruct_sounding", when_told)
     found = live.listen(CONE, "/cone", 50)
     diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 50)
     echo = live.publisher(ECHO, "/echo")

@@ -151,13 +151,13 @@ def test_an_error_nobody_thought_of_costs_one_message(
     # What went wrong shows for some seconds: here, for as long as the test takes.
     monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
     pipeline = node._pipeline
-    reconstruct = pipeline.reconstruct
+    reconstruct = pipeline.reconstruct_sounding
 
-    def broken(trace: Any) -> Any:
-        monkeypatch.setattr(pipeline, "reconstruct", reconstruct)
+    def broken(sounding: Any) -> Any:
+        monkeypatch.setattr(pipeline, "reconstruct_sounding", reconstruct)
         raise ZeroDivisionError("nobody thought of this")
 
-    monkeypatch.setattr(pipeline, "reconstruct", broken)
+    monkeypatch.setattr(pipeline, "reconstruct_sounding", broken)
     echo = live.publisher("usmap_msgs/msg/EchoTrace", "/echo")
     echo.publish(trace_message)
     live.until(lambda: node.health.total("failed") == 1)

@@ -82,6 +82,13 @@ ECHO = Topic(
     Qos(depth=10),
     "One message a ping. A robot with several transducers has NAME/echo for each.",
 )
+TRANSDUCERS = Topic(
+    "transducers",
+    "usmap_msgs/msg/TransducerArray",
+    Qos(depth=64, is_latched=True),
+    "Which transducers ping at once, and how far chirps sweep, if there are any such:"
+    " what EchoTrace does not say.",
+)
 RANGE = Topic(
     "range",
     "sensor_msgs/msg/Range",
@@ -145,7 +152,7 @@ ECHO_DRIVER = NodeInterface(
     "echo_driver",
     "Simulates the transducers of one robot of a scenario.",
     EchoDriverParameters,
-    publishes=(ECHO, RANGE, DIAGNOSTICS),
+    publishes=(ECHO, TRANSDUCERS, RANGE, DIAGNOSTICS),
     subscribes=(ODOM,),
 )
 CONE_RECONSTRUCTOR = NodeInterface(
@@ -153,7 +160,7 @@ CONE_RECONSTRUCTOR = NodeInterface(
     "Recovers the echoes in each trace.",
     ConeReconstructorParameters,
     publishes=(CONE, CONE_CELLS, DIAGNOSTICS),
-    subscribes=(ECHO,),
+    subscribes=(ECHO, TRANSDUCERS),
 )
 MAP_FUSION = NodeInterface(
     "map_fusion",

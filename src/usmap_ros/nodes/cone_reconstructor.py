@@ -13,8 +13,13 @@ from rclpy.node import Node
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.io.conversions import cone_to_message, points_to_message, trace_from_message
-from usmap_ros.live.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO
+from usmap_ros.io.conversions import (
+    array_from_message,
+    cone_to_message,
+    points_to_message,
+    trace_from_message,
+)
+from usmap_ros.live.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO, TRANSDUCERS
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
@@ -25,6 +30,9 @@ from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.parameters.nodes import ConeReconstructorParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.soundings import SoundingCollector
+from usmap_ros.trace import EchoTrace
+from usmap_ros.transducer_array import TransducerArrays
 
 
 @dataclass(frozen=True)
@@ -65,6 +73,9 @@ class ConeReconstructor(Node):
         self.health.watch(lambda: self.health.silence("no trace has come on echo"))
         self.health.watch(lambda: self.health.slowness(self.parameters.value.latency_limit_s))
         self._types = RosMessageTypes()
+        self._arrays = TransducerArrays()
+        self._collector: SoundingCollector[_Job] = SoundingCollector()
+        subscribe(self, TRANSDUCERS, self._learn)
         self._queue: deque[_Job] = deque()
         self._worker = Worker(self, self._step)
         names = self.parameters.value.transducers or [""]
@@ -85,6 +96,13 @@ class ConeReconstructor(Node):
             self, ECHO, lambda message: self._receive(outputs, message), within(transducer, ECHO)
         )
         return outputs
+
+    def _learn(self, message: Any) -> None:
+        """Take up what traces do not say of their transducers."""
+        try:
+            self._arrays.add(array_from_message(message))
+        except MalformedMessageError as error:
+            self.health.problem("malformed", str(error))
 
     def _fewest_listeners(self) -> int:
         """Subscribers of the cone topic that has the fewest."""
@@ -111,16 +129,30 @@ class ConeReconstructor(Node):
             job = self._queue.popleft()
         except IndexError:
             return None
+        cones: list[tuple[_Job, EchoCone]] = []
         try:
-            cone = self._pipeline.reconstruct(trace_from_message(job.message))
+            trace = self._arrays.complete(trace_from_message(job.message))
+            for sounding in self._collector.add(job, trace):
+                cones += self._reconstruct(sounding)
         except MalformedMessageError as error:
             self.health.problem("malformed", str(error))
         except Exception as error:  # One odd message must not end the others' mapping.
             self.get_logger().error(traceback.format_exc())
             self.health.problem("failed", repr(error), is_error=True)
-        else:
-            self._publish(job, cone)
+        for heard_by, cone in cones:
+            self._publish(heard_by, cone)
         return 0.0
+
+    def _reconstruct(self, sounding: list[tuple[_Job, EchoTrace]]) -> list[tuple[_Job, EchoCone]]:
+        """Cones of traces of one ping, which are reconstructed together."""
+        outcomes = self._pipeline.reconstruct_sounding([trace for _, trace in sounding])
+        cones = []
+        for (job, _), outcome in zip(sounding, outcomes, strict=True):
+            if isinstance(outcome, MalformedMessageError):
+                self.health.problem("malformed", str(outcome))
+            elif outcome is not None:
+                cones.append((job, outcome))
+        return cones
 
     def _publish(self, job: _Job, cone: EchoCone) -> None:
         if not job.outputs.cone.get_subscription_count():

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import ConfigurationError, MalformedMessageError
 from usmap_ros.geometry import Pose
-from usmap_ros.io.conversions import range_to_message, trace_to_message
-from usmap_ros.live.interfaces import ECHO, ECHO_DRIVER, RANGE
+from usmap_ros.io.conversions import array_to_message, range_to_message, trace_to_message
+from usmap_ros.live.interfaces import ECHO, ECHO_DRIVER, RANGE, TRANSDUCERS
 from usmap_ros.live.scenario_time import NoTimeError, ScenarioTime
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, within
@@ -81,10 +82,15 @@ class EchoDriver(Node):
         self._time = self._make_time()
         self._transforms = self._make_transforms()
         self._pose_source = self._make_pose_source(robot)
-        self._sonars = cycle(self._make_sonars(robot))
+        sonars = self._make_sonars(robot)
+        self._array = robot.shared_array(0)
+        self._errors = np.random.default_rng(robot.error_seed)
+        # One at a time, unless they are meant to hear one another.
+        turns = [sonars] if robot.simultaneous else [[sonar] for sonar in sonars]
+        self._turns = cycle(turns)
+        self._announce(robot)
         rate_hz = parameters.ping_rate_hz or 1.0 / robot.ping_interval_s
-        # One at a time: transducers of one robot would hear one another.
-        self.create_timer(1.0 / (rate_hz * len(robot.transducers)), self._ping)
+        self.create_timer(1.0 / (rate_hz * len(turns)), self._ping)
 
     def close(self) -> None:
         """Destroy the node."""
@@ -162,22 +168,38 @@ class EchoDriver(Node):
             )
         return sonars
 
+    def _announce(self, robot: SimulatedRobot) -> None:
+        """Publish what traces do not say of the transducers."""
+        publisher = advertise(self, TRANSDUCERS)
+        for array in robot.arrays(0):
+            publisher.publish(array_to_message(array, self._types))
+
     def _ping(self) -> None:
-        """Let the next transducer ping."""
-        sonar = next(self._sonars)
+        """Let the next transducer ping, or all of them."""
+        turn = next(self._turns)
         now_ns = self.get_clock().now().nanoseconds
         try:
             base, stamp_ns = self._pose_source.sample(now_ns, self._time.at(now_ns))
         except (NoTimeError, NoPoseError) as error:
             self.health.problem("without pose", str(error))
             return
-        if stamp_ns == sonar.last_stamp_ns:
+        if stamp_ns == turn[0].last_stamp_ns:
             return  # Nothing new is known of where it is.
+        pose_error = None if self._array is None else self._errors.standard_normal(3)
+        for sonar in turn:
+            self._listen(sonar, base, stamp_ns, pose_error)
+
+    def _listen(
+        self, sonar: _Sonar, base: Pose, stamp_ns: int, pose_error: FloatArray | None
+    ) -> None:
+        """Publish what a transducer hears."""
         sonar.last_stamp_ns = stamp_ns
         pose = base.compose(sonar.mounted.mount)
         # Its moving objects set off with the scenario, whose start follows jumps of the clock.
         simulator = EchoSimulator(self._scene, self._world, self._time.start_ns)
-        trace = simulator.ping(sonar.mounted, pose, stamp_ns, sonar.rng)
+        trace = simulator.ping(
+            sonar.mounted, pose, stamp_ns, sonar.rng, array=self._array, pose_error=pose_error
+        )
         sonar.echo.publish(trace_to_message(trace, self._types))
         self.health.work("published")
         self._publish_extras(sonar, trace, pose)

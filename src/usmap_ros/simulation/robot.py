@@ -74,12 +74,16 @@ class SimulatedRobot:
             if self.simultaneous or group[0].transducer.pulse.shape is PulseShape.CHIRP
         ]
 
+    def shared_array(self, start_ns: int) -> TransducerArray | None:
+        """The array of all its transducers, if they ping at once; see `arrays`."""
+        return self.arrays(start_ns)[0] if self.simultaneous else None
+
     def pings(
         self, simulator: EchoSimulator, index: int, start_ns: int, duration_s: float
     ) -> Iterator[tuple[str, EchoTrace]]:
         """Topic and trace of every ping of transducer `index`."""
         transducer, rng = self.transducers[index], np.random.default_rng(self.noise_seeds[index])
-        array = self.arrays(start_ns)[0] if self.simultaneous else None
+        array = self.shared_array(start_ns)
         # Those that ping at once draw the same errors, each from a generator of its own.
         errors = np.random.default_rng(self.error_seed)
         for ping in range(ping_count(duration_s, self.ping_interval_s)):

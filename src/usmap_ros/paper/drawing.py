@@ -8,7 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.arrays import FloatArray, Signal
@@ -91,6 +94,8 @@ def finish_map(axes: Axes, title: str) -> None:
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     axes.set_title(title)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(nbins=7, integer=True))
     axes.grid(visible=False)
 
 
@@ -117,3 +122,12 @@ def annotate(axes: Axes, text: str) -> None:
         color=INK,
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0},
     )
+
+
+def legend_below(figure: Figure, axes: Axes) -> None:
+    """Put one legend for all panels below them, from what is drawn in one."""
+    handles, labels = axes.get_legend_handles_labels()
+    legend = figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    for handle in legend.legend_handles:
+        if isinstance(handle, Line2D):
+            handle.set_markersize(7.0)

@@ -11,17 +11,22 @@ from usmap_ros.paper.drawing import (
     draw_objects,
     draw_signal,
     finish_map,
+    legend_below,
 )
-from usmap_ros.paper.part import Part
+from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import (
     ALIGNED,
+    FOUND_WEIGHT,
     MIRROR_IMAGES,
+    NAMES,
     OBJECTS,
     SQUARE_PULSE,
     coefficients_by_cell,
     f1_of_sets,
     hear,
     method,
+    sets_of,
+    weights_at,
 )
 from usmap_ros.plotting.style import RECONSTRUCTION, new_figure, styled
 from usmap_ros.reconstruction.cells import CellReconstruction, reconstruct_cells
@@ -37,20 +42,27 @@ def scene_and_pulse_train() -> Part:
         draw_cone(scene, ALIGNED)
         draw_objects(scene, OBJECTS)
         finish_map(scene, "Three objects in the cone")
-        scene.set_xticks(np.arange(0, 11))
-        scene.set_yticks(np.arange(-7, 9))
-        scene.grid(visible=True)
-        scene.legend(loc="upper left", markerscale=0.6)
+        scene.set_xticks(np.arange(-6, 8), minor=True)
+        scene.set_yticks(np.arange(0, 11), minor=True)
+        scene.grid(visible=True, which="both")
+        scene.legend(loc="lower left", markerscale=0.6)
         draw_signal(signal, trace.sample_times_s(), trace.signal(), "received")
         signal.set_yscale("log")
         signal.set_ylim(1e-3, 1.0)
         signal.set_title("The pulse train that comes back")
         _name_echoes(signal, trace)
         signal.legend(loc="upper right")
+    amplitudes = _amplitudes(trace)
     numbers = {
         "objects_m": [list(point) for point in OBJECTS],
         "delays_ms": [1e3 * delay for delay in _delays_s(trace)],
-        "amplitudes": _amplitudes(trace),
+        "amplitudes": amplitudes,
+        "caption": {
+            "three pulses of different delay and amplitude": statement(
+                len(set(np.round(amplitudes, 6))) == 3 and _pulses(trace) == 3,
+                pulses=_pulses(trace),
+            )
+        },
     }
     return Part("figure_4_scene_and_pulse_train", numbers, figure)
 
@@ -66,8 +78,24 @@ def reconstruction() -> Part:
         "halt": found.solution.halt.name,
         "iterations": found.solution.iterations,
         "f1": f1_of_sets(found, OBJECTS),
+        "caption": _caption(found),
     }
     return Part("figure_5_reconstruction", numbers, _reconstruction_figure(trace, found))
+
+
+def _caption(found: CellReconstruction) -> dict[str, object]:
+    cells = [np.bincount(found.sets)[sets_of(found, [point])].item() for point in OBJECTS]
+    weights = weights_at(found, OBJECTS)
+    elsewhere = float(found.coefficients.sum() - weights.sum())
+    return {
+        "every object is found": statement(
+            (weights >= FOUND_WEIGHT).all(), weights=weights.tolist()
+        ),
+        "the two closer objects have a mirror image, the far one has none": statement(
+            cells == [2, 2, 1], cells=cells
+        ),
+        "nothing else is found": statement(abs(elsewhere) < 1e-3, weight_elsewhere=elsewhere),
+    }
 
 
 def _reconstruction_figure(trace: EchoTrace, found: CellReconstruction) -> Figure:
@@ -75,10 +103,10 @@ def _reconstruction_figure(trace: EchoTrace, found: CellReconstruction) -> Figur
         figure = new_figure(9.0, 4.2)
         plan, signal = figure.subplots(1, 2, width_ratios=[1.15, 1.3])
         draw_cone(plan, ALIGNED)
-        squares = draw_cells(plan, found.dictionary.cells, found.coefficients, 0.5)
+        squares = draw_cells(plan, found.dictionary.cells, found.coefficients)
         draw_objects(plan, OBJECTS, MIRROR_IMAGES)
         finish_map(plan, "Coefficients of the cells")
-        plan.legend(loc="upper left", markerscale=0.6)
+        legend_below(figure, plan)
         figure.colorbar(squares, ax=plan, label="coefficient", shrink=0.8)
         times_s = trace.sample_times_s()
         draw_signal(signal, times_s, found.signal, "received")
@@ -86,14 +114,20 @@ def _reconstruction_figure(trace: EchoTrace, found: CellReconstruction) -> Figur
         signal.plot(
             1e3 * times_s, explained, "--", color=RECONSTRUCTION, linewidth=1.0, label="Φ q"
         )
-        signal.set_title(f"Signal; ‖y − Φ q‖ / ‖y‖ = {found.relative_residual:.0e}")
+        signal.set_title("Signal, and what the coefficients explain of it")
         signal.legend()
     return figure
 
 
+def _pulses(trace: EchoTrace) -> int:
+    """Pulses that are apart from each other."""
+    sounding = np.abs(trace.signal()) > 0.0
+    return int(np.count_nonzero(np.diff(sounding.astype(int), prepend=0) == 1))
+
+
 def _delays_s(trace: EchoTrace) -> list[float]:
-    offsets = np.asarray(OBJECTS) - trace.pose.position_m[:2]
-    return [float(delay) for delay in 2.0 * np.hypot(*offsets.T) / trace.channel.sound_speed_m_s]
+    ranges_m, _ = trace.pose.polar(np.asarray(OBJECTS))
+    return [float(delay) for delay in 2.0 * ranges_m / trace.channel.sound_speed_m_s]
 
 
 def _amplitudes(trace: EchoTrace) -> list[float]:
@@ -105,9 +139,7 @@ def _amplitudes(trace: EchoTrace) -> list[float]:
 
 def _name_echoes(axes: object, trace: EchoTrace) -> None:
     write = axes.annotate  # type: ignore[attr-defined]
-    for name, delay_s, amplitude in zip(
-        ("near", "middle", "far"), _delays_s(trace), _amplitudes(trace), strict=True
-    ):
+    for name, delay_s, amplitude in zip(NAMES, _delays_s(trace), _amplitudes(trace), strict=True):
         write(
             name,
             (1e3 * delay_s + 0.5, amplitude),

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from usmap_ros.arrays import IndexArray
+from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.arrays import FloatArray
 from usmap_ros.paper.drawing import (
     annotate,
     draw_cells,
@@ -16,50 +17,91 @@ from usmap_ros.paper.drawing import (
     draw_objects,
     draw_signal,
     finish_map,
+    legend_below,
 )
-from usmap_ros.paper.part import Part
+from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import (
     ALIGNED,
-    CELL_M,
     CONCRETE,
+    FOUND_WEIGHT,
     MIRROR_IMAGES,
+    NAMES,
     OBJECTS,
+    SINE,
     SINUSOID,
+    SPARSITY,
+    Points,
     coefficients_by_cell,
     f1_of_sets,
-    found_sets,
     hear,
     method,
     sets_of,
+    spent,
+    weights_at,
 )
 from usmap_ros.plotting.style import FAINT, RESIDUAL, ROBOTS, new_figure, styled
-from usmap_ros.reconstruction.cell_dictionary import CellDictionary
-from usmap_ros.reconstruction.cells import CellReconstruction, explain, reconstruct_cells
-from usmap_ros.reconstruction.matrix_operator import identical, same_direction
+from usmap_ros.reconstruction.cells import CellReconstruction, reconstruct_cells
 from usmap_ros.trace import EchoTrace
+
+#: Cells that do not hold an object and still get this much of one are spurious; "many" are these.
+SPURIOUS_WEIGHT, MANY = 0.1, 3
 
 
 def interference() -> Part:
     """Draw figure 7: what is received without and with the floor."""
     traces = {"without a floor": hear(OBJECTS, SINUSOID), "with a floor 1 m below": _over_floor()}
+    loudest = max(float(np.abs(trace.signal()).max()) for trace in traces.values())
     with styled():
         figure = new_figure(9.0, 4.6)
         panels = figure.subplots(2, 1, sharex=True, sharey=True)
         for axes, (name, trace) in zip(panels, traces.items(), strict=True):
-            draw_signal(axes, trace.sample_times_s(), trace.signal(), name)
+            draw_signal(axes, trace.sample_times_s(), trace.signal(), "received")
             _mark_paths(axes, trace)
-            axes.set_title(f"Sinusoids at 50 kHz {name}")
-            axes.set_ylim(-0.12, 0.12)
+            axes.set_title(f"Sinusoids of {SINE.carrier_hz:g} Hz {name}")
+            axes.set_ylim(-1.15 * loudest, 1.15 * loudest)
             axes.legend(loc="upper right")
         panels[0].set_xlabel("")
+    delays_s, amplitudes = CONCRETE.delays_s(_ranges_m()), CONCRETE.amplitudes(_ranges_m())
     energy = {name: float(np.sum(trace.signal() ** 2)) for name, trace in traces.items()}
     numbers = {
         "relative_energy_of_the_floor": energy["with a floor 1 m below"] / energy["without a floor"]
         - 1.0,
-        "path_delays_ms": (1e3 * CONCRETE.delays_s(_ranges_m())).tolist(),
-        "path_amplitudes": CONCRETE.amplitudes(_ranges_m()).tolist(),
+        "path_delays_ms": (1e3 * delays_s).tolist(),
+        "path_amplitudes": amplitudes.tolist(),
+        "caption": _interference_caption(delays_s, amplitudes),
     }
     return Part("figure_7_floor_interference", numbers, figure)
+
+
+def _interference_caption(delays_s: FloatArray, amplitudes: FloatArray) -> dict[str, Any]:
+    later_s = delays_s - delays_s[:, :1]
+    left = in_phase(CONCRETE, _ranges_m(), SINE.carrier_hz)
+    return {
+        "the paths of one object overlap": statement(
+            (later_s < SINE.duration_s).all(), latest_ms=(1e3 * later_s[:, -1]).tolist()
+        ),
+        "the near and the far object interfere destructively, the middle one does not": statement(
+            interfere_as_described(left), in_phase=dict(zip(NAMES, left.tolist(), strict=True))
+        ),
+    }
+
+
+def in_phase(channel: Channel, ranges_m: FloatArray, carrier_hz: float) -> FloatArray:
+    """What is left of an echo where all its paths overlap.
+
+    Relative to the direct path and in phase with it: that is what a column of the single-path Φ
+    can explain.
+    """
+    delays_s, amplitudes = channel.delays_s(ranges_m), channel.amplitudes(ranges_m)
+    later_s = delays_s - delays_s[:, :1]
+    phasors = amplitudes / amplitudes[:, :1] * np.exp(-2j * np.pi * carrier_hz * later_s)
+    return np.asarray(phasors.sum(axis=1).real)
+
+
+def interfere_as_described(left: FloatArray) -> bool:
+    """Whether "strong destructive interference" is in the near and far pulses, but the middle's."""
+    near, middle, far = left
+    return bool(max(near, far) < FOUND_WEIGHT < middle)
 
 
 def two_matrices() -> Part:
@@ -70,61 +112,77 @@ def two_matrices() -> Part:
         "multipath": reconstruct_cells(trace, method()),
     }
     numbers: dict[str, Any] = {name: _numbers(one) for name, one in found.items()}
-    numbers["random_scenes"] = random_scenes(40)
+    numbers["objects_m"] = [list(point) for point in OBJECTS]
+    numbers["caption"] = caption(found["simple"], found["multipath"], OBJECTS)
     return Part("figure_8_simple_and_multipath", numbers, _comparison(trace, found))
 
 
-def random_scenes(count: int) -> dict[str, float]:
-    """Share of the objects found, and mean residual, over scenes of three random cells.
+def caption(
+    simple: CellReconstruction, multipath: CellReconstruction, objects: Points | FloatArray
+) -> dict[str, Any]:
+    """Judge what the caption of figure 8 says.
 
-    Cells as far away as one that the beam reaches better are left out: a weak object in the
-    other explains all that an ideal one in them would return.
+    Parameters
+    ----------
+    simple, multipath : CellReconstruction
+        With a Φ of direct paths, and of all paths.
+    objects : (3, 2) array-like
+        The near, the middle and the far object.
     """
-    silent = hear([], SINUSOID, channel=CONCRETE)
-    shares: dict[str, float] = {}
-    for name, floor in (("simple", False), ("multipath", True)):
-        dictionary = CellDictionary.for_trace(silent, CELL_M, floor=floor, as_sparse=True)
-        generator = np.random.default_rng(3)
-        right, residual = 0, 0.0
-        for _ in range(count):
-            chosen = generator.choice(_unmistakable(dictionary), 3, replace=False)
-            objects = dictionary.cells.centers_m[chosen]
-            trace = hear(objects, SINUSOID, channel=CONCRETE)
-            found = explain(dictionary, trace, method())
-            truth = sets_of(found, objects)
-            right += int(np.count_nonzero(np.isin(truth, found_sets(found))))
-            residual += found.relative_residual
-        shares[f"{name}_found"] = right / (3.0 * count)
-        shares[f"{name}_relative_residual"] = residual / count
-    return shares
+    near, _, far = weights_at(simple, objects)
+    weights = weights_at(multipath, objects)
+    strays = {
+        name: _weights_elsewhere(one, objects)
+        for name, one in (("simple", simple), ("multipath", multipath))
+    }
+    errors = simple.relative_residual, multipath.relative_residual
+    return {
+        "every reconstruction spends all coefficients": statement(
+            spent(simple) == spent(multipath) == SPARSITY,
+            simple=spent(simple),
+            multipath=spent(multipath),
+        ),
+        "the simple Φ misses the near object": statement(near < FOUND_WEIGHT, weight=float(near)),
+        "the simple Φ misses the far object": statement(far < FOUND_WEIGHT, weight=float(far)),
+        "the simple Φ puts many objects where none is": statement(
+            np.count_nonzero(strays["simple"] >= SPURIOUS_WEIGHT) >= MANY,
+            sets_of_cells=int(np.count_nonzero(strays["simple"] >= SPURIOUS_WEIGHT)),
+        ),
+        "the multipath Φ finds all objects, up to symmetry": statement(
+            (weights >= FOUND_WEIGHT).all(), weights=weights.tolist()
+        ),
+        "the multipath Φ puts none elsewhere": statement(
+            strays["multipath"].max() < FOUND_WEIGHT,
+            largest_weight=float(strays["multipath"].max()),
+        ),
+        "the error is not zero, and smaller with the multipath Φ": statement(
+            1e-4 < errors[1] < errors[0], simple=errors[0], multipath=errors[1]
+        ),
+    }
 
 
-def _unmistakable(dictionary: CellDictionary) -> IndexArray:
-    """Cells whose column is a multiple of equal ones only."""
-    equal = identical(dictionary, np.random.default_rng(0))
-    parallel = same_direction(dictionary, np.random.default_rng(0))
-    return np.flatnonzero(np.bincount(equal)[equal] == np.bincount(parallel)[parallel])
+def _weights_elsewhere(found: CellReconstruction, objects: Points | FloatArray) -> FloatArray:
+    """Coefficients of the sets of mirror images in which no object is."""
+    weights = np.bincount(found.sets, found.coefficients)
+    return np.asarray(np.delete(weights, sets_of(found, objects)))
 
 
 def _over_floor() -> EchoTrace:
     return hear(OBJECTS, SINUSOID, channel=CONCRETE)
 
 
-def _ranges_m() -> np.ndarray:
-    offsets = np.asarray(OBJECTS) - ALIGNED.position_m[:2]
-    return np.asarray(np.hypot(*offsets.T))
+def _ranges_m() -> FloatArray:
+    ranges_m, _ = ALIGNED.polar(np.asarray(OBJECTS))
+    return ranges_m
 
 
 def _numbers(found: CellReconstruction) -> dict[str, object]:
-    seen = found_sets(found)
     return {
         "relative_residual": found.relative_residual,
         "residual_norm": float(np.linalg.norm(found.residual)),
         "f1": f1_of_sets(found, OBJECTS),
-        "near_found": bool(np.isin(sets_of(found, OBJECTS[:1]), seen).all()),
-        "middle_found": bool(np.isin(sets_of(found, OBJECTS[1:2]), seen).all()),
-        "far_found": bool(np.isin(sets_of(found, OBJECTS[2:]), seen).all()),
-        "coefficients": coefficients_by_cell(found),
+        "weights": dict(zip(NAMES, weights_at(found, OBJECTS).tolist(), strict=True)),
+        "coefficients": coefficients_by_cell(found, least=0.0),
     }
 
 
@@ -145,31 +203,31 @@ def _mark_paths(axes: Axes, trace: EchoTrace) -> None:
 
 
 def _comparison(trace: EchoTrace, found: dict[str, CellReconstruction]) -> Figure:
+    times_s = trace.sample_times_s()
     with styled():
-        figure = new_figure(9.0, 6.2)
-        maps, signals = figure.subplots(2, 2, height_ratios=[1.9, 1.0])
+        figure = new_figure(11.0, 6.4)
+        maps, signals = figure.subplots(2, 3, height_ratios=[1.9, 1.0], sharex="row", sharey="row")
+        cells = found["simple"].dictionary.cells
+        draw_cells(maps[0], cells, np.zeros(len(cells)))
+        draw_objects(maps[0], OBJECTS)
+        draw_signal(signals[0], times_s, trace.signal(), "received")
+        signals[0].set_title("(d) Received signal y")
         squares = []
-        for column, (name, one) in enumerate(found.items()):
-            plan, signal = maps[column], signals[column]
+        for letter, column, (name, one) in zip(["be", "cf"], (1, 2), found.items(), strict=True):
+            squares.append(draw_cells(maps[column], cells, one.coefficients))
+            draw_objects(maps[column], OBJECTS, MIRROR_IMAGES)
+            finish_map(maps[column], f"({letter[0]}) Coefficients, {name} Φ")
+            draw_signal(signals[column], times_s, one.signal, "received", FAINT)
+            signals[column].plot(
+                1e3 * times_s, one.residual, color=RESIDUAL, linewidth=0.9, label="y − Φ q"
+            )
+            signals[column].set_title(f"({letter[1]}) Error, {name} Φ")
+            signals[column].set_ylabel("")
+            annotate(signals[column], f"{one.relative_residual:.2f} of ‖y‖; {spent(one)} cells")
+        for plan in maps:
             draw_cone(plan, ALIGNED)
-            squares.append(draw_cells(plan, one.dictionary.cells, one.coefficients, 0.5))
-            draw_objects(plan, OBJECTS, MIRROR_IMAGES)
-            finish_map(plan, f"{name.capitalize()} Φ")
-            draw_signal(signal, trace.sample_times_s(), one.signal, "received", FAINT)
-            signal.plot(
-                1e3 * trace.sample_times_s(),
-                one.residual,
-                color=RESIDUAL,
-                linewidth=0.6,
-                label="residual y − Φ q",
-            )
-            signal.set_ylim(-0.12, 0.12)
-            annotate(
-                signal,
-                f"‖y − Φ q‖ = {np.linalg.norm(one.residual):.2g},"
-                f" {one.relative_residual:.1g} of ‖y‖",
-            )
-        maps[0].legend(loc="upper left", markerscale=0.6)
-        signals[0].legend(loc="upper right")
-        figure.colorbar(squares[0], ax=maps, label="coefficient", shrink=0.7)
+        finish_map(maps[0], "(a) Ground truth")
+        legend_below(figure, maps[1])
+        signals[1].legend(loc="lower right")
+        figure.colorbar(squares[0], ax=maps, label="coefficient, at most 1 shown", shrink=0.8)
     return figure

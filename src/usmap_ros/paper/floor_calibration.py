@@ -17,8 +17,8 @@ from usmap_ros.mapping.scoring import score
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (
     CARPET,
+    CENTRES,
     CONCRETE,
-    OBJECTS,
     SHORT_PULSE,
     SINUSOID,
     f1_of_sets,
@@ -89,14 +89,14 @@ def recording() -> list[EchoTrace]:
 
 def _carpet_for_concrete() -> dict[str, Any]:
     """The paper's scene over a carpet, explained by a matrix for concrete and by the right one."""
-    trace = hear(OBJECTS, SINUSOID, channel=CARPET, stated=CONCRETE)
+    trace = hear(CENTRES, SINUSOID, channel=CARPET, stated=CONCRETE)
     right = reconstruct_cells(replace(trace, channel=CARPET), method())
     wrong = reconstruct_cells(trace, method())
     simple = reconstruct_cells(trace, method(), floor=False)
     return {
         name: {
             "relative_residual": found.relative_residual,
-            "f1": f1_of_sets(found, OBJECTS),
+            "f1": f1_of_sets(found, CENTRES),
         }
         for name, found in (("carpet", right), ("concrete", wrong), ("no floor", simple))
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 
@@ -25,3 +26,16 @@ class Part:
     name: str
     numbers: dict[str, Any]
     figure: Figure
+
+
+def statement(holds: bool | np.bool_, **numbers: Any) -> dict[str, Any]:
+    """One thing that a caption of the paper says, for ``paper.json``.
+
+    Parameters
+    ----------
+    holds : bool
+        Whether it came out so.
+    **numbers
+        What it was judged by.
+    """
+    return {"holds": bool(holds), **numbers}

@@ -33,17 +33,22 @@ AIR = Channel(343.0)
 #: A hard floor 1 m under the transducer, and a soft one.
 CONCRETE = Channel(343.0, floor_height_m=1.0, floor_reflectivity=0.9)
 CARPET = replace(CONCRETE, floor_reflectivity=0.3)
-#: In the middle of a cell's edge, looking along the grid: every cell off the axis has a mirror.
-ALIGNED = Pose.planar(0.0, 0.5, 0.0)
+#: In the middle of a cell's edge, looking along the grid's y axis: every cell off the axis has a
+#: mirror image.
+ALIGNED = Pose.planar(0.5, 0.0, np.deg2rad(90.0))
 #: Turned against the grid, and not on one of its lines: no cell has a mirror.
-OBLIQUE = Pose.planar(0.13, 0.37, np.deg2rad(11.0))
-#: Near, middle and far, each at the centre of a cell.
-OBJECTS: Points = ((2.5, 1.5), (4.5, -1.5), (7.5, 3.5))
-MIRROR_IMAGES: Points = ((2.5, -0.5), (4.5, 2.5), (7.5, -2.5))
+OBLIQUE = Pose.planar(0.37, 0.13, np.deg2rad(79.0))
+#: Cells of the near, the middle and the far object; the far one is on the axis.
+CENTRES: Points = ((1.5, 2.5), (-0.5, 4.5), (0.5, 6.5))
+MIRROR_IMAGES: Points = ((-0.5, 2.5), (1.5, 4.5))
+#: Where the objects really are: not at the centres of the cells, but a centimetre beside them.
+OBJECTS: Points = ((1.493, 2.507), (-0.507, 4.493), (0.507, 6.507))
+NAMES = ("near", "middle", "far")
 
 SQUARE = Pulse(PulseShape.SQUARE, 0.0, 1e-3)
-#: Long enough for the paths over the floor to overlap, and interfere, with the direct one.
-SINE = Pulse(PulseShape.TONE_BURST, 50e3, 5e-3)
+#: Long enough for the paths over the floor to overlap, and interfere, with the direct one, and
+#: of a wavelength (46 cm) beside which a centimetre is little.
+SINE = Pulse(PulseShape.TONE_BURST, 750.0, 5e-3)
 SMOOTH = Pulse(PulseShape.HANN_BURST, 50e3, 1e-3)
 SHORT = Pulse(PulseShape.HANN_BURST, 50e3, 0.32e-3)
 
@@ -72,7 +77,7 @@ class Listening:
 
 #: The square pulse of the paper's first half, and the sinusoids of its section 4.
 SQUARE_PULSE = Listening(SQUARE, Encoding.RAW, 10e3)
-SINUSOID = Listening(SINE, Encoding.RAW, 250e3)
+SINUSOID = Listening(SINE, Encoding.RAW, 10e3)
 #: What the product listens to unless told otherwise.
 BASEBAND = Listening(SMOOTH, Encoding.IQ, 25e3)
 SHORT_PULSE = Listening(SHORT, Encoding.IQ, 25e3, max_range_m=5.0)
@@ -157,6 +162,17 @@ def sets_of(found: CellReconstruction, points: Points | FloatArray) -> IndexArra
     places = np.floor(np.asarray(points, dtype=float) / cells.resolution_m).astype(int)
     match = (cells.columns == places[:, :1]) & (cells.rows == places[:, 1:])
     return np.unique(found.sets[np.flatnonzero(match.any(axis=0))])
+
+
+def weights_at(found: CellReconstruction, points: Points | FloatArray) -> FloatArray:
+    """Coefficients of each point's cell and its mirror images together, in units of an object."""
+    weights = np.bincount(found.sets, found.coefficients)
+    return np.array([weights[sets_of(found, [point])].sum() for point in points])
+
+
+def spent(found: CellReconstruction) -> int:
+    """Cells that have a coefficient."""
+    return int(np.count_nonzero(found.coefficients))
 
 
 def f1_of_sets(found: CellReconstruction, points: Points | FloatArray) -> float:

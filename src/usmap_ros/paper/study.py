@@ -10,8 +10,11 @@ from typing import Any
 
 from usmap_ros.errors import FileError
 from usmap_ros.io.atomic import write_atomically
+from usmap_ros.paper.choosing_cells import choosing_a_cell
 from usmap_ros.paper.coefficients import kinds_of_coefficients
-from usmap_ros.paper.figure_1b import two_robots
+from usmap_ros.paper.figure_1 import single_robot, two_robots
+from usmap_ros.paper.figure_6 import four_paths
+from usmap_ros.paper.figure_8_range import range_of_the_caption
 from usmap_ros.paper.figures_2_3 import beam_patterns, sensing_matrix
 from usmap_ros.paper.figures_4_5 import reconstruction, scene_and_pulse_train
 from usmap_ros.paper.figures_7_8 import interference, two_matrices
@@ -21,22 +24,28 @@ from usmap_ros.paper.part import Part
 from usmap_ros.paper.sampling import grid_size_against_rate
 from usmap_ros.paper.solver_study import phase_transition, table
 from usmap_ros.paper.symmetry import two_transducers
+from usmap_ros.paper.walls import walls_and_an_object
 from usmap_ros.plotting.style import save_figure
 
 #: The study's parts, in the order of the paper.
 PARTS: tuple[Callable[[], Part], ...] = (
+    single_robot,
     two_robots,
     beam_patterns,
     sensing_matrix,
     scene_and_pulse_train,
     reconstruction,
+    four_paths,
     interference,
     two_matrices,
+    range_of_the_caption,
     two_transducers,
+    choosing_a_cell,
     kinds_of_coefficients,
     grid_size_against_rate,
     mismatched_floor,
     residual_and_f1,
+    walls_and_an_object,
     table,
     phase_transition,
 )

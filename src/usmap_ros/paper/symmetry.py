@@ -10,7 +10,14 @@ from scipy import sparse
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
-from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone, draw_objects, finish_map
+from usmap_ros.paper.drawing import (
+    annotate,
+    draw_cells,
+    draw_cone,
+    draw_objects,
+    finish_map,
+    legend_below,
+)
 from usmap_ros.paper.figures_2_3 import in_company
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (
@@ -34,7 +41,7 @@ from usmap_ros.reconstruction.matrix_operator import (
 )
 
 #: Seen by both transducers of every pair, whichever way they look.
-OBJECTS: Points = ((2.5, 1.5), (4.5, -0.5), (7.5, 2.5))
+OBJECTS: Points = ((-0.5, 2.5), (1.5, 4.5), (-1.5, 7.5))
 _LONG = replace(SQUARE_PULSE, pulse=replace(SQUARE_PULSE.pulse, duration_s=1.7e-3))
 _LEFT, _RIGHT = np.deg2rad(9.0), np.deg2rad(-7.0)
 
@@ -92,7 +99,7 @@ def two_transducers() -> Part:
             draw_objects(axes, OBJECTS)
             finish_map(axes, pair.name.capitalize())
             annotate(axes, f"{alike} of {len(cells)} columns have a twin")
-        panels[0].legend(loc="lower left", markerscale=0.6)
+        legend_below(figure, panels[0])
         figure.colorbar(images[0], ax=panels, label="coefficient", shrink=0.7)
     return Part("beyond_two_transducers", numbers, figure)
 
@@ -119,7 +126,8 @@ def recover(pair: Pair) -> tuple[ConeCells, FloatArray, int]:
 
 
 def _turned(yaw_rad: float) -> Pose:
-    return Pose.planar(ALIGNED.position_m[0], ALIGNED.position_m[1], yaw_rad)
+    x_m, y_m = ALIGNED.position_m[:2]
+    return Pose.planar(x_m, y_m, ALIGNED.yaw_rad + yaw_rad)
 
 
 def _aligned(dictionaries: list[CellDictionary]) -> tuple[ConeCells, list[SparseMatrix]]:

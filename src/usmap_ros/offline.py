@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from usmap_ros.amplitude_scale import AmplitudeScales
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
@@ -19,7 +23,14 @@ from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.repeats import SeenPings
+from usmap_ros.trace import EchoTrace
 from usmap_ros.views import Beam
+
+logger = logging.getLogger(__name__)
+
+#: Of a recording that is only looked into, every so many pings of a topic are reconstructed, and so
+#: many at most: neighbours hear the same.
+SURVEY_EVERY, SURVEY_MOST = 2, 50
 
 #: Called with topic and cone after each ping that was fused.
 ConeCallback = Callable[[str, EchoCone], None]
@@ -88,6 +99,7 @@ def map_bag(
         If not a single ping could be used.
     """
     run, seen = MappingRun(), SeenPings()
+    scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     for topic, cone in _cones(bag, workers):
         try:
@@ -96,12 +108,15 @@ def map_bag(
         except MalformedMessageError as error:
             bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)
             continue
+        scales.add(topic, cone)
         run.pings += 1
         run.echoes += len(cone.ranges_m)
         x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
         paths.add(topic, x_m, y_m, Beam.of(cone))
         if on_cone is not None:
             on_cone(topic, cone)
+    for topic, problem in scales.problems().items():
+        logger.warning("%s: %s", topic, problem)
     run.skipped = dict(bag.skipped.by_field)
     if not run.pings:
         causes = ", ".join(f"{field} ({n})" for field, n in bag.skipped.by_field.most_common())
@@ -110,6 +125,36 @@ def map_bag(
             f"none of its {bag.skipped.total} pings can be used, by field: {causes}",
         )
     return run
+
+
+class AmplitudeSurvey:
+    """Judges the amplitudes of a recording by some of its pings, without mapping it.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        Reconstructs their traces.
+    """
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline = pipeline
+        self._pings: Counter[str] = Counter()
+        self._scales = AmplitudeScales()
+
+    def add(self, topic: str, ping: EchoTrace | EchoCone) -> None:
+        """Take a ping into account, or leave it out if others before it were enough."""
+        number = self._pings[topic]
+        self._pings[topic] += 1
+        if number % SURVEY_EVERY or number >= SURVEY_EVERY * SURVEY_MOST:
+            return
+        # What cannot be reconstructed says nothing of amplitudes.
+        with suppress(MalformedMessageError):
+            cone = self._pipeline.reconstruct(ping) if isinstance(ping, EchoTrace) else ping
+            self._scales.add(topic, cone)
+
+    def problems(self) -> dict[str, str]:
+        """What is wrong, by topic."""
+        return self._scales.problems()
 
 
 def _cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:

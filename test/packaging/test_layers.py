@@ -14,7 +14,7 @@ LAYERS = [
     {"acoustics", "geometry"},
     {"grids", "parameters"},
     {"trace", "cone"},
-    {"correction", "repeats", "soundings", "transducer_array", "views"},
+    {"amplitude_scale", "correction", "repeats", "soundings", "transducer_array", "views"},
     {"io"},
     {"simulation", "reconstruction", "mapping"},
     {"calibration", "pipeline"},

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from usmap_ros.cli import console
+
+if TYPE_CHECKING:
+    from usmap_ros.cone import EchoCone
+    from usmap_ros.trace import EchoTrace
 
 
 def info(
@@ -20,12 +24,21 @@ def info(
     """Tell what is in a bag: robots, pings, duration, encodings, extent."""
     from usmap_ros.io.bag_info import describe_bag
     from usmap_ros.io.bag_reader import BagReader
+    from usmap_ros.offline import AmplitudeSurvey
+    from usmap_ros.pipeline import Pipeline
 
     with (
         BagReader(bags) as bag,
         console.progress("reading", bag.trace_count + bag.cone_count) as step,
     ):
-        description = describe_bag(bag, step)
+        survey = AmplitudeSurvey(Pipeline())
+
+        def listen(topic: str, ping: EchoTrace | EchoCone) -> None:
+            survey.add(topic, ping)
+            step()
+
+        description = describe_bag(bag, listen)
+    description["amplitude_problems"] = survey.problems()
     if as_json:
         typer.echo(json.dumps(description, indent=2))
         return
@@ -44,6 +57,9 @@ def _facts(description: dict[str, Any]) -> dict[str, str]:
         "frames": ", ".join(description["frames"]),
         "positions": f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m",
         "saturated": _saturated(description),
+        "amplitudes": "; ".join(
+            f"{topic}: {problem}" for topic, problem in description["amplitude_problems"].items()
+        ),
         "other topics": ", ".join(description["other_topics"]),
         "skipped": ", ".join(f"{name} ({n})" for name, n in description["skipped"].items()),
     }

@@ -13,6 +13,9 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE
 from usmap_ros.trace import EchoTrace
 
+#: Called with topic and ping.
+PingCallback = Callable[[str, EchoTrace | EchoCone], None]
+
 
 class _Topic:
     """What the pings of one topic have in common, and when they were."""
@@ -53,7 +56,7 @@ class _Topic:
         }
 
 
-def describe_bag(bag: BagReader, on_ping: Callable[[], None]) -> dict[str, Any]:
+def describe_bag(bag: BagReader, on_ping: PingCallback) -> dict[str, Any]:
     """Read an open recording through and describe it, ready to become JSON.
 
     Parameters
@@ -61,7 +64,7 @@ def describe_bag(bag: BagReader, on_ping: Callable[[], None]) -> dict[str, Any]:
     bag : BagReader
         The recording.
     on_ping : callable
-        Called after each ping.
+        Called with topic and ping after each ping.
     """
     topics: dict[str, _Topic] = {}
     frames: set[str] = set()
@@ -74,7 +77,7 @@ def describe_bag(bag: BagReader, on_ping: Callable[[], None]) -> dict[str, Any]:
         frames.add(ping.frame_id)
         lowest = np.minimum(lowest, ping.pose.position_m[:2])
         highest = np.maximum(highest, ping.pose.position_m[:2])
-        on_ping()
+        on_ping(topic, ping)
     firsts = [entry.first.stamp_ns for entry in topics.values()]
     lasts = [entry.last_ns for entry in topics.values()]
     return {

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 
+from usmap_ros.amplitude_scale import AmplitudeScale
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import (
@@ -41,6 +42,7 @@ class _Outputs:
 
     cone: Any
     cells: Any
+    scale: AmplitudeScale
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class ConeReconstructor(Node):
         self.health = NodeHealth(
             self,
             self.parameters.value.diagnostics_period_s,
-            ("received", "published", "unheard", "malformed", "dropped", "failed"),
+            ("received", "published", "unheard", "malformed", "implausible", "dropped", "failed"),
         )
         self.health.watch(lambda: self.health.silence("no trace has come on echo"))
         self.health.watch(lambda: self.health.slowness(self.parameters.value.latency_limit_s))
@@ -91,6 +93,7 @@ class ConeReconstructor(Node):
         outputs = _Outputs(
             cone=advertise(self, CONE, within(transducer, CONE)),
             cells=advertise(self, CONE_CELLS, within(transducer, CONE_CELLS)),
+            scale=AmplitudeScale(),
         )
         subscribe(
             self, ECHO, lambda message: self._receive(outputs, message), within(transducer, ECHO)
@@ -157,6 +160,9 @@ class ConeReconstructor(Node):
     def _publish(self, job: _Job, cone: EchoCone) -> None:
         if not job.outputs.cone.get_subscription_count():
             self.health.problem("unheard", "nobody listens to the cones; does map_fusion run?")
+        job.outputs.scale.add(cone)
+        if problem := job.outputs.scale.problem():
+            self.health.problem("implausible", problem)
         job.outputs.cone.publish(cone_to_message(cone, self._types))
         self.health.count("published")
         self.health.latency(time.monotonic() - job.received_s)

@@ -3,12 +3,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
+
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.bag_writer import new_bag
 
 Run = Callable[..., Any]
 
@@ -159,3 +163,21 @@ class TestProcess:
             cwd=recorded, check=False,
         )  # fmt: skip
         assert "Traceback" not in done.stderr
+
+
+def test_samples_in_other_units_are_noticed(usmap: Run, workspace: Path) -> None:
+    with BagReader([workspace / "bag"]) as bag, new_bag(workspace / "counts") as writer:
+        for topic, trace in bag.traces():
+            counts = (2000.0 * trace.samples).astype(np.float32)
+            writer.write_trace(topic, replace(trace, samples=counts, noise_std=0.0))
+
+    for arguments in (["map", "counts", "-o", "blank"], ["info", "counts"]):
+        done = usmap(*arguments, cwd=workspace)
+        assert done.returncode == 0
+        said = " ".join((done.stdout + done.stderr).split())
+        assert "dB louder than objects make them" in said
+        assert "reconstruction.correction.gain should be about" in said
+
+    gain = "reconstruction.correction.gain=2000"
+    done = usmap("map", "counts", "-o", "map2", "--set", gain, cwd=workspace)
+    assert done.stderr == ""

@@ -1,0 +1,75 @@
+"""What the page on one's own sensor shows works as it stands there."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import usmap_ros
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "own_sensor.md").read_text(encoding="utf-8")
+(EXAMPLE,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+(COMMANDS,) = re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL)
+SENSOR = {
+    "pulse": {"shape": "hann_burst", "carrier_hz": 40e3, "duration_s": 0.5e-3},
+    "beam": {"kind": "table", "angles_rad": np.radians([0, 10, 20, 30, 40]).tolist(),
+             "gains": [1.0, 0.9, 0.6, 0.3, 0.0]},
+    "min_range_m": 0.3,
+    "max_range_m": 4.0,
+    "receiver": {"encoding": "raw", "sample_rate_hz": 200e3, "noise_std": 0.004},
+}  # fmt: skip
+SCENARIO = {
+    "seed": 5,
+    "duration_s": 6.0,
+    "world": {"area_m": [0.0, 4.0, 0.0, 4.0], "random_poles": {"count": 6, "separation_m": 0.8}},
+    "robots": [{"name": "robot1", "transducers": [SENSOR], "motion": {"kind": "random_walk"}}],
+}
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a folder with what a sensor has recorded."""
+    folder = tmp_path_factory.mktemp("own_sensor")
+    scenario = usmap_ros.Scenario.from_mapping(SCENARIO, "own_sensor.yaml")
+    traces = [trace for _, trace in usmap_ros.simulate(scenario)]
+    np.savez(
+        folder / "recorded.npz",
+        counts=np.rint(2048.0 * np.array([trace.signal() for trace in traces])).astype(np.int16),
+        x=[trace.pose.position_m[0] for trace in traces],
+        y=[trace.pose.position_m[1] for trace in traces],
+        yaw=[trace.pose.yaw_rad for trace in traces],
+        time_s=[trace.stamp_ns / 1e9 for trace in traces],
+    )
+    return folder
+
+
+@pytest.mark.slow
+def test_arrays_become_a_recording_that_maps(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(workplace)
+    exec(compile(EXAMPLE, "docs/own_sensor.md", "exec"), {})
+    usmap = Path(sys.executable).with_name("usmap")
+    for line in COMMANDS.splitlines():
+        arguments = shlex.split(line.split(" #")[0])
+        done = subprocess.run([usmap, *arguments[1:]], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    truth = usmap_ros.Scenario.from_mapping(SCENARIO, "own_sensor.yaml").truth_map()
+    occupancy, _ = usmap_ros.load_map("my_map")
+    assert usmap_ros.score(occupancy, truth).precision > 0.8
+
+
+def test_files_and_names_of_the_page_exist() -> None:
+    for path in re.findall(r"`(src/[^`]*)`", PAGE):
+        assert (ROOT / path).is_file(), path
+    for link in re.findall(r"\]\((?!https?:)([^)#]+)\)", PAGE):
+        assert (ROOT / "docs" / link).exists(), link
+    assert "def trace_to_message" in (ROOT / "src/usmap_ros/io/conversions/trace.py").read_text()
+    assert (
+        "class RosMessageTypes" in (ROOT / "src/usmap_ros/nodes/plumbing/ros_types.py").read_text()
+    )

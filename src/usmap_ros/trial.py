@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.scoring import Score, score
+from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation.recording import simulate
@@ -64,8 +66,10 @@ def try_traces(
     pipeline = Pipeline(parameters)
     range_only = RangeSensorFusion(pipeline.parameters.mapping)
     cones = []
-    for _, trace in traces:
-        cone = pipeline.process(trace)
+    for _, _, cone in Reconstructors(pipeline).cones(traces):
+        if isinstance(cone, MalformedMessageError):
+            raise cone
+        pipeline.fuse(cone)
         range_only.fuse(cone)
         cones.append(cone)
     views = PingViews.of(cones)

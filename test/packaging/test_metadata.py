@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -44,6 +45,7 @@ def test_versions_agree(root):
     versions = {str(path): ElementTree.parse(path).findtext("version") for path in manifests}
     for path in [root / "setup.py", root / "msg_schemas/pyproject.toml"]:
         versions[str(path)] = re.search(r'^ *version ?= ?"(.*)"', path.read_text(), re.M)[1]
+    versions["CITATION.cff"] = yaml.safe_load((root / "CITATION.cff").read_text())["version"]
     versions["usmap_ros"] = usmap_ros.__version__
 
     assert len(set(versions.values())) == 1, versions

@@ -36,7 +36,7 @@ class BeamPattern:
     def linear(cls, half_angle_rad: float = PAPER_HALF_ANGLE_RAD) -> BeamPattern:
         """Gain that falls linearly from 1 on axis to 0 at the edge of the cone.
 
-        The simple pattern of Sanchez & Andersson (DSCC 2018-9140), figure 2; 40° is theirs.
+        The simple pattern of Sanchez & Andersson (DSCC 2018-9140), figure 2a; 40° is theirs.
         """
         return cls(np.array([0.0, half_angle_rad]), np.array([1.0, 0.0]))
 

@@ -49,7 +49,8 @@ class Channel:
         """Delay of every path to points at `range_m`, shape (..., paths).
 
         Without a floor there is one path.  With one there are three delays: direct;
-        direct there and over the floor back, or the reverse; over the floor both ways.
+        direct there and over the floor back, or the reverse; over the floor both ways.  They are
+        the four paths of figure 6 in Sanchez & Andersson (DSCC 2018-9140), two of one length.
         """
         direct_m, via_floor_m = self._legs_m(range_m)
         lengths_m = [2.0 * direct_m]
@@ -67,7 +68,11 @@ class Channel:
         return np.stack(rates, axis=-1)
 
     def amplitudes(self, range_m: FloatArray) -> FloatArray:
-        """Amplitude of every path of `delays_s`: spreading, absorption and reflection."""
+        """Amplitude of every path of `delays_s`: spreading, absorption and reflection.
+
+        Either leg spreads as a spherical wave, I ∝ 1/r² (Sanchez & Andersson, section 3), so that
+        amplitudes fall with the product of the legs.
+        """
         direct_m, via_floor_m = self._legs_m(range_m)
         direct, via_floor = self._leg_gain(direct_m), self._leg_gain(via_floor_m)
         reflected = self.floor_reflectivity * via_floor

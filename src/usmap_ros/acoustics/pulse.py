@@ -1,4 +1,4 @@
-"""The pulse that a transducer emits (Sanchez & Andersson 2018, sections 2 and 4)."""
+"""The pulse that a transducer emits (Sanchez & Andersson 2018, sections 3 and 4)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 Sanchez & Andersson, "Using compressive sensing with in-air ultrasonic measurements for robotic
 mapping", DSCC 2018-9140, sections 2 to 4.  The column of a cell is the echo of an ideal object
-at its centre; Ψ is the identity, because the scene itself is sparse.
+at its centre; Ψ is the identity, because the scene itself is sparse, so that the A = Φ Ψ of
+equation (1) is Φ.
 """
 
 from __future__ import annotations

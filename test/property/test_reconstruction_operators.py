@@ -13,7 +13,6 @@ from usmap_ros.geometry import Pose
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellSound, ConeCells
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.joint import JointOperator
-from usmap_ros.reconstruction.operators import dot_test
 from usmap_ros.reconstruction.template import Template
 from usmap_ros.trace import Encoding
 
@@ -107,20 +106,20 @@ def joint_operators(draw):
 
 @QUICK
 @given(joint_operators(), seeds)
-def test_joint_operator_passes_the_dot_test(operator, seed):
-    assert dot_test(operator, np.random.default_rng(seed))
+def test_joint_operator_passes_the_dot_test(passes_dot_test, operator, seed):
+    assert passes_dot_test(operator, seed)
 
 
 @QUICK
 @given(delay_operators(), seeds)
-def test_delay_domain_passes_the_dot_test(operator, seed):
-    assert dot_test(operator, np.random.default_rng(seed))
+def test_delay_domain_passes_the_dot_test(passes_dot_test, operator, seed):
+    assert passes_dot_test(operator, seed)
 
 
 @QUICK
 @given(cell_dictionaries(), seeds)
-def test_cell_dictionary_passes_the_dot_test(dictionary, seed):
-    assert dot_test(dictionary, np.random.default_rng(seed))
+def test_cell_dictionary_passes_the_dot_test(passes_dot_test, dictionary, seed):
+    assert passes_dot_test(dictionary, seed)
 
 
 @QUICK

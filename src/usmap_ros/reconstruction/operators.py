@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 
 
@@ -55,20 +53,3 @@ class SensingOperator(Protocol):
 
         They are not taken up together with it, but may be later, by what it leaves over.
         """
-
-
-def dot_test(
-    operator: SensingOperator, generator: np.random.Generator, tolerance: float = 1e-10
-) -> bool:
-    """Whether ⟨Φ x, y⟩ equals ⟨x, Φᴴ y⟩ for random complex x and y, as an adjoint must.
-
-    After the test of the same name in Claerbout, "Earth Soundings Analysis" (1992).
-    """
-    x_shape = (operator.block_count, operator.block_size)
-    x = generator.normal(size=x_shape) + 1j * generator.normal(size=x_shape)
-    y = generator.normal(size=operator.sample_count) + 1j * generator.normal(
-        size=operator.sample_count
-    )
-    left = complex(np.vdot(operator.forward(x), y))
-    right = complex(np.vdot(x, operator.adjoint(y)))
-    return bool(abs(left - right) <= tolerance * max(abs(left), abs(right), 1.0))

@@ -7,7 +7,6 @@ from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
-from usmap_ros.reconstruction.operators import dot_test
 from usmap_ros.reconstruction.template import Template
 
 HANN = Template(0.0, 3.2e-4, Pulse(PulseShape.HANN_BURST, 50e3, 3.2e-4))
@@ -35,8 +34,8 @@ def operator(request):
     return operator
 
 
-def test_dot_test(operator):
-    assert dot_test(operator, np.random.default_rng(0))
+def test_dot_test(passes_dot_test, operator):
+    assert passes_dot_test(operator, 0)
 
 
 def test_columns_are_what_forward_makes_of_unit_vectors(operator):

@@ -10,7 +10,6 @@ from usmap_ros.reconstruction.matrix_operator import (
     merged,
     same_direction,
 )
-from usmap_ros.reconstruction.operators import dot_test
 
 
 @pytest.fixture
@@ -21,21 +20,21 @@ def matrix():
 
 
 @pytest.mark.parametrize("make", [np.asarray, sparse.csr_array])
-def test_adjoint_columns_and_norms(matrix, make):
+def test_adjoint_columns_and_norms(passes_dot_test, matrix, make):
     operator = MatrixOperator(make(matrix))
 
-    assert dot_test(operator, np.random.default_rng(1))
+    assert passes_dot_test(operator, 1)
     np.testing.assert_allclose(operator.columns(np.array([3, 0])), matrix[:, [3, 0]])
     np.testing.assert_allclose(operator.norms, np.linalg.norm(matrix, axis=0))
     assert (operator.sample_count, operator.block_count, operator.block_size) == (20, 7, 1)
 
 
-def test_dot_test_finds_a_wrong_adjoint(matrix):
+def test_dot_test_finds_a_wrong_adjoint(passes_dot_test, matrix):
     class Wrong(MatrixOperator):
         def adjoint(self, signal):
             return 1.001 * super().adjoint(signal)
 
-    assert not dot_test(Wrong(matrix), np.random.default_rng(1))
+    assert not passes_dot_test(Wrong(matrix), 1)
 
 
 def test_scores_of_a_column_are_its_norm_times_its_coefficient(matrix):

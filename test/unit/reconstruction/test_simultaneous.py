@@ -7,7 +7,6 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.joint import JointOperator
-from usmap_ros.reconstruction.operators import dot_test
 from usmap_ros.reconstruction.reconstructor import reconstruct, reconstruct_sounding
 from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.soundings import soundings
@@ -161,12 +160,12 @@ def test_cells_sum_the_echoes_of_both_pulses(encoding):
         assert np.linalg.norm(found.residual) < 1e-4 * np.linalg.norm(found.received)
 
 
-def test_the_joint_operator_is_one():
+def test_the_joint_operator_is_one(passes_dot_test):
     trace = pair()[0]
     operator = reconstruct_delays(trace, PARAMETERS).operator
 
     assert isinstance(operator, JointOperator)
-    assert dot_test(operator, np.random.default_rng(1))
+    assert passes_dot_test(operator, 1)
     generator = np.random.default_rng(2)
     support = generator.choice(operator.block_count, 7, replace=False)
     coefficients = np.zeros((operator.block_count, 1), dtype=complex)

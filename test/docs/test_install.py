@@ -38,6 +38,6 @@ def test_the_readme_leads_to_it() -> None:
 
 
 def test_the_message_of_a_missing_package_is_the_programs() -> None:
-    source = (ROOT / "src/usmap_ros/cli/live.py").read_text(encoding="utf-8")
+    source = (ROOT / "src/usmap_ros/live/requirements.py").read_text(encoding="utf-8")
     assert "this command needs ROS 2 Jazzy, and the Python package" in source
     assert "this command needs ROS 2 Jazzy, and the Python package" in PAGE

@@ -97,6 +97,7 @@ class Live:
         self.executor.remove_node(node)
         self.nodes.remove(node)
         node.close()
+        node.destroy_node()
 
     def until(
         self, condition: Callable[[], Any], timeout_s: float = 90.0, what: object = None
@@ -149,6 +150,7 @@ class Live:
     def close(self) -> None:
         for node in self.nodes:
             node.close()
+            node.destroy_node()
         self.peer.destroy_node()
         self.executor.shutdown()
         rclpy.shutdown(context=self.context)

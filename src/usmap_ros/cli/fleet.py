@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from usmap_ros.cli.live import require_ros
+from usmap_ros.live.requirements import require_ros
 
 #: Time that the nodes get to start before the robots set off, s.
 _HEAD_START_S = 3.0

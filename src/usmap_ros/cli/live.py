@@ -3,31 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from usmap_ros.errors import ConfigurationError, UsmapError
+from usmap_ros.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from usmap_ros.parameters.nodes import NodeParameters
-
-
-def require_ros() -> None:
-    """Make sure that ROS 2 is there.
-
-    Raises
-    ------
-    UsmapError
-        If not, with what to do about it.
-    """
-    for package in ("rclpy", "usmap_msgs"):
-        if find_spec(package) is None:
-            raise UsmapError(
-                f"this command needs ROS 2 Jazzy, and the Python package {package} is missing;"
-                " see 'Install' in the README"
-            )
 
 
 def run_live_node(

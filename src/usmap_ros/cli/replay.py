@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from usmap_ros.cli.live import require_ros, run_live_node
+from usmap_ros.cli.live import run_live_node
+from usmap_ros.live.requirements import require_ros
 
 
 def replay(

@@ -56,9 +56,8 @@ class BagRecorder(Node):
         self._look_for_topics()
 
     def close(self) -> None:
-        """Complete the recording, and destroy the node."""
+        """Complete the recording."""
         self._writer.finish()
-        self.destroy_node()
 
     def _look_for_topics(self) -> None:
         self._writer.flush()

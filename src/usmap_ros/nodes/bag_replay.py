@@ -83,9 +83,8 @@ class BagReplay(Node):
         self._timer = every(self, 1.0 / parameters.clock_rate_hz, self._tick)
 
     def close(self) -> None:
-        """Close the recording, and destroy the node."""
+        """Close the recording."""
         self._bag.close()
-        self.destroy_node()
 
     def _advertise_all(self) -> dict[str, _Output]:
         parameters = self.parameters.value

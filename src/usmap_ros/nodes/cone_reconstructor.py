@@ -85,9 +85,8 @@ class ConeReconstructor(Node):
         self.health.tell("listeners", self._fewest_listeners)
 
     def close(self) -> None:
-        """Finish the trace at hand, and destroy the node."""
+        """Finish the trace at hand."""
         self._worker.stop()
-        self.destroy_node()
 
     def _connect(self, transducer: str) -> _Outputs:
         outputs = _Outputs(

@@ -66,9 +66,8 @@ class MapFusion(LifecycleNode):
             self._start()
 
     def close(self) -> None:
-        """Keep the map, and destroy the node."""
+        """Keep the map on disk."""
         self._release()
-        self.destroy_node()
 
     # ---- life cycle
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import tempfile
 from collections.abc import Callable
@@ -10,8 +11,13 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from usmap_ros.errors import UsmapError
+from usmap_ros.nodes.plumbing.signals import EndRequest
+
+#: Time for ROS to let go of everything, s.
+_PATIENCE_S = 10
 
 
 def prepare_environment() -> None:
@@ -22,10 +28,10 @@ def prepare_environment() -> None:
 
 
 def run_node(create: Callable[[], Any], arguments: list[str] | None = None) -> None:
-    """Run a node until it is interrupted; the main function of every executable.
+    """Run a node until SIGINT or SIGTERM; the main function of every executable.
 
-    Its ``close`` finishes what must not be lost and destroys it.  Exit status 1: the node could
-    not start; one line on standard error says why.
+    Its ``close`` finishes what must not be lost, however often the process is asked to end
+    meanwhile.  Exit status 1: the node could not start; one line on standard error says why.
 
     Parameters
     ----------
@@ -35,35 +41,45 @@ def run_node(create: Callable[[], Any], arguments: list[str] | None = None) -> N
         For ROS; by default those of the command line.
     """
     prepare_environment()
-    rclpy.init(args=arguments)
+    end = EndRequest()
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = create()
     except UsmapError as error:
         print(f"{os.path.basename(sys.argv[0])}: error: {error}", file=sys.stderr)
+        end.ignore_more()
+        _end_soon()
         rclpy.try_shutdown()
         sys.exit(1)
-    except Exception:
-        # A context that ends while the node is being made breaks whatever was at hand.
-        if rclpy.ok():
-            raise
-        return
     try:
-        spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        # This is how a node is meant to end: rclpy turns SIGINT and SIGTERM into these.
-        pass
+        _spin(node, end)
     finally:
+        end.ignore_more()
         node.close()
+        _end_soon()
+        node.destroy_node()
         rclpy.try_shutdown()
 
 
-def spin(node: Any) -> None:
-    """Handle a node's callbacks, in this thread, until the context ends."""
+def _end_soon() -> None:
+    """Let the kernel end this process if it does not end by itself.
+
+    Once in some hundred times Fast DDS hangs as it is taken down, and takes a whole core.  There
+    is nothing left to lose then, and no Python that could notice.
+    """
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(_PATIENCE_S)
+
+
+def _spin(node: Any, end: EndRequest) -> None:
+    """Handle a node's callbacks, in this thread, until the process is asked to end."""
     # rclpy's other executors lose messages: see docs/nodes.md.
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     try:
-        executor.spin()
+        executor.spin_until_future_complete(end.future)
+    except ExternalShutdownException:
+        pass  # The node ended itself, as a replay does.
     finally:
         executor.remove_node(node)
         executor.shutdown(timeout_sec=1.0)

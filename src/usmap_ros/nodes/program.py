@@ -1,0 +1,47 @@
+"""The beginning of a node that is a program of its own, before ROS is imported."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import PurePath
+
+from usmap_ros.errors import UsmapError
+from usmap_ros.live.requirements import require_ros
+
+#: Each has an executable and a module of its name; here, because their declarations take long.
+NODE_NAMES = ("bag_recorder", "bag_replay", "cone_reconstructor", "echo_driver", "map_fusion")
+
+
+def begin_program() -> None:
+    """If Python was started to run a node, see to what its ``main`` would be too late for.
+
+    Where ROS is missing, one line says so.  Importing takes seconds, in which Python would answer
+    Ctrl-C with pages: until the node listens to it, it ends the program without a word.
+    """
+    name = node_name(sys.argv[0], sys.orig_argv)
+    if name is None:
+        return
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        require_ros()
+    except UsmapError as error:
+        sys.exit(f"{name}: error: {error}")
+
+
+def node_name(program: str, arguments: Sequence[str]) -> str | None:
+    """Name the node that Python was started to run; None if it was for something else.
+
+    Parameters
+    ----------
+    program : str
+        What ``sys.argv`` begins with: the executable, or "-m" while a module is looked for.
+    arguments : sequence of str
+        All that Python was started with.
+    """
+    if program == "-m":
+        package, _, name = arguments[list(arguments).index("-m") + 1].rpartition(".")
+        return name if package == __package__ and name in NODE_NAMES else None
+    name = PurePath(program).name
+    return name if name in NODE_NAMES else None

@@ -1,0 +1,101 @@
+"""However a node is asked to end: no traceback, nothing lost, no hang."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.io.conversions import cone_to_message
+from usmap_ros.io.map_files import load_map
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+
+TYPES = RosMessageTypes()
+DEADLINE_S = 300.0
+
+#: A fusion whose checkpoint takes its time, and says when it begins.
+SLOW_TO_KEEP = """
+import time
+from usmap_ros.live import checkpoint
+from usmap_ros.nodes import map_fusion
+
+save = checkpoint.save_map
+
+def slowly(*arguments):
+    print("keeping", flush=True)
+    time.sleep(1.0)
+    save(*arguments)
+
+checkpoint.save_map = slowly
+map_fusion.main()
+"""
+#: A reconstructor that hangs as its node is destroyed, where no Python can be run any more.
+HANGS = """
+import re
+from usmap_ros.nodes import cone_reconstructor
+from usmap_ros.nodes.plumbing import run
+
+run._PATIENCE_S = 1
+
+def spin_for_ever(self):
+    re.match(r"(a|a)*b", "a" * 100)
+
+cone_reconstructor.ConeReconstructor.destroy_node = spin_for_ever
+cone_reconstructor.main()
+"""
+
+
+def log_of(process: Any) -> str:
+    return str(process.log.read_text(errors="replace"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
+def test_the_map_is_kept_however_often_fusion_is_asked_to_end(
+    live: Any,
+    processes: Any,
+    cones: list[tuple[str, EchoCone]],
+    tmp_path: Path,
+    number: signal.Signals,
+) -> None:
+    command = [sys.executable, "-c", SLOW_TO_KEEP, "--ros-args"]
+    command += ["-p", f"checkpoint_path:={tmp_path / 'map'}", "-p", "checkpoint_period_s:=3600.0"]
+    grids = live.listen("nav_msgs/msg/OccupancyGrid", "/map", 1)
+    fusion = processes.run(command, "fusion")
+    publisher = live.publisher("usmap_msgs/msg/EchoCone", "/robot1/cone", 50)
+    publisher.publish(cone_to_message(cones[0][1], TYPES))
+    live.until(lambda: grids, DEADLINE_S)
+    fusion.send_signal(number)
+    live.until(lambda: "keeping" in log_of(fusion), DEADLINE_S)
+    for again in (number, signal.SIGINT, signal.SIGTERM):
+        fusion.send_signal(again)
+    assert fusion.wait(DEADLINE_S) == 0
+    assert load_map(tmp_path / "map")[0].stamp_ns == cones[0][1].stamp_ns
+    assert "Traceback" not in log_of(fusion)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
+@pytest.mark.parametrize("after_s", [0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.2, 1.6])
+@pytest.mark.usefixtures("domain")
+def test_a_node_that_is_asked_to_end_as_it_starts_ends_without_a_word(
+    number: signal.Signals, after_s: float
+) -> None:
+    command = [sys.executable, "-m", "usmap_ros.nodes.map_fusion"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    time.sleep(after_s)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=DEADLINE_S)
+    assert "Traceback" not in said
+    assert process.returncode in (0, -number)
+
+
+@pytest.mark.usefixtures("domain")
+def test_a_node_that_hangs_as_it_is_taken_down_is_ended(processes: Any, live: Any) -> None:
+    process = processes.run([sys.executable, "-c", HANGS], "hangs")
+    live.until(lambda: live.peer.count_subscribers("/echo"), DEADLINE_S)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(DEADLINE_S) == -signal.SIGALRM

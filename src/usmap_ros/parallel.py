@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
+import signal
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -27,6 +29,8 @@ Outcome = tuple[str, int, EchoCone | MalformedMessageError]
 BATCH = 8
 #: Batches under way for each worker: enough to keep it busy, and memory flat.
 BATCHES_AHEAD = 3
+#: From <linux/prctl.h>: the signal that a process gets when its parent dies.
+_PR_SET_PDEATHSIG = 1
 
 
 def available_cores() -> int:
@@ -96,13 +100,26 @@ def reconstructors(pipeline: Pipeline, processes: int) -> Iterator[Reconstructor
         yield Reconstructors(pipeline)
         return
     context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(processes, mp_context=context) as executor:
+    with ProcessPoolExecutor(
+        processes, mp_context=context, initializer=_begin_worker, initargs=(os.getpid(),)
+    ) as executor:
         for future in [executor.submit(available_cores) for _ in range(processes)]:
             future.result()
         try:
             yield Reconstructors(pipeline, executor, processes)
         finally:
             executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin_worker(parent: int) -> None:
+    """Leave it to the process that forked this one to answer signals, and end with it."""
+    # A terminal's Ctrl-C comes to all processes; one of them is to speak.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # Even kill -9 of the parent is told by Linux, where alone there are workers.
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
 
 
 def _can_fork() -> bool:

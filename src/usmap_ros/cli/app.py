@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from typing import Annotated
 
@@ -67,16 +68,27 @@ def _options(
     console.set_up_logging(verbose)
 
 
+def _end(number: int, frame: object) -> None:
+    """Unwind, so that nothing half-made stays behind; asking again does not disturb that."""
+    for asked in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(asked, signal.SIG_IGN)
+    sys.exit(128 + number)
+
+
 def main() -> None:
     """Run the command line; the only place where errors of usmap_ros are caught for good.
 
-    Exit status 1: the data or a file was unusable. 2: wrong usage, which typer sees to.
+    Exit status 1: the data or a file was unusable. 2: wrong usage, which typer sees to. 143: the
+    process was asked to end by SIGTERM.
     """
     # The matrices are small: threads of the linear algebra would only wait for each other.
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    before = signal.signal(signal.SIGTERM, _end)
     try:
         app()
     except UsmapError as error:
         console.print_error(str(error))
         sys.exit(1)
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -8,7 +8,7 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.parameters import CorrectionParameters
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.trace import EchoTrace
 
 _NEUTRAL = CorrectionParameters()
 
@@ -33,14 +33,12 @@ def corrected(trace: EchoTrace, correction: CorrectionParameters) -> EchoTrace:
     channel = corrected_channel(trace.channel, correction)
     start_s = trace.start_delay_s - 2.0 * correction.range_offset_m / channel.sound_speed_m_s
     early = max(0, int(np.ceil(-start_s * trace.sample_rate_hz)))
-    values = 2 if trace.encoding is Encoding.IQ else 1
-    samples = trace.samples[values * early :] / np.float32(correction.gain)
+    shifted = replace(trace, start_delay_s=start_s).cut(early)
     return replace(
-        trace,
+        shifted,
         channel=channel,
-        start_delay_s=max(0.0, start_s + early / trace.sample_rate_hz),
         noise_std=trace.noise_std / correction.gain,
-        samples=samples.astype(np.float32),
+        samples=(shifted.samples / np.float32(correction.gain)).astype(np.float32),
     )
 
 

@@ -190,6 +190,15 @@ class EchoTrace:
         """Delay of every sample (or I/Q pair) after the stamp."""
         return self.sampling.times_s
 
+    def cut(self, first: int, stop: int | None = None) -> EchoTrace:
+        """Only the samples (or I/Q pairs) from `first` to before `stop`."""
+        values = 2 if self.encoding is Encoding.IQ else 1
+        return replace(
+            self,
+            start_delay_s=self.start_delay_s + first / self.sample_rate_hz,
+            samples=self.samples[values * first : None if stop is None else values * stop],
+        )
+
     @property
     def is_saturated(self) -> bool:
         """Whether several samples sit at either end of its scale, as behind a clipping converter.

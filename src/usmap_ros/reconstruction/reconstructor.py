@@ -15,6 +15,7 @@ from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.correction import corrected
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.listening import listened
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
@@ -113,6 +114,7 @@ def reconstruct_sounding(
 def _told(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
     """The trace as it should have been, as far as parameters say what it lacks."""
     trace = corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
+    trace = listened(trace)
     if parameters.upright_objects:
         return trace
     rise_m = parameters.object_height_m - float(trace.pose.position_m[2])

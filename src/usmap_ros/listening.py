@@ -1,0 +1,91 @@
+"""The part of a trace in which the receiver listened.
+
+At first the transmitter rings on, and clips whatever receives; some receivers mute themselves once
+they have detected something.  Neither part has anything to say: not of echoes, not of their
+absence, and not of the noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from usmap_ros.arrays import FloatArray
+from usmap_ros.trace import EchoTrace
+
+#: Samples in a segment, at least, and segments of a trace, at least.
+_SEGMENT_SAMPLES = 16
+_LEAST_SEGMENTS = 8
+#: The transmitter is heard if the first pulse length is so loud, relative to the loudest sample and
+#: to the usual one; it rings until it has fallen to so little, and not beyond this part of a trace.
+_RINGING_OVER_LOUDEST, _RINGING_OVER_USUAL = 0.3, 10.0
+_RUNG_OUT = 0.1
+_LONGEST_RINGING = 0.3
+#: A muted end is so much quieter (power) than the noise before it, and than the noise that is
+#: stated; segments belong to it that are not louder than this, and it has this part of a trace.
+_MUTED_BELOW_NOISE, _MUTED_BELOW_STATED = 0.04, 0.1
+_MUTED_EVENNESS = 4.0
+_LEAST_MUTED = 0.1
+#: Quantile of the segments before it that is taken for noise.
+_QUIET = 0.1
+
+
+def listened(trace: EchoTrace) -> EchoTrace:
+    """Return the part of `trace` in which its receiver listened.
+
+    It begins where an echo from the transducer's least range would, or where the transmitter has
+    rung out if that is later, and ends where the receiver is muted for the rest of the trace.
+    """
+    rate_hz, start_s = trace.sample_rate_hz, trace.start_delay_s
+    count = trace.sampling.sample_count
+    # Sound of another transducer may come a shorter way, but by no more than their distance.
+    apart_m = max(float(np.linalg.norm(one.mount.position_m)) for one in trace.sent)
+    nearest_m = 2.0 * trace.transducer.min_range_m - apart_m
+    nearest_s = nearest_m / trace.channel.sound_speed_m_s
+    magnitude = np.abs(trace.signal())
+    first = max(0, int(np.floor((nearest_s - start_s) * rate_hz)), _rung_out(trace, magnitude))
+    # Without a single sample left there would be nothing to reconstruct, and no error either.
+    first = min(first, count - 1)
+    stop = first + _muted_from(trace, magnitude[first:])
+    return trace if (first, stop) == (0, count) else trace.cut(first, stop)
+
+
+def _rung_out(trace: EchoTrace, magnitude: FloatArray) -> int:
+    """First sample at which the transmitter is no longer heard; 0 if it never is."""
+    pulse_s = trace.transducer.pulse.duration_s
+    emitting = int((pulse_s - trace.start_delay_s) * trace.sample_rate_hz)
+    if emitting < 1 or emitting >= len(magnitude):
+        return 0
+    loudest = float(magnitude[:emitting].max())
+    if loudest < _RINGING_OVER_LOUDEST * float(magnitude.max()):
+        return 0
+    if loudest < _RINGING_OVER_USUAL * float(np.median(magnitude)):
+        return 0
+    segment = max(2, emitting // 2)
+    longest = int(_LONGEST_RINGING * len(magnitude))
+    for first in range(emitting, longest, segment):
+        if magnitude[first : first + segment].max() < _RUNG_OUT * loudest:
+            return first
+    return max(longest, emitting)
+
+
+def _muted_from(trace: EchoTrace, magnitude: FloatArray) -> int:
+    """First sample of those at the end that are muted; their number if none is."""
+    count = len(magnitude)
+    segment = max(_SEGMENT_SAMPLES, count // 64)
+    segments = count // segment
+    if segments < _LEAST_SEGMENTS:
+        return count
+    if float(magnitude[-segment:].mean()) ** 2 > _MUTED_BELOW_STATED * trace.noise_std**2 > 0.0:
+        return count
+    # From the end, so that it is a whole number of segments long.
+    blocks = magnitude[count - segments * segment :].reshape(segments, segment)
+    power = np.median(blocks, axis=1) ** 2
+    floor = float(power[-2:].max())
+    even = power <= _MUTED_EVENNESS * floor
+    loud = np.flatnonzero(~even)
+    first = int(loud[-1]) + 1 if len(loud) else 0
+    if first == 0 or segments - first < max(2.0, _LEAST_MUTED * segments):
+        return count
+    noise = float(np.quantile(power[:first], _QUIET))
+    is_muted = floor < _MUTED_BELOW_NOISE * noise
+    return count - (segments - first) * segment if is_muted else count

@@ -266,9 +266,9 @@ def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
 
 def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
     """Robots' paths; none in a map that another program wrote."""
-    paths = RobotPaths()
     if "path_topics" not in arrays:
-        return paths
+        return RobotPaths()
+    paths = RobotPaths({str(topic): [] for topic in arrays["path_topics"]})
     positions = arrays["path_positions"].astype(float)
     unknown = np.full((len(positions), len(Beam._fields)), np.nan)
     beams = arrays.get("path_beams", unknown).astype(float)

@@ -58,6 +58,13 @@ def test_every_name_is_explained_on_the_page_and_in_its_docstring() -> None:
     assert {name.strip("`") for name in named} == set(usmap_ros.__all__)
 
 
+def test_every_name_is_used_by_an_example_or_a_test() -> None:
+    used = set(
+        re.findall(r"usmap_ros\.(\w+)", POLE + RECORDING + Path(__file__).read_text("utf-8"))
+    )
+    assert used >= set(usmap_ros.__all__)
+
+
 def test_what_the_type_checker_sees_is_what_there_is() -> None:
     source = inspect.getsource(usmap_ros)
     for_checker = source.split("if TYPE_CHECKING:")[1].split("__version__")[0]
@@ -154,8 +161,8 @@ def test_maps_pings_and_cones_can_be_drawn() -> None:
     assert dict(mpl.rcParams) == before
 
 
-def test_a_scenario_is_tried_in_one_line() -> None:
-    scenario = usmap_ros.Scenario.from_mapping(
+def two_points() -> usmap_ros.Scenario:
+    return usmap_ros.Scenario.from_mapping(
         {
             "duration_s": 3.0,
             "world": {"points": [{"x_m": 1.5, "y_m": 0.3}, {"x_m": 0.9, "y_m": -0.6}]},
@@ -169,8 +176,25 @@ def test_a_scenario_is_tried_in_one_line() -> None:
         },
         "two_points.yaml",
     )  # fmt: skip
+
+
+def test_a_map_is_loaded_as_it_was_saved(tmp_path: Path) -> None:
+    pipeline = usmap_ros.Pipeline()
+    for _, ping in usmap_ros.simulate(two_points()):
+        assert isinstance(pipeline.process(ping), usmap_ros.EchoCone)
+    occupancy = pipeline.occupancy_map()
+    assert isinstance(occupancy, usmap_ros.OccupancyMap)
+    usmap_ros.save_map(tmp_path / "new" / "map", occupancy)
+    loaded, _ = usmap_ros.load_map(tmp_path / "new" / "map")
+    np.testing.assert_array_equal(loaded.log_odds, occupancy.log_odds)
+    assert isinstance(
+        usmap_ros.load_truth(tmp_path / "new" / "map" / "map.yaml"), usmap_ros.TruthMap
+    )
+
+
+def test_a_scenario_is_tried_in_one_line() -> None:
     parameters = usmap_ros.PipelineParameters.model_validate({"mapping": {"resolution_m": 0.04}})
-    tried = usmap_ros.try_scenario(scenario, parameters)
+    tried = usmap_ros.try_scenario(two_points(), parameters)
     assert tried.occupancy.geometry.resolution_m == tried.truth.geometry.resolution_m == 0.04
     assert tried.score.predicted_cells > 0
     assert tried.score == usmap_ros.score(tried.occupancy, tried.truth, tried.views)

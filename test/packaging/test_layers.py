@@ -1,6 +1,7 @@
 """Imports go one way, in no circle, and the core needs no ROS."""
 
 import ast
+import re
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -103,6 +104,16 @@ def test_the_core_imports_no_ros() -> None:
         if not name.startswith(("usmap_ros.nodes", "usmap_ros.cli"))
         for module in imported(path)
         if module.split(".")[0] in ROS
+    ]
+    assert not wrong
+
+
+def test_types_of_arrays_have_one_home() -> None:
+    wrong = [
+        name
+        for name, path in MODULES.items()
+        if name not in ("usmap_ros.arrays", "usmap_ros.mapping.grid")
+        and re.search(r"^\w+Array = ", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
     ]
     assert not wrong
 

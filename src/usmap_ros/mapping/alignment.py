@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.grids import (
     FREE_PROBABILITY,
     OCCUPIED_PROBABILITY,
@@ -14,8 +14,6 @@ from usmap_ros.grids import (
     OccupancyMap,
     TruthMap,
 )
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class AlignedMaps:
     """
 
     geometry: GridGeometry
-    probability: NDArray[np.float64]
+    probability: FloatArray
     observed: BoolArray
     occupied: BoolArray
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, label
 
+from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.grids import GridGeometry
 from usmap_ros.mapping.alignment import AlignedMaps
 from usmap_ros.mapping.line_of_sight import pings_in_sight
 from usmap_ros.views import PingViews
-
-BoolArray = NDArray[np.bool_]
 
 #: Of the robot that looks for a way out.
 ROBOT_RADIUS_M = 0.15
@@ -72,7 +70,7 @@ def reachable(
     free: BoolArray,
     predicted: BoolArray,
     geometry: GridGeometry,
-    positions_m: NDArray[np.float64],
+    positions_m: FloatArray,
     radius_m: float = ROBOT_RADIUS_M,
 ) -> BoolArray:
     """Cells that the centre of a round robot can get to by what a map says.
@@ -104,11 +102,11 @@ def reachable(
     return np.isin(regions, entered) & is_open
 
 
-def _distances(cells: BoolArray) -> NDArray[np.float64]:
+def _distances(cells: BoolArray) -> FloatArray:
     """Distance of every cell's centre to the nearest one of `cells`, in cells."""
     if not cells.any():
         return np.full(cells.shape, np.inf)
-    distances: NDArray[np.float64] = distance_transform_edt(~cells)
+    distances: FloatArray = distance_transform_edt(~cells)
     return distances
 
 

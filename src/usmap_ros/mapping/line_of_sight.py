@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 from usmap_ros.grids import GridGeometry
 from usmap_ros.views import PingViews
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 #: Distance between neighbouring rays where they end, in cells.
 _RAY_SPACING_CELLS = 0.5

@@ -26,6 +26,10 @@ def fleet(
     parameters_file: Annotated[
         Path | None, typer.Option("--parameters", "-p", metavar="FILE.yaml", help="For ROS nodes.")
     ] = None,
+    robots: Annotated[
+        list[str] | None,
+        typer.Option("--robot", metavar="NAME", help="Only this robot; may be repeated."),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="End after so many seconds.")
     ] = None,
@@ -36,22 +40,18 @@ def fleet(
     """
     require_ros()
     from usmap_ros.errors import FileError
-    from usmap_ros.live.fleet_processes import fleet_tasks
+    from usmap_ros.live.fleet_processes import fleet_nodes, fleet_task
     from usmap_ros.live.supervisor import Supervisor
-    from usmap_ros.simulation import Scenario
 
-    scenario = Scenario.load(scenario_file)
-    # What the drivers would refuse one by one is said once, before anything starts.
-    scenario.fleet(scenario.scene())
     if parameters_file is not None and not parameters_file.is_file():
         raise FileError(parameters_file, "does not exist")
-    tasks = fleet_tasks(
+    nodes = fleet_nodes(
         scenario_file,
-        scenario,
-        time.time() + _HEAD_START_S,
-        parameters_file=parameters_file,
+        start_time_s=time.time() + _HEAD_START_S,
+        robots=robots or [],
         checkpoint=checkpoint,
     )
+    tasks = [fleet_task(node, parameters_file) for node in nodes]
     supervisor = Supervisor(tasks, lambda line: print(line, flush=True))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: supervisor.stop())

@@ -1,62 +1,93 @@
-"""The processes that a fleet of simulated robots and its map consist of."""
+"""The nodes that a fleet of simulated robots and its map consist of, and their processes."""
 
 from __future__ import annotations
 
+import json
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from usmap_ros.errors import ConfigurationError
 from usmap_ros.live.supervisor import Task
 from usmap_ros.simulation import Scenario
 
 
-def fleet_tasks(
-    scenario_path: Path,
-    scenario: Scenario,
-    start_time_s: float,
+@dataclass(frozen=True)
+class FleetNode:
+    """A node of a fleet.
+
+    Parameters
+    ----------
+    name : str
+        Of the node and its executable.
+    namespace : str
+        The robot that it belongs to; empty: all of them.
+    parameters : dict
+        What the scenario and the caller determine; everything else is for parameter files.
+    """
+
+    name: str
+    namespace: str
+    parameters: dict[str, Any]
+
+
+def fleet_nodes(
+    path: Path,
     *,
-    parameters_file: Path | None = None,
+    start_time_s: float | None = None,
+    robots: Sequence[str] = (),
     checkpoint: Path | None = None,
-) -> list[Task]:
+) -> list[FleetNode]:
     """A driver and a reconstructor for each robot, and one fusion for all.
 
     Parameters
     ----------
-    scenario_path : path
+    path : path
         File of the scenario.
-    scenario : Scenario
-        What is in it.
-    start_time_s : float
-        When all robots start on their paths, seconds since the epoch.
-    parameters_file : path, optional
-        ROS parameters for all nodes.
+    start_time_s : float, optional
+        When all robots start on their paths, in seconds of the nodes' clock; None: each does with
+        its driver.
+    robots : sequence of str
+        Of those in the scenario; empty: all.
     checkpoint : path, optional
         Folder in which fusion keeps the map.
+
+    Raises
+    ------
+    UsmapError
+        If the scenario is unusable, or has no such robot: what the drivers would refuse one by
+        one is said once, before anything starts.
     """
-    tasks = []
-    for robot in scenario.robots:
-        names = [transducer.name for transducer in robot.transducers]
-        driver = {
-            "scenario": str(scenario_path.resolve()),
-            "robot": robot.name,
-            "start_time_s": repr(float(start_time_s)),
-        }
-        reconstructor = {"transducers": f"[{', '.join(names)}]"} if len(names) > 1 else {}
-        tasks += [
-            _task("echo_driver", robot.name, driver, parameters_file),
-            _task("cone_reconstructor", robot.name, reconstructor, parameters_file),
+    scenario = Scenario.load(path)
+    scenario.fleet(scenario.scene())
+    known = {robot.name: robot for robot in scenario.robots}
+    for name in robots:
+        if name not in known:
+            raise ConfigurationError(path, f"has no robot {name!r}; it has {', '.join(known)}")
+    start = {} if start_time_s is None else {"start_time_s": float(start_time_s)}
+    nodes = []
+    for name in robots or known:
+        transducers = [transducer.name for transducer in known[name].transducers]
+        several = {"transducers": transducers} if len(transducers) > 1 else {}
+        driver = {"scenario": str(path.resolve()), "robot": name, **start}
+        nodes += [
+            FleetNode("echo_driver", name, driver),
+            FleetNode("cone_reconstructor", name, several),
         ]
-    fusion = {} if checkpoint is None else {"checkpoint_path": str(checkpoint.resolve())}
-    return [*tasks, _task("map_fusion", "", fusion, parameters_file)]
+    kept = {} if checkpoint is None else {"checkpoint_path": str(checkpoint.resolve())}
+    return [*nodes, FleetNode("map_fusion", "", kept)]
 
 
-def _task(
-    node: str, namespace: str, parameters: dict[str, str], parameters_file: Path | None
-) -> Task:
-    command = [sys.executable, "-u", "-m", f"usmap_ros.nodes.{node}", "--ros-args"]
-    if namespace:
-        command += ["-r", f"__ns:=/{namespace}"]
+def fleet_task(node: FleetNode, parameters_file: Path | None = None) -> Task:
+    """Process of a node, with ROS parameters from a file for what is not determined."""
+    command = [sys.executable, "-u", "-m", f"usmap_ros.nodes.{node.name}", "--ros-args"]
+    if node.namespace:
+        command += ["-r", f"__ns:=/{node.namespace}"]
     if parameters_file is not None:
         command += ["--params-file", str(parameters_file)]
-    for name, value in parameters.items():
-        command += ["-p", f"{name}:={value}"]
-    return Task(f"{namespace} {node}".strip(), command)
+    for name, value in node.parameters.items():
+        # ROS reads YAML, which JSON is: a robot that is called 1 or on stays a name.
+        command += ["-p", f"{name}:={json.dumps(value)}"]
+    return Task(f"{node.namespace} {node.name}".strip(), command)

@@ -18,6 +18,21 @@ _PATIENCE_S = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.
 _POLL_S = 0.1
 
 
+class BackOff:
+    """Waits before restarts of a process: the longer, the more often it has died in a row."""
+
+    def __init__(self) -> None:
+        self._wait_s = _FIRST_WAIT_S
+
+    def after(self, lived_s: float) -> float:
+        """How long to wait (s) before the restart of a process that lived so long."""
+        if lived_s > _HEALTHY_AFTER_S:
+            self._wait_s = _FIRST_WAIT_S
+        wait_s = self._wait_s
+        self._wait_s = min(2.0 * wait_s, _LONGEST_WAIT_S)
+        return wait_s
+
+
 @dataclass
 class Task:
     """One process to keep running.
@@ -35,7 +50,7 @@ class Task:
     process: subprocess.Popen[str] | None = field(default=None, init=False)
     started_s: float = field(default=0.0, init=False)
     restart_at_s: float = field(default=0.0, init=False)
-    wait_s: float = field(default=_FIRST_WAIT_S, init=False)
+    back_off: BackOff = field(default_factory=BackOff, init=False)
 
 
 class Supervisor:
@@ -110,12 +125,10 @@ class Supervisor:
         status = task.process.poll()
         if status is None:
             return
-        if now_s - task.started_s > _HEALTHY_AFTER_S:
-            task.wait_s = _FIRST_WAIT_S
-        self._line(task.name, f"{_describe(status)}; starting it again in {task.wait_s:g} s")
+        wait_s = task.back_off.after(now_s - task.started_s)
+        self._line(task.name, f"{_describe(status)}; starting it again in {wait_s:g} s")
         task.process = None
-        task.restart_at_s = now_s + task.wait_s
-        task.wait_s = min(2.0 * task.wait_s, _LONGEST_WAIT_S)
+        task.restart_at_s = now_s + wait_s
 
     def _end_all(self) -> None:
         alive = [task for task in self.tasks if task.process is not None]

@@ -14,12 +14,16 @@ from usmap_ros.cli.app import app
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import read_bag
 from usmap_ros.io.map_files import load_map
 from usmap_ros.parameters import MappingParameters, PipelineParameters, ReconstructionParameters
 from usmap_ros.parameters.pipeline import SolverName
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, record
+from usmap_ros.trial import try_traces
 
 YARD = Path(__file__).parents[2] / "bags" / "yard"
+CHIRPS = Path(__file__).parents[2] / "config" / "scenarios" / "chirps.yaml"
 PINGS = 12
 #: Coarse, so that the slowest solver takes milliseconds.
 COARSE = {"cell_size_m": 0.4, "sparsity": 8}
@@ -88,6 +92,24 @@ def test_the_command_line_gives_the_map_of_the_pipeline(
     assert mapped.geometry == expected.geometry
     np.testing.assert_array_equal(mapped.log_odds, expected.log_odds)
     np.testing.assert_array_equal(mapped.observed, expected.observed)
+
+
+def test_transducers_that_ping_at_once_are_mapped_alike(tmp_path: Path) -> None:
+    """By the command line with any number of jobs, and by a trial in Python."""
+    scenario = Scenario.load(CHIRPS).model_copy(update={"duration_s": 1.0})
+    with new_bag(tmp_path / "bag") as writer:
+        record(scenario, writer, lambda: None)
+    runs = [
+        ["map", str(tmp_path / "bag"), "-o", str(tmp_path / str(jobs)), "-j", str(jobs)]
+        for jobs in (1, 2)
+    ]
+    command = [sys.executable, "-c", MAP, json.dumps(runs)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    alone, shared = (load_map(tmp_path / jobs)[0] for jobs in ("1", "2"))
+    tried = try_traces(read_bag(tmp_path / "bag"), scenario.truth_map()).occupancy
+    np.testing.assert_array_equal(alone.log_odds, shared.log_odds)
+    np.testing.assert_array_equal(alone.log_odds, tried.log_odds)
 
 
 def test_dictionary_and_solver_change_the_map(maps: Path) -> None:

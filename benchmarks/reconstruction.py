@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.reconstruction.cell_dictionary import ConeCells
 from usmap_ros.reconstruction.cells import reconstruct_cells
+from usmap_ros.reconstruction.cone_cells import ConeCells
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.trace import EchoTrace

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.io.wall_files import load_walls
 from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.noisy_or import NoisyOrFusion
@@ -37,10 +38,17 @@ class Pipeline:
     ----------
     fusion : Fusion
         The map, with its frame and stamp.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file of known walls cannot be used.
     """
 
     def __init__(self, parameters: PipelineParameters | None = None) -> None:
         self.parameters = parameters or PipelineParameters()
+        # A file that cannot be read is an error now, not with the first ping.
+        load_walls(self.parameters.reconstruction.known_walls)
         self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:

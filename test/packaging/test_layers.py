@@ -12,7 +12,8 @@ SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
     {"arrays", "errors"},
-    {"acoustics", "geometry"},
+    {"geometry"},
+    {"acoustics"},
     {"grids", "parameters"},
     {"trace", "cone"},
     {

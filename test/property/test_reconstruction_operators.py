@@ -5,12 +5,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.acoustics.images import Mirrors
+from usmap_ros.acoustics.legs import straight_legs, wall_legs
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.geometry import Pose
-from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellSound, ConeCells
+from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellSound
+from usmap_ros.reconstruction.cone_cells import ConeCells
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.joint import JointOperator
 from usmap_ros.reconstruction.template import Template
@@ -74,11 +77,17 @@ def cell_dictionaries(draw):
     pulse = draw(pulses)
     transducer = Transducer(pulse, BeamPattern.linear(), 0.1, 1.5)
     cells = ConeCells.seen(pose, transducer, draw(st.floats(0.1, 0.5)))
-    sounds = [CellSound.own(one, cells) for one in [pulse, *draw(st.lists(pulses, max_size=1))]]
+    channel = draw(channels)
+    legs = straight_legs(pose, transducer.beam, channel, cells.points_m)
+    # Some with a wall in the cone, so that they have legs by way of it.
+    wall = Mirrors(np.array([[-3.0, -4.0]]), np.array([[3.5, 4.0]]), np.array([0.5]))
+    if draw(st.booleans()):
+        legs = legs.beside(wall_legs(pose, transducer.beam, channel, cells.points_m, wall))
+    sent = [pulse, *draw(st.lists(pulses, max_size=1))]
     return CellDictionary(
         cells,
-        sounds,
-        draw(channels),
+        [CellSound(one, legs, legs, 40e3) for one in sent],
+        channel,
         draw(samplings),
         draw(st.sampled_from(Encoding)),
         as_sparse=draw(st.booleans()),

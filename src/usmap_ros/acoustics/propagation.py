@@ -74,7 +74,7 @@ class Channel:
         amplitudes fall with the product of the legs.
         """
         direct_m, via_floor_m = self._legs_m(range_m)
-        direct, via_floor = self._leg_gain(direct_m), self._leg_gain(via_floor_m)
+        direct, via_floor = self.leg_gain(direct_m), self.leg_gain(via_floor_m)
         reflected = self.floor_reflectivity * via_floor
         amplitudes = [direct**2]
         if self.has_floor:
@@ -82,34 +82,31 @@ class Channel:
             amplitudes += [2.0 * direct * reflected, reflected**2]
         return np.stack(amplitudes, axis=-1)
 
-    def between(
-        self, there_m: FloatArray, back_m: FloatArray, rise_m: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Delays and amplitudes of all paths from one transducer over points to another one.
-
-        Both are at the height of the floor's channel above it.
+    def legs(self, range_m: FloatArray, rise_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ways between a transducer and points: straight, and over the floor if there is one.
 
         Parameters
         ----------
-        there_m, back_m : (...) arrays
-            Distance of each point from the transducer that sends, and from the one that listens.
-        rise_m : (...) array, optional
-            Height of each point above them; None: `object_rise_m`.
+        range_m : (...) array
+            Distance of the points.
+        rise_m : (...) array
+            Their height above the transducer.
 
         Returns
         -------
-        delays_s, amplitudes : (..., paths) arrays
-            One path without a floor, four with one: neither leg, either or both over the floor.
+        lengths_m, gains : (..., legs) arrays
+            Length, and amplitude gain by spreading, absorption and reflection.
         """
-        there, back = self._legs_m(there_m, rise_m), self._legs_m(back_m, rise_m)
-        reflected = (1.0, self.floor_reflectivity)
-        legs = [(0, 0), (0, 1), (1, 0), (1, 1)] if self.has_floor else [(0, 0)]
-        lengths_m = [there[a] + back[b] for a, b in legs]
-        gains = [
-            reflected[a] * self._leg_gain(there[a]) * reflected[b] * self._leg_gain(back[b])
-            for a, b in legs
-        ]
-        return np.stack(lengths_m, axis=-1) / self.sound_speed_m_s, np.stack(gains, axis=-1)
+        direct_m, via_floor_m = self._legs_m(range_m, rise_m)
+        lengths_m, gains = [direct_m], [self.leg_gain(direct_m)]
+        if self.has_floor:
+            lengths_m.append(via_floor_m)
+            gains.append(self.floor_reflectivity * self.leg_gain(via_floor_m))
+        return np.stack(lengths_m, axis=-1), np.stack(gains, axis=-1)
+
+    def leg_gain(self, leg_m: FloatArray) -> FloatArray:
+        """Amplitude gain of one leg: spreading and absorption."""
+        return 10.0 ** (-self.attenuation_db_m * leg_m / 20.0) / leg_m
 
     def _legs_m(
         self, range_m: FloatArray, rise_m: FloatArray | None = None
@@ -124,9 +121,6 @@ class Channel:
         object_height_m = np.maximum(self.floor_height_m + rise, 0.0)
         via_floor_m = np.sqrt(direct_m**2 + 4.0 * self.floor_height_m * object_height_m)
         return direct_m, via_floor_m
-
-    def _leg_gain(self, leg_m: FloatArray) -> FloatArray:
-        return 10.0 ** (-self.attenuation_db_m * leg_m / 20.0) / leg_m
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless sound can travel through it."""

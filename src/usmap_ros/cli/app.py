@@ -23,6 +23,7 @@ from usmap_ros.cli import (
     record,
     replay,
     simulate,
+    walls,
 )
 from usmap_ros.errors import UsmapError
 
@@ -38,6 +39,7 @@ app.command("simulate")(simulate.simulate)
 app.command("calibrate")(calibrate.calibrate)
 app.command("map")(map.map_bags)
 app.command("evaluate")(evaluate.evaluate)
+app.command("walls")(walls.walls)
 app.command("plot")(plot.plot)
 app.command("info")(info.info)
 app.command("paper")(paper.paper)

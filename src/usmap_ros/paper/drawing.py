@@ -18,7 +18,7 @@ from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.geometry import Pose
 from usmap_ros.paper.setting import MAX_RANGE_M, Points
 from usmap_ros.plotting.style import FAINT, INK, RESIDUAL, SIGNAL, TRUTH
-from usmap_ros.reconstruction.cell_dictionary import ConeCells
+from usmap_ros.reconstruction.cone_cells import ConeCells
 
 #: Of coefficients: nothing is paper, an ideal object is ink.
 COEFFICIENT = LinearSegmentedColormap.from_list(

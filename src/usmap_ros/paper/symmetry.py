@@ -30,7 +30,8 @@ from usmap_ros.paper.setting import (
     hear,
 )
 from usmap_ros.plotting.style import ROBOTS, new_figure, styled
-from usmap_ros.reconstruction.cell_dictionary import CellDictionary, ConeCells, cell_signal
+from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
+from usmap_ros.reconstruction.cone_cells import ConeCells
 from usmap_ros.reconstruction.cosamp import cosamp
 from usmap_ros.reconstruction.matrix_operator import (
     MatrixOperator,
@@ -135,7 +136,7 @@ def _aligned(dictionaries: list[CellDictionary]) -> tuple[ConeCells, list[Sparse
     both = np.concatenate([_keys(one.cells) for one in dictionaries])
     keys, first = np.unique(both, return_index=True)
     parts = [one.cells for one in dictionaries]
-    fields = {
+    fields: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])[first]
         for name in ("rows", "columns", "ranges_m", "bearings_rad", "gains")
     }

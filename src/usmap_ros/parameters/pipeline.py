@@ -68,6 +68,26 @@ class ReconstructionParameters(ParameterGroup):
         ge=-1000.0,
         le=1000.0,
     )
+    object_diameter_m: float = quantity(
+        0.0,
+        "Diameter of the objects that cells of the dictionary of cells are taken to hold, which"
+        " answer from the nearest point of their surface; 0: points.",
+        "m",
+        ge=0.0,
+        le=10.0,
+    )
+    full_reflectivity: float = quantity(
+        1.0,
+        "Reflectivity of an object that fills its cell: a coefficient of the dictionary of cells is"
+        " the share of it, which is how far the cell is occupied.",
+        gt=0.0,
+        le=100.0,
+    )
+    known_walls: str = quantity(
+        "",
+        "File of known walls, as `usmap walls` writes it: columns of the dictionary of cells have"
+        " the paths by way of them; none if empty.",
+    )
     sparsity: int = quantity(
         32, "Most echoes that are looked for in one ping (k of CoSaMP).", ge=1, le=1000
     )

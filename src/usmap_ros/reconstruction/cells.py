@@ -13,8 +13,9 @@ from scipy.stats import norm
 
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.cone import EchoCone
+from usmap_ros.io.wall_files import load_walls
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
+from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellObjects, cell_signal
 from usmap_ros.reconstruction.column_sets import ColumnSets, alike, told_apart
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
@@ -89,7 +90,15 @@ def reconstruct_cells(
     """
     check_pulses(trace)
     dictionary = CellDictionary.for_trace(
-        trace, parameters.cell_size_m, floor=floor, as_sparse=parameters.solver in AS_SPARSE
+        trace,
+        parameters.cell_size_m,
+        floor=floor,
+        objects=CellObjects(
+            parameters.object_diameter_m,
+            parameters.full_reflectivity,
+            load_walls(parameters.known_walls),
+        ),
+        as_sparse=parameters.solver in AS_SPARSE,
     )
     return explain(dictionary, trace, parameters)
 

@@ -46,6 +46,7 @@ def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSeq
         [disc.build() for disc in world.moving],
         None if plan is None else FreeSpace(plan.geometry, plan.probability <= FREE_PROBABILITY),
         _reflectors(world),
+        world.wall_paths,
     )
     if world.random_poles is None:
         return scene

@@ -109,6 +109,8 @@ class Scene:
         What moves.  Robots' paths do not keep clear of it.
     reflectors : Reflectors
         Balls and facets, which hide nothing and stand in nobody's way.
+    wall_paths : bool
+        Whether sound reaches objects by way of walls too.
     free_space : FreeSpace or None
         Where robots and random poles may be put down; None: anywhere.
     """
@@ -119,6 +121,7 @@ class Scene:
     moving: list[MovingDisc] = field(default_factory=list)
     free_space: FreeSpace | None = None
     reflectors: Reflectors = field(default_factory=Reflectors.none)
+    wall_paths: bool = False
 
     def discs_at(self, time_s: float) -> Discs:
         """All discs, the moving ones where they are at a time after the scene's start."""

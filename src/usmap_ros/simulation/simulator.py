@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from usmap_ros.acoustics.legs import straight_legs
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
@@ -13,6 +14,7 @@ from usmap_ros.geometry import Pose
 from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.view import View, targets_in_view
+from usmap_ros.simulation.wall_paths import Ear, paths_by_walls
 from usmap_ros.trace import EchoTrace, Emission
 from usmap_ros.transducer_array import TransducerArray
 
@@ -163,17 +165,23 @@ class EchoSimulator:
             half_angle_rad,
             sonar.listening_s * sonar.channel.sound_speed_m_s / 2.0,
         )
-        targets = targets_in_view(self._scene, view, (stamp_ns - self._start_ns) / NANOSECONDS)
-        there_m, sent_at = sender.polar(targets.positions_m)
-        back_m, heard_at = true_pose.polar(targets.positions_m)
-        # One way the gain is the root of that both ways.
-        gains = np.sqrt(
-            emission.transducer.beam.gain(sent_at) * sonar.transducer.beam.gain(heard_at)
-        )
-        rise_m = targets.positions_m[:, 2] - true_pose.position_m[2]
-        delays_s, amplitudes = sonar.channel.between(there_m, back_m, rise_m)
-        amplitudes *= (targets.reflectivities * gains)[:, np.newaxis]
-        return Arrivals(emission.transducer.pulse, delays_s.ravel(), amplitudes.ravel())
+        time_s = (stamp_ns - self._start_ns) / NANOSECONDS
+        targets = targets_in_view(self._scene, view, time_s)
+        channel, points_m = sonar.channel, targets.positions_m
+        there = straight_legs(sender, emission.transducer.beam, channel, points_m)
+        back = straight_legs(true_pose, sonar.transducer.beam, channel, points_m)
+        lengths_m, gains = there.paths(back)
+        amplitudes = targets.reflectivities[:, np.newaxis] * gains
+        lengths_m, amplitudes = lengths_m.ravel(), amplitudes.ravel()
+        if self._scene.wall_paths:
+            listener = Ear(true_pose, sonar.transducer.beam)
+            by_walls = paths_by_walls(
+                self._scene, Ear(sender, emission.transducer.beam), listener, channel, time_s
+            )
+            lengths_m = np.concatenate([lengths_m, by_walls[0]])
+            amplitudes = np.concatenate([amplitudes, by_walls[1]])
+        delays_s = lengths_m / channel.sound_speed_m_s
+        return Arrivals(emission.transducer.pulse, delays_s, amplitudes)
 
 
 def reported_pose(true_pose: Pose, stds: FloatArray, error: FloatArray) -> Pose:

@@ -112,7 +112,7 @@ def test_cell_beyond_what_was_heard_has_a_column_of_zeros(hear):
     cells = ConeCells.seen(trace.pose, far, 0.5)
     dictionary = CellDictionary(
         cells,
-        [CellSound.own(far.pulse, cells)],
+        [CellSound.of(trace, trace.sent[0], cells, trace.channel)],
         trace.channel,
         trace.sampling,
         trace.encoding,

@@ -173,6 +173,11 @@ class WorldModel(ParameterGroup):
     balls: list[BallModel] = quantity([], "Balls at heights of their own.")
     facets: list[FacetModel] = quantity([], "Small mirrors that face somewhere.")
     walls: list[WallModel] = quantity([], "Straight walls.")
+    wall_paths: bool = quantity(
+        False,
+        "Whether sound reaches poles, pillars, balls and facets by way of a wall too, with one"
+        " reflection there and one back.",
+    )
     map: MapModel | None = quantity(None, "A nav2 map whose occupied cells are walls.")
     moving: list[MovingModel] = quantity([], "What moves; not part of the truth map.")
     surface: SurfaceModel = quantity(SurfaceModel(), "Of all walls that state none.")

@@ -101,6 +101,30 @@ def test_a_process_with_a_bad_value_says_why_in_one_line() -> None:
     assert "greater than or equal to 0.005" in run.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("domain")
+@pytest.mark.parametrize(
+    ("arguments", "cause"),
+    [
+        (["--params-file", "config/parameters/coarse.yaml"], "Cannot have a value before ros__p"),
+        (["--params-file", "nowhere.yaml"], "nowhere.yaml'. Error: Error opening YAML file"),
+        (["-p", "a"], "Couldn't parse parameter override rule: '-p a'"),
+        (["--nonsense"], "--nonsense"),
+        (["-r", "__ns:=/1 2"], "__ns:=/1 2"),
+    ],
+)
+def test_a_process_with_arguments_that_ros_cannot_read_says_so(
+    arguments: list[str], cause: str
+) -> None:
+    run = _start(*arguments)
+    assert run.returncode == 1
+    # ROS logs lines of its own before.
+    *_, last = run.stderr.splitlines()
+    assert last.startswith("map_fusion.py: error: ROS arguments: ")
+    assert cause in last
+    assert "Traceback" not in run.stderr
+
+
 def test_a_file_and_the_command_line_reach_the_node(
     live: Any, processes: Any, tmp_path: Path
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -10,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
@@ -18,6 +20,7 @@ from usmap_ros.nodes.plumbing.signals import EndRequest
 
 #: Time for ROS to let go of everything, s.
 _PATIENCE_S = 10
+_INIT_FAILED = "failed to initialize rcl: "
 
 
 def prepare_environment() -> None:
@@ -42,11 +45,12 @@ def run_node(create: Callable[[], Any], arguments: list[str] | None = None) -> N
     """
     prepare_environment()
     end = EndRequest()
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        _begin_ros(arguments)
         node = create()
-    except UsmapError as error:
-        print(f"{os.path.basename(sys.argv[0])}: error: {error}", file=sys.stderr)
+    except (UsmapError, NameValidationException) as error:
+        cause = " ".join(str(error).split())
+        print(f"{os.path.basename(sys.argv[0])}: error: {cause}", file=sys.stderr)
         end.ignore_more()
         _end_soon()
         rclpy.try_shutdown()
@@ -59,6 +63,16 @@ def run_node(create: Callable[[], Any], arguments: list[str] | None = None) -> N
         _end_soon()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _begin_ros(arguments: list[str] | None) -> None:
+    """Start ROS; raise `UsmapError` if it cannot read its part of the command line."""
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # Where in the sources of ROS it was noticed helps nobody here.
+        cause = re.sub(r",? at /\S+:\d+", "", str(error))
+        raise UsmapError(f"ROS arguments: {cause.removeprefix(_INIT_FAILED)}") from error
 
 
 def _end_soon() -> None:

@@ -1,8 +1,8 @@
 """The solvers that the paper names beside CoSaMP, by name.
 
 They work on a stored real matrix.  What each one returns is cut to the `sparsity` columns that
-contribute most.  Those of least squares, OMP and l1 are fitted once more, because l1 shrinks
-its coefficients; whole numbers and piecewise constant images are kept as they are.
+contribute most, and fitted once more, because l1 shrinks its coefficients.  Whole numbers are kept
+as they are, and so are images of total variation and walls unless the sparsity cuts them.
 
 References
 ----------
@@ -34,9 +34,9 @@ from usmap_ros.reconstruction.whole_numbers import integer_programme
 
 #: Real coefficients below this share of the largest contribution are not counted as found.
 NEGLIGIBLE = 1e-3
-#: Solvers whose coefficients are whole numbers, and those whose are not fitted again.
+#: Solvers whose coefficients are whole numbers, and those whose image as a whole is the solution.
 WHOLE: tuple[SolverName, ...] = ("integer", "binary")
-AS_FOUND: tuple[SolverName, ...] = (*WHOLE, "tv", "walls")
+IMAGES: tuple[SolverName, ...] = ("tv", "walls")
 
 
 def solve(problem: Problem, solver: SolverName) -> Solution:
@@ -148,12 +148,13 @@ def _pruned(problem: Problem, coefficients: FloatArray, solver: SolverName) -> S
     if problem.non_negative:
         strengths = np.where(coefficients > 0.0, strengths, 0.0)
     negligible = 0.0 if solver in WHOLE else NEGLIGIBLE * float(strengths.max(initial=0.0))
-    limit = max(problem.threshold, negligible)
+    above = strengths > max(problem.threshold, negligible)
     order = np.argsort(-strengths, kind="stable")[: problem.sparsity]
-    support = np.sort(order[strengths[order] > limit])
-    if solver not in AS_FOUND:
-        return problem.fitted(support, 1, Halt.MINIMUM)
-    return problem.told(support, coefficients[support], Halt.MINIMUM)
+    support = np.sort(order[above[order]])
+    whole_image = solver in IMAGES and np.count_nonzero(above) == len(support)
+    if solver in WHOLE or whole_image:
+        return problem.told(support, coefficients[support], Halt.MINIMUM)
+    return problem.fitted(support, 1, Halt.MINIMUM)
 
 
 def _least(problem: Problem, matrix: SparseMatrix, operator: AnalysisOperator) -> FloatArray:

@@ -16,8 +16,9 @@ from usmap_ros.reconstruction.problem import Problem
 
 #: Objects of an integer solution in one cell.
 MOST_OBJECTS = 8
-#: Branches that may be explored.  A number, not a time, so that results repeat.
-MOST_NODES = 500
+#: Columns that are looked at: beyond those of a coarse grid, the ones that correlate most with the
+#: signal.  Branches that may be explored.  Numbers, not a time, so that results repeat.
+MOST_COLUMNS, MOST_NODES = 120, 200
 
 
 def integer_programme(problem: Problem, most: int = MOST_OBJECTS) -> FloatArray:
@@ -38,28 +39,32 @@ def integer_programme(problem: Problem, most: int = MOST_OBJECTS) -> FloatArray:
     (columns,) array
         Objects in all the cells of each column together.
     """
-    columns = problem.operator.block_count
-    cells = np.ones(columns) if problem.cells is None else np.asarray(problem.cells, dtype=float)
-    turned, matrix = np.linalg.qr(problem.operator.columns(np.arange(columns)))
+    operator = problem.operator
+    scores = operator.scores(np.maximum(operator.adjoint(problem.signal), 0.0))
+    chosen = np.sort(np.argsort(-scores, kind="stable")[:MOST_COLUMNS])
+    columns = len(chosen)
+    cells = np.ones(columns) if problem.cells is None else problem.cells[chosen].astype(float)
+    turned, matrix = np.linalg.qr(operator.columns(chosen))
     signal = turned.T @ problem.signal
     # HiGHS has absolute tolerances: echoes are scaled to the order of 1.
-    scale = 1.0 / max(float(np.median(problem.operator.norms)), 1e-300)
+    scale = 1.0 / max(float(np.median(operator.norms[chosen])), 1e-300)
     unused, slack = np.zeros_like(matrix), np.eye(len(signal))
     # Variables: q, the cells z that it takes, and bounds u on the residuals: −u ≤ y − A q ≤ u.
-    constraints = [
-        LinearConstraint(_rows(scale * matrix, unused, slack), lb=scale * signal),
-        LinearConstraint(_rows(scale * matrix, unused, -slack), ub=scale * signal),
-        *_few_cells(columns, len(signal), most, problem.sparsity),
-    ]
-    bounds = np.concatenate([most * cells, cells, np.full(len(signal), np.inf)])
     result = milp(
         c=np.concatenate([np.zeros(2 * columns), np.ones(len(signal))]),
         integrality=np.concatenate([np.ones(2 * columns), np.zeros(len(signal))]),
-        bounds=Bounds(0.0, bounds),
-        constraints=constraints,
+        bounds=Bounds(0.0, np.concatenate([most * cells, cells, np.full(len(signal), np.inf)])),
+        constraints=[
+            LinearConstraint(_rows(scale * matrix, unused, slack), lb=scale * signal),
+            LinearConstraint(_rows(scale * matrix, unused, -slack), ub=scale * signal),
+            *_few_cells(columns, len(signal), most, problem.sparsity),
+        ],
         options={"node_limit": MOST_NODES},
     )
-    return np.zeros(columns) if result.x is None else np.rint(result.x[:columns])
+    objects = np.zeros(operator.block_count)
+    if result.x is not None:
+        objects[chosen] = np.rint(result.x[:columns])
+    return objects
 
 
 def _few_cells(columns: int, rows: int, most: int, sparsity: int) -> list[LinearConstraint]:

@@ -109,6 +109,22 @@ def test_columns_that_stand_for_several_cells_hold_as_many_objects(problem):
     assert solution.residual_norm < 1e-9
 
 
+@pytest.mark.parametrize("solver", ["tv", "walls"])
+def test_an_image_that_the_sparsity_cuts_is_fitted_again(problem, solver):
+    x = np.linspace(0.5, 1.5, 36)
+    solution = solve(problem(x, sparsity=4), solver)
+
+    assert len(solution.support) == 4
+    assert solution.residual_norm < np.linalg.norm(problem(x).signal)
+
+
+def test_whole_numbers_are_looked_for_among_the_columns_that_correlate_most():
+    matrix = np.random.default_rng(3).normal(size=(80, 400))
+    posed = Problem(MatrixOperator(matrix), matrix[:, 7] + matrix[:, 300], sparsity=5)
+
+    np.testing.assert_array_equal(solve(posed, "integer").support, [7, 300])
+
+
 def test_chosen_cells_are_filled_one_after_the_other():
     labels = np.array([0, 1, 0, 2, 1, 1])
     counts = np.array([1.0, 2.0, 0.0])

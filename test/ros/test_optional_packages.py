@@ -15,17 +15,26 @@ import pytest
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
-from usmap_ros.io.conversions import cone_to_message, transform_to_message
+from usmap_ros.io.conversions import cone_to_message, trace_to_message, transform_to_message
+from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing import ros_types
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.trace import EchoTrace
 
 CONE = "usmap_msgs/msg/EchoCone"
 TYPES = RosMessageTypes()
 Cones = list[tuple[str, EchoCone]]
+BASE = {("map", "robot1/base_link")}
+SONARS = {("robot1/base_link", "robot1/left"), ("robot1/base_link", "robot1/front")}
+
+
+def edges(messages: list[Any]) -> set[tuple[str, str]]:
+    """Parent and child of every transform."""
+    return {(message.header.frame_id, message.child_frame_id) for message in messages}
 
 
 class FakeTf:
@@ -34,12 +43,16 @@ class FakeTf:
     def __init__(self) -> None:
         self.known: dict[tuple[str, str], Pose] = {}
         self.sent: list[Any] = []
+        self.static: list[Any] = []
         self.stamp_ns: int | None = None
         module: Any = ModuleType("tf2_ros")
         module.TransformException = type("TransformException", (Exception,), {})
         module.Buffer = lambda node=None: SimpleNamespace(lookup_transform=self._look_up)
         module.TransformListener = lambda buffer, node: None
         module.TransformBroadcaster = lambda node: SimpleNamespace(sendTransform=self.sent.append)
+        module.StaticTransformBroadcaster = lambda node: SimpleNamespace(
+            sendTransform=self.static.extend
+        )
         self.module = module
 
     def _look_up(self, target: str, source: str, time: Any) -> Any:
@@ -106,7 +119,50 @@ def test_tf_moves_a_simulated_robot(live: Any, tf: FakeTf, request: Any) -> None
     tf.stamp_ns = node.get_clock().now().nanoseconds
     live.until(lambda: echoes)
     assert echoes[0].pose.pose.position.x == pytest.approx(4.25)
-    assert tf.sent[0].child_frame_id == "robot1/sonar"
+    # Who moves the robot broadcasts its base; a second parent would tear the tree apart.
+    assert edges(tf.static) == {("robot1/base_link", "robot1/sonar")}
+    assert tf.sent == []
+
+
+@pytest.mark.parametrize(
+    ("options", "moving", "fixed"),
+    [
+        ({}, BASE, SONARS),
+        ({"publish_base_tf": False}, set(), SONARS),
+        ({"publish_transducer_tf": False}, BASE, set()),
+        ({"base_frame": "bat/base"}, {("map", "bat/base")},
+         {("bat/base", "robot1/left"), ("bat/base", "robot1/front")}),
+    ],
+)  # fmt: skip
+def test_a_simulated_robot_is_a_tree_of_frames(
+    live: Any, tf: FakeTf, request: Any, options: Any, moving: Any, fixed: Any
+) -> None:
+    scenario = request.config.rootpath / "config/scenarios/two_transducers.yaml"
+    node = live.add(
+        EchoDriver, scenario=str(scenario), publish_tf=True, ping_rate_hz=50.0, **options
+    )
+    live.until(lambda: node.health.total("published") > 5)
+    assert (edges(tf.sent), edges(tf.static)) == (moving, fixed)
+
+
+def test_a_driver_without_a_pose_in_the_world_leaves_it_to_tf(
+    live: Any, tf: FakeTf, traces: list[tuple[str, EchoTrace]]
+) -> None:
+    node = live.add(MapFusion, frame_id="map")
+    live.add(ConeReconstructor)
+    echo = live.publisher("usmap_msgs/msg/EchoTrace", "/echo")
+    live.until(lambda: live.peer.count_subscribers("/cone"))
+    trace = traces[0][1]
+    tf.known["map", trace.child_frame_id] = trace.pose
+    nowhere = replace(trace, frame_id=trace.child_frame_id, pose=Pose.planar(0.0, 0.0, 0.0))
+    live.until(lambda: live.nodes[1].health.report().facts["listeners"] == "1")
+    echo.publish(trace_to_message(nowhere, TYPES))
+    live.until(lambda: node.health.total("fused") == 1)
+    expected = Pipeline()
+    expected.process(replace(trace, pose=Pose(trace.pose.position_m, trace.pose.orientation)))
+    np.testing.assert_allclose(
+        node.session.fusion.occupancy_map().log_odds, expected.occupancy_map().log_odds, atol=1e-4
+    )
 
 
 def test_a_driver_that_needs_tf_says_so(live: Any, request: Any) -> None:

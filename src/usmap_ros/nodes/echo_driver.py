@@ -27,13 +27,13 @@ from usmap_ros.nodes.plumbing.pose_sources import (
     PoseSource,
     TransformPose,
 )
+from usmap_ros.nodes.plumbing.robot_frames import RobotFrames
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.parameters.nodes import EchoDriverParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
 from usmap_ros.simulation.robot import SimulatedRobot
-from usmap_ros.trace import EchoTrace
 
 
 @dataclass
@@ -81,7 +81,9 @@ class EchoDriver(Node):
         self._scene = scene
         self._time = self._make_time()
         self._transforms = self._make_transforms()
-        self._pose_source = self._make_pose_source(robot)
+        base_frame = parameters.base_frame or f"{robot.name}/base_link"
+        self._pose_source = self._make_pose_source(robot, base_frame)
+        self._frames = self._make_frames(robot, base_frame)
         sonars = self._make_sonars(robot)
         self._array = robot.shared_array(0)
         self._errors = np.random.default_rng(robot.error_seed)
@@ -140,16 +142,29 @@ class EchoDriver(Node):
             )
         return transforms
 
-    def _make_pose_source(self, robot: SimulatedRobot) -> PoseSource:
+    def _make_pose_source(self, robot: SimulatedRobot, base_frame: str) -> PoseSource:
         parameters = self.parameters.value
         if parameters.pose_source == "odometry":
             return OdometryPose(self, self.health, parameters.pose_timeout_s)
         if parameters.pose_source == "tf" and self._transforms is not None:
-            base_frame = parameters.base_frame or f"{robot.name}/base_link"
             return TransformPose(
                 self._transforms, base_frame, self._world, parameters.pose_timeout_s
             )
         return PathPose(robot.motion)
+
+    def _make_frames(self, robot: SimulatedRobot, base_frame: str) -> RobotFrames | None:
+        parameters = self.parameters.value
+        if not parameters.publish_tf or self._transforms is None:
+            return None
+        mounts = {sonar.child_frame_id: sonar.mount for sonar in robot.transducers}
+        return RobotFrames(
+            self._transforms,
+            self._world,
+            base_frame,
+            mounts if parameters.publish_transducer_tf else {},
+            # Where TF says where the base is, somebody else broadcasts it.
+            parameters.publish_base_tf and parameters.pose_source != "tf",
+        )
 
     def _make_sonars(self, robot: SimulatedRobot) -> list[_Sonar]:
         sonars = []
@@ -184,6 +199,8 @@ class EchoDriver(Node):
             return
         if stamp_ns == turn[0].last_stamp_ns:
             return  # Nothing new is known of where it is.
+        if self._frames is not None:
+            self._frames.move(base, stamp_ns)
         pose_error = None if self._array is None else self._errors.standard_normal(3)
         for sonar in turn:
             self._listen(sonar, base, stamp_ns, pose_error)
@@ -201,14 +218,8 @@ class EchoDriver(Node):
         )
         sonar.echo.publish(trace_to_message(trace, self._types))
         self.health.work("published")
-        self._publish_extras(sonar, trace, pose)
-
-    def _publish_extras(self, sonar: _Sonar, trace: EchoTrace, pose: Pose) -> None:
-        parameters = self.parameters.value
-        if parameters.publish_tf and self._transforms is not None and self._transforms.is_available:
-            self._transforms.broadcast(pose, self._world, trace.child_frame_id, trace.stamp_ns)
         # Finding the first echo costs more than simulating it: only if somebody listens.
-        if parameters.publish_range and sonar.range.get_subscription_count():
+        if self.parameters.value.publish_range and sonar.range.get_subscription_count():
             try:
                 cone = self._pipeline.reconstruct(trace)
             except MalformedMessageError as error:

@@ -44,6 +44,8 @@ class EchoDriverParameters(NodeParameters):
             "base_frame",
             "ping_rate_hz",
             "publish_tf",
+            "publish_base_tf",
+            "publish_transducer_tf",
             "start_time_s",
             "pose_timeout_s",
         }
@@ -56,9 +58,7 @@ class EchoDriverParameters(NodeParameters):
         "Where the robot is: on the scenario's path, where TF has its base frame, or where the"
         " topic 'odom' says.",
     )
-    base_frame: str = quantity(
-        "", "The robot's base frame, for pose source tf; empty: ROBOT/base_link."
-    )
+    base_frame: str = quantity("", "The robot's base frame on TF; empty: ROBOT/base_link.")
     ping_rate_hz: float = quantity(
         0.0, "Pings of each transducer; 0: as the scenario says.", "Hz", ge=0.0, le=1000.0
     )
@@ -74,7 +74,19 @@ class EchoDriverParameters(NodeParameters):
         0.5, "Age from which on a pose from TF or odometry is too old to ping.", "s", gt=0.0, le=1e6
     )
     publish_range: bool = quantity(True, "Whether the first echo goes out as sensor_msgs/Range.")
-    publish_tf: bool = quantity(False, "Whether transducers are broadcast on TF, if it is there.")
+    publish_tf: bool = quantity(
+        False, "Whether the robot's frames are broadcast on TF, if it is there."
+    )
+    publish_base_tf: bool = quantity(
+        True,
+        "Whether the base frame is among them, in the world; never with pose source tf. A frame has"
+        " one parent: false if something else broadcasts it.",
+    )
+    publish_transducer_tf: bool = quantity(
+        True,
+        "Whether the transducers are among them, in the base frame; false if a description of the"
+        " robot has them.",
+    )
 
 
 def _check_pattern(pattern: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -49,7 +50,9 @@ class Transforms:
         self._buffer = tf2_ros.Buffer(node=node)
         self._listener = tf2_ros.TransformListener(self._buffer, node)
         self._broadcaster_class = tf2_ros.TransformBroadcaster
+        self._static_broadcaster_class = tf2_ros.StaticTransformBroadcaster
         self._broadcaster: Any = None
+        self._static_broadcaster: Any = None
 
     def pose_of(self, frame_id: str, world: str, stamp_ns: int | None = None) -> tuple[Pose, int]:
         """Pose of a frame in another, and its stamp; the latest if none is given.
@@ -81,8 +84,24 @@ class Transforms:
         return replace(cone, frame_id=frame_id, pose=outer.compose(cone.pose))
 
     def broadcast(self, pose: Pose, world: str, frame_id: str, stamp_ns: int) -> None:
-        """Say where a frame is."""
+        """Say where a frame is now; nothing without TF."""
+        if not self.is_available:
+            return
         if self._broadcaster is None:
             self._broadcaster = self._broadcaster_class(self._node)
         message = transform_to_message(pose, world, frame_id, stamp_ns, self._types)
         self._broadcaster.sendTransform(message)
+
+    def broadcast_for_good(self, frame_id: str, children: Mapping[str, Pose]) -> None:
+        """Say where frames are that never move in `frame_id`; nothing without TF."""
+        if not self.is_available or not children:
+            return
+        if self._static_broadcaster is None:
+            self._static_broadcaster = self._static_broadcaster_class(self._node)
+        now_ns = self._node.get_clock().now().nanoseconds
+        self._static_broadcaster.sendTransform(
+            [
+                transform_to_message(pose, frame_id, child, now_ns, self._types)
+                for child, pose in children.items()
+            ]
+        )

@@ -23,6 +23,7 @@ from usmap_ros.cli import (
     record,
     replay,
     simulate,
+    status,
     walls,
 )
 from usmap_ros.errors import UsmapError
@@ -44,6 +45,7 @@ app.command("plot")(plot.plot)
 app.command("info")(info.info)
 app.command("paper")(paper.paper)
 app.command("fleet")(fleet.fleet)
+app.command("status")(status.status)
 app.command("replay")(replay.replay)
 app.command("record")(record.record)
 

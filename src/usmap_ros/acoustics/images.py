@@ -51,6 +51,35 @@ class Mirrors:
         left = np.stack([-along[:, 1], along[:, 0]], axis=-1)
         return np.asarray(left / np.linalg.norm(along, axis=-1, keepdims=True))
 
+    def hide(self, place_m: FloatArray, points_m: FloatArray, margin_m: float) -> BoolArray:
+        """Whether a wall stands between a place and points.
+
+        Parameters
+        ----------
+        place_m : (2,) array
+            x, y of the transducer.
+        points_m : (points, 2) array
+            Of the objects.
+        margin_m : float
+            What is no farther than this behind a wall may be the wall itself, and is not hidden.
+        """
+        place_side = np.sum((place_m - self.starts_m) * self.normals, axis=-1)
+        offsets = points_m[:, np.newaxis] - self.starts_m
+        point_side = np.sum(offsets * self.normals, axis=-1)
+        behind = (place_side * point_side < 0.0) & (np.abs(point_side) > margin_m)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.nan_to_num(place_side / (place_side - point_side), posinf=0.0, neginf=0.0)
+        crossings_m = place_m + share[..., np.newaxis] * (points_m[:, np.newaxis] - place_m)
+        hidden: BoolArray = (behind & self.hold(crossings_m)).any(axis=1)
+        return hidden
+
+    def hold(self, spots_m: FloatArray) -> BoolArray:
+        """Whether spots on the line of each wall, shape (points, walls, 2), lie on the wall."""
+        along = self.ends_m - self.starts_m
+        fraction = np.sum((spots_m - self.starts_m) * along, axis=-1) / np.sum(along**2, axis=-1)
+        within: BoolArray = (fraction >= 0.0) & (fraction <= 1.0)
+        return within
+
 
 @dataclass(frozen=True)
 class MirroredLegs:
@@ -94,8 +123,4 @@ def mirrored_legs(place_m: FloatArray, points_m: FloatArray, mirrors: Mirrors) -
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.nan_to_num(place_side / (place_side + point_side), posinf=0.0, neginf=0.0)
     touches_m = place_m + share[..., np.newaxis] * (images_m - place_m)
-    along = mirrors.ends_m - mirrors.starts_m
-    fraction = np.sum((touches_m - mirrors.starts_m) * along, axis=-1)
-    fraction /= np.sum(along**2, axis=-1)
-    within = (fraction >= 0.0) & (fraction <= 1.0)
-    return MirroredLegs(images_m, touches_m, same & clear & within)
+    return MirroredLegs(images_m, touches_m, same & clear & mirrors.hold(touches_m))

@@ -13,7 +13,7 @@ import numpy as np
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.images import Mirrors, mirrored_legs
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.arrays import FloatArray
+from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.geometry import Pose, at_height
 
 #: What is nearer to a point of its surface is inside the object.
@@ -48,6 +48,10 @@ class Legs:
         gains = self.gains[:, :, np.newaxis] * back.gains[:, np.newaxis]
         shape = (len(gains), self.gains.shape[1] * back.gains.shape[1])
         return lengths_m.reshape(shape), gains.reshape(shape)
+
+    def but(self, hidden: BoolArray) -> Legs:
+        """These legs, silent to points, shape (points,), that are hidden."""
+        return Legs(self.lengths_m, np.where(hidden[:, np.newaxis], 0.0, self.gains))
 
     def beside(self, others: Legs) -> Legs:
         """These legs and others to the same points."""

@@ -41,7 +41,8 @@ class CellObjects:
     reflectivity : float
         Of an object that fills a cell, as of a point target: a coefficient is the share of it.
     mirrors : Mirrors
-        Walls that are known: sound goes to a cell, and comes back, by way of each of them too.
+        Walls that are known: sound goes to a cell, and comes back, by way of each of them too, and
+        straight to none that is behind one.
     """
 
     diameter_m: float = 0.0
@@ -89,7 +90,8 @@ class CellSound:
             if not len(objects.mirrors):
                 return straight
             walls = wall_legs(pose, beam, channel, points_m, objects.mirrors, radius_m)
-            return straight.beside(walls)
+            hidden = objects.mirrors.hide(pose.position_m[:2], points_m[:, :2], cells.resolution_m)
+            return straight.but(hidden).beside(walls)
 
         listener = trace.transducer
         back = legs(trace.pose, listener.beam)

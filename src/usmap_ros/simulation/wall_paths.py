@@ -90,12 +90,7 @@ def _legs(scene: Scene, discs: Discs, ear: Ear, channel: Channel, objects: _Obje
     hidden |= hidden_by_discs(position_m, places_m, discs.centers_m, discs.radii_m, objects.owners)
     bounced = wall_legs(ear.pose, ear.beam, channel, points_m, mirrors, radii_m)
     clear = _clear_of_others(scene, discs, position_m, objects, bounced.gains > 0.0, mirrors)
-    return Legs(
-        np.concatenate([straight.lengths_m, bounced.lengths_m], axis=1),
-        np.concatenate(
-            [np.where(hidden[:, np.newaxis], 0.0, straight.gains), bounced.gains * clear], axis=1
-        ),
-    )
+    return straight.but(hidden).beside(Legs(bounced.lengths_m, bounced.gains * clear))
 
 
 def _clear_of_others(

@@ -56,3 +56,12 @@ def test_either_side_of_a_wall_reflects():
 def test_without_walls_there_are_no_legs():
     legs = mirrored_legs(np.zeros(2), np.ones((3, 2)), Mirrors.none())
     assert legs.exists.shape == (3, 0)
+
+
+def test_a_wall_hides_what_is_behind_it():
+    mirrors = wall((-1.0, 1.0), (1.0, 1.0))
+    points = np.array([[0.0, 0.5], [0.0, 1.05], [0.0, 2.0], [3.0, 2.0], [0.0, -2.0]])
+
+    hidden = mirrors.hide(np.zeros(2), points, 0.1)
+
+    assert hidden.tolist() == [False, False, True, False, False]

@@ -135,7 +135,10 @@ def test_columns_with_walls_pass_the_dot_test(passes_dot_test, known):
 
     assert passes_dot_test(dictionary, np.random.default_rng(3))
     plain = CellDictionary.for_trace(heard(), 0.25)
-    assert np.all(dictionary.norms > 0.0)
+    # Nothing is heard through a wall; what is within a cell of one may be the wall itself.
+    y_m = dictionary.cells.centers_m[:, 1]
+    behind = (y_m > 1.31 + 0.25) | (y_m < -1.07 - 0.25)
+    np.testing.assert_array_equal(dictionary.norms == 0.0, behind)
     assert np.count_nonzero(~np.isclose(dictionary.norms, plain.norms)) > len(plain.norms) / 3
 
 

@@ -4,6 +4,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 PYTEST_ARGS ?=
+# Test processes that run at once; a file's tests stay together, because they share what they set up.
+TEST_JOBS ?= 2
 
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install -qq --disable-pip-version-check
@@ -30,7 +32,7 @@ demo: $(OFFLINE) ## simulate robots, map what they hear, draw it: into demo_outp
 test: $(FULL) ## run linters and all tests, those on ROS 2 included
 	@$(MAKE) --no-print-directory lint; lint=$$?; \
 	echo "Running the tests"; \
-	$(BIN)/python -m pytest --timeout=600 $(PYTEST_ARGS); tests=$$?; \
+	$(BIN)/python -m pytest -n $(TEST_JOBS) --dist loadfile --timeout=600 $(PYTEST_ARGS); tests=$$?; \
 	if [ $$lint -ne 0 ]; then exit $$lint; else exit $$tests; fi
 
 lint: $(FULL) ## check style and types

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,6 +13,9 @@ import pytest
 # only wait for each other, most of all where several test processes share the machine.
 for library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+#: Recordings and maps that others made: beside the checkout, or where USMAP_SHARED says.
+SHARED = Path(os.environ.get("USMAP_SHARED", Path(__file__).parents[2] / "shared"))
 
 if TYPE_CHECKING:
     from usmap_ros.reconstruction.operators import SensingOperator
@@ -38,3 +42,22 @@ def passes_dot_test() -> Callable[..., bool]:
         return abs(left - right) <= tolerance * max(abs(left), abs(right), 1.0)
 
     return passes
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what only looks at others' recordings, where there are none.
+
+    Whatever they show is shown by simulated or shipped recordings as well.
+    """
+    if SHARED.is_dir():
+        return
+    left_out = [item for item in items if item.get_closest_marker("recordings")]
+    if left_out:
+        items[:] = [item for item in items if item not in left_out]
+        config.hook.pytest_deselected(items=left_out)
+
+
+@pytest.fixture(scope="session")
+def shared_folder() -> Path:
+    """Give the folder of others' recordings; for tests with the mark ``recordings``."""
+    return SHARED

@@ -1,6 +1,5 @@
-"""Recordings that others made, and scenes in which a few poles are heard by a few robots."""
+"""Scenes in which a few poles are heard by a few robots."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,15 +24,6 @@ NOISE_STD = 0.01
 LEAST_AMPLITUDE = 0.03
 #: Nearer in range, at any robot, two poles' echoes overlap.
 LEAST_SEPARATION_M = 0.15
-
-
-@pytest.fixture(scope="session")
-def shared_bags() -> Path:
-    """Give the folder of recordings beside the checkout, or where USMAP_SHARED says."""
-    folder = Path(os.environ.get("USMAP_SHARED", ROOT.parent / "shared")) / "bags"
-    if not folder.is_dir():
-        pytest.skip(f"no recordings in {folder}: set USMAP_SHARED to the folder that holds 'bags'")
-    return folder
 
 
 @pytest.fixture(scope="session")

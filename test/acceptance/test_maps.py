@@ -31,17 +31,19 @@ def map_scenario(path: Path, seed: int) -> Trial:
     return try_scenario(Scenario.load(path).model_copy(update={"seed": seed}))
 
 
+@pytest.mark.recordings
 @pytest.mark.parametrize("name", PROMISED_F1)
-def test_a_recording_maps_as_well_as_promised(shared_bags: Path, name: str) -> None:
-    trial = map_recording(shared_bags, name)
+def test_a_recording_maps_as_well_as_promised(shared_folder: Path, name: str) -> None:
+    trial = map_recording(shared_folder / "bags", name)
     show(name, trial)
     assert trial.score.f1 >= PROMISED_F1[name], trial.score
     assert trial.score.f1 > trial.range_only_score.f1 + 0.1, trial.score
 
 
+@pytest.mark.recordings
 @pytest.mark.parametrize("name", ["poles_raw", "poles_envelope"])
-def test_recordings_of_the_other_encodings_map(shared_bags: Path, name: str) -> None:
-    trial = map_recording(shared_bags, name)
+def test_recordings_of_the_other_encodings_map(shared_folder: Path, name: str) -> None:
+    trial = map_recording(shared_folder / "bags", name)
     show(name, trial)
     assert trial.score.precision >= 0.8, trial.score
     assert trial.score.f1 >= 0.7, trial.score
@@ -54,6 +56,22 @@ def test_a_scene_with_another_seed_maps_well(scenario_folder: Path, name: str) -
     show(name, trial)
     assert trial.score.f1 >= SIMULATED_F1[name], trial.score
     assert trial.score.f1 > trial.range_only_score.f1 + 0.3, trial.score
+
+
+@pytest.mark.parametrize(("encoding", "rate_hz"), [("raw", 250e3), ("envelope", 25e3)])
+def test_scenes_in_other_encodings_map(
+    scenario_folder: Path, encoding: str, rate_hz: float
+) -> None:
+    scenario = Scenario.load(scenario_folder / "poles.yaml")
+    receiver = {"encoding": encoding, "sample_rate_hz": rate_hz, "noise_std": 0.01}
+    content = scenario.model_dump(mode="json")
+    for robot in content["robots"]:
+        for transducer in robot["transducers"]:
+            transducer["receiver"] = receiver
+    trial = try_scenario(Scenario.from_mapping(content | {"duration_s": 4.0}, "poles.yaml"))
+    show(encoding, trial)
+    assert trial.score.f1 >= 0.7, trial.score
+    assert trial.score.f1 > trial.range_only_score.f1, trial.score
 
 
 def test_mapping_takes_little_memory_and_says_so(scenario_folder: Path, tmp_path: Path) -> None:

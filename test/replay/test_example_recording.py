@@ -52,3 +52,17 @@ def test_it_maps() -> None:
     result = score(pipeline.occupancy_map(), load_truth(BAGS / "yard_truth.yaml"))
     assert result.precision > 0.75, result
     assert result.recall > 0.6, result
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_cut_recording_keeps_its_share(tmp_path: Path, share: float) -> None:
+    (original,) = (BAGS / "yard").glob("*.mcap")
+    content = original.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(content[: int(share * len(content))])
+    with BagReader([BAGS / "yard"]) as whole:
+        pings = whole.trace_count
+    with BagReader([tmp_path / "cut.mcap"]) as bag:
+        # Chunks hold about twenty pings.
+        assert bag.trace_count == pytest.approx(share * pings, abs=25)
+        order = [(trace.stamp_ns, topic) for topic, trace in bag.traces()]
+    assert order == sorted(order)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import warnings
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -50,7 +51,12 @@ EPOCH = 1_700_000_000 * SECOND
 
 # Nobody on the network is to take part, and domains above 101 collide with ephemeral ports.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-_DOMAINS = itertools.count(os.getpid() * 7)
+# Tests that run at the same time take theirs from sequences that do not meet.
+_WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_RUN = zlib.crc32(os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid())).encode())
+_DOMAIN_COUNT = 100 // _WORKERS * _WORKERS
+_DOMAINS = itertools.count(_RUN * _WORKERS + _WORKER, _WORKERS)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -62,7 +68,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture
 def domain(monkeypatch: pytest.MonkeyPatch) -> int:
     """Give a ROS domain of the test's own."""
-    number = 1 + next(_DOMAINS) % 100
+    number = 1 + next(_DOMAINS) % _DOMAIN_COUNT
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     return number
 

@@ -1,6 +1,5 @@
 """What the simulation's tests share."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +25,6 @@ HANN = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
 @pytest.fixture(scope="session")
 def scenario_folder():
     return ROOT / "config" / "scenarios"
-
-
-@pytest.fixture(scope="session")
-def shared_folder():
-    """Recordings and maps that stand beside the checkout, or where USMAP_SHARED says."""
-    folder = Path(os.environ.get("USMAP_SHARED", ROOT.parent / "shared"))
-    if not (folder / "bags").is_dir():
-        pytest.skip("no recordings: set USMAP_SHARED to the folder that holds 'bags' and 'maps'")
-    return folder
 
 
 def make_points(*positions, reflectivity=1.0, radius=0.0):

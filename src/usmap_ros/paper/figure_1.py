@@ -27,6 +27,7 @@ from usmap_ros.plotting.style import (
     new_figure,
     styled,
 )
+from usmap_ros.trace import EchoTrace
 
 #: Two that both robots see, one that only the first sees, and one that only the second sees.
 OBJECTS: Points = ((2.03, 1.23), (2.91, 1.72), (1.5, 0.35), (0.9, 3.0))
@@ -52,6 +53,24 @@ def single_robot() -> Part:
     cone = Pipeline().reconstruct(trace)
     seen, ranges_m = _in_cone(POSES[0]), POSES[0].polar(np.array(OBJECTS))[0]
     apart_m = np.abs(cone.ranges_m[:, np.newaxis] - ranges_m[seen])
+    numbers = {
+        "objects_m": [list(point) for point in OBJECTS],
+        "echo_ranges_m": cone.ranges_m.tolist(),
+        "caption": {
+            "three of four objects are in the cone": statement(
+                (len(seen), seen.sum()) == (4, 3), objects=len(seen), in_cone=int(seen.sum())
+            ),
+            "those three return echoes": statement(
+                len(cone.ranges_m) == seen.sum() and (apart_m.min(axis=0) < SAME_RANGE_M).all(),
+                echoes=len(cone.ranges_m),
+                range_errors_m=apart_m.min(axis=0).tolist(),
+            ),
+        },
+    }
+    return Part("figure_1a_single_robot", numbers, _single_robot_figure(trace, cone))
+
+
+def _single_robot_figure(trace: EchoTrace, cone: EchoCone) -> Figure:
     with styled():
         figure = new_figure(9.0, 4.0)
         plan, signal = figure.subplots(1, 2, width_ratios=[1.0, 1.3])
@@ -60,6 +79,7 @@ def single_robot() -> Part:
         _number_objects(plan)
         finish_map(plan, "A robot and four objects")
         plan.legend(loc="upper right", markerscale=0.5)
+        seen, ranges_m = _in_cone(POSES[0]), POSES[0].polar(np.array(OBJECTS))[0]
         range_of_sample_m = 0.5 * AIR.sound_speed_m_s * trace.sample_times_s()
         signal.plot(range_of_sample_m, np.abs(trace.signal()), color=SIGNAL, label="received")
         signal.vlines(
@@ -78,21 +98,7 @@ def single_robot() -> Part:
         signal.margins(y=0.12)
         signal.set_title("What comes back")
         signal.legend()
-    numbers = {
-        "objects_m": [list(point) for point in OBJECTS],
-        "echo_ranges_m": cone.ranges_m.tolist(),
-        "caption": {
-            "three of four objects are in the cone": statement(
-                (len(seen), seen.sum()) == (4, 3), objects=len(seen), in_cone=int(seen.sum())
-            ),
-            "those three return echoes": statement(
-                len(cone.ranges_m) == seen.sum() and (apart_m.min(axis=0) < SAME_RANGE_M).all(),
-                echoes=len(cone.ranges_m),
-                range_errors_m=apart_m.min(axis=0).tolist(),
-            ),
-        },
-    }
-    return Part("figure_1a_single_robot", numbers, figure)
+    return figure
 
 
 def two_robots() -> Part:

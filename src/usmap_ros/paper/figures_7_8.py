@@ -68,14 +68,15 @@ def interference() -> Part:
         - 1.0,
         "path_delays_ms": (1e3 * delays_s).tolist(),
         "path_amplitudes": amplitudes.tolist(),
-        "caption": _interference_caption(delays_s, amplitudes),
+        "caption": _interference_caption(traces["with a floor 1 m below"], delays_s),
     }
     return Part("figure_7_floor_interference", numbers, figure)
 
 
-def _interference_caption(delays_s: FloatArray, amplitudes: FloatArray) -> dict[str, Any]:
+def _interference_caption(trace: EchoTrace, delays_s: FloatArray) -> dict[str, Any]:
     later_s = delays_s - delays_s[:, :1]
     left = in_phase(CONCRETE, _ranges_m(), SINE.carrier_hz)
+    begin, middle, end = _peaks(trace, delays_s[-1])
     return {
         "the paths of one object overlap": statement(
             (later_s < SINE.duration_s).all(), latest_ms=(1e3 * later_s[:, -1]).tolist()
@@ -83,7 +84,18 @@ def _interference_caption(delays_s: FloatArray, amplitudes: FloatArray) -> dict[
         "the near and the far object interfere destructively, the middle one does not": statement(
             interfere_as_described(left), in_phase=dict(zip(NAMES, left.tolist(), strict=True))
         ),
+        "the far pulse has two large spikes but a small amplitude between them": statement(
+            min(begin, end) > 1.5 * middle, peaks=[begin, middle, end]
+        ),
     }
+
+
+def _peaks(trace: EchoTrace, delays_s: FloatArray) -> list[float]:
+    """Largest amplitude of one echo before all of its paths overlap, while they do, and after."""
+    first_s, last_s = delays_s[0], delays_s[-1]
+    bounds_s = [first_s, last_s, first_s + SINE.duration_s, last_s + SINE.duration_s]
+    samples = np.searchsorted(trace.sample_times_s(), bounds_s)
+    return [float(np.abs(part).max()) for part in np.split(trace.signal(), samples)[1:-1]]
 
 
 def in_phase(channel: Channel, ranges_m: FloatArray, carrier_hz: float) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone, finish_map
@@ -55,6 +56,15 @@ def walls_and_an_object() -> Part:
         "share_recovered": sampled,
         "caption": _caption(errors, sampled),
     }
+    return Part("beyond_walls", numbers, _figure(dictionary, noisy, errors, sampled))
+
+
+def _figure(
+    dictionary: CellDictionary,
+    noisy: dict[str, list[FloatArray]],
+    errors: dict[str, list[float]],
+    sampled: dict[str, list[float]],
+) -> Figure:
     with styled():
         figure = new_figure(11.0, 6.6)
         grid = figure.add_gridspec(2, 6, height_ratios=[1.4, 1.0])
@@ -76,7 +86,7 @@ def walls_and_an_object() -> Part:
         right.set(xlabel="random samples of the trace", ylabel="share of trials")
         right.set_title("Exact recovery without noise")
         left.legend()
-    return Part("beyond_walls", numbers, figure)
+    return figure
 
 
 def _caption(errors: dict[str, list[float]], sampled: dict[str, list[float]]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -77,16 +78,44 @@ def test_the_map_is_kept_however_often_fusion_is_asked_to_end(
     assert "Traceback" not in log_of(fusion)
 
 
+def answers_ctrl_c(process: Any) -> bool:
+    """Whether a process has a handler of SIGINT: Python's own at first, the node's at last."""
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    caught = int(status.partition("SigCgt:")[2].split()[0], 16)
+    return bool(caught >> (signal.SIGINT - 1) & 1)
+
+
+def has_loaded(process: Any, library: str) -> bool:
+    return library in Path(f"/proc/{process.pid}/maps").read_text()
+
+
+#: How far a node is when it is asked to end: conditions that come true one after the other.
+STAGES: dict[str, list[Callable[[Any], bool]]] = {
+    "our first line": [],
+    "NumPy": [lambda process: has_loaded(process, "_multiarray_umath")],
+    "ROS": [lambda process: has_loaded(process, "librcl.so")],
+    "the node's handlers": [answers_ctrl_c],
+    "DDS": [answers_ctrl_c, lambda process: has_loaded(process, "libfastrtps")],
+}
+
+
 @pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux how far the process is")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
-@pytest.mark.parametrize("after_s", [0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.2, 1.6])
+@pytest.mark.parametrize("stage", STAGES)
 @pytest.mark.usefixtures("domain")
 def test_a_node_that_is_asked_to_end_as_it_starts_ends_without_a_word(
-    number: signal.Signals, after_s: float
+    number: signal.Signals, stage: str
 ) -> None:
     command = [sys.executable, "-m", "usmap_ros.nodes.map_fusion"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    time.sleep(after_s)
+    # Before, it is Python that starts.
+    begun: list[Callable[[Any], bool]] = [answers_ctrl_c, lambda p: not answers_ctrl_c(p)]
+    end_s = time.monotonic() + DEADLINE_S
+    for condition in (*begun, *STAGES[stage]):
+        while not condition(process):
+            assert time.monotonic() < end_s
+            time.sleep(0.002)
     process.send_signal(number)
     _, said = process.communicate(timeout=DEADLINE_S)
     assert "Traceback" not in said

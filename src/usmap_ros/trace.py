@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
+from usmap_ros.transducer_array import TransducerArray
 
 #: Longest trace that is believed.
 MAX_SAMPLES = 10_000_000
@@ -77,11 +79,9 @@ class EchoTrace:
         RMS of the receiver's noise in units of `samples`; 0: unknown.
     samples : (n,) float32 array
         As in the message; I and Q interleaved where the encoding is IQ.
-    emissions : tuple of Emission
-        Every pulse in the air, its own included if there was one; none: its own and no other.
-        The message has no field for them: they come from a `TransducerArray`.
-    array_frame_ids : tuple of str
-        Frames of all transducers that listened to them; none: its own and no other.
+    array : TransducerArray, optional
+        Transducers that pinged at once, this one among them; None: it pinged alone.  The message
+        has no field for it: it comes in a message of its own.
     """
 
     stamp_ns: int
@@ -95,8 +95,7 @@ class EchoTrace:
     start_delay_s: float
     noise_std: float
     samples: NDArray[np.float32]
-    emissions: tuple[Emission, ...] = ()
-    array_frame_ids: tuple[str, ...] = ()
+    array: TransducerArray | None = None
 
     @classmethod
     def from_signal(
@@ -167,16 +166,43 @@ class EchoTrace:
         count = len(self.samples) // (2 if self.encoding is Encoding.IQ else 1)
         return Sampling(self.sample_rate_hz, self.start_delay_s, count)
 
-    @property
+    @cached_property
     def sent(self) -> tuple[Emission, ...]:
         """Every pulse in the air, its own first if that was sent."""
-        if not self.emissions:
+        listener = None if self.array is None else self.array.element(self.child_frame_id)
+        if self.array is None or listener is None:
             return (Emission(self.child_frame_id, Pose.planar(0.0, 0.0, 0.0), self.transducer),)
-        return tuple(sorted(self.emissions, key=self.is_own, reverse=True))
+        towards = listener.mount.inverse()
+        emissions = [
+            Emission(one.child_frame_id, towards.compose(one.mount), one.transducer)
+            for one in self.array.elements
+            if one.emits
+        ]
+        return tuple(sorted(emissions, key=self.is_own, reverse=True))
 
     def is_own(self, emission: Emission) -> bool:
         """Whether the transducer that listened sent a pulse itself."""
         return emission.child_frame_id == self.child_frame_id
+
+    def in_array(self, array: TransducerArray) -> EchoTrace:
+        """The trace, with the array that its transducer is of and what that says of its pulse.
+
+        Raises
+        ------
+        MalformedMessageError
+            If the trace says something else of its pulse.
+        """
+        listener = array.element(self.child_frame_id)
+        if listener is None:
+            return self
+        told = self.with_sweep(listener.transducer.pulse.sweep_hz)
+        if told.transducer.pulse != listener.transducer.pulse:
+            raise MalformedMessageError(
+                "transducer.pulse_shape",
+                f"or another number of the pulse is not what the TransducerArray says of"
+                f" {self.child_frame_id!r}",
+            )
+        return replace(told, array=array)
 
     def with_sweep(self, sweep_hz: float) -> EchoTrace:
         """The trace, with a sweep for its chirp if nobody has said yet how far it goes."""

@@ -14,7 +14,7 @@ LAYERS = [
     {"arrays", "errors"},
     {"geometry"},
     {"acoustics"},
-    {"grids", "parameters"},
+    {"grids", "parameters", "transducer_array"},
     {"trace", "cone"},
     {
         "amplitude_scale",
@@ -22,7 +22,6 @@ LAYERS = [
         "listening",
         "repeats",
         "soundings",
-        "transducer_array",
         "views",
     },
     {"io"},

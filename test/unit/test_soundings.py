@@ -1,6 +1,7 @@
 """Traces of one ping of an array go together."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 from usmap_ros.soundings import SoundingCollector, soundings
 
@@ -10,11 +11,11 @@ class Ping:
     """What a collector looks at in a trace."""
 
     stamp_ns: int
-    array_frame_ids: tuple[str, ...] = ()
+    array: SimpleNamespace | None = None
 
 
-PAIR = ("left", "right")
-OTHERS = ("front", "back")
+PAIR = SimpleNamespace(frame_ids=("left", "right"))
+OTHERS = SimpleNamespace(frame_ids=("front", "back"))
 
 
 def grouped(pings):

@@ -11,8 +11,9 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
+from usmap_ros.soundings import TransducerArrays
 from usmap_ros.trace import EchoTrace, Encoding
-from usmap_ros.transducer_array import ArrayElement, TransducerArray, TransducerArrays
+from usmap_ros.transducer_array import ArrayElement, TransducerArray
 
 RISING = Pulse(PulseShape.CHIRP, 50e3, 2e-3, 20e3)
 FALLING = Pulse(PulseShape.CHIRP, 50e3, 2e-3, -20e3)
@@ -46,16 +47,16 @@ RIGHT = ArrayElement("right", Pose.planar(0.2, -0.1, 0.0), True, transducer(FALL
 def test_a_single_chirp_is_told_its_sweep():
     array = TransducerArray(0, "base", (LEFT,))
 
-    completed = array.complete(trace())
+    completed = trace().in_array(array)
 
     assert completed.transducer.pulse == RISING
-    assert completed.emissions == ()
+    assert [one.transducer.pulse for one in completed.sent] == [RISING]
 
 
 def test_all_pulses_in_the_air_are_listed_where_they_were_sent():
-    completed = TransducerArray(0, "base", (LEFT, RIGHT)).complete(trace())
+    completed = trace().in_array(TransducerArray(0, "base", (LEFT, RIGHT)))
 
-    own, other = completed.emissions
+    own, other = completed.sent
     assert (own.child_frame_id, other.child_frame_id) == ("left", "right")
     assert other.transducer.pulse == FALLING
     np.testing.assert_allclose(own.mount.position_m, 0.0, atol=1e-12)
@@ -67,16 +68,16 @@ def test_all_pulses_in_the_air_are_listed_where_they_were_sent():
 def test_a_listener_hears_what_others_sent():
     deaf = replace(LEFT, emits=False)
 
-    completed = TransducerArray(0, "base", (deaf, RIGHT)).complete(trace())
+    completed = trace().in_array(TransducerArray(0, "base", (deaf, RIGHT)))
 
-    assert [emission.child_frame_id for emission in completed.emissions] == ["right"]
+    assert [emission.child_frame_id for emission in completed.sent] == ["right"]
 
 
 def test_a_trace_of_another_pulse_is_refused():
     other = trace(pulse=replace(RISING, duration_s=1e-3))
 
     with pytest.raises(MalformedMessageError, match="TransducerArray says of 'left'"):
-        TransducerArray(0, "base", (LEFT,)).complete(other)
+        other.in_array(TransducerArray(0, "base", (LEFT,)))
 
 
 def test_the_newest_array_before_a_trace_holds():

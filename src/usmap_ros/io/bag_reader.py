@@ -21,8 +21,8 @@ from usmap_ros.io.definitions import check_definition
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, TRANSDUCER_ARRAY, typestore
 from usmap_ros.io.skipped import SkippedMessages
 from usmap_ros.io.storage import MessageIndex, RecordedTopic, Storage, open_storage
+from usmap_ros.soundings import TransducerArrays
 from usmap_ros.trace import EchoTrace
-from usmap_ros.transducer_array import TransducerArrays
 
 logger = logging.getLogger(__name__)
 

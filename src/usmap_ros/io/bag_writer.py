@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ COMPRESSIONS = {
 }
 
 #: A chunk is what a crash while recording can cost: this is about 20 pings of I/Q.
+#: Length of the header of a serialized message and of the stamp that follows it.
+_STAMP_BYTES = 12
 _CHUNK_BYTES = 128 * 2**10
 _METADATA_VERSION = 9
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -90,20 +93,30 @@ class BagWriter:
         self._writer.start(profile="ros2", library="usmap_ros")
         self._schemas: dict[str, int] = {}
         self._topics: dict[tuple[str, str], _Topic] = {}
+        self._arrays: dict[tuple[str, ...], bytes] = {}
         self._first_ns: int | None = None
         self._last_ns = 0
 
     def write_trace(self, topic: str, trace: EchoTrace) -> None:
-        """Append an echo trace."""
+        """Append an echo trace, and before it what its message does not say of the transducers."""
+        array = trace.array
+        if array is None and trace.transducer.pulse.sweep_hz != 0.0:
+            array = TransducerArray.alone(trace.stamp_ns, trace.child_frame_id, trace.transducer)
+        if array is not None:
+            self._write_array(array)
         self._write(topic, ECHO_TRACE, trace.stamp_ns, trace_to_message(trace, self._types))
 
     def write_cone(self, topic: str, cone: EchoCone) -> None:
         """Append an echo cone."""
         self._write(topic, ECHO_CONE, cone.stamp_ns, cone_to_message(cone, self._types))
 
-    def write_array(self, topic: str, array: TransducerArray) -> None:
-        """Append an array of transducers, before the traces that it completes."""
-        self._write(topic, TRANSDUCER_ARRAY, array.stamp_ns, array_to_message(array, self._types))
+    def _write_array(self, array: TransducerArray) -> None:
+        """Append an array of transducers, unless it says nothing new."""
+        message = array_to_message(array, self._types)
+        content = bytes(typestore().serialize_cdr(message, TRANSDUCER_ARRAY))[_STAMP_BYTES:]
+        if self._arrays.get(array.frame_ids) != content:
+            self._arrays[array.frame_ids] = content
+            self._write(_array_topic(array), TRANSDUCER_ARRAY, array.stamp_ns, message)
 
     def add_topic(
         self, topic: str, message_type: str, definition: str, type_hash: str, qos: QosProfiles
@@ -230,6 +243,12 @@ def qos_profile(
         "liveliness_lease_duration": _FOREVER,
         "avoid_ros_namespace_conventions": False,
     }
+
+
+def _array_topic(array: TransducerArray) -> str:
+    """Topic of an array: beside those of its robot, whose name its frames begin with."""
+    robot = array.elements[0].child_frame_id.rpartition("/")[0]
+    return "/" + re.sub(r"[^A-Za-z0-9_/]", "_", f"{robot}/transducers").lstrip("/")
 
 
 class _PlainDumper(yaml.SafeDumper):

@@ -31,9 +31,8 @@ from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.parameters.nodes import ConeReconstructorParameters
 from usmap_ros.pipeline import Pipeline
-from usmap_ros.soundings import SoundingCollector
+from usmap_ros.soundings import SoundingCollector, TransducerArrays
 from usmap_ros.trace import EchoTrace
-from usmap_ros.transducer_array import TransducerArrays
 
 
 @dataclass(frozen=True)

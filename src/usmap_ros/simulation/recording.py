@@ -19,7 +19,7 @@ def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> i
     scenario : Scenario
         What to simulate.
     writer : BagWriter
-        Gets every trace, and first what traces do not say of their transducers.
+        Gets every trace.
     step : callable
         Called after each ping.
 
@@ -29,9 +29,6 @@ def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> i
         How many traces were written.
     """
     count = 0
-    for robot in scenario.fleet(scenario.scene()):
-        for array in robot.arrays(scenario.start_ns):
-            writer.write_array(robot.array_topic, array)
     for topic, trace in simulate(scenario):
         writer.write_trace(topic, trace)
         count += 1

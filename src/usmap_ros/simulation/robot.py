@@ -47,11 +47,6 @@ class SimulatedRobot:
     simultaneous: bool
     error_seed: np.random.SeedSequence
 
-    @property
-    def array_topic(self) -> str:
-        """Where its arrays are published."""
-        return f"/{self.name}/transducers"
-
     def arrays(self, start_ns: int) -> list[TransducerArray]:
         """What the traces of its transducers do not say of themselves, if there is anything.
 

@@ -139,7 +139,7 @@ class EchoSimulator:
             samples=np.zeros(0, dtype=np.float32),
         )
         if array is not None:
-            trace = array.complete(trace)
+            trace = trace.in_array(array)
         samples = receiver.receive(
             [self._arrivals(sonar, true_pose, stamp_ns, emission) for emission in trace.sent],
             sonar.transducer.pulse.carrier_hz,

@@ -1,10 +1,12 @@
 import shutil
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg
 
@@ -107,19 +109,36 @@ def test_traces_are_completed_by_the_arrays_beside_them(
 ) -> None:
     left, right = array.elements
     with new_bag(tmp_path / "bag") as writer:
-        writer.write_array("/robot1/transducers", array)
-        for element in array.elements:
+        for element in array.elements * 2:
             trace = make_trace(child_frame_id=element.child_frame_id, transducer=element.transducer)
-            writer.write_trace(f"/{element.child_frame_id}/echo", trace)
+            writer.write_trace(f"/{element.child_frame_id}/echo", trace.in_array(array))
     with BagReader([tmp_path / "bag"]) as bag:
         traces = [trace for _, trace in bag.traces()]
 
-    assert [trace.transducer.pulse.sweep_hz for trace in traces] == [20e3, -20e3]
+    assert [trace.transducer.pulse.sweep_hz for trace in traces] == [20e3, 20e3, -20e3, -20e3]
     for trace in traces:
-        senders = [emission.child_frame_id for emission in trace.emissions]
-        assert senders == [left.child_frame_id, right.child_frame_id]
-    metadata = (tmp_path / "bag" / "metadata.yaml").read_text()
-    assert "durability: transient_local" in metadata
+        senders = [emission.child_frame_id for emission in trace.sent]
+        assert set(senders) == {left.child_frame_id, right.child_frame_id}
+    metadata = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
+    topics = metadata["rosbag2_bagfile_information"]["topics_with_message_count"]
+    (topic,) = [one for one in topics if one["topic_metadata"]["name"] == "/robot1/transducers"]
+    assert topic["topic_metadata"]["offered_qos_profiles"][0]["durability"] == "transient_local"
+    # However many traces there are, it is written once.
+    assert topic["message_count"] == 1
+
+
+def test_a_lone_chirp_keeps_its_sweep(
+    make_trace: MakeTrace, array: TransducerArray, tmp_path: Path
+) -> None:
+    sonar = array.elements[0].transducer
+    other = replace(sonar, pulse=replace(sonar.pulse, sweep_hz=9e3))
+    with new_bag(tmp_path / "bag") as writer:
+        writer.write_trace("/echo", make_trace(transducer=sonar))
+        writer.write_trace("/echo", make_trace(1.0, transducer=other))
+    with BagReader([tmp_path / "bag"]) as bag:
+        sweeps = [trace.transducer.pulse.sweep_hz for _, trace in bag.traces()]
+
+    assert sweeps == [20e3, 9e3]
 
 
 def test_a_split_recording_is_read_in_its_order(

@@ -8,11 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 # Before NumPy is imported: the matrices are small, and the threads of the linear algebra would
 # only wait for each other, most of all where several test processes share the machine.
 for library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+# The same examples at each run, however fast or busy the machine is.
+settings.register_profile(
+    "steady", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("steady")
 
 #: Recordings and maps that others made: beside the checkout, or where USMAP_SHARED says.
 SHARED = Path(os.environ.get("USMAP_SHARED", Path(__file__).parents[2] / "shared"))

@@ -166,7 +166,7 @@ def numbers_in(file: Path) -> list[int]:
 
 
 damages = settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

@@ -23,7 +23,7 @@ from usmap_ros.mapping.noisy_or import NoisyOrFusion
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.parameters import MappingParameters
 
-QUICK = settings(max_examples=40, deadline=None)
+QUICK = settings(max_examples=40)
 PULSE = Pulse(PulseShape.HANN_BURST, 50e3, 3e-4)
 #: Just short of, at and beyond a right angle the cone is no longer convex.
 half_angles = st.one_of(
@@ -127,7 +127,7 @@ class GridIsADictionary(RuleBasedStateMachine):
 
 
 TestGridIsADictionary = GridIsADictionary.TestCase
-TestGridIsADictionary.settings = settings(max_examples=25, stateful_step_count=12, deadline=None)
+TestGridIsADictionary.settings = settings(max_examples=25, stateful_step_count=12)
 
 
 @QUICK

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from usmap_ros.reconstruction.cosamp import cosamp
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, merged, same_direction
 
-QUICK = settings(max_examples=60, deadline=None)
+QUICK = settings(max_examples=60)
 seeds = st.integers(0, 2**32 - 1)
 
 

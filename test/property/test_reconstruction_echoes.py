@@ -18,7 +18,7 @@ from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.trace import EchoTrace, Encoding
 
-QUICK = settings(max_examples=25, deadline=None)
+QUICK = settings(max_examples=25)
 RATES_HZ = {Encoding.IQ: 25_000.0, Encoding.ENVELOPE: 25_000.0, Encoding.RAW: 250_000.0}
 TRANSDUCER = Transducer(
     Pulse(PulseShape.HANN_BURST, 50_000.0, 3.2e-4), BeamPattern.linear(), 0.2, 4.0

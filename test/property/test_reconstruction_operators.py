@@ -19,7 +19,7 @@ from usmap_ros.reconstruction.joint import JointOperator
 from usmap_ros.reconstruction.template import Template
 from usmap_ros.trace import Encoding
 
-QUICK = settings(max_examples=40, deadline=None)
+QUICK = settings(max_examples=40)
 
 channels = st.builds(
     Channel,

@@ -165,9 +165,7 @@ def numbers_in(file: Path) -> list[int]:
         return []
 
 
-damages = settings(
-    max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+damages = settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @damages

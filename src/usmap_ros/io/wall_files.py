@@ -42,9 +42,8 @@ class KnownWalls(ParameterGroup):
         )
 
 
-@lru_cache(maxsize=8)
 def load_walls(path: str) -> Mirrors:
-    """Walls of a file; none without one.
+    """Walls of a file; none without one.  It is read again only when it has changed.
 
     Raises
     ------
@@ -53,7 +52,18 @@ def load_walls(path: str) -> Mirrors:
     """
     if not path:
         return Mirrors.none()
-    return load_yaml(Path(path).expanduser(), KnownWalls).mirrors()
+    file = Path(path).expanduser()
+    try:
+        changed_ns = file.stat().st_mtime_ns
+    except OSError:
+        # What is wrong with it, its reader says.
+        changed_ns = -1
+    return _read(file, changed_ns)
+
+
+@lru_cache(maxsize=8)
+def _read(file: Path, changed_ns: int) -> Mirrors:
+    return load_yaml(file, KnownWalls).mirrors()
 
 
 def save_walls(path: Path, walls: KnownWalls) -> None:

@@ -181,3 +181,29 @@ def test_samples_in_other_units_are_noticed(usmap: Run, workspace: Path) -> None
     gain = "reconstruction.correction.gain=2000"
     done = usmap("map", "counts", "-o", "map2", "--set", gain, cwd=workspace)
     assert done.stderr == ""
+
+
+def test_walls_of_a_map_become_part_of_the_sensing_matrix(usmap: Run, tmp_path: Path) -> None:
+    (tmp_path / "hall.yaml").write_text(
+        "duration_s: 0.2\n"
+        "world:\n"
+        "  points: [{x_m: 2.025, y_m: 1.025}]\n"
+        "  walls: [{corners_m: [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]], closed: true}]\n"
+        "  wall_paths: true\n"
+        "robots:\n"
+        "  - name: robot\n"
+        "    motion: {kind: random_walk, start: [1.0, 1.0, 0.0], speed_m_s: 0.0}\n"
+    )
+    usmap("simulate", "hall.yaml", "-o", "bag", "--truth", "truth.yaml", cwd=tmp_path)
+    found = usmap("walls", "truth.yaml", "-o", "walls.yaml", "--reflectivity", "0.2", cwd=tmp_path)
+    cells = ["--set", "reconstruction.dictionary=cells", "--set", "reconstruction.cell_size_m=0.25"]
+    known = [*cells, "--set", "reconstruction.known_walls=walls.yaml"]
+    usmap("map", "bag", "-o", "blind", *cells, cwd=tmp_path)
+    usmap("map", "bag", "-o", "told", *known, cwd=tmp_path)
+
+    assert "4 walls" in found.stdout
+    assert files(tmp_path / "blind")["map.npz"] != files(tmp_path / "told")["map.npz"]
+    (tmp_path / "walls.yaml").unlink()
+    missing = usmap("map", "bag", "-o", "m", *known, cwd=tmp_path)
+    assert missing.returncode == 1
+    assert missing.stderr.strip().endswith("walls.yaml: does not exist")

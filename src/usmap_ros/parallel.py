@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -16,6 +15,7 @@ from pathlib import Path
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.parent import end_with_parent
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
 from usmap_ros.soundings import soundings
@@ -29,8 +29,6 @@ Outcome = tuple[str, int, EchoCone | MalformedMessageError]
 BATCH = 8
 #: Batches under way for each worker: enough to keep it busy, and memory flat.
 BATCHES_AHEAD = 3
-#: From <linux/prctl.h>: the signal that a process gets when its parent dies.
-_PR_SET_PDEATHSIG = 1
 
 
 def available_cores() -> int:
@@ -116,10 +114,7 @@ def _begin_worker(parent: int) -> None:
     # A terminal's Ctrl-C comes to all processes; one of them is to speak.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    # Even kill -9 of the parent is told by Linux, where alone there are workers.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
+    end_with_parent(parent, signal.SIGKILL)
 
 
 def _can_fork() -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import threading
@@ -16,6 +17,9 @@ _HEALTHY_AFTER_S = 30.0
 #: How long processes get to end, by the signal that asks them to.
 _PATIENCE_S = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))
 _POLL_S = 0.1
+
+#: Tells a process who keeps it running, so that it can end if that is killed.
+PARENT_VARIABLE = "USMAP_PARENT"
 
 
 class BackOff:
@@ -100,6 +104,7 @@ class Supervisor:
             text=True,
             errors="replace",
             start_new_session=True,
+            env={**os.environ, PARENT_VARIABLE: str(os.getpid())},
         )
         task.started_s = time.monotonic()
         reader = threading.Thread(target=self._relay, args=(task.name, task.process), daemon=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -9,6 +10,8 @@ from pathlib import PurePath
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.live.requirements import require_ros
+from usmap_ros.live.supervisor import PARENT_VARIABLE
+from usmap_ros.parent import end_with_parent
 
 #: Each has an executable and a module of its name; here, because their declarations take long.
 NODE_NAMES = ("bag_recorder", "bag_replay", "cone_reconstructor", "echo_driver", "map_fusion")
@@ -24,6 +27,9 @@ def begin_program() -> None:
     if name is None:
         return
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if PARENT_VARIABLE in os.environ:
+        # Later on it makes the node end in good order, its map kept.
+        end_with_parent(int(os.environ[PARENT_VARIABLE]), signal.SIGINT)
     try:
         require_ros()
     except UsmapError as error:

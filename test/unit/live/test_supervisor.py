@@ -1,10 +1,12 @@
 """Processes are kept running, speak under their names, and end together."""
 
 import signal
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -93,3 +95,35 @@ def test_it_ends_by_itself_when_it_is_told_how_long() -> None:
     supervisor.run(duration_s=0.5)
     assert supervisor.tasks[0].process is not None
     assert supervisor.tasks[0].process.poll() is not None
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells of a parent's death")
+def test_a_process_may_end_with_a_supervisor_that_is_killed() -> None:
+    child = (
+        "import os, signal, time; from usmap_ros.live.supervisor import PARENT_VARIABLE;"
+        "from usmap_ros.parent import end_with_parent;"
+        "end_with_parent(int(os.environ[PARENT_VARIABLE]), signal.SIGKILL);"
+        "print(os.getpid(), flush=True); time.sleep(3600)"
+    )
+    code = (
+        "import sys; from usmap_ros.live.supervisor import Supervisor, Task;"
+        "task = Task('a', [sys.executable, '-c', sys.argv[1]]);"
+        "Supervisor([task], lambda line: print(line, flush=True)).run()"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, child], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    number = int(process.stdout.readline().removeprefix("[a] "))
+    process.kill()
+    process.wait()
+
+    def is_gone() -> bool:
+        try:
+            status = Path(f"/proc/{number}/stat").read_text()
+        except OSError:
+            return True
+        return status.rpartition(")")[2].split()[0] == "Z"
+
+    until(is_gone)
+    process.stdout.close()

@@ -50,8 +50,9 @@ class EchoCone:
         Height of the objects above the transducer; 0 if they are at its height, and for upright
         ones, which answer from there.
     bearings_rad, bearing_stds_rad : (echoes,) arrays, optional
-        Directions off the beam axis, positive to the left, where receivers side by side could
-        tell them, and their standard deviations; NaN: unknown; None: all of them.
+        Directions as seen from above, off the beam axis and positive to the left, where receivers
+        side by side could tell them, and their standard deviations; NaN: unknown; None: all of
+        them.
     """
 
     stamp_ns: int

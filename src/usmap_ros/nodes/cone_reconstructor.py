@@ -176,7 +176,7 @@ class ConeReconstructor(Node):
         columns = {
             "x": x_m,
             "y": y_m,
-            "z": np.full(len(x_m), cone.pose.position_m[2]),
+            "z": np.full(len(x_m), cone.pose.position_m[2] + cone.object_rise_m),
             "coefficient": cells.coefficient[chosen],
         }
         return points_to_message(columns, cone.frame_id, cone.stamp_ns, self._types)

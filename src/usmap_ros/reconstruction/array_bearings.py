@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.reconstruction.bearings import Sighting, find_bearings
+from usmap_ros.reconstruction.bearings import Sighting, Viewpoint, find_bearings
 from usmap_ros.reconstruction.delays import DelayReconstruction
 from usmap_ros.trace import EchoTrace
 
@@ -38,7 +38,8 @@ def cone_with_bearings(place: int, heard: Sequence[Heard]) -> EchoCone:
     if not sightings or not _has_sent(trace):
         return found.cone
     own = found.echoes[0]
-    bearings_rad, stds_rad = find_bearings(own, trace.transducer.beam, sightings)
+    view = Viewpoint.of(trace.pose, trace.transducer.beam, trace.channel.object_rise_m)
+    bearings_rad, stds_rad = find_bearings(own, view, sightings)
     if not np.isfinite(bearings_rad).any():
         return found.cone
     # A cone has its echoes by ascending range.

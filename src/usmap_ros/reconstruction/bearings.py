@@ -7,8 +7,10 @@ distance r, another one at the distance s, and they are b apart.  The law of cos
 
     cos ψ = (r² + b² − s²) / (2 r b),
 
-and the object stands on either side of the baseline by ψ.  Where the baseline lies across the
-beam, one of the two is behind the transducer.  Far away this is sin θ = (s − r) / b: a difference
+and the object stands on either side of the baseline by ψ, where all are at one height; objects that
+are higher or lower by a known rise, and transducers above one another, add their part.  Where the
+baseline lies across the beam, one of the two is behind the transducer.  Far away this is
+sin θ = (s − r) / b: a difference
 known to σ gives a bearing known to σ / (b cos θ).
 """
 
@@ -18,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
@@ -34,6 +37,44 @@ LEAST_ADVANTAGE = 4.0
 _LEAST_GAIN = 1e-3
 #: Step of numerical derivatives of bearings.
 _STEP_M = 1e-5
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """A transducer that bearings are found for.
+
+    Parameters
+    ----------
+    tilt : Pose
+        Of its frame in one that is level, with the x axis above or below its own.
+    beam : BeamPattern
+        Its beam.
+    rise_m : float
+        Height of the objects above it.
+    """
+
+    tilt: Pose
+    beam: BeamPattern
+    rise_m: float = 0.0
+
+    @classmethod
+    def of(cls, pose: Pose, beam: BeamPattern, rise_m: float) -> Viewpoint:
+        """Viewpoint of a transducer at a pose in the world."""
+        ahead = Rotation.from_euler("Z", -pose.yaw_rad)
+        tilt = Pose(np.zeros(3), (ahead * pose.rotation).as_quat())
+        return cls(tilt, beam, rise_m)
+
+    def points_m(self, range_m: FloatArray, bearing_rad: FloatArray) -> FloatArray:
+        """Where objects are in the level frame, shape (..., 3)."""
+        ground_m = np.sqrt(np.maximum(range_m**2 - self.rise_m**2, 0.0))
+        return np.stack(
+            [
+                ground_m * np.cos(bearing_rad),
+                ground_m * np.sin(bearing_rad),
+                np.full_like(bearing_rad, self.rise_m),
+            ],
+            axis=-1,
+        )
 
 
 @dataclass(frozen=True)
@@ -64,7 +105,7 @@ class Sighting:
 
 
 def find_bearings(
-    own: Echoes, beam: BeamPattern, sightings: list[Sighting]
+    own: Echoes, view: Viewpoint, sightings: list[Sighting]
 ) -> tuple[FloatArray, FloatArray]:
     """Bearing of every echo that a sighting tells the direction of.
 
@@ -72,21 +113,21 @@ def find_bearings(
     ----------
     own : Echoes
         Of the transducer's own pulse, heard by itself.
-    beam : BeamPattern
-        Of the transducer.
+    view : Viewpoint
+        The transducer.
     sightings : list of Sighting
         What others heard of the same objects.
 
     Returns
     -------
     bearings_rad, stds_rad : (echoes,) arrays
-        Off the beam axis, positive to the left, and standard deviations; NaN where no sighting
-        fits, or more than one object would.
+        As seen from above, off the beam axis and positive to the left, and standard deviations;
+        NaN where no sighting fits, or more than one object would.
     """
     weights = np.zeros(len(own.ranges_m))
     total = np.zeros(len(own.ranges_m))
     for sighting in sightings:
-        bearings, stds = _from_sighting(own, beam, sighting)
+        bearings, stds = _from_sighting(own, view, sighting)
         known = np.isfinite(bearings)
         weights[known] += stds[known] ** -2.0
         total[known] += bearings[known] / stds[known] ** 2.0
@@ -95,22 +136,22 @@ def find_bearings(
 
 
 def _from_sighting(
-    own: Echoes, beam: BeamPattern, sighting: Sighting
+    own: Echoes, view: Viewpoint, sighting: Sighting
 ) -> tuple[FloatArray, FloatArray]:
     """Bearings from the partner of each echo, where it has one for certain."""
     nothing = np.full(len(own.ranges_m), np.nan)
     if not len(own.ranges_m) or not len(sighting.echoes.ranges_m):
         return nothing, nothing.copy()
     range_m, half_m = own.ranges_m[:, np.newaxis], sighting.echoes.ranges_m[np.newaxis]
-    bearing = bearings_of(range_m, half_m, beam, sighting)
-    misfit = _misfit(own, beam, sighting, bearing)
+    bearing = bearings_of(range_m, half_m, view, sighting)
+    misfit = _misfit(own, view, sighting, bearing)
     rows, columns = linear_sum_assignment(misfit)
     sure = _is_sure(misfit, rows, columns)
     rows, columns = rows[sure], columns[sure]
     bearings, stds = nothing.copy(), nothing.copy()
     bearings[rows] = bearing[rows, columns]
-    by_range = bearings_of(range_m + _STEP_M, half_m, beam, sighting) - bearing
-    by_half = bearings_of(range_m, half_m + _STEP_M, beam, sighting) - bearing
+    by_range = bearings_of(range_m + _STEP_M, half_m, view, sighting) - bearing
+    by_half = bearings_of(range_m, half_m + _STEP_M, view, sighting) - bearing
     stds[rows] = (
         np.hypot(
             by_range[rows, columns] * own.range_stds_m[rows],
@@ -124,7 +165,7 @@ def _from_sighting(
 
 
 def bearings_of(
-    range_m: FloatArray, half_m: FloatArray, beam: BeamPattern, sighting: Sighting
+    range_m: FloatArray, half_m: FloatArray, view: Viewpoint, sighting: Sighting
 ) -> FloatArray:
     """Bearing of an object that is heard at `range_m`, and at `half_m` by a sighting.
 
@@ -134,30 +175,33 @@ def bearings_of(
         Distance from the transducer.
     half_m : (...) array
         Half the length of the sighting's path.
-    beam : BeamPattern
-        Of the transducer; says which side of the baseline is meant.
+    view : Viewpoint
+        The transducer; its beam says which side of the baseline is meant.
     sighting : Sighting
         Gives the baseline.
 
     Returns
     -------
     (...) array
-        Off the beam axis, positive to the left; NaN where there is no such object in the
-        beam, or one on either side of the baseline.
+        As seen from above, off the beam axis and positive to the left; NaN where there is no such
+        object in the beam, or one on either side of the baseline.
     """
-    ahead_m, left_m, up_m = sighting.mount.position_m
+    ahead_m, left_m, up_m = view.tilt.compose(sighting.mount).position_m
     base_m, square = float(np.hypot(ahead_m, left_m)), ahead_m**2 + left_m**2 + up_m**2
     other_m = sighting.distances_m(range_m, half_m)
     with np.errstate(divide="ignore", invalid="ignore"):
-        angle = np.arccos((range_m**2 + square - other_m**2) / (2.0 * range_m * base_m))
+        ground_m = np.sqrt(range_m**2 - view.rise_m**2)
+        across = range_m**2 + square - other_m**2 - 2.0 * up_m * view.rise_m
+        angle = np.arccos(across / (2.0 * ground_m * base_m))
     direction = np.arctan2(left_m, ahead_m)
     sides = np.angle(np.exp(1j * (direction + np.stack([angle, -angle]))))
-    inside = np.abs(sides) < beam.half_angle_rad
+    _, off_axis = view.tilt.polar(view.points_m(range_m, sides))
+    inside = np.abs(off_axis) < view.beam.half_angle_rad
     chosen = np.where(inside[0], sides[0], sides[1])
     return np.where(inside[0] != inside[1], chosen, np.nan)
 
 
-def _misfit(own: Echoes, beam: BeamPattern, sighting: Sighting, bearing: FloatArray) -> FloatArray:
+def _misfit(own: Echoes, view: Viewpoint, sighting: Sighting, bearing: FloatArray) -> FloatArray:
     """How much amplitudes speak against two echoes being of one object, χ² of each pair.
 
     Pairs whose lengths fit no object in the beam have a misfit that rules them out.
@@ -165,11 +209,10 @@ def _misfit(own: Echoes, beam: BeamPattern, sighting: Sighting, bearing: FloatAr
     echoes = sighting.echoes
     range_m = own.ranges_m[:, np.newaxis]
     other_m = sighting.distances_m(range_m, echoes.ranges_m[np.newaxis])
-    points = range_m[..., np.newaxis] * np.stack(
-        [np.cos(bearing), np.sin(bearing), np.zeros_like(bearing)], axis=-1
-    )
-    _, seen_at = sighting.mount.polar(points)
-    own_gain = np.maximum(beam.gain(bearing), _LEAST_GAIN)
+    points_m = view.points_m(range_m, bearing)
+    _, seen_at = view.tilt.compose(sighting.mount).polar(points_m)
+    _, own_seen_at = view.tilt.polar(points_m)
+    own_gain = np.maximum(view.beam.gain(own_seen_at), _LEAST_GAIN)
     other_gain = np.maximum(sighting.beam.gain(seen_at), _LEAST_GAIN)
     with np.errstate(divide="ignore", invalid="ignore"):
         # One leg and one way differ where the paths share the transducer, both where they do not.

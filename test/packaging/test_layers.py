@@ -19,6 +19,7 @@ LAYERS = [
     {
         "amplitude_scale",
         "correction",
+        "known_pulses",
         "listening",
         "repeats",
         "soundings",

@@ -92,6 +92,7 @@ setup(
         "lz4>=4.3.3",
         "matplotlib>=3.6",
         "mcap>=1.1",
+        "numba>=0.58.1",
         "numpy>=1.26",
         "pillow>=10",
         "pydantic>=2.5",

@@ -10,7 +10,7 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.wall_files import load_walls
 from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.noisy_or import NoisyOrFusion
+from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.reconstruction.reconstructor import (
     Reconstruction,
@@ -20,7 +20,10 @@ from usmap_ros.reconstruction.reconstructor import (
 from usmap_ros.trace import EchoTrace
 
 #: Ways of fusing, by the name that the parameter ``method`` has for them.
-FUSIONS: dict[str, type[Fusion]] = {"noisy_or": NoisyOrFusion, "additive": AdditiveFusion}
+FUSIONS: dict[str, type[Fusion]] = {
+    "superposition": SuperpositionFusion,
+    "additive": AdditiveFusion,
+}
 
 
 class Pipeline:

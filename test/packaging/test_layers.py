@@ -19,7 +19,6 @@ LAYERS = [
     {
         "amplitude_scale",
         "correction",
-        "known_pulses",
         "listening",
         "repeats",
         "soundings",

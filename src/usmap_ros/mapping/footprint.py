@@ -33,8 +33,6 @@ class Footprint:
         square seen along its side has none, one seen across a corner tapers all the way.
     range_std_m : array
         Standard deviation of the range that the pose's covariance causes.
-    bearing_std_rad : array
-        Likewise of the bearing.
     log_unit_amplitude : array
         ln of the amplitude of the direct echo of an object of reflectivity 1 in the cell.
     """
@@ -46,7 +44,6 @@ class Footprint:
     half_depth_m: FloatArray
     taper_m: FloatArray
     range_std_m: FloatArray
-    bearing_std_rad: FloatArray
     log_unit_amplitude: FloatArray
 
 
@@ -82,7 +79,7 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
         at_height(centers_m, height_m) if cone.object_rise_m else centers_m
     )
     cosine, sine = east_m[column] / range_m, north_m[row] / range_m
-    range_std_m, bearing_std_rad = _pose_spread(cone.pose.planar_covariance, cosine, sine, range_m)
+    range_std_m = _range_spread(cone.pose.planar_covariance, cosine, sine)
     gain = np.maximum(beam.gain(bearing_rad), LEAST_GAIN)
     absorption = cone.attenuation_db_m * np.log(10.0) / 20.0
     log_unit_amplitude = np.log(gain) - 2.0 * (np.log(range_m) + absorption * range_m)
@@ -94,7 +91,6 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
         half_depth_m=0.5 * resolution_m * (np.abs(cosine) + np.abs(sine)),
         taper_m=resolution_m * np.minimum(np.abs(cosine), np.abs(sine)),
         range_std_m=range_std_m,
-        bearing_std_rad=bearing_std_rad,
         log_unit_amplitude=log_unit_amplitude,
     )
 
@@ -117,15 +113,9 @@ def _cells_in_box(cone: EchoCone, resolution_m: float) -> tuple[IndexArray, Inde
     return columns.astype(np.intp), rows.astype(np.intp)
 
 
-def _pose_spread(
-    covariance: FloatArray, cosine: FloatArray, sine: FloatArray, range_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Standard deviations of range and bearing of fixed points, to first order in the pose."""
-    if not covariance.any():
-        return np.zeros_like(range_m), np.zeros_like(range_m)
-    (xx, xy, xt), (_, yy, yt), (_, _, tt) = covariance
+def _range_spread(covariance: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
+    """Standard deviation of the range of fixed points, to first order in the pose."""
+    (xx, xy, _), (_, yy, _), _ = covariance
     along = cosine**2 * xx + 2.0 * cosine * sine * xy + sine**2 * yy
-    across = sine**2 * xx - 2.0 * cosine * sine * xy + cosine**2 * yy
-    turning = 2.0 * range_m * (cosine * yt - sine * xt)
-    bearing_variance = (across + turning) / range_m**2 + tt
-    return np.sqrt(np.maximum(along, 0.0)), np.sqrt(np.maximum(bearing_variance, 0.0))
+    spread: FloatArray = np.sqrt(np.maximum(along, 0.0))
+    return spread

@@ -25,6 +25,8 @@ class Fusion(ABC):
         Cell size, prior, clamps and sensor model.
     layers : mapping of str to float, optional
         Further layers of the grid, with their values where nothing is known.
+    values_per_cell : mapping of str to int, optional
+        Of the layers that have more than one.
 
     Attributes
     ----------
@@ -35,12 +37,17 @@ class Fusion(ABC):
     """
 
     def __init__(
-        self, parameters: MappingParameters, layers: dict[str, float] | None = None
+        self,
+        parameters: MappingParameters,
+        layers: dict[str, float] | None = None,
+        values_per_cell: dict[str, int] | None = None,
     ) -> None:
         self.parameters = parameters
         prior = float(logit(parameters.prior))
         self._grid = TiledGrid(
-            parameters.resolution_m, {LOG_ODDS: prior, EXPOSURE: 0.0, **(layers or {})}
+            parameters.resolution_m,
+            {LOG_ODDS: prior, EXPOSURE: 0.0, **(layers or {})},
+            values_per_cell,
         )
         self.frame_id = ""
         self.stamp_ns = 0

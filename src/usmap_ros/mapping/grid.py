@@ -30,12 +30,23 @@ class TiledGrid:
         Side of a cell.
     defaults : mapping of str to float
         Names of the layers, each with the value of a cell of which nothing is known.
+    values_per_cell : mapping of str to int, optional
+        Of the layers that have more than one value a cell; they lie one behind the other.
     """
 
-    def __init__(self, resolution_m: float, defaults: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        resolution_m: float,
+        defaults: Mapping[str, float],
+        values_per_cell: Mapping[str, int] | None = None,
+    ) -> None:
         self.resolution_m = resolution_m
         self._defaults = dict(defaults)
-        self._pools = {name: np.empty((0, TILE_CELLS), dtype=np.float32) for name in self._defaults}
+        several = values_per_cell or {}
+        self._pools = {
+            name: np.empty((0, TILE_CELLS * several.get(name, 1)), dtype=np.float32)
+            for name in self._defaults
+        }
         self._tile_count = 0
         # Number of each tile by its place; -1 where there is none.
         self._directory = np.full((0, 0), -1, dtype=np.intp)
@@ -45,6 +56,11 @@ class TiledGrid:
     def tile_count(self) -> int:
         """Tiles in memory."""
         return self._tile_count
+
+    @property
+    def directory(self) -> tuple[IndexArray, int, int]:
+        """Number of each tile by its place, -1 where there is none; first tile row and column."""
+        return self._directory, *self._directory_origin
 
     def layer(self, name: str) -> NDArray[np.float32]:
         """Values of a layer by slot: a view, valid until `slots` adds tiles."""
@@ -131,5 +147,5 @@ class TiledGrid:
         for name, pool in self._pools.items():
             if tiles > len(pool):
                 extra = max(tiles, len(pool) + len(pool) // 2) - len(pool)
-                blank = np.full((extra, TILE_CELLS), self._defaults[name], dtype=np.float32)
+                blank = np.full((extra, pool.shape[1]), self._defaults[name], dtype=np.float32)
                 self._pools[name] = np.concatenate([pool, blank])

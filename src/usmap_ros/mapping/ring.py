@@ -1,9 +1,4 @@
-"""What an echo says of the cells on its ring.
-
-An echo says that at least one cell of its ring is occupied: a noisy-OR.  What one cell gains
-is what the echo still needs after what its ring-mates already explain, which is the message of
-belief propagation from the echo to the cell.
-"""
+"""The cells that each echo of a cone may have come from: its ring."""
 
 from __future__ import annotations
 
@@ -15,7 +10,7 @@ from scipy.special import ndtr
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import Footprint
 from usmap_ros.mapping.grid import FloatArray, IndexArray
-from usmap_ros.mapping.reflectivity import LogReflectivity, Silence
+from usmap_ros.mapping.reflectivity import LogReflectivity
 from usmap_ros.parameters import MappingParameters
 
 #: Standard deviations of range beyond which a cell is not on an echo's ring.
@@ -42,8 +37,6 @@ class Ring:
         ln s that the echo's amplitude would mean, had it come from the cell.
     variance : (pairs,) array
         Of `log_reflectivity`: noise of the amplitude and fluctuation from look to look.
-    clutter : (pairs,) array
-        Likelihood λ of the echo if it comes from no cell, relative to that of a perfect fit.
     echo_count : int
         Echoes in the cone.
     """
@@ -54,7 +47,6 @@ class Ring:
     range_fit: FloatArray
     log_reflectivity: FloatArray
     variance: FloatArray
-    clutter: FloatArray
     echo_count: int
 
 
@@ -68,7 +60,7 @@ def find_ring(cone: EchoCone, footprint: Footprint, parameters: MappingParameter
     footprint : Footprint
         Cells of the cone.
     parameters : MappingParameters
-        Error of ranges, fluctuation and clutter.
+        Error of ranges and fluctuation.
     """
     reach_m = footprint.half_depth_m + RING_DEVIATIONS * np.hypot(
         footprint.range_std_m, parameters.range_error_m
@@ -101,9 +93,6 @@ def find_ring(cone: EchoCone, footprint: Footprint, parameters: MappingParameter
         ),
         log_reflectivity=np.log(amplitude) - footprint.log_unit_amplitude[place],
         variance=variance,
-        # Where echoes overlap, amplitudes are vague, and what is taken for one echo may be several
-        # or none: both make it likelier that no single cell accounts for it.
-        clutter=parameters.clutter * variance / parameters.fluctuation**2,
         echo_count=len(cone.ranges_m),
     )
 
@@ -141,69 +130,3 @@ def fit_to_ring(ring: Ring, belief: LogReflectivity, audibility: FloatArray) -> 
     loudness_fit = np.sqrt(ring.variance / spread) * np.exp(-0.5 * misfit)
     fit: FloatArray = audibility[ring.cell] * ring.range_fit * loudness_fit
     return fit
-
-
-@dataclass(frozen=True)
-class RingEvidence:
-    """What a ping says of the cells on its rings, each array of shape (ring cells,).
-
-    Parameters
-    ----------
-    log_ratio : array
-        Log-likelihood ratio of occupied against free.
-    precision, information : arrays
-        What is added to the belief about ln s.
-    """
-
-    log_ratio: FloatArray
-    precision: FloatArray
-    information: FloatArray
-
-
-def ring_evidence(
-    ring: Ring,
-    probability: FloatArray,
-    belief: LogReflectivity,
-    quiet: Silence,
-    audibility: FloatArray,
-) -> RingEvidence:
-    """Messages from the echoes to the cells of their rings.
-
-    With q the likelihood of an echo given that a cell returned it, Q the probability that no
-    ring-mate did, λ the likelihood of clutter and m that of a second object going unnoticed
-    under the echo, an occupied cell makes the echo more likely by
-
-        ((λ + 1 − Q) m + Q q) / (λ + 1 − Q).
-
-    Parameters
-    ----------
-    ring : Ring
-        Pairs of echo and cell.
-    probability : (ring cells,) array
-        Belief that each cell is occupied, without what this ping says.
-    belief : LogReflectivity
-        Of the ring's cells, without what this ping says.
-    quiet : Silence
-        What the cells would be told, had they not been heard.
-    audibility : (ring cells,) array
-        Probability that a loud enough object is heard at all.
-    """
-    cell, echo, count = ring.cell, ring.echo, len(ring.cells)
-    returned = fit_to_ring(ring, belief, audibility)
-    not_returned = np.log1p(-probability[cell] * returned)
-    by_echo = np.bincount(echo, not_returned, ring.echo_count)
-    # A sum without one of its terms, all of one sign: rounding must not change that.
-    log_unexplained = np.minimum(by_echo[echo] - not_returned, 0.0)
-    unexplained = np.exp(log_unexplained)
-    otherwise = ring.clutter - np.expm1(log_unexplained)
-    unnoticed = quiet.log_ratio[cell]
-    occupied = otherwise * np.exp(unnoticed) + unexplained * returned
-    gain = np.log(occupied / otherwise) - unnoticed
-    source = unexplained * returned / occupied
-    silent = np.maximum(1.0 - np.bincount(cell, source, count), 0.0)
-    return RingEvidence(
-        log_ratio=quiet.log_ratio + np.bincount(cell, gain, count),
-        precision=np.bincount(cell, source / ring.variance, count) + silent * quiet.precision,
-        information=np.bincount(cell, source * ring.log_reflectivity / ring.variance, count)
-        + silent * quiet.information,
-    )

@@ -150,13 +150,14 @@ class ReconstructionParameters(ParameterGroup):
 class MappingParameters(ParameterGroup):
     """How cones become a map."""
 
-    method: Literal["noisy_or", "additive"] = quantity(
-        "noisy_or",
-        "Evidence of an echo: shared out among the cells of its ring, or added to each of them.",
+    method: Literal["superposition", "additive"] = quantity(
+        "superposition",
+        "How pings become a map: all echoes explained together by the powers of cells, or each"
+        " echo's evidence added to every cell of its ring.",
     )
     resolution_m: float = quantity(0.05, "Side of a map cell.", "m", ge=0.005, le=2.0)
     prior: float = quantity(
-        0.0002, "Probability that a cell of which nothing is known is occupied.", gt=0.0, lt=1.0
+        0.005, "Probability that a cell of which nothing is known is occupied.", gt=0.0, lt=1.0
     )
     least_log_odds: float = quantity(-10.0, "Lower clamp of a cell's log-odds.", ge=-50.0, lt=0.0)
     greatest_log_odds: float = quantity(2.5, "Upper clamp of a cell's log-odds.", gt=0.0, le=50.0)
@@ -172,22 +173,66 @@ class MappingParameters(ParameterGroup):
     audibility: float = quantity(
         0.95, "Probability that a loud enough object in the clear is heard.", gt=0.0, lt=1.0
     )
-    clutter: float = quantity(
-        0.0005,
-        "Likelihood of a lone echo that comes from no cell, relative to one that fits perfectly.",
-        gt=0.0,
-        lt=1.0,
-    )
     range_error_m: float = quantity(
         0.003, "Error of range that neither trace nor pose states.", "m", gt=0.0, le=1.0
     )
     occlusion: bool = quantity(True, "Let what the map believes hide what is behind it.")
-    window: int = quantity(
-        300, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
+    opacity: float = quantity(
+        2.0,
+        "Optical depth of a cell, over -ln(1 - p): how well what is believed in hides.",
+        ge=0.0,
+        le=10.0,
     )
-    revisits: int = quantity(6, "Earlier pings weighed again with each new one.", ge=0, le=1000)
+    power_price: float = quantity(
+        1.0, "Rate of the exponential prior of a cell's power.", ge=0.0, le=1e3
+    )
+    evidence_threshold: float = quantity(
+        12.0,
+        "Log-likelihood ratio at which a cell is as likely occupied as free.",
+        ge=0.0,
+        le=100.0,
+    )
+    evidence_slope: float = quantity(
+        0.5, "Log-odds for each unit of log-likelihood ratio.", gt=0.0, le=10.0
+    )
+    most_evidence_a_bin: float = quantity(
+        5.0, "Bound of what a single echo or silence can say of a cell.", gt=0.0, le=100.0
+    )
+    most_evidence: float = quantity(
+        60.0, "Bound of what all pings together can say of a cell.", gt=0.0, le=1e4
+    )
+    side_price: float = quantity(
+        10.0,
+        "Evidence by which a thing that answers to one side only must exceed one that answers to"
+        " all sides.",
+        ge=0.0,
+        le=1e3,
+    )
+    forgetting: float = quantity(
+        0.06,
+        "Share of what speaks for a cell that is forgotten with every ping that contradicts it.",
+        ge=0.0,
+        lt=1.0,
+    )
+    proof_rays: float = quantity(
+        2.0,
+        "Rays that are known to have passed through a cell, from which on it is free.",
+        gt=0.0,
+        le=1e3,
+    )
+    silence_trust_m: float = quantity(
+        0.3,
+        "Way through unproven cells over which trust in silence falls by 1/e.",
+        "m",
+        gt=0.0,
+        le=100.0,
+    )
+    window: int = quantity(
+        600, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
+    )
+    revisits: int = quantity(8, "Earlier pings weighed again with each new one.", ge=0, le=1000)
     observed_exposure: float = quantity(
-        0.5,
+        1.0,
         "Expected number of times that an object would have been heard, from which on a silent"
         " cell counts as observed.",
         gt=0.0,

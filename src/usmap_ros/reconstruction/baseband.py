@@ -15,7 +15,7 @@ from scipy.signal import firwin, upfirdn
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.known_pulses import check_pulses
+from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.template import Template
 from usmap_ros.trace import EchoTrace, Emission, Encoding
 

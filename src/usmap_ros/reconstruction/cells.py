@@ -14,7 +14,6 @@ from scipy.stats import norm
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.io.wall_files import load_walls
-from usmap_ros.known_pulses import check_pulses
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellObjects, cell_signal
 from usmap_ros.reconstruction.column_sets import ColumnSets, alike, told_apart
@@ -23,6 +22,7 @@ from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.detection import binned_maximum
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 from usmap_ros.reconstruction.problem import Problem
+from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.solvers import solve
 from usmap_ros.trace import EchoTrace
 

@@ -7,7 +7,6 @@ import numpy as np
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
-from usmap_ros.known_pulses import check_pulses
 from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import (
     PoseErrorModel,
@@ -62,7 +61,7 @@ def build_robot(
     turns = [0] * count if model.simultaneous else range(count)
     seeds = noise_seed.spawn(count + 1)
     try:
-        robot = SimulatedRobot(
+        return SimulatedRobot(
             name=model.name,
             motion=_motion(model, scene, area, np.random.default_rng(motion_seed)),
             transducers=[
@@ -74,11 +73,8 @@ def build_robot(
             simultaneous=model.simultaneous,
             error_seed=seeds[-1],
         )
-        for mounted in robot.transducers:
-            check_pulses(mounted.unheard("map", mounted.mount, 0, robot.shared_array(0)))
     except UsmapError as error:
         raise UsmapError(f"robot {model.name!r}: {error}") from error
-    return robot
 
 
 def _motion(model: RobotModel, scene: Scene, area: Bounds, rng: np.random.Generator) -> Motion:

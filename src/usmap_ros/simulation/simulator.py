@@ -60,26 +60,6 @@ class MountedTransducer:
     pose_stds: FloatArray
     emits: bool = True
 
-    def unheard(
-        self, frame_id: str, pose: Pose, stamp_ns: int, array: TransducerArray | None
-    ) -> EchoTrace:
-        """A trace without samples: what it states whatever is heard."""
-        receiver = self.receiver
-        trace = EchoTrace(
-            stamp_ns=stamp_ns,
-            frame_id=frame_id,
-            child_frame_id=self.child_frame_id,
-            pose=pose,
-            transducer=self.transducer,
-            channel=self.stated_channel,
-            encoding=receiver.encoding,
-            sample_rate_hz=receiver.sample_rate_hz,
-            start_delay_s=receiver.start_delay_s,
-            noise_std=self.stated_noise_std,
-            samples=np.zeros(0, dtype=np.float32),
-        )
-        return trace if array is None else trace.in_array(array)
-
     @property
     def listening_s(self) -> float:
         """Until one pulse length after the echo from the largest range, over the longest path.
@@ -145,7 +125,21 @@ class EchoSimulator:
             says.
         """
         receiver = sonar.receiver
-        trace = sonar.unheard(self._frame_id, true_pose, stamp_ns, array)
+        trace = EchoTrace(
+            stamp_ns=stamp_ns,
+            frame_id=self._frame_id,
+            child_frame_id=sonar.child_frame_id,
+            pose=true_pose,
+            transducer=sonar.transducer,
+            channel=sonar.stated_channel,
+            encoding=receiver.encoding,
+            sample_rate_hz=receiver.sample_rate_hz,
+            start_delay_s=receiver.start_delay_s,
+            noise_std=sonar.stated_noise_std,
+            samples=np.zeros(0, dtype=np.float32),
+        )
+        if array is not None:
+            trace = trace.in_array(array)
         samples = receiver.receive(
             [self._arrivals(sonar, true_pose, stamp_ns, emission) for emission in trace.sent],
             sonar.transducer.pulse.carrier_hz,

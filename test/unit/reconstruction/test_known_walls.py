@@ -8,7 +8,6 @@ import pytest
 from usmap_ros.acoustics.images import Mirrors
 from usmap_ros.errors import ConfigurationError
 from usmap_ros.io.wall_files import KnownWalls, WallSegment, load_walls, save_walls
-from usmap_ros.mapping.straight_walls import straight_walls
 from usmap_ros.parameters import PipelineParameters, ReconstructionParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellObjects
@@ -94,26 +93,6 @@ def test_residual_and_false_objects_fall_where_walls_are_known(known, pulse):
     assert told.residual < 0.02
     assert blind.residual > 5.0 * told.residual
     assert (false_echoes(blind) > 2, false_echoes(told)) == (True, 0)
-
-
-def test_a_map_of_the_walls_improves_the_sensing_matrix(tmp_path):
-    # Cells of 1 cm know a wall to half of that: a unit pulse of 10 cm can make use of it.
-    truth = corridor(UNIT, poles=[]).truth_map(0.01)
-    centers_m = truth.geometry.cell_centers_m(*np.nonzero(truth.occupied))
-    found = np.stack(straight_walls(centers_m, 0.01, 1.0), axis=1)
-    segments = [
-        WallSegment(start_m=tuple(start), end_m=tuple(end), reflectivity=REFLECTIVITY)
-        for start, end in found.tolist()
-    ]
-    save_walls(tmp_path / "walls.yaml", KnownWalls(walls=segments))
-
-    trace = heard(pulse=UNIT)
-    blind = reconstruct(trace, cells()).cone
-    told = reconstruct(trace, cells(known_walls=str(tmp_path / "walls.yaml"))).cone
-
-    assert len(segments) == 2
-    assert told.residual < 0.5 * blind.residual
-    assert false_echoes(told) < 0.5 * false_echoes(blind)
 
 
 def test_without_paths_by_walls_they_make_no_difference_in_the_simulator():

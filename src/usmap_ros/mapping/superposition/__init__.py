@@ -1,0 +1,1 @@
+"""Fusion that explains every ping by the powers of all that stands in its cone."""

@@ -1,0 +1,179 @@
+"""From evidence to what the map says: log-odds, and how opaque each cell is to sound."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.compiled import compiled
+from usmap_ros.mapping.superposition.cells import SIDES, Tiles, slot_at
+
+#: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.
+OWN_SHARE = 0.25
+#: The same for hiding what is behind: a wall has no gaps between its strongest cells.
+HIDING_SHARE = 0.1
+#: Nothing hides with more certainty than this.
+MOST_CERTAIN = 0.98
+#: Share of its width that a lone cell hides: a pole is narrower than its cell, and sound bends.
+LONE_COVER = 0.15
+#: Log-odds that each silent look takes from a cell in which nothing is suspected.
+SILENT_LOOK = 0.2
+
+
+class Scale(NamedTuple):
+    """How evidence becomes log-odds.
+
+    Parameters
+    ----------
+    threshold : float
+        Evidence at which a cell is as likely occupied as free.
+    slope : float
+        Log-odds per unit of log-likelihood ratio; less than 1, as looks are not independent.
+    least, greatest : float
+        Clamps.
+    prior : float
+        Log-odds of a cell of which nothing is known.
+    side_price : float
+        Evidence by which a thing that answers to one side only must exceed one that answers to all.
+    """
+
+    threshold: float
+    slope: float
+    least: float
+    greatest: float
+    prior: float
+    side_price: float
+
+
+@compiled
+def combined(slot: int, evidence: NDArray[np.float32], side_price: float) -> float:
+    """Evidence of all sides together, or of the best one alone, whichever is more.
+
+    A pole answers to all sides; a wall, or a pillar's curved front, only to the side that it
+    faces, and its silence to others says nothing.
+    """
+    total, best = 0.0, -1e9
+    for side in range(SIDES):
+        total += evidence[slot * SIDES + side]
+        best = max(best, evidence[slot * SIDES + side])
+    return max(total, best - side_price)
+
+
+@compiled
+def strongest_neighbour(
+    row: int, column: int, tiles: Tiles, own: NDArray[np.float32], side_price: float
+) -> float:
+    """Greatest evidence of a cell by itself among a cell and its eight neighbours."""
+    strongest = 0.0
+    for neighbour_row in range(row - 1, row + 2):
+        for neighbour_column in range(column - 1, column + 2):
+            slot = slot_at(neighbour_row, neighbour_column, tiles)
+            if slot >= 0:
+                strongest = max(strongest, combined(slot, own, side_price))
+    return strongest
+
+
+@compiled
+def judge(
+    slots: NDArray[np.intp],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    tiles: Tiles,
+    own: NDArray[np.float32],
+    block: NDArray[np.float32],
+    scale: Scale,
+    log_odds: NDArray[np.float32],
+) -> None:
+    """Set the log-odds of suspected cells.
+
+    A block of nine cells may be certain of its object, and each cell by itself be dispensable:
+    so the block's evidence counts for those of its cells that hold a fair share of it.
+
+    Parameters
+    ----------
+    slots, rows, columns : (n,) integer arrays
+        The cells.
+    tiles : Tiles
+        The grid.
+    own, block : (slots,) float32 arrays
+        Evidence of cells by themselves and with their neighbours.
+    scale : Scale
+        How it becomes log-odds.
+    log_odds : (slots,) float32 array
+        Set.
+    """
+    for index in range(len(slots)):
+        slot = slots[index]
+        strongest = strongest_neighbour(rows[index], columns[index], tiles, own, scale.side_price)
+        evidence = combined(slot, block, scale.side_price)
+        by_itself = combined(slot, own, scale.side_price)
+        if by_itself < OWN_SHARE * strongest:
+            evidence = min(evidence, by_itself)
+        value = scale.slope * (evidence - scale.threshold)
+        log_odds[slot] = min(max(value, scale.least), scale.greatest)
+
+
+@compiled
+def find_hiding(
+    slots: NDArray[np.intp],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    tiles: Tiles,
+    own: NDArray[np.float32],
+    block: NDArray[np.float32],
+    scale: Scale,
+    hiding: NDArray[np.float32],
+) -> None:
+    """Belief that suspected cells belong to something that hides what is behind it.
+
+    Arguments are those of `judge`; `hiding` is set.
+    """
+    for index in range(len(slots)):
+        slot = slots[index]
+        hiding[slot] = 0.0
+        if combined(slot, own, scale.side_price) > HIDING_SHARE * strongest_neighbour(
+            rows[index], columns[index], tiles, own, scale.side_price
+        ):
+            evidence = combined(slot, block, scale.side_price)
+            exponent = min(max(scale.slope * (evidence - scale.threshold), -30.0), 30.0)
+            hiding[slot] = 1.0 / (1.0 + math.exp(-exponent))
+
+
+@compiled
+def set_depth(
+    slots: NDArray[np.intp],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    tiles: Tiles,
+    hiding: NDArray[np.float32],
+    opacity: float,
+    depth: NDArray[np.float32],
+) -> None:
+    """Optical depth of suspected cells: −κ ln(1 − p), for lone ones with a share of it.
+
+    Arguments are those of `find_hiding`; `depth` is set.
+    """
+    for index in range(len(slots)):
+        slot = slots[index]
+        around = -hiding[slot]
+        for row in range(rows[index] - 1, rows[index] + 2):
+            for column in range(columns[index] - 1, columns[index] + 2):
+                neighbour = slot_at(row, column, tiles)
+                if neighbour >= 0:
+                    around += hiding[neighbour]
+        cover = hiding[slot] * min(1.0, LONE_COVER + 0.5 * around)
+        depth[slot] = -opacity * math.log(1.0 - min(cover, MOST_CERTAIN))
+
+
+def seen_free(
+    clear: NDArray[np.float32],
+    silent: NDArray[np.float32],
+    proof: float,
+    observed_exposure: float,
+) -> NDArray[np.float32]:
+    """Exposure of cells: proven rays and trusted silence on one scale."""
+    exposure: NDArray[np.float32] = np.maximum(silent, (observed_exposure / proof) * clear)
+    return exposure

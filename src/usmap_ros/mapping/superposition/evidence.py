@@ -1,0 +1,226 @@
+"""What a ping says for and against each cell: its likelihood with the cell and without it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.compiled import compiled
+from usmap_ros.mapping.superposition.cells import SIDES, Seen, Tiles, slot_at
+from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
+from usmap_ros.mapping.superposition.powers import BLOCK_BINS, CELL_BINS, Bins, Contributions
+
+#: Share of an echo's expected power that must come from a cell to prove the way to it.
+PROVING_SHARE = 0.6
+#: A look with a log-likelihood ratio beyond this contradicts what speaks for the opposite.
+CONTRADICTION = 0.5
+#: Bound of what speaks against a cell, relative to that of what speaks for it.
+MOST_AGAINST = 0.25
+#: A limit so many times the expected power is not exceeded.
+CERTAINLY_SILENT = 20.0
+#: A contribution below this share of what is expected in a bin neither explains nor contradicts.
+LEAST_SHARE = 0.05
+
+
+class Evidence(NamedTuple):
+    """Sums over looks of what they say; arrays of shape (slots,) if not stated.
+
+    Parameters
+    ----------
+    own : (slots * SIDES,) float32 array
+        Log-likelihood ratio of each cell by itself, by the side from which it was seen.
+    block : (slots * SIDES,) float32 array
+        The same of the cell with its eight neighbours.
+    clear : float32 array
+        Rays that are known to have passed.
+    silent : float32 array
+        Times that something would have been heard, and was not.
+    relevant : float32 array
+        1 for cells of which any look said anything.
+    """
+
+    own: NDArray[np.float32]
+    block: NDArray[np.float32]
+    clear: NDArray[np.float32]
+    silent: NDArray[np.float32]
+    relevant: NDArray[np.float32]
+
+
+class Bounds(NamedTuple):
+    """How much can be said of a cell.
+
+    Parameters
+    ----------
+    of_a_bin, of_all : float
+        Bounds of a single bin's log-likelihood ratio, and of a side's sum.
+    forgetting : float
+        Share of the sums that is forgotten with every look that contradicts them.
+    """
+
+    of_a_bin: float
+    of_all: float
+    forgetting: float
+
+
+@compiled
+def prepare_bins(look: Look, bins: Bins) -> None:
+    """Set `log_likelihood` of each range bin: of what was heard there, as the map expects it."""
+    for b in range(len(look.kind)):
+        bins.log_likelihood[b] = log_likelihood(look, b, bins.expected[b])
+
+
+@compiled
+def log_likelihood(look: Look, b: int, expected: float) -> float:
+    """Log-likelihood of an echo's power, or of silence up to a limit, with an expected power."""
+    if look.kind[b] == ECHO:
+        return float(-look.power[b] / expected - math.log(expected))
+    if look.kind[b] == SILENCE and look.limit[b] < CERTAINLY_SILENT * expected:
+        return math.log1p(-math.exp(-look.limit[b] / expected))
+    return 0.0
+
+
+@compiled
+def log_ratio_without(look: Look, bins: Bins, b: int, part: float, most: float) -> float:
+    """Log-likelihood ratio of a bin with a contribution to one without it, bounded by `most`.
+
+    No single echo may prove more, since it may come from something that is not in the model.
+    """
+    without = max(bins.expected[b] - part, look.noise)
+    ratio = bins.log_likelihood[b] - log_likelihood(look, b, without)
+    return float(min(max(ratio, -most), most))
+
+
+@compiled
+def add_evidence(
+    look: Look,
+    seen: Seen,
+    count: int,
+    bins: Bins,
+    parts: Contributions,
+    tiles: Tiles,
+    bounds: Bounds,
+    evidence: Evidence,
+) -> None:
+    """Add what a look says of every cell by itself, and with its eight neighbours.
+
+    The sums are bounded either way: however often a thing was seen, what is heard now, or not
+    heard, decides after a few looks whether it is still there.
+
+    Parameters
+    ----------
+    look, seen, count, bins
+        As in `usmap_ros.mapping.superposition.powers.expect`.
+    parts : Contributions
+        Of its cells.
+    tiles : Tiles
+        The grid.
+    bounds : Bounds
+        Of what can be said.
+    evidence : Evidence
+        `own` and `block` are added to, `relevant` is set to 1 for cells of which anything is said.
+    """
+    for cell in range(count):
+        slot = seen.slot[cell]
+        start = parts.first_bin[cell]
+        gain, counts = 0.0, False
+        for column in range(CELL_BINS):
+            part, b = parts.parts[cell, column], start + column
+            if part > 0.0 and part > LEAST_SHARE * bins.expected[b]:
+                gain += log_ratio_without(look, bins, b, part, bounds.of_a_bin)
+                counts = True
+        if not counts:
+            continue
+        evidence.relevant[slot] = 1.0
+        add_gain(evidence.own, slot, seen.side[cell], gain, bounds)
+        gain = 0.0
+        start -= (BLOCK_BINS - CELL_BINS) // 2
+        _sum_block(seen, parts, tiles, seen.row[cell], seen.column[cell], start)
+        for column in range(BLOCK_BINS):
+            part, b = parts.block[column], start + column
+            if part > 0.0 and part > LEAST_SHARE * bins.expected[b]:
+                gain += log_ratio_without(look, bins, b, part, bounds.of_a_bin)
+        add_gain(evidence.block, slot, seen.side[cell], gain, bounds)
+
+
+@compiled
+def add_gain(
+    evidence: NDArray[np.float32], slot: int, side: int, gain: float, bounds: Bounds
+) -> None:
+    """Add what a look says to the evidence of a side, and forget of what it contradicts."""
+    if abs(gain) > CONTRADICTION:
+        for other in range(slot * SIDES, (slot + 1) * SIDES):
+            if evidence[other] * gain < 0.0:
+                evidence[other] *= 1.0 - bounds.forgetting
+    index = slot * SIDES + side
+    least, most = -MOST_AGAINST * bounds.of_all, bounds.of_all
+    evidence[index] = min(max(evidence[index] + gain, least), most)
+
+
+@compiled
+def _sum_block(
+    seen: Seen, parts: Contributions, tiles: Tiles, row: int, column: int, start: int
+) -> None:
+    """Contributions of a cell and its neighbours, from range bin `start` on."""
+    for index in range(BLOCK_BINS):
+        parts.block[index] = 0.0
+    for neighbour_row in range(row - 1, row + 2):
+        for neighbour_column in range(column - 1, column + 2):
+            slot = slot_at(neighbour_row, neighbour_column, tiles)
+            if slot < 0 or seen.place[slot] < 0:
+                continue
+            neighbour = seen.place[slot]
+            offset = parts.first_bin[neighbour] - start
+            for index in range(max(0, -offset), min(CELL_BINS, BLOCK_BINS - offset)):
+                parts.block[offset + index] += parts.parts[neighbour, index]
+
+
+@compiled
+def prove_rays(
+    look: Look,
+    seen: Seen,
+    count: int,
+    bins: Bins,
+    parts: Contributions,
+    belief: NDArray[np.float32],
+    tiles: Tiles,
+    proven_m: NDArray[np.float32],
+) -> None:
+    """How far along each ray sound is known to have gone: to what it came back from.
+
+    Parameters
+    ----------
+    look, seen, count, bins, parts
+        As above.
+    belief : (slots,) float32 array
+        Log-odds of each cell.
+    tiles : Tiles
+        The grid.
+    proven_m : (rays,) float32 array
+        Set.
+    """
+    for ray in range(len(proven_m)):
+        proven_m[ray] = 0.0
+    bin_count = len(look.kind)
+    for cell in range(count):
+        if belief[seen.slot[cell]] < 0.0:
+            continue
+        start = parts.first_bin[cell]
+        for column in range(CELL_BINS):
+            b = start + column
+            if b < 0 or b >= bin_count or look.kind[b] != ECHO:
+                continue
+            if parts.parts[cell, column] > PROVING_SHARE * bins.expected[b]:
+                reach_m = look.least_range_m + (b + 0.5) * look.bin_m
+                _widen(look, reach_m, seen.ray[cell], tiles.resolution_m, proven_m)
+
+
+@compiled
+def _widen(look: Look, reach_m: float, ray: int, res: float, proven_m: NDArray[np.float32]) -> None:
+    """Prove the rays that a cell at some range covers."""
+    width = 2.0 * look.half_angle_rad / len(proven_m)
+    half = int(0.5 * res / (reach_m * width))
+    for other in range(max(0, ray - half), min(len(proven_m), ray + half + 1)):
+        proven_m[other] = max(proven_m[other], reach_m)

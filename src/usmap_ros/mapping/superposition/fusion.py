@@ -1,0 +1,284 @@
+"""Fusion by superposition: a window of pings, explained together and dealt again in turn."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logit
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
+from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.grid import TILE_SIDE
+from usmap_ros.mapping.superposition.belief import (
+    SILENT_LOOK,
+    Scale,
+    find_hiding,
+    judge,
+    seen_free,
+    set_depth,
+)
+from usmap_ros.mapping.superposition.cells import QUARTERS, SIDES, Seen, Tiles, forget
+from usmap_ros.mapping.superposition.evidence import (
+    Bounds,
+    Evidence,
+    add_evidence,
+    prepare_bins,
+    prove_rays,
+)
+from usmap_ros.mapping.superposition.look import Look, look_of
+from usmap_ros.mapping.superposition.powers import (
+    Contributions,
+    Powers,
+    add_up_bins,
+    expect,
+    learn_powers,
+    seed_unexplained,
+    split_expected,
+    weigh_bins,
+)
+from usmap_ros.mapping.superposition.sight import (
+    cast_rays,
+    deal_presence,
+    deal_proof,
+    deal_silence,
+)
+from usmap_ros.mapping.superposition.workspace import Workspace
+from usmap_ros.parameters import MappingParameters
+
+#: Power of each quarter of a cell, the two averages that it is learnt from, from how many looks,
+#: and whether there is any.
+POWER, ATTRACTION, PRESSURE, LOOKS = "power", "attraction", "pressure", "looks"
+ALIVE = "alive"
+#: As of the end of the last pass: log-odds, the belief that a cell belongs to something that hides
+#: what is behind it, and its optical depth; and cells of which the pass under way said anything.
+BELIEF, HIDING, DEPTH, RELEVANT = "belief", "hiding", "depth", "relevant"
+#: A layer of ones.
+EVERYWHERE = "everywhere"
+#: Evidence: of cells by themselves, of blocks, of rays that passed, of silence.
+EVIDENCE = ("own", "block", "clear", "silent")
+#: It is kept thrice: what the map shows, what the pass under way has gathered so far, and what
+#: pings have left behind that are no longer in the window.
+SHOWN, GATHERED, LASTING = "shown", "gathered", "lasting"
+#: Layers with several values a cell.
+SEVERAL = {
+    **dict.fromkeys((POWER, ATTRACTION, PRESSURE), QUARTERS),
+    **{f"{kind} {name}": SIDES for kind in (SHOWN, GATHERED, LASTING) for name in EVIDENCE[:2]},
+}
+
+#: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
+MOST_PASSES, EARLY_VISITS = 24, 500
+#: Pings that are learnt from again at once with every new one.
+RECENT = 3
+#: A cell that no ping of a pass has anything to say of is given up after so many looks.
+FAIR_LOOKS = 3
+
+
+class SuperpositionFusion(Fusion):
+    """A map whose cells together explain the powers of all echoes of recent pings.
+
+    Each new ping is followed by visits to earlier ones, in the order of their stamps and then
+    from the start again.  A visit works out what the map expects of the ping, and gathers what
+    the ping says of the powers of cells, of their being there, and of free space.  When a pass
+    through the window ends, powers and beliefs are renewed, with them what hides what, and
+    nothing of what was gathered under the old beliefs remains: silence too is dealt anew.
+
+    Parameters
+    ----------
+    parameters : MappingParameters
+        Of the model.
+    """
+
+    def __init__(self, parameters: MappingParameters) -> None:
+        names = [POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, BELIEF, HIDING, DEPTH, RELEVANT]
+        names += [_of(kind, name) for kind in (SHOWN, GATHERED, LASTING) for name in EVIDENCE]
+        layers = {**dict.fromkeys(names, 0.0), EVERYWHERE: 1.0}
+        super().__init__(parameters, layers, SEVERAL)
+        self._window: deque[Look] = deque()
+        self._next = 0
+        self._work = Workspace()
+        self._bounds = Bounds(
+            of_a_bin=parameters.most_evidence_a_bin,
+            of_all=parameters.most_evidence,
+            forgetting=parameters.forgetting,
+        )
+        self._scale = Scale(
+            threshold=parameters.evidence_threshold,
+            slope=parameters.evidence_slope,
+            least=parameters.least_log_odds,
+            greatest=parameters.greatest_log_odds,
+            prior=float(logit(parameters.prior)),
+            side_price=parameters.side_price,
+        )
+
+    # ------------------------------------------------------------------ a new ping
+
+    def _take_up(self, cone: EchoCone) -> None:
+        look = look_of(cone, self.parameters)
+        self._cover(look)
+        self._suspect(look)
+        if len(self._window) == self.parameters.window:
+            self._retire()
+        self._window.append(look)
+        for recent in range(max(0, len(self._window) - RECENT), len(self._window)):
+            self._learn(self._window[recent])
+        self._deal(look, SHOWN)
+        count = len(self._window)
+        early = min(MOST_PASSES * count, EARLY_VISITS // count)
+        for _ in range(max(self.parameters.revisits, early)):
+            self._visit()
+
+    def _cover(self, look: Look) -> None:
+        """Make tiles wherever the look reaches."""
+        side_m, reach_m = TILE_SIDE * self.parameters.resolution_m, look.greatest_range_m
+        columns, rows = (
+            np.arange(math.floor((center_m - reach_m) / side_m), (center_m + reach_m) / side_m)
+            for center_m in (look.x_m, look.y_m)
+        )
+        grid = np.meshgrid(rows.astype(np.intp), columns.astype(np.intp), indexing="ij")
+        self._grid.slots(grid[0].ravel() * TILE_SIDE, grid[1].ravel() * TILE_SIDE)
+
+    def _suspect(self, look: Look) -> None:
+        """Suspect every cell that may have returned an echo which nothing explains yet."""
+        power, alive = self._grid.layer(POWER), self._grid.layer(ALIVE)
+        seen, count, _ = self._expect(look, self._grid.layer(EVERYWHERE))
+        seed_unexplained(look, seen, count, self._work.bins(look), power)
+        slots = seen.slot[:count]
+        alive[slots] = power.reshape(-1, QUARTERS)[slots].any(axis=1)
+        forget(seen, count)
+
+    def _retire(self) -> None:
+        """Let the oldest ping go, and what it said stay."""
+        self._deal(self._window.popleft(), LASTING)
+        self._next = max(self._next - 1, 0)
+
+    # ------------------------------------------------------------------ visits
+
+    def _visit(self) -> None:
+        """Visit the next ping of the pass, and end the pass after the last."""
+        layer = self._grid.layer
+        if self._next == 0:
+            for name in EVIDENCE:
+                layer(_of(GATHERED, name))[:] = layer(_of(LASTING, name))
+        self._deal(self._window[self._next], GATHERED, learn=True)
+        self._next += 1
+        if self._next == len(self._window):
+            self._end_pass()
+
+    def _expect(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int, Contributions]:
+        """Work out what the map expects of a ping, from the cells that are not 0 in `among`."""
+        layer, tiles, bins = self._grid.layer, self._tiles(), self._work.bins(look)
+        rays = self._work.rays(look, tiles)
+        if self.parameters.occlusion:
+            cast_rays(look, tiles, layer(DEPTH), rays)
+        seen, count = self._work.find(look, tiles, among, rays)
+        parts = self._work.parts(count)
+        split_expected(look, seen, count, layer(POWER), parts)
+        expect(look, count, parts, bins)
+        return seen, count, parts
+
+    def _learn(self, look: Look) -> None:
+        """Move the powers in a ping's cone towards what explains it."""
+        seen, count, _ = self._expect(look, self._grid.layer(ALIVE))
+        self._learn_from(look, seen, count)
+        forget(seen, count)
+
+    def _learn_from(self, look: Look, seen: Seen, count: int) -> None:
+        bins = self._work.bins(look)
+        weigh_bins(look, bins)
+        add_up_bins(look, bins)
+        names = (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE)
+        powers = Powers(*(self._grid.layer(name) for name in names))
+        learn_powers(look, seen, count, bins, powers, self.parameters.power_price)
+
+    def _deal(self, look: Look, kind: str, *, learn: bool = False) -> None:
+        """Add what a ping says to the evidence of a kind; learn its powers too if asked to."""
+        layer, tiles, parameters = self._grid.layer, self._tiles(), self.parameters
+        own, block, clear, silent = (layer(_of(kind, name)) for name in EVIDENCE)
+        evidence = Evidence(own, block, clear, silent, layer(RELEVANT))
+        seen, count, parts = self._expect(look, layer(ALIVE))
+        bins, rays = self._work.bins(look), self._work.rays(look, tiles)
+        prepare_bins(look, bins)
+        add_evidence(look, seen, count, bins, parts, tiles, self._bounds, evidence)
+        prove_rays(look, seen, count, bins, parts, layer(BELIEF), tiles, rays.proven_m)
+        if learn:
+            self._learn_from(look, seen, count)
+        forget(seen, count)
+        proof = parameters.proof_rays
+        deal_proof(look, tiles, rays, clear)
+        deal_presence(look, tiles, proof, clear)
+        trust = (layer(_of(SHOWN, "clear")), proof, parameters.silence_trust_m)
+        deal_silence(look, tiles, rays, *trust, parameters.reflectivity**2, silent)
+
+    def _end_pass(self) -> None:
+        """Show what the pass has gathered, and renew what hides what."""
+        self._next = 0
+        layer, tiles = self._grid.layer, self._tiles()
+        for name in EVIDENCE:
+            layer(_of(SHOWN, name))[:] = layer(_of(GATHERED, name))
+        alive = layer(ALIVE)
+        given_up = (alive > 0.0) & (layer(RELEVANT) == 0.0) & (layer(LOOKS) >= FAIR_LOOKS)
+        layer(POWER).reshape(-1, QUARTERS)[given_up] = 0.0
+        alive[given_up] = 0.0
+        layer(LOOKS)[given_up] = 0.0
+        layer(RELEVANT)[:] = 0.0
+        layer(BELIEF)[:] = self._scale.least
+        layer(HIDING)[:] = 0.0
+        layer(DEPTH)[:] = 0.0
+        rows, columns, slots = self._grid.cells(alive > 0.0)
+        evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")), self._scale)
+        judge(slots, rows, columns, tiles, *evidence, layer(BELIEF))
+        find_hiding(slots, rows, columns, tiles, *evidence, layer(HIDING))
+        opacity = self.parameters.opacity
+        set_depth(slots, rows, columns, tiles, layer(HIDING), opacity, layer(DEPTH))
+
+    def _tiles(self) -> Tiles:
+        return Tiles(*self._grid.directory, self.parameters.resolution_m)
+
+    # ------------------------------------------------------------------ maps
+
+    def occupancy_map(self) -> OccupancyMap:
+        """Return the map so far; nothing changes by asking for it."""
+        layer, scale, parameters = self._grid.layer, self._scale, self.parameters
+        clear, silent = layer(_of(SHOWN, "clear")), layer(_of(SHOWN, "silent"))
+        exposure = seen_free(clear, silent, parameters.proof_rays, parameters.observed_exposure)
+        layer(EXPOSURE)[:] = exposure
+        layer(LOG_ODDS)[:] = np.maximum(scale.prior - SILENT_LOOK * exposure, scale.least)
+        rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
+        evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")))
+        judge(slots, rows, columns, self._tiles(), *evidence, scale, layer(LOG_ODDS))
+        return super().occupancy_map()
+
+    def resume(self, occupancy: OccupancyMap) -> None:
+        """Start from a map that was exported before.
+
+        Raises
+        ------
+        ValueError
+            If its resolution or origin does not fit this grid.
+        """
+        super().resume(occupancy)
+        layer, scale = self._grid.layer, self._scale
+        log_odds, known = layer(LOG_ODDS), layer(LOG_ODDS) != np.float32(scale.prior)
+        suspected = known & (log_odds > scale.prior)
+        free = known & ~suspected
+        evidence = np.where(suspected, log_odds / scale.slope + scale.threshold, 0.0)
+        proof = layer(EXPOSURE) * (self.parameters.proof_rays / self.parameters.observed_exposure)
+        silence = np.where(free, (scale.prior - log_odds) / SILENT_LOOK, 0.0)
+        for kind in (SHOWN, LASTING):
+            layer(_of(kind, "own"))[:] = np.repeat(evidence / SIDES, SIDES)
+            layer(_of(kind, "block"))[:] = np.repeat(evidence / SIDES, SIDES)
+            layer(_of(kind, "clear"))[:] = proof
+            layer(_of(kind, "silent"))[:] = silence
+        layer(ALIVE)[:] = suspected
+        power = np.where(suspected, self.parameters.reflectivity**2, 0.0)
+        layer(POWER)[:] = np.repeat(power, QUARTERS)
+
+
+def _of(kind: str, name: str) -> str:
+    """Name of a layer of evidence."""
+    return f"{kind} {name}"

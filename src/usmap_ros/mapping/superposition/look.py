@@ -1,0 +1,183 @@
+"""One ping as fusion keeps it: echo powers and detection limits in bins of range."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.cone import EchoCone
+from usmap_ros.parameters import MappingParameters
+
+#: What a range bin holds: nothing that could be judged, an echo, or silence up to a limit.
+UNJUDGED, ECHO, SILENCE = 0, 1, 2
+
+#: Range bins along the side of a cell, and the finest bin: echoes are no better separated.
+BINS_PER_CELL = 4
+FINEST_BIN_M = 0.0125
+#: Entries of the table of power gains.
+GAIN_STEPS = 512
+#: The receiver's noise lies this far below the detection limit, in power: a factor of 4 in
+#: amplitude, what `false_alarms_per_ping` comes to.
+NOISE_BELOW_LIMIT = 1.0 / 16.0
+#: A limit above this amplitude is no limit: the bin was not listened to.
+DEAF_AMPLITUDE = 30.0
+
+
+class Look(NamedTuple):
+    """A ping in the window, in the form that compiled functions take.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Of the transducer.
+    axis_x, axis_y, axis_z : float
+        Beam axis, a unit vector.
+    rise_m : float
+        Of what stands on the map above the transducer.
+    heading_rad : float
+        Of the axis on the plane.
+    half_angle_rad, cos_half_angle : float
+        Of the cone.
+    least_range_m, greatest_range_m : float
+        Where echoes are looked for.
+    absorption_per_m : float
+        Share of the power lost there and back, as a rate of the range: exp(−rate · r).
+    range_std_m : float
+        Of where things are seen, from the pose's covariance and what nobody states.
+    bin_m : float
+        Width of a range bin.
+    power_gain : (GAIN_STEPS + 1,) float32 array
+        Two-way power gain over (1 − cos θ) / (1 − cos half angle).
+    kind : (bins,) uint8 array
+        UNJUDGED, ECHO or SILENCE.
+    power : (bins,) float32 array
+        Of the echoes in each bin.
+    limit : (bins,) float32 array
+        Power below which an echo may have gone unreported.
+    bearing, bearing_weight : (bins,) float32 arrays
+        Measured direction of the echo in each bin, rad off the heading, and 1 / (2 σ²) of it; 0
+        where it is not known.
+    noise : float
+        Power of the receiver's noise in a bin.
+    """
+
+    x_m: float
+    y_m: float
+    axis_x: float
+    axis_y: float
+    axis_z: float
+    rise_m: float
+    heading_rad: float
+    half_angle_rad: float
+    cos_half_angle: float
+    least_range_m: float
+    greatest_range_m: float
+    absorption_per_m: float
+    range_std_m: float
+    bin_m: float
+    power_gain: NDArray[np.float32]
+    kind: NDArray[np.uint8]
+    power: NDArray[np.float32]
+    limit: NDArray[np.float32]
+    bearing: NDArray[np.float32]
+    bearing_weight: NDArray[np.float32]
+    noise: float
+
+
+def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
+    """Bring a cone into the form that fusion keeps.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        A valid cone.
+    parameters : MappingParameters
+        Cell size and the error of range that nobody states.
+    """
+    transducer, beam = cone.transducer, cone.transducer.beam
+    x, y, z, w = cone.pose.orientation
+    axis_x, axis_y = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w)
+    axis_z = 2.0 * (x * z - y * w)
+    half_angle = float(beam.half_angle_rad)
+    bin_m = max(FINEST_BIN_M, parameters.resolution_m / BINS_PER_CELL)
+    kind, power, limit, noise = _binned(cone, bin_m)
+    bearing, bearing_weight = _bearings(cone, bin_m, len(kind))
+    covariance = cone.pose.planar_covariance
+    position_variance = 0.5 * (covariance[0, 0] + covariance[1, 1])
+    return Look(
+        x_m=float(cone.pose.position_m[0]),
+        y_m=float(cone.pose.position_m[1]),
+        axis_x=float(axis_x),
+        axis_y=float(axis_y),
+        axis_z=float(axis_z),
+        rise_m=float(cone.object_rise_m),
+        heading_rad=float(np.arctan2(axis_y, axis_x)),
+        half_angle_rad=half_angle,
+        cos_half_angle=float(np.cos(min(half_angle, np.pi))),
+        least_range_m=float(transducer.min_range_m),
+        greatest_range_m=float(transducer.max_range_m),
+        absorption_per_m=float(4.0 * cone.attenuation_db_m * np.log(10.0) / 20.0),
+        range_std_m=float(np.hypot(parameters.range_error_m, np.sqrt(position_variance))),
+        bin_m=bin_m,
+        power_gain=_power_gain(
+            transducer.beam.angles_rad.tobytes(), transducer.beam.gains.tobytes()
+        ),
+        kind=kind,
+        power=power,
+        limit=limit,
+        bearing=bearing,
+        bearing_weight=bearing_weight,
+        noise=noise,
+    )
+
+
+def _binned(
+    cone: EchoCone, bin_m: float
+) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], float]:
+    """Kind, echo power and limit of each range bin, and the power of the noise."""
+    start_m, stop_m = cone.transducer.min_range_m, cone.transducer.max_range_m
+    bins = max(1, int(np.ceil((stop_m - start_m) / bin_m - 1e-9)))
+    limits = cone.limit_amplitudes()
+    middle_m = (np.arange(bins) + 0.5) * bin_m
+    step = np.minimum((middle_m / cone.limit_step_m).astype(np.intp), len(limits) - 1)
+    limit = limits[step]
+    heard = limits[limits < DEAF_AMPLITUDE]
+    noise = NOISE_BELOW_LIMIT * float(np.median(heard)) ** 2 if len(heard) else 1.0
+    kind = np.where(limit < DEAF_AMPLITUDE, SILENCE, UNJUDGED).astype(np.uint8)
+    power = np.zeros(bins)
+    place = ((cone.ranges_m - start_m) / bin_m).astype(np.intp)
+    inside = (place >= 0) & (place < bins)
+    place = place[inside]
+    np.add.at(power, place, cone.amplitudes[inside].astype(float) ** 2)
+    # An echo a hair's breadth away may have fallen into its neighbour.
+    beside = np.concatenate([place - 1, place + 1])
+    kind[beside[(beside >= 0) & (beside < bins)]] = UNJUDGED
+    kind[place] = ECHO
+    squared = np.minimum(limit, DEAF_AMPLITUDE) ** 2
+    return kind, power.astype(np.float32), squared.astype(np.float32), max(noise, 1e-12)
+
+
+def _bearings(
+    cone: EchoCone, bin_m: float, bins: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Bearing of the echo in each range bin, and its weight."""
+    bearing, weight = np.zeros(bins, np.float32), np.zeros(bins, np.float32)
+    if cone.bearings_rad is not None and cone.bearing_stds_rad is not None:
+        place = ((cone.ranges_m - cone.transducer.min_range_m) / bin_m).astype(np.intp)
+        known = ~np.isnan(cone.bearings_rad) & (place >= 0) & (place < bins)
+        bearing[place[known]] = cone.bearings_rad[known]
+        weight[place[known]] = 0.5 / cone.bearing_stds_rad[known] ** 2
+    return bearing, weight
+
+
+@lru_cache(maxsize=64)
+def _power_gain(angles: bytes, gains: bytes) -> NDArray[np.float32]:
+    """Table of a beam's power gain; the arrays come as bytes, which can be looked up."""
+    beam = BeamPattern(np.frombuffer(angles), np.frombuffer(gains))
+    versine = np.linspace(0.0, 1.0 - np.cos(min(beam.half_angle_rad, np.pi)), GAIN_STEPS + 1)
+    gain: NDArray[np.float32] = (beam.gain(np.arccos(1.0 - versine)) ** 2).astype(np.float32)
+    return gain

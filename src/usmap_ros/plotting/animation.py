@@ -86,7 +86,7 @@ def save_animation(
         If the file cannot be written.
     """
     with style.styled():
-        canvas = _MovingMap(frames[-1].occupancy, paths, truth, extent_m)
+        canvas = _MovingMap([frame.occupancy for frame in frames], paths, truth, extent_m)
         images = [canvas.draw(frame, frames[0].stamp_ns) for frame in frames]
     palette = _common_palette(images)
     indexed = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
@@ -115,17 +115,18 @@ class _MovingMap:
 
     def __init__(
         self,
-        final: OccupancyMap,
+        maps: Sequence[OccupancyMap],
         paths: RobotPaths,
         truth: TruthMap | None,
         extent_m: Extent | None,
     ) -> None:
-        self._geometry = final.geometry
+        self._geometry = _around([occupancy.geometry for occupancy in maps])
         self._paths = paths
-        shown = extent_m or shown_extent([final], paths)
+        shown = extent_m or shown_extent(maps[-1:], paths)
         self._figure = style.new_figure(*figure_size_in(shown), _DOTS_PER_INCH)
         self._axes = self._figure.subplots()
-        self._image = draw_probability(self._axes, final)
+        self._image = draw_probability(self._axes, maps[-1])
+        self._image.set_extent(self._geometry.extent_m)
         self._figure.colorbar(
             self._image, ax=self._axes, shrink=0.6, label="probability of being occupied"
         )
@@ -174,6 +175,17 @@ def _cone_outline(cone: EchoCone) -> FloatArray:
     angles = yaw + np.linspace(-half, half, 17)
     arc = reach_m * np.column_stack([np.cos(angles), np.sin(angles)])
     return np.concatenate([np.zeros((1, 2)), arc]) + cone.pose.position_m[:2]
+
+
+def _around(geometries: Sequence[GridGeometry]) -> GridGeometry:
+    """The smallest grid that holds others of the same cells; a map may shrink as it forms."""
+    resolution_m = geometries[0].resolution_m
+    first = np.rint(np.array([geometry.origin_m for geometry in geometries]) / resolution_m)
+    beyond = first + np.array([geometry.shape[::-1] for geometry in geometries])
+    low = first.min(axis=0)
+    columns, rows = (beyond.max(axis=0) - low).astype(int)
+    origin_m = (float(low[0] * resolution_m), float(low[1] * resolution_m))
+    return GridGeometry(resolution_m, origin_m, (int(rows), int(columns)))
 
 
 def _on_grid(occupancy: OccupancyMap, geometry: GridGeometry) -> FloatArray:

@@ -188,6 +188,22 @@ def test_a_folder_that_is_missing_is_told(occupancy: OccupancyMap, tmp_path: Pat
         save_figure(map_figure(occupancy), tmp_path / "none" / "map.png")
 
 
+def test_an_animation_may_shrink_and_move(
+    occupancy: OccupancyMap, reconstruction: Reconstruction, tmp_path: Path
+) -> None:
+    elsewhere = replace(occupancy, geometry=GridGeometry(0.05, (-0.5, 0.25), (20, 30)))
+    small = OccupancyMap(
+        GridGeometry(0.05, (0.2, 0.2), (2, 3)), np.zeros((2, 3), np.float32),
+        np.ones((2, 3), dtype=np.bool_), "map",
+    )  # fmt: skip
+    cones = {"/echo": reconstruction.cone}
+    maps = (occupancy, elsewhere, small)
+    frames = [MapFrame(each, cones, {"/echo": 1}, number) for number, each in enumerate(maps)]
+    save_animation(frames, RobotPaths({"/echo": [(0.5, 0.5)]}), tmp_path / "map.gif")
+    with Image.open(tmp_path / "map.gif") as animation:
+        assert animation.n_frames == 3
+
+
 def test_an_animation_shows_every_frame(
     occupancy: OccupancyMap, reconstruction: Reconstruction, tmp_path: Path
 ) -> None:

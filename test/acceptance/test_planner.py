@@ -1,0 +1,55 @@
+"""What a planner makes of the demo's map: there is no way out of the room."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.alignment import AlignedMaps, align
+from usmap_ros.mapping.drivability import drivability, reachable
+from usmap_ros.simulation import Scenario
+from usmap_ros.trial import try_scenario
+from usmap_ros.views import PingViews
+
+pytestmark = pytest.mark.slow
+
+#: Of the demo's room, with the cells that its walls are in: x and y of opposite corners, m.
+ROOM_M = (0.0, 0.0), (8.0, 6.0)
+
+
+class DemoMap(NamedTuple):
+    """The demo's map beside the truth, and what its pings looked at."""
+
+    maps: AlignedMaps
+    views: PingViews
+
+    def reached_m(self) -> np.ndarray:
+        """Centres of all cells that a robot of 15 cm radius can get to, (n, 2)."""
+        maps = self.maps
+        reached = reachable(maps.free, maps.predicted, maps.geometry, self.views.positions_m)
+        return maps.geometry.cell_centers_m(*np.nonzero(reached))
+
+
+@pytest.fixture(scope="module")
+def demo(scenario_folder: Path) -> DemoMap:
+    trial = try_scenario(Scenario.load(scenario_folder / "room.yaml"))
+    return DemoMap(align(trial.occupancy, trial.truth), trial.views)
+
+
+def test_no_path_of_a_small_robot_leads_out_of_the_room(demo: DemoMap) -> None:
+    reached_m = demo.reached_m()
+    low_m, high_m = np.array(ROOM_M)
+    outside = np.any((reached_m < low_m) | (reached_m > high_m), axis=1)
+    assert np.count_nonzero(outside) == 0
+    assert drivability(demo.maps, demo.views).escape_m2 == 0.0
+
+
+def test_it_gets_around_inside_all_the_same(demo: DemoMap) -> None:
+    reached_m = demo.reached_m()
+    # On either side of the partition.
+    for x_m, y_m in [(1.5, 1.0), (1.0, 4.8), (3.5, 4.8), (6.8, 1.0), (6.0, 5.2)]:
+        assert np.hypot(*(reached_m - [x_m, y_m]).T).min() < 0.1, (x_m, y_m)
+    area_m2 = len(reached_m) * demo.maps.geometry.resolution_m**2
+    # The room has 47 m², of which the walls take 4 m² from its centre, the things in it 2 m².
+    assert area_m2 > 25.0

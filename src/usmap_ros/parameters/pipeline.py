@@ -178,7 +178,7 @@ class MappingParameters(ParameterGroup):
     )
     occlusion: bool = quantity(True, "Let what the map believes hide what is behind it.")
     opacity: float = quantity(
-        2.0,
+        1.0,
         "Optical depth of a cell, over -ln(1 - p): how well what is believed in hides.",
         ge=0.0,
         le=10.0,
@@ -187,7 +187,7 @@ class MappingParameters(ParameterGroup):
         1.0, "Rate of the exponential prior of a cell's power.", ge=0.0, le=1e3
     )
     evidence_threshold: float = quantity(
-        12.0,
+        13.0,
         "Log-likelihood ratio at which a cell is as likely occupied as free.",
         ge=0.0,
         le=100.0,
@@ -215,13 +215,13 @@ class MappingParameters(ParameterGroup):
         lt=1.0,
     )
     proof_rays: float = quantity(
-        2.0,
+        3.0,
         "Rays that are known to have passed through a cell, from which on it is free.",
         gt=0.0,
         le=1e3,
     )
     silence_trust_m: float = quantity(
-        0.3,
+        0.25,
         "Way through unproven cells over which trust in silence falls by 1/e.",
         "m",
         gt=0.0,
@@ -230,7 +230,7 @@ class MappingParameters(ParameterGroup):
     window: int = quantity(
         600, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
     )
-    revisits: int = quantity(8, "Earlier pings weighed again with each new one.", ge=0, le=1000)
+    revisits: int = quantity(12, "Earlier pings weighed again with each new one.", ge=0, le=1000)
     observed_exposure: float = quantity(
         1.0,
         "Expected number of times that an object would have been heard, from which on a silent"

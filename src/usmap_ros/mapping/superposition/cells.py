@@ -76,6 +76,8 @@ class Seen(NamedTuple):
         Off the look's heading.
     low, high : (cells, QUARTERS) float32 arrays
         Range bins, with fractions, between which each quarter lies.
+    sharpness : (cells,) float32 array
+        Depth of a quarter over that range: 1 unless ranges are blurred by the pose's error.
     weight : (cells,) float32 array
         Power that each quarter would return if it scattered with power 1.
     place : (slots,) int32 array
@@ -90,6 +92,7 @@ class Seen(NamedTuple):
     bearing: NDArray[np.float32]
     low: NDArray[np.float32]
     high: NDArray[np.float32]
+    sharpness: NDArray[np.float32]
     weight: NDArray[np.float32]
     place: NDArray[np.int32]
 
@@ -198,7 +201,8 @@ def find_cells(look: Look, tiles: Tiles, alive: NDArray[np.float32], rays: Rays,
                 along_x, along_y = 0.25 * res * x / distance, 0.25 * res * y / distance
                 half_depth = abs(along_x) + abs(along_y)
                 half_width = math.sqrt(half_depth * half_depth + blur)
-                half_width = min(half_width, MOST_BLUR_BINS * look.bin_m)
+                half_width = max(min(half_width, MOST_BLUR_BINS * look.bin_m), half_depth)
+                seen.sharpness[count] = half_depth / half_width
                 for quarter in range(QUARTERS):
                     offset = along_x if quarter & 1 else -along_x
                     offset += along_y if quarter & 2 else -along_y

@@ -45,6 +45,10 @@ SEED_POWER, SEED_EXCESS = 0.05, 3.0
 LEAST_POWER, MOST_POWER = 1e-3, 6.0
 #: The k-th look at a cell counts k^−exponent in its averages.
 MEMORY_EXPONENT = 0.5
+#: A pose's error blurs the range of what stands in one place, but its echo comes at once: if there
+#: is an echo in the blurred range of a cell, silence elsewhere in it says nothing.  Less sharp than
+#: this counts as blurred.
+SHARP = 0.8
 #: A silent bin is trusted no more than a Gamma distribution of this shape.
 MOST_SILENT_SHAPE = 4.0
 
@@ -128,6 +132,22 @@ def bearing_fit(look: Look, b: int, bearing: float) -> float:
 
 
 @compiled
+def narrowed(low: float, high: float, sharpness: float) -> tuple[float, float]:
+    """Middle part of a stretch of range bins."""
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) * sharpness
+    return middle - half, middle + half
+
+
+@compiled
+def hears_any(look: Look, low: float, high: float) -> bool:
+    """Whether there is an echo in a stretch of range bins."""
+    for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, len(look.kind))):
+        if look.kind[b] == ECHO:
+            return True
+    return False
+
+
+@compiled
 def split_expected(
     look: Look, seen: Seen, count: int, power: NDArray[np.float32], parts: Contributions
 ) -> None:
@@ -158,10 +178,18 @@ def split_expected(
             if returned <= 0.0:
                 continue
             low, high = seen.low[cell, quarter], seen.high[cell, quarter]
+            sharpness = seen.sharpness[cell]
+            blurred = sharpness < SHARP
+            heard = blurred and hears_any(look, low, high)
+            if heard:
+                returned /= sharpness
+            elif blurred:
+                low, high = narrowed(low, high, sharpness)
             last = min(math.floor(high) + 1, bin_count, start + CELL_BINS)
             for b in range(max(math.floor(low), 0), last):
-                fit = bearing_fit(look, b, seen.bearing[cell])
-                parts.parts[cell, b - start] += returned * fit * share_in_bin(b, low, high)
+                if not (heard and look.kind[b] == SILENCE):
+                    fit = bearing_fit(look, b, seen.bearing[cell])
+                    parts.parts[cell, b - start] += returned * fit * share_in_bin(b, low, high)
 
 
 @compiled
@@ -231,6 +259,18 @@ def mean_between(sums: NDArray[np.float64], low: float, high: float, bin_count: 
 
 
 @compiled
+def mean_at_echoes(look: Look, bins: Bins, low: float, high: float) -> tuple[float, float]:
+    """`pull` and `push` over a stretch of range bins of which only those with an echo count."""
+    up, down = 0.0, 0.0
+    for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, len(look.kind))):
+        if look.kind[b] == ECHO:
+            share = share_in_bin(b, low, high)
+            up += share * (bins.pull[b + 1] - bins.pull[b])
+            down += share * (bins.push[b + 1] - bins.push[b])
+    return up, down
+
+
+@compiled
 def learn_powers(
     look: Look,
     seen: Seen,
@@ -267,8 +307,15 @@ def learn_powers(
         for quarter in range(QUARTERS):
             index = slot * QUARTERS + quarter
             low, high = seen.low[cell, quarter], seen.high[cell, quarter]
-            up = mean_between(bins.pull, low, high, bin_count)
-            down = mean_between(bins.push, low, high, bin_count)
+            sharpness = seen.sharpness[cell]
+            if sharpness < SHARP and hears_any(look, low, high):
+                up, down = mean_at_echoes(look, bins, low, high)
+                up, down = up / sharpness, down / sharpness
+            else:
+                if sharpness < SHARP:
+                    low, high = narrowed(low, high, sharpness)
+                up = mean_between(bins.pull, low, high, bin_count)
+                down = mean_between(bins.push, low, high, bin_count)
             v = powers.power[index]
             powers.attraction[index] += news * (v * v * weight * up - powers.attraction[index])
             powers.pressure[index] += news * (weight * down - powers.pressure[index])

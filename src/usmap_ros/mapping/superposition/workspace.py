@@ -61,8 +61,8 @@ class Workspace:
 def _seen(cells: int, place: NDArray[np.int32]) -> Seen:
     slot, row, column, ray, side = (np.empty(cells, np.int64) for _ in range(5))
     low, high = (np.empty((cells, QUARTERS), np.float32) for _ in range(2))
-    bearing, weight = (np.empty(cells, np.float32) for _ in range(2))
-    return Seen(slot, row, column, ray, side, bearing, low, high, weight, place)
+    bearing, sharpness, weight = (np.empty(cells, np.float32) for _ in range(3))
+    return Seen(slot, row, column, ray, side, bearing, low, high, sharpness, weight, place)
 
 
 def _contributions(cells: int) -> Contributions:

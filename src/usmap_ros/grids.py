@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,12 @@ from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 OCCUPIED_PROBABILITY = 0.65
 #: A cell counts as free up to this probability.
 FREE_PROBABILITY = 0.35
+
+#: Layers that a map may have beside what it believes: the direction in which the surface in each
+#: cell faces, in rad from the x axis, NaN where it is not known; and how undecided each suspected
+#: cell is, from 0 to 1.
+NORMAL, AMBIGUITY = "normal_rad", "ambiguity"
+LAYERS = (NORMAL, AMBIGUITY)
 
 #: Values of a trinary ``nav_msgs/OccupancyGrid``.
 UNKNOWN_VALUE, FREE_VALUE, OCCUPIED_VALUE = -1, 0, 100
@@ -43,6 +50,12 @@ class GridGeometry:
         x, y = self.origin_m
         return x, x + columns * self.resolution_m, y, y + rows * self.resolution_m
 
+    @property
+    def first_cell(self) -> tuple[int, int]:
+        """Column and row of cell (0, 0), counted from x = 0 and y = 0."""
+        column, row = np.rint(np.array(self.origin_m) / self.resolution_m)
+        return int(column), int(row)
+
     def cell_centers_m(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Centres of cells, shape (..., 2), x before y."""
         x = self.origin_m[0] + (columns + 0.5) * self.resolution_m
@@ -66,6 +79,8 @@ class OccupancyMap:
         World frame of the map.
     stamp_ns : int
         Stamp of the newest cone in it.
+    layers : mapping of str to (rows, columns) float32 array
+        What else is known of each cell, by names of `LAYERS`; not every way of fusing knows them.
     """
 
     geometry: GridGeometry
@@ -73,6 +88,7 @@ class OccupancyMap:
     observed: BoolArray
     frame_id: str
     stamp_ns: int = 0
+    layers: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
     def probability(self) -> FloatArray:
         """Probability that each cell is occupied; the prior where nothing was observed."""
@@ -98,6 +114,11 @@ class OccupancyMap:
         values[self.observed & (probability <= FREE_PROBABILITY)] = FREE_VALUE
         values[self.observed & (probability >= OCCUPIED_PROBABILITY)] = OCCUPIED_VALUE
         return values
+
+    def predicted(self) -> BoolArray:
+        """Cells that are observed and count as occupied."""
+        predicted: BoolArray = self.observed & (self.probability() >= OCCUPIED_PROBABILITY)
+        return predicted
 
     def percent(self) -> NDArray[np.int8]:
         """Probability as 0..100, or -1 where nothing was observed."""

@@ -9,13 +9,19 @@ import numpy as np
 import pytest
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import GridGeometry
-from usmap_ros.io.conversions import cone_to_message, grid_from_message
+from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap
+from usmap_ros.io.conversions import cone_to_message, grid_from_message, points_from_message
 from usmap_ros.io.map_files import load_map
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.live.health import Level
 from usmap_ros.nodes.map_fusion import MapFusion
-from usmap_ros.nodes.plumbing.map_publisher import BLOCK_CELLS, block_geometry, changed_part, placed
+from usmap_ros.nodes.plumbing.map_publisher import (
+    BLOCK_CELLS,
+    block_geometry,
+    changed_part,
+    normal_columns,
+    placed,
+)
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario
@@ -75,6 +81,39 @@ def test_a_late_subscriber_gets_the_map_at_once(
     assert set(grids[0].data) <= {-1, 0, 100}
     assert len(set(percents[0].data)) > 3
     assert metadata[0] == grids[0].info
+
+
+def test_layers_are_those_of_the_pipeline(live: Any, cones: Cones, nav2_qos: Any) -> None:
+    node = live.add(MapFusion, order_wait_s=5.0)
+    clouds = live.listen("sensor_msgs/msg/PointCloud2", "/map_normals", nav2_qos)
+    send(live, cones)
+    last = cone_to_message(cones[-1][1], TYPES).header.stamp
+    live.until(lambda: clouds and clouds[-1].header.stamp == last)
+    expected = offline(cones)
+    now = node.session.fusion.occupancy_map()
+    assert NORMAL in now.layers
+    for name in now.layers:
+        np.testing.assert_array_equal(now.layers[name], expected.layers[name])
+    columns, frame_id, _ = points_from_message(clouds[-1])
+    assert frame_id == "map"
+    assert list(columns) == ["x", "y", "z", "normal_x", "normal_y", "probability"]
+    assert len(columns["x"]) == np.count_nonzero(np.isfinite(expected.layers[NORMAL]))
+
+
+def test_a_cloud_has_every_normal_of_a_map() -> None:
+    normal_rad = np.array([[np.nan, np.pi / 2.0], [np.pi, np.nan]], np.float32)
+    log_odds = np.array([[-2.0, 2.0], [1.0, -2.0]], np.float32)
+    geometry = GridGeometry(0.1, (1.0, -0.2), (2, 2))
+    occupancy = OccupancyMap(
+        geometry, log_odds, np.ones((2, 2), bool), "map", layers={NORMAL: normal_rad}
+    )
+    columns = normal_columns(occupancy)
+    np.testing.assert_allclose(columns["x"], [1.15, 1.05], atol=1e-6)
+    np.testing.assert_allclose(columns["y"], [-0.15, -0.05], atol=1e-6)
+    np.testing.assert_allclose(columns["normal_x"], [0.0, -1.0], atol=1e-6)
+    np.testing.assert_allclose(columns["normal_y"], [1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(columns["probability"], [0.881, 0.731], atol=1e-3)
+    assert len(normal_columns(replace(occupancy, layers={}))["x"]) == 0
 
 
 def test_nothing_is_published_while_nothing_changes(live: Any, cones: Cones, nav2_qos: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,13 @@ if TYPE_CHECKING:
 
     from usmap_ros.cone import EchoCone
     from usmap_ros.trace import EchoTrace
+
+
+class Layer(str, Enum):
+    """What can be drawn of a map instead of its probability, or on it."""
+
+    NORMAL = "normal_rad"
+    AMBIGUITY = "ambiguity"
 
 
 def plot(
@@ -29,17 +37,28 @@ def plot(
     truth: Annotated[
         Path | None, typer.Option(metavar="MAP.yaml", help="Show what is really there, too.")
     ] = None,
+    layer: Annotated[
+        Layer | None,
+        typer.Option(help="Of a map: which way surfaces face, or how undecided cells are."),
+    ] = None,
     parameters_file: ParametersFile = None,
     settings: Settings = None,
 ) -> None:
     """Draw a map, or one ping of a bag: its trace, what was found in it, and its cone."""
+    from usmap_ros.errors import MapFileError
     from usmap_ros.io.map_files import GRID_FILE, load_map, load_truth
     from usmap_ros.plotting import draw, map_figure, save_figure
 
     true_cells = load_truth(truth) if truth else None
     if path.name == GRID_FILE or (path / GRID_FILE).exists():
         occupancy, paths = load_map(path)
-        figure = map_figure(occupancy, paths, true_cells, title=path.resolve().name)
+        name, title = layer and layer.value, path.resolve().name
+        try:
+            figure = map_figure(occupancy, paths, true_cells, title, layer=name)
+        except ValueError as error:
+            raise MapFileError(path, str(error)) from error
+    elif layer is not None:
+        raise typer.BadParameter("is for maps only", param_hint="'--layer'")
     else:
         parameters = pipeline_parameters(parameters_file, settings)
         figure = draw(_ping(path, ping), true_cells, parameters)

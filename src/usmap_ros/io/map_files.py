@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from usmap_ros.errors import MapFileError
 from usmap_ros.grids import (
     FREE_VALUE,
+    LAYERS,
     OCCUPIED_PROBABILITY,
     OCCUPIED_VALUE,
     GridGeometry,
@@ -239,6 +240,7 @@ def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
         path_lengths=np.array([len(path) for path in positions], dtype=np.int64),
         path_positions=np.concatenate([np.zeros((0, 2)), *positions]).astype(np.float32),
         path_beams=np.reshape(beams, (-1, len(Beam._fields))).astype(np.float32),
+        **{name: layer.astype(np.float32) for name, layer in occupancy.layers.items()},
     )
     return content.getvalue()
 
@@ -253,6 +255,10 @@ def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
     x, y = (float(value) for value in arrays["origin"])
     if not (np.isfinite(resolution) and resolution > 0.0 and np.isfinite([x, y]).all()):
         raise ValueError(f"resolution is {resolution:g} and origin {x:g}, {y:g}")
+    layers = {name: arrays[name].astype(np.float32) for name in LAYERS if name in arrays}
+    for name, layer in layers.items():
+        if layer.shape != log_odds.shape:
+            raise ValueError(f"log_odds is {log_odds.shape} and {name} {layer.shape}")
     rows, columns = log_odds.shape
     return OccupancyMap(
         geometry=GridGeometry(resolution, (x, y), (rows, columns)),
@@ -261,6 +267,7 @@ def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
         frame_id=str(arrays["frame_id"]),
         # Optional: the contract does not name it.
         stamp_ns=int(arrays.get("stamp_ns", np.int64(0))),
+        layers=layers,
     )
 
 

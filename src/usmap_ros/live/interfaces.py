@@ -123,6 +123,13 @@ MAP_PROBABILITY = Topic(
     LATCHED,
     "Probability that each cell is occupied, 0 to 100, or -1 where nothing was observed.",
 )
+MAP_NORMALS = Topic(
+    "map_normals",
+    "sensor_msgs/msg/PointCloud2",
+    LATCHED,
+    "x, y, z, normal_x, normal_y and probability of every occupied cell whose surface is known to"
+    " face in some direction.",
+)
 MAP_METADATA = Topic(
     "map_metadata", "nav_msgs/msg/MapMetaData", LATCHED, "Size, resolution and origin of the map."
 )
@@ -166,7 +173,7 @@ MAP_FUSION = NodeInterface(
     "map_fusion",
     "Fuses the cones of all robots into one map.",
     MapFusionParameters,
-    publishes=(MAP, MAP_PROBABILITY, MAP_METADATA, MAP_UPDATES, DIAGNOSTICS),
+    publishes=(MAP, MAP_PROBABILITY, MAP_NORMALS, MAP_METADATA, MAP_UPDATES, DIAGNOSTICS),
     subscribes=(CONE,),
     services=(GET_MAP, SAVE_MAP, RESET, PAUSE),
     is_managed=True,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logit
 
 from usmap_ros.grids import FREE_PROBABILITY, GridGeometry, OccupancyMap
-from usmap_ros.mapping.grid import TiledGrid
+from usmap_ros.mapping.grid import IndexArray, TiledGrid
 from usmap_ros.parameters import MappingParameters
 
 #: Layers that every map has: log-odds, and how often an object would have been heard.
@@ -47,6 +48,32 @@ def as_map(
     return OccupancyMap(geometry, values, mask, frame_id, stamp_ns)
 
 
+def on_map(
+    geometry: GridGeometry,
+    rows: IndexArray,
+    columns: IndexArray,
+    values: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Values of some cells on the rectangle of a map, 0 elsewhere.
+
+    Parameters
+    ----------
+    geometry : GridGeometry
+        Of the map.
+    rows, columns : (n,) integer arrays
+        Of the cells on the tiled grid; those beyond the map are left out.
+    values : (n,) float32 array
+        Of the cells.
+    """
+    left, top = geometry.first_cell
+    rows, columns = rows - top, columns - left
+    height, width = geometry.shape
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    placed = np.zeros(geometry.shape, np.float32)
+    placed[rows[inside], columns[inside]] = values[inside]
+    return placed
+
+
 def load_map(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParameters) -> None:
     """Take over what a map that was exported before says of its cells.
 
@@ -63,7 +90,7 @@ def load_map(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParame
     first = np.array(geometry.origin_m) / grid.resolution_m
     if np.any(np.abs(first - np.rint(first)) > 1e-3):
         raise ValueError(f"its origin {geometry.origin_m} is not a multiple of the resolution")
-    left, top = (int(value) for value in np.rint(first))
+    left, top = geometry.first_cell
     prior = np.float32(logit(parameters.prior))
     rows, columns = np.nonzero(occupancy.observed | (occupancy.log_odds != prior))
     slots = grid.slots(rows + top, columns + left)

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.plotting import style
+from usmap_ros.plotting.layers import draw_layer
 from usmap_ros.plotting.plan import draw_probability, draw_truth
 
 _LONG_SIDE_IN = 7.0
@@ -28,8 +29,9 @@ def map_figure(
     truth: TruthMap | None = None,
     title: str = "Fused map",
     extent_m: Extent | None = None,
+    layer: str | None = None,
 ) -> Figure:
-    """Draw a map as probability.
+    """Draw a map as probability, or one of its layers.
 
     Parameters
     ----------
@@ -44,13 +46,23 @@ def map_figure(
     extent_m : (x_min, x_max, y_min, y_max), optional
         What is shown, so that pictures can be compared; by default what was observed and all
         paths.
+    layer : str, optional
+        One of `usmap_ros.grids.LAYERS`: normals as ticks on the probability, others instead of it.
+
+    Raises
+    ------
+    ValueError
+        If the map does not have the layer.
     """
     paths = paths or RobotPaths()
     with style.styled():
         shown = extent_m or shown_extent([occupancy], paths)
         figure = style.new_figure(*figure_size_in(shown))
         axes = figure.subplots()
-        image = draw_probability(axes, occupancy)
+        if layer is None:
+            image, meaning = draw_probability(axes, occupancy), "probability of being occupied"
+        else:
+            image, meaning = draw_layer(axes, occupancy, layer)
         axes.set_xlim(*shown[:2])
         axes.set_ylim(*shown[2:])
         if truth is not None:
@@ -58,7 +70,7 @@ def map_figure(
         draw_paths(axes, paths)
         axes.set_title(title)
         draw_legend(figure, axes)
-        figure.colorbar(image, ax=axes, shrink=0.6, label="probability of being occupied")
+        figure.colorbar(image, ax=axes, shrink=0.6, label=meaning)
     return figure
 
 

@@ -38,6 +38,11 @@ LIKELIHOOD = LinearSegmentedColormap.from_list(
     "likelihood", ["#fdf3e3", "#f9c784", "#ee7b30", "#b3305c", "#2b1247"]
 )
 
+#: How undecided a cell is: what is decided is paper.
+AMBIGUITY = LinearSegmentedColormap.from_list(
+    "ambiguity", ["#ffffff", "#d9d2ec", "#9b7fc4", "#5e3a9b", "#2b1247"]
+).with_extremes(bad=UNKNOWN)
+
 # Any: the type that matplotlib wants spells out all its settings.
 _STYLE: Any = {
     "font.size": 9.0,

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from usmap_ros.cli.plot import Layer
+from usmap_ros.grids import LAYERS
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 
@@ -115,6 +117,19 @@ def test_info_tells_of_saturated_pings(usmap: Run, workspace: Path) -> None:
     description = json.loads(usmap("info", "loud", "--json", cwd=workspace).stdout)
     assert description["topics"][0]["saturated_pings"] >= 3
     assert "saturated" in usmap("info", "loud", cwd=workspace).stdout
+
+
+def test_layers_of_a_map_are_drawn(usmap: Run, workspace: Path) -> None:
+    assert [layer.value for layer in Layer] == list(LAYERS)
+    done = usmap("plot", "map", "-o", "layer.png", "--layer", "normal_rad", cwd=workspace)
+    assert done.returncode == 0, done.stderr
+    assert (workspace / "layer.png").stat().st_size > 5000
+
+
+def test_a_bag_has_no_layers(usmap: Run, workspace: Path) -> None:
+    done = usmap("plot", "bag", "-o", "layer.png", "--layer", "normal_rad", cwd=workspace)
+    assert done.returncode == 2
+    assert "is for maps only" in done.stderr
 
 
 @pytest.mark.parametrize("source", ["bag", "map", "map/map.npz"])

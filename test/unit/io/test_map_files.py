@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import yaml
 from PIL import Image
 
 from usmap_ros.errors import MapFileError
-from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
+from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.map_files import (
     RobotPaths,
     load_map,
@@ -39,6 +40,20 @@ def test_a_map_survives_saving(occupancy: OccupancyMap, tmp_path: Path) -> None:
     np.testing.assert_array_equal(loaded.observed, occupancy.observed)
     assert (loaded.frame_id, loaded.stamp_ns) == ("map", 5)
     assert loaded_paths == paths
+
+
+def test_layers_survive_saving(occupancy: OccupancyMap, tmp_path: Path) -> None:
+    normal_rad = np.array([[np.nan, 1.5, np.nan], [0.0, np.nan, -3.0]], dtype=np.float32)
+    save_map(tmp_path, replace(occupancy, layers={NORMAL: normal_rad}))
+    loaded, _ = load_map(tmp_path)
+    assert list(loaded.layers) == [NORMAL]
+    np.testing.assert_array_equal(loaded.layers[NORMAL], normal_rad)
+
+
+def test_a_layer_that_does_not_fit_is_refused(occupancy: OccupancyMap, tmp_path: Path) -> None:
+    save_map(tmp_path, replace(occupancy, layers={NORMAL: np.zeros((3, 2), np.float32)}))
+    with pytest.raises(MapFileError, match=r"log_odds is \(2, 3\) and normal_rad \(3, 2\)"):
+        load_map(tmp_path)
 
 
 def test_views_need_every_beam_or_a_range() -> None:

@@ -15,7 +15,7 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import FileError
 from usmap_ros.geometry import Pose
-from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
+from usmap_ros.grids import AMBIGUITY, NORMAL, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
@@ -142,6 +142,32 @@ def test_a_map_is_drawn_with_paths_and_truth(occupancy: OccupancyMap) -> None:
     assert axes.get_xlim()[1] > 3.0
     drawn = axes.images[0].get_array()
     assert np.ma.getmaskarray(np.ma.masked_invalid(drawn))[:, 25:].all()
+
+
+def test_normals_are_ticks_on_the_map(occupancy: OccupancyMap) -> None:
+    normal_rad = np.full((20, 30), np.nan, np.float32)
+    normal_rad[5, 7] = np.pi / 2.0
+    figure = map_figure(replace(occupancy, layers={NORMAL: normal_rad}), layer=NORMAL)
+    axes, bar = figure.axes
+    (ticks,) = [line for line in axes.lines if line.get_label() == "faces"]
+    np.testing.assert_allclose(ticks.get_xydata()[:2], [[0.375, 0.275], [0.375, 0.425]], atol=1e-6)
+    assert bar.get_ylabel() == "probability of being occupied"
+
+
+def test_ambiguity_is_drawn_where_anything_was_seen_or_suspected(occupancy: OccupancyMap) -> None:
+    ambiguity = np.zeros((20, 30), np.float32)
+    ambiguity[3, 28] = 0.75
+    figure = map_figure(replace(occupancy, layers={AMBIGUITY: ambiguity}), layer=AMBIGUITY)
+    axes, bar = figure.axes
+    drawn = np.ma.filled(axes.images[0].get_array().astype(float), np.nan)
+    assert drawn[3, 28] == 0.75
+    assert np.count_nonzero(np.isnan(drawn[:, 25:])) == 20 * 5 - 1
+    assert bar.get_ylabel() == "how undecided"
+
+
+def test_a_layer_that_a_map_lacks_cannot_be_drawn(occupancy: OccupancyMap) -> None:
+    with pytest.raises(ValueError, match="has no layer normal_rad"):
+        map_figure(occupancy, layer=NORMAL)
 
 
 def test_pictures_of_different_maps_can_show_the_same(occupancy: OccupancyMap) -> None:

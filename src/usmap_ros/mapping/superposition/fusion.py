@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import OccupancyMap
+from usmap_ros.grids import NORMAL, OccupancyMap
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_SIDE
@@ -30,6 +31,7 @@ from usmap_ros.mapping.superposition.evidence import (
     prepare_bins,
     prove_rays,
 )
+from usmap_ros.mapping.superposition.layers import map_normals, shares_of_sides
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.powers import (
     Contributions,
@@ -251,7 +253,9 @@ class SuperpositionFusion(Fusion):
         rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
         evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")))
         judge(slots, rows, columns, self._tiles(), *evidence, scale, layer(LOG_ODDS))
-        return super().occupancy_map()
+        occupancy = super().occupancy_map()
+        normals = map_normals(occupancy, rows, columns, slots, evidence[1])
+        return replace(occupancy, layers={NORMAL: normals})
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from a map that was exported before.
@@ -269,9 +273,10 @@ class SuperpositionFusion(Fusion):
         evidence = np.where(suspected, log_odds / scale.slope + scale.threshold, 0.0)
         proof = layer(EXPOSURE) * (self.parameters.proof_rays / self.parameters.observed_exposure)
         silence = np.where(free, (scale.prior - log_odds) / SILENT_LOOK, 0.0)
+        by_side = (evidence[:, None] * shares_of_sides(self._grid, occupancy)).reshape(-1)
         for kind in (SHOWN, LASTING):
-            layer(_of(kind, "own"))[:] = np.repeat(evidence / SIDES, SIDES)
-            layer(_of(kind, "block"))[:] = np.repeat(evidence / SIDES, SIDES)
+            layer(_of(kind, "own"))[:] = by_side
+            layer(_of(kind, "block"))[:] = by_side
             layer(_of(kind, "clear"))[:] = proof
             layer(_of(kind, "silent"))[:] = silence
         layer(ALIVE)[:] = suspected

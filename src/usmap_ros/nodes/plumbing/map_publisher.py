@@ -8,13 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.arrays import IntArray
-from usmap_ros.grids import UNKNOWN_VALUE, GridGeometry, OccupancyMap
+from usmap_ros.grids import NORMAL, UNKNOWN_VALUE, GridGeometry, OccupancyMap
 from usmap_ros.io.conversions import (
     grid_to_message,
     grid_update_to_message,
     metadata_to_message,
+    points_to_message,
 )
-from usmap_ros.live.interfaces import MAP, MAP_METADATA, MAP_PROBABILITY, MAP_UPDATES
+from usmap_ros.live.interfaces import (
+    MAP,
+    MAP_METADATA,
+    MAP_NORMALS,
+    MAP_PROBABILITY,
+    MAP_UPDATES,
+)
 from usmap_ros.nodes.plumbing.endpoints import advertise, advertise_managed
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 
@@ -68,8 +75,25 @@ def changed_part(
     return first, after[first[0] : rows.max() + 1, first[1] : columns.max() + 1]
 
 
+def normal_columns(occupancy: OccupancyMap) -> dict[str, NDArray[np.float32]]:
+    """Columns of ``map_normals``; without points if the map has no such layer."""
+    shape = occupancy.geometry.shape
+    normal_rad = occupancy.layers.get(NORMAL, np.full(shape, np.nan, np.float32))
+    rows, columns = np.nonzero(np.isfinite(normal_rad))
+    x, y = occupancy.geometry.cell_centers_m(rows, columns).astype(np.float32).T
+    angle = normal_rad[rows, columns]
+    return {
+        "x": x,
+        "y": y,
+        "z": np.zeros_like(x),
+        "normal_x": np.cos(angle),
+        "normal_y": np.sin(angle),
+        "probability": occupancy.probability()[rows, columns].astype(np.float32),
+    }
+
+
 class MapPublisher:
-    """Publishes ``map``, ``map_probability`` and ``map_metadata``, and updates if wanted.
+    """Publishes the map in all its forms, and updates if wanted.
 
     Parameters
     ----------
@@ -84,6 +108,7 @@ class MapPublisher:
         self._types = RosMessageTypes()
         self._map = advertise_managed(node, MAP)
         self._probability = advertise_managed(node, MAP_PROBABILITY)
+        self._normals = advertise_managed(node, MAP_NORMALS)
         self._metadata = advertise_managed(node, MAP_METADATA)
         self._updates = self._advertise_updates() if with_updates else None
         self._geometry: GridGeometry | None = None
@@ -105,6 +130,9 @@ class MapPublisher:
         self._map.publish(grid)
         self._probability.publish(
             grid_to_message(geometry, percent, frame_id, stamp_ns, self._types)
+        )
+        self._normals.publish(
+            points_to_message(normal_columns(occupancy), frame_id, stamp_ns, self._types)
         )
         self._metadata.publish(metadata_to_message(geometry, stamp_ns, self._types))
         if self._updates is not None and geometry == self._geometry:
@@ -131,7 +159,7 @@ class MapPublisher:
 
     def destroy(self) -> None:
         """Take the topics back."""
-        for publisher in (self._map, self._probability, self._metadata):
+        for publisher in (self._map, self._probability, self._normals, self._metadata):
             self._node.destroy_lifecycle_publisher(publisher)
         if self._updates is not None:
             self._node.destroy_publisher(self._updates)

@@ -1,0 +1,91 @@
+"""In which direction surfaces face: across the line of cells, to where they were heard from."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from usmap_ros.arrays import BoolArray, FloatArray
+
+#: Cells to either side that tell the direction of a line: a window of 7 by 7.
+REACH_CELLS = 3
+#: Variance along a line, in squared cells, that three cells in a row do not have, and four have.
+LEAST_LENGTH_VARIANCE = 1.0
+#: Variance across a line, relative to that along it: what is thicker is a blob, or a corner.
+MOST_THICKNESS = 0.25
+
+_AROUND = np.ones((3, 3), dtype=bool)
+
+
+def surface_normals(
+    believed: BoolArray, weight: FloatArray, heard_from: FloatArray
+) -> NDArray[np.float32]:
+    """Direction in which the surface in each cell faces.
+
+    The principal axes of the cells around one that hang together with it tell the direction of
+    their line.  Of the two directions across it, the surface faces the one from which it was
+    heard.  Where the cells form no line, as those of a lone pole do not, there is none.
+
+    Parameters
+    ----------
+    believed : (rows, columns) bool array
+        Cells that hold something.
+    weight : (rows, columns) array
+        How much each of them counts.
+    heard_from : (rows, columns, 2) array
+        Sum of the directions, x before y, from which each cell was heard, by how much that says.
+
+    Returns
+    -------
+    normal_rad : (rows, columns) float32 array
+        From the x axis towards the y axis, above -π and up to π; NaN where it is not known.
+    """
+    normal_rad = np.full(believed.shape, np.nan, np.float32)
+    rows, columns = np.nonzero(believed)
+    moments, heard = _sums_around(rows, columns, believed, weight, heard_from)
+    mass = np.maximum(moments[0], 1e-12)
+    mean_x, mean_y = moments[1] / mass, moments[2] / mass
+    xx = moments[3] / mass - mean_x**2
+    yy = moments[4] / mass - mean_y**2
+    xy = moments[5] / mass - mean_x * mean_y
+    half_difference = np.hypot(0.5 * (xx - yy), xy)
+    along, across = 0.5 * (xx + yy) + half_difference, 0.5 * (xx + yy) - half_difference
+    direction = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    x, y = -np.sin(direction), np.cos(direction)
+    side = x * heard[0] + y * heard[1]
+    known = (along >= LEAST_LENGTH_VARIANCE) & (across <= MOST_THICKNESS * along) & (side != 0.0)
+    facing = np.arctan2(y * np.sign(side), x * np.sign(side))
+    normal_rad[rows[known], columns[known]] = facing[known]
+    return normal_rad
+
+
+def _sums_around(
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    believed: BoolArray,
+    weight: FloatArray,
+    heard_from: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Sums over the cells around each that hang together with it.
+
+    Returns
+    -------
+    moments : (6, n) array
+        Of the weight: 1, x, y, x², y², x y, in cells from the one in the middle.
+    heard : (2, n) array
+        Of the directions from which they were heard.
+    """
+    parts, _ = label(np.pad(believed, REACH_CELLS), structure=_AROUND)
+    weights = np.pad(weight, REACH_CELLS)
+    directions = np.pad(heard_from, ((REACH_CELLS, REACH_CELLS),) * 2 + ((0, 0),))
+    rows, columns = rows + REACH_CELLS, columns + REACH_CELLS
+    own = parts[rows, columns]
+    moments, heard = np.zeros((6, len(rows))), np.zeros((2, len(rows)))
+    for y in range(-REACH_CELLS, REACH_CELLS + 1):
+        for x in range(-REACH_CELLS, REACH_CELLS + 1):
+            there = rows + y, columns + x
+            share = weights[there] * (parts[there] == own)
+            moments += share * np.array([[1.0], [x], [y], [x * x], [y * y], [x * y]])
+            heard += share * directions[there].T
+    return moments, heard

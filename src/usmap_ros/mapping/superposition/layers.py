@@ -1,0 +1,75 @@
+"""What the map tells of its cells beside its belief, from the evidence that the fusion keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.arrays import FloatArray
+from usmap_ros.grids import NORMAL, OccupancyMap
+from usmap_ros.mapping.export import LOG_ODDS, on_map
+from usmap_ros.mapping.grid import IndexArray, TiledGrid
+from usmap_ros.mapping.normals import surface_normals
+from usmap_ros.mapping.superposition.cells import SIDES
+
+
+def directions_of_sides() -> FloatArray:
+    """Unit vectors from a cell to those who look at it from each side, shape (SIDES, 2).
+
+    Side 0 begins with looks that go along the negative x axis, and so come from the positive one.
+    """
+    angle = (np.arange(SIDES) + 0.5) * (2.0 * np.pi / SIDES)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def map_normals(
+    occupancy: OccupancyMap,
+    rows: IndexArray,
+    columns: IndexArray,
+    slots: IndexArray,
+    block: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Layer `usmap_ros.grids.NORMAL` of a map.
+
+    Parameters
+    ----------
+    occupancy : OccupancyMap
+        The map.
+    rows, columns, slots : (n,) integer arrays
+        Its suspected cells.
+    block : (slots * SIDES,) float32 array
+        Evidence of cells with their neighbours, by the side from which they were seen.
+    """
+    heard = np.maximum(block.reshape(-1, SIDES)[slots], 0.0) @ directions_of_sides()
+    heard_from = [
+        on_map(occupancy.geometry, rows, columns, heard[:, axis].astype(np.float32))
+        for axis in (0, 1)
+    ]
+    believed = occupancy.predicted()
+    return surface_normals(believed, occupancy.probability(), np.stack(heard_from, axis=-1))
+
+
+def shares_of_sides(grid: TiledGrid, occupancy: OccupancyMap) -> NDArray[np.float32]:
+    """Shares of what is known of cells that the sides hold from which they were heard.
+
+    Parameters
+    ----------
+    grid : TiledGrid
+        Which has all cells of the map.
+    occupancy : OccupancyMap
+        A map that was exported before.
+
+    Returns
+    -------
+    shares : (slots, SIDES) float32 array
+        All of it on the side that a surface faces; the same on all sides where that is not known.
+    """
+    shares = np.full((len(grid.layer(LOG_ODDS)), SIDES), 1.0 / SIDES, np.float32)
+    if NORMAL in occupancy.layers:
+        normal_rad = occupancy.layers[NORMAL]
+        rows, columns = np.nonzero(np.isfinite(normal_rad))
+        left, top = occupancy.geometry.first_cell
+        slots = grid.slots(rows + top, columns + left)
+        side = np.floor(normal_rad[rows, columns] / (2.0 * np.pi) * SIDES).astype(np.intp)
+        shares[slots] = np.eye(SIDES, dtype=np.float32)[side % SIDES]
+    return shares

@@ -227,6 +227,8 @@ def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
     positions = [np.reshape(path, (-1, 2)) for path in paths.positions_m.values()]
     unknown = (math.nan,) * len(Beam._fields)
     beams = [beam or unknown for topic in paths.positions_m for beam in paths.beams[topic]]
+    # Any: savez_compressed has an argument of its own that is no array.
+    layers: dict[str, Any] = dict(occupancy.layers)
     content = io.BytesIO()
     np.savez_compressed(
         content,
@@ -240,7 +242,7 @@ def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
         path_lengths=np.array([len(path) for path in positions], dtype=np.int64),
         path_positions=np.concatenate([np.zeros((0, 2)), *positions]).astype(np.float32),
         path_beams=np.reshape(beams, (-1, len(Beam._fields))).astype(np.float32),
-        **{name: layer.astype(np.float32) for name, layer in occupancy.layers.items()},
+        **layers,
     )
     return content.getvalue()
 

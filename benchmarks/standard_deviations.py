@@ -171,13 +171,14 @@ def run() -> dict[str, Any]:
     for one in table(100):
         by_reception.setdefault(f"{one.name}, {one.rate_hz / 1e3:g} kS/s", []).append(one)
     return {
-        name: {
-            "range": f"{min(z := [spread(one.ranges) for one in rows]):.2f} to {max(z):.2f}",
-            "amplitude": f"{min(z := [spread(one.amplitudes) for one in rows]):.2f}"
-            f" to {max(z):.2f}",
-        }
+        name: f"range {_extent([spread(one.ranges) for one in rows])},"
+        f" amplitude {_extent([spread(one.amplitudes) for one in rows])}"
         for name, rows in by_reception.items()
     }
+
+
+def _extent(values: list[float]) -> str:
+    return f"{min(values):.2f} to {max(values):.2f}"
 
 
 def main() -> None:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import HealthCheck, settings
 
-# Before NumPy is imported: the matrices are small, and the threads of the linear algebra would
-# only wait for each other, most of all where several test processes share the machine.
-for library in ("OPENBLAS", "MKL", "OMP"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+from usmap_ros.cores import keep_linear_algebra_to_one_core
+
+# Before NumPy is imported, and most of all where several test processes share the machine.
+keep_linear_algebra_to_one_core()
 
 # The same examples at each run, however fast or busy the machine is.
 settings.register_profile(

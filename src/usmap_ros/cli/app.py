@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from typing import Annotated
@@ -26,6 +25,7 @@ from usmap_ros.cli import (
     status,
     walls,
 )
+from usmap_ros.cores import keep_linear_algebra_to_one_core
 from usmap_ros.errors import UsmapError
 
 app = typer.Typer(
@@ -85,9 +85,7 @@ def main() -> None:
     Exit status 1: the data or a file was unusable. 2: wrong usage, which typer sees to. 143: the
     process was asked to end by SIGTERM.
     """
-    # The matrices are small: threads of the linear algebra would only wait for each other.
-    for library in ("OPENBLAS", "MKL", "OMP"):
-        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    keep_linear_algebra_to_one_core()
     before = signal.signal(signal.SIGTERM, _end)
     try:
         app()

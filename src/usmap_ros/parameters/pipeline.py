@@ -227,6 +227,13 @@ class MappingParameters(ParameterGroup):
         gt=0.0,
         le=100.0,
     )
+    wall_gap_m: float = quantity(
+        0.2,
+        "Widest gap between believed cells that counts as wall; 0: none.",
+        "m",
+        ge=0.0,
+        le=1.0,
+    )
     window: int = quantity(
         600, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
     )

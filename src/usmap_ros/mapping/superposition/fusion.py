@@ -12,6 +12,7 @@ from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.grids import NORMAL, OccupancyMap
+from usmap_ros.mapping.continuity import bridge_gaps
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_SIDE
@@ -253,7 +254,7 @@ class SuperpositionFusion(Fusion):
         rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
         evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")))
         judge(slots, rows, columns, self._tiles(), *evidence, scale, layer(LOG_ODDS))
-        occupancy = super().occupancy_map()
+        occupancy = bridge_gaps(super().occupancy_map(), parameters.wall_gap_m)
         normals = map_normals(occupancy, rows, columns, slots, evidence[1])
         return replace(occupancy, layers={NORMAL: normals})
 

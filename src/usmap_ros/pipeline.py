@@ -106,6 +106,16 @@ class Pipeline:
         """
         self.fusion.resume(occupancy)
 
+    def refine(self, passes: int) -> None:
+        """Look at the recent cones again, `passes` times.
+
+        Raises
+        ------
+        UsmapError
+            If the method of mapping has no use for it.
+        """
+        self.fusion.refine(passes)
+
     def occupancy_map(self) -> OccupancyMap:
         """Return the map so far."""
         return self.fusion.occupancy_map()

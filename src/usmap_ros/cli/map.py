@@ -34,6 +34,12 @@ def map_bags(
             "--jobs", "-j", min=0, help="Processes that reconstruct; 0: one for each core."
         ),
     ] = 0,
+    passes: Annotated[
+        int,
+        typer.Option(
+            min=0, max=100, help="Further looks at the recent pings (mapping.window) at the end."
+        ),
+    ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Turn recorded bags into a map: for nav2, as log-odds, and a summary."""
@@ -56,6 +62,7 @@ def map_bags(
     ):
         with console.progress("mapping", bag.trace_count or bag.cone_count) as step:
             run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers)
+        pipeline.refine(passes)
         occupancy = pipeline.occupancy_map()
         save_map(output, occupancy, paths)
         summary = run.summary(occupancy, time.perf_counter() - started)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.errors import MalformedMessageError
+from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map, load_map
 from usmap_ros.mapping.grid import FloatArray, TiledGrid
@@ -79,6 +79,22 @@ class Fusion(ABC):
         is not believed to be free.  A cell that echoes could neither fill nor free is not.
         """
         return as_map(self._grid, self.parameters, self.frame_id, self.stamp_ns)
+
+    def refine(self, passes: int) -> None:
+        """Look at the recent cones again.
+
+        Parameters
+        ----------
+        passes : int
+            How often.
+
+        Raises
+        ------
+        UsmapError
+            If this way of fusing takes each cone up once and for all.
+        """
+        if passes:
+            raise UsmapError(f"mapping.method: {self.parameters.method} has no use for more passes")
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from a map that was exported before.

@@ -172,6 +172,12 @@ class SuperpositionFusion(Fusion):
         if self._next == len(self._window):
             self._end_pass()
 
+    def refine(self, passes: int) -> None:
+        """Go through the window a few times more, as it is done anyway while cones come in."""
+        remaining = passes * len(self._window) + (-self._next) % max(len(self._window), 1)
+        for _ in range(remaining if passes else 0):
+            self._visit()
+
     def _expect(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int, Contributions]:
         """Work out what the map expects of a ping, from the cells that are not 0 in `among`."""
         layer, tiles, bins = self._grid.layer, self._tiles(), self._work.bins(look)

@@ -187,7 +187,7 @@ class MappingParameters(ParameterGroup):
         1.0, "Rate of the exponential prior of a cell's power.", ge=0.0, le=1e3
     )
     evidence_threshold: float = quantity(
-        13.0,
+        16.0,
         "Log-likelihood ratio at which a cell is as likely occupied as free.",
         ge=0.0,
         le=100.0,
@@ -196,7 +196,7 @@ class MappingParameters(ParameterGroup):
         0.5, "Log-odds for each unit of log-likelihood ratio.", gt=0.0, le=10.0
     )
     most_evidence_a_bin: float = quantity(
-        5.0, "Bound of what a single echo or silence can say of a cell.", gt=0.0, le=100.0
+        8.0, "Bound of what a single echo or silence can say of a cell.", gt=0.0, le=100.0
     )
     most_evidence: float = quantity(
         60.0, "Bound of what all pings together can say of a cell.", gt=0.0, le=1e4

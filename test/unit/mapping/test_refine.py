@@ -11,7 +11,7 @@ from usmap_ros.parameters import MappingParameters, PipelineParameters
 def pipeline_with_pings(method: str = "superposition") -> usmap_ros.Pipeline:
     mapping = MappingParameters(method=method)
     pipeline = usmap_ros.Pipeline(PipelineParameters(mapping=mapping))
-    for x_m, y_m in [(0.0, 0.0), (0.5, 0.2), (1.0, -0.4), (1.2, 0.5)]:
+    for x_m, y_m in [(0.0, 0.0), (0.5, 0.2), (1.0, -0.4), (1.2, 0.5), (1.5, 1.2)]:
         pose = usmap_ros.Pose.planar(x_m, y_m, float(np.arctan2(0.3 - y_m, 2.0 - x_m)))
         pipeline.process(usmap_ros.hear([(2.0, 0.3)], pose=pose))
     return pipeline

@@ -16,10 +16,12 @@ OCCUPIED_PROBABILITY = 0.65
 FREE_PROBABILITY = 0.35
 
 #: Layers that a map may have beside what it believes: the direction in which the surface in each
-#: cell faces, in rad from the x axis, NaN where it is not known; and how undecided each suspected
-#: cell is, from 0 to 1.
+#: cell faces, in rad from the x axis, NaN where it is not known; how undecided each suspected
+#: cell is, from 0 to 1; and the mean cosine and sine of twice the direction of the looks in which
+#: it may have been heard.
 NORMAL, AMBIGUITY = "normal_rad", "ambiguity"
-LAYERS = (NORMAL, AMBIGUITY)
+LOOKS_COS, LOOKS_SIN = "looks_cos", "looks_sin"
+LAYERS = (NORMAL, AMBIGUITY, LOOKS_COS, LOOKS_SIN)
 
 #: Values of a trinary ``nav_msgs/OccupancyGrid``.
 UNKNOWN_VALUE, FREE_VALUE, OCCUPIED_VALUE = -1, 0, 100
@@ -93,6 +95,12 @@ class OccupancyMap:
     def probability(self) -> FloatArray:
         """Probability that each cell is occupied; the prior where nothing was observed."""
         return 1.0 / (1.0 + np.exp(-self.log_odds.astype(np.float64)))
+
+    def ambiguity_percent(self) -> NDArray[np.int8]:
+        """How undecided cells are as 0..100, or -1 where nothing was observed or suspected."""
+        ambiguity = self.layers.get(AMBIGUITY, np.zeros(self.geometry.shape, np.float32))
+        values = np.rint(100.0 * ambiguity).astype(np.int8)
+        return np.where(self.observed | (ambiguity > 0.0), values, np.int8(UNKNOWN_VALUE))
 
     def observed_geometry(self) -> GridGeometry:
         """Rectangle around the observed cells; the whole map if there are none."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import NORMAL, OccupancyMap
+from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.continuity import bridge_gaps
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.fusion import Fusion
@@ -32,7 +32,7 @@ from usmap_ros.mapping.superposition.evidence import (
     prepare_bins,
     prove_rays,
 )
-from usmap_ros.mapping.superposition.layers import map_normals, shares_of_sides
+from usmap_ros.mapping.superposition.layers import map_layers, shares_of_sides
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.powers import (
     Contributions,
@@ -44,6 +44,7 @@ from usmap_ros.mapping.superposition.powers import (
     split_expected,
     weigh_bins,
 )
+from usmap_ros.mapping.superposition.shares import Shares, add_shares
 from usmap_ros.mapping.superposition.sight import (
     cast_rays,
     deal_presence,
@@ -62,8 +63,9 @@ ALIVE = "alive"
 BELIEF, HIDING, DEPTH, RELEVANT = "belief", "hiding", "depth", "relevant"
 #: A layer of ones.
 EVERYWHERE = "everywhere"
-#: Evidence: of cells by themselves, of blocks, of rays that passed, of silence.
-EVIDENCE = ("own", "block", "clear", "silent")
+#: Evidence: of cells by themselves, of blocks, of rays that passed, of silence; and the cells'
+#: shares in what was heard.
+EVIDENCE = ("own", "block", "clear", "silent", *Shares._fields)
 #: It is kept thrice: what the map shows, what the pass under way has gathered so far, and what
 #: pings have left behind that are no longer in the window.
 SHOWN, GATHERED, LASTING = "shown", "gathered", "lasting"
@@ -77,6 +79,8 @@ SEVERAL = {
 MOST_PASSES, EARLY_VISITS = 24, 500
 #: Pings that are learnt from again at once with every new one.
 RECENT = 3
+#: Of evidence that is not clamped: more would not fit a probability.
+MOST_LOG_ODDS = 30.0
 #: A cell that no ping of a pass has anything to say of is given up after so many looks.
 FAIR_LOOKS = 3
 
@@ -207,12 +211,13 @@ class SuperpositionFusion(Fusion):
     def _deal(self, look: Look, kind: str, *, learn: bool = False) -> None:
         """Add what a ping says to the evidence of a kind; learn its powers too if asked to."""
         layer, tiles, parameters = self._grid.layer, self._tiles(), self.parameters
-        own, block, clear, silent = (layer(_of(kind, name)) for name in EVIDENCE)
+        own, block, clear, silent, *shares = (layer(_of(kind, name)) for name in EVIDENCE)
         evidence = Evidence(own, block, clear, silent, layer(RELEVANT))
         seen, count, parts = self._expect(look, layer(ALIVE))
         bins, rays = self._work.bins(look), self._work.rays(look, tiles)
         prepare_bins(look, bins)
         add_evidence(look, seen, count, bins, parts, tiles, self._bounds, evidence)
+        add_shares(look, seen, count, bins, parts, Shares(*shares))
         prove_rays(look, seen, count, bins, parts, layer(BELIEF), tiles, rays.proven_m)
         if learn:
             self._learn_from(look, seen, count)
@@ -257,12 +262,15 @@ class SuperpositionFusion(Fusion):
         exposure = seen_free(clear, silent, parameters.proof_rays, parameters.observed_exposure)
         layer(EXPOSURE)[:] = exposure
         layer(LOG_ODDS)[:] = np.maximum(scale.prior - SILENT_LOOK * exposure, scale.least)
-        rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
-        evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")))
-        judge(slots, rows, columns, self._tiles(), *evidence, scale, layer(LOG_ODDS))
+        suspected = rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
+        own, block = layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block"))
+        open_scale = scale._replace(least=-MOST_LOG_ODDS, greatest=MOST_LOG_ODDS)
+        judge(slots, rows, columns, self._tiles(), own, block, open_scale, layer(LOG_ODDS))
+        log_odds = layer(LOG_ODDS)[slots]
+        layer(LOG_ODDS)[slots] = np.clip(log_odds, scale.least, scale.greatest)
         occupancy = bridge_gaps(super().occupancy_map(), parameters.wall_gap_m)
-        normals = map_normals(occupancy, rows, columns, slots, evidence[1])
-        return replace(occupancy, layers={NORMAL: normals})
+        shares = Shares(*(layer(_of(SHOWN, name)) for name in Shares._fields))
+        return replace(occupancy, layers=map_layers(occupancy, suspected, log_odds, block, shares))
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from a map that was exported before.

@@ -4,13 +4,75 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+from scipy.special import entr, expit
 
 from usmap_ros.arrays import FloatArray
-from usmap_ros.grids import NORMAL, OccupancyMap
+from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, OccupancyMap
 from usmap_ros.mapping.export import LOG_ODDS, on_map
 from usmap_ros.mapping.grid import IndexArray, TiledGrid
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.superposition.cells import SIDES
+from usmap_ros.mapping.superposition.shares import Shares
+
+
+def map_layers(
+    occupancy: OccupancyMap,
+    suspected: tuple[IndexArray, IndexArray, IndexArray],
+    log_odds: NDArray[np.float32],
+    block: NDArray[np.float32],
+    shares: Shares,
+) -> dict[str, NDArray[np.float32]]:
+    """All layers of a map.
+
+    Parameters
+    ----------
+    occupancy : OccupancyMap
+        The map.
+    suspected : three (n,) integer arrays
+        Rows, columns and slots of the cells that may hold something.
+    log_odds : (n,) float32 array
+        Of them, not clamped.
+    block : (slots * SIDES,) float32 array
+        Evidence of cells with their neighbours, by the side from which they were seen.
+    shares : Shares
+        Of the cells in what was heard.
+    """
+    rows, columns, slots = suspected
+    looks = np.maximum(shares.heard[slots], 1.0)
+    explained, cos, sin = (
+        on_map(occupancy.geometry, rows, columns, sums[slots] / looks)
+        for sums in (shares.explained, shares.axis_cos, shares.axis_sin)
+    )
+    is_suspected = on_map(occupancy.geometry, rows, columns, np.ones(len(rows), np.float32))
+    belief = on_map(occupancy.geometry, rows, columns, expit(log_odds))
+    return {
+        NORMAL: map_normals(occupancy, rows, columns, slots, block),
+        AMBIGUITY: is_suspected * undecided(explained, belief),
+        LOOKS_COS: cos,
+        LOOKS_SIN: sin,
+    }
+
+
+def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How undecided it is what cells hold: the entropy, in bits, of its being something.
+
+    A cell that explains its echoes together with its neighbours is their source, and one whose
+    echoes others explain is not.  What lies between is undecided, unless evidence has
+    decided it: the cells of a wall share their echoes, and stand there all the same.
+
+    Parameters
+    ----------
+    explained : (rows, columns) float32 array
+        Mean share of each cell in the echoes that may have come from it.
+    belief : (rows, columns) float32 array
+        Probability by the evidence.
+    """
+    with_neighbours = 9.0 * uniform_filter(explained.astype(np.float64), 3, mode="constant")
+    probability = np.clip(np.maximum(with_neighbours, belief), 0.0, 1.0)
+    entropy = (entr(probability) + entr(1.0 - probability)) / np.log(2.0)
+    bits: NDArray[np.float32] = np.clip(entropy, 0.0, 1.0).astype(np.float32)
+    return bits
 
 
 def directions_of_sides() -> FloatArray:

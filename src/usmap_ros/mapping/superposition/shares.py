@@ -1,0 +1,65 @@
+"""How much of the echoes that may have come from a cell it explains, and who heard them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.compiled import compiled
+from usmap_ros.mapping.superposition.cells import Seen
+from usmap_ros.mapping.superposition.look import ECHO, Look
+from usmap_ros.mapping.superposition.powers import CELL_BINS, Bins, Contributions
+
+
+class Shares(NamedTuple):
+    """Sums over the looks in which an echo may have come from a cell; (slots,) float32 arrays.
+
+    Parameters
+    ----------
+    explained : float32 array
+        Share of the echo's expected power that comes from the cell.
+    heard : float32 array
+        Number of the looks.
+    axis_cos, axis_sin : float32 arrays
+        Cosine and sine of twice the direction of the looks: a ring of candidates looks the same
+        to a look from the opposite side.
+    """
+
+    explained: NDArray[np.float32]
+    heard: NDArray[np.float32]
+    axis_cos: NDArray[np.float32]
+    axis_sin: NDArray[np.float32]
+
+
+@compiled
+def add_shares(
+    look: Look, seen: Seen, count: int, bins: Bins, parts: Contributions, shares: Shares
+) -> None:
+    """Add what a look tells of its cells' shares in its echoes.
+
+    Of several echoes that may have come from a cell, the one counts that it explains best.
+
+    Parameters
+    ----------
+    look, seen, count, bins, parts
+        As in `usmap_ros.mapping.superposition.evidence.add_evidence`.
+    shares : Shares
+        Added to.
+    """
+    bin_count = len(look.kind)
+    for cell in range(count):
+        best = -1.0
+        for column in range(CELL_BINS):
+            part, b = parts.parts[cell, column], parts.first_bin[cell] + column
+            if part > 0.0 and 0 <= b < bin_count and look.kind[b] == ECHO:
+                best = max(best, part / bins.expected[b])
+        if best >= 0.0:
+            slot = seen.slot[cell]
+            twice = 2.0 * (look.heading_rad + seen.bearing[cell])
+            shares.explained[slot] += best
+            shares.heard[slot] += 1.0
+            shares.axis_cos[slot] += math.cos(twice)
+            shares.axis_sin[slot] += math.sin(twice)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap
+from usmap_ros.grids import LAYERS, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.io.conversions import cone_to_message, grid_from_message, points_from_message
 from usmap_ros.io.map_files import load_map
 from usmap_ros.io.nav2_map import load_nav2_map
@@ -86,14 +86,20 @@ def test_a_late_subscriber_gets_the_map_at_once(
 def test_layers_are_those_of_the_pipeline(live: Any, cones: Cones, nav2_qos: Any) -> None:
     node = live.add(MapFusion, order_wait_s=5.0)
     clouds = live.listen("sensor_msgs/msg/PointCloud2", "/map_normals", nav2_qos)
+    grids = live.listen(GRID, "/map_ambiguity", nav2_qos)
     send(live, cones)
     last = cone_to_message(cones[-1][1], TYPES).header.stamp
     live.until(lambda: clouds and clouds[-1].header.stamp == last)
+    live.until(lambda: grids and grids[-1].header.stamp == last)
     expected = offline(cones)
     now = node.session.fusion.occupancy_map()
-    assert NORMAL in now.layers
-    for name in now.layers:
+    assert sorted(now.layers) == sorted(LAYERS)
+    for name in LAYERS:
         np.testing.assert_array_equal(now.layers[name], expected.layers[name])
+    geometry, values, _, _ = grid_from_message(grids[-1])
+    np.testing.assert_array_equal(
+        values, placed(expected.ambiguity_percent(), expected.geometry, geometry)
+    )
     columns, frame_id, _ = points_from_message(clouds[-1])
     assert frame_id == "map"
     assert list(columns) == ["x", "y", "z", "normal_x", "normal_y", "probability"]

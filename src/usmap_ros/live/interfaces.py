@@ -130,6 +130,12 @@ MAP_NORMALS = Topic(
     "x, y, z, normal_x, normal_y and probability of every occupied cell whose surface is known to"
     " face in some direction.",
 )
+MAP_AMBIGUITY = Topic(
+    "map_ambiguity",
+    "nav_msgs/msg/OccupancyGrid",
+    LATCHED,
+    "How undecided each cell is, 0 to 100, or -1 where nothing was observed or suspected.",
+)
 MAP_METADATA = Topic(
     "map_metadata", "nav_msgs/msg/MapMetaData", LATCHED, "Size, resolution and origin of the map."
 )
@@ -173,7 +179,15 @@ MAP_FUSION = NodeInterface(
     "map_fusion",
     "Fuses the cones of all robots into one map.",
     MapFusionParameters,
-    publishes=(MAP, MAP_PROBABILITY, MAP_NORMALS, MAP_METADATA, MAP_UPDATES, DIAGNOSTICS),
+    publishes=(
+        MAP,
+        MAP_PROBABILITY,
+        MAP_NORMALS,
+        MAP_AMBIGUITY,
+        MAP_METADATA,
+        MAP_UPDATES,
+        DIAGNOSTICS,
+    ),
     subscribes=(CONE,),
     services=(GET_MAP, SAVE_MAP, RESET, PAUSE),
     is_managed=True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import convolve
 from scipy.special import entr, expit
 
 from usmap_ros.arrays import FloatArray
@@ -39,37 +39,42 @@ def map_layers(
         Of the cells in what was heard.
     """
     rows, columns, slots = suspected
+
+    def placed(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        return on_map(occupancy.geometry, rows, columns, values)
+
     looks = np.maximum(shares.heard[slots], 1.0)
-    explained, cos, sin = (
-        on_map(occupancy.geometry, rows, columns, sums[slots] / looks)
-        for sums in (shares.explained, shares.axis_cos, shares.axis_sin)
-    )
-    is_suspected = on_map(occupancy.geometry, rows, columns, np.ones(len(rows), np.float32))
-    belief = on_map(occupancy.geometry, rows, columns, expit(log_odds))
+    explained = _around(placed(shares.explained[slots] / looks))
+    heard = np.maximum(_around(placed(shares.heard[slots])), 1.0)
     return {
         NORMAL: map_normals(occupancy, rows, columns, slots, block),
-        AMBIGUITY: is_suspected * undecided(explained, belief),
-        LOOKS_COS: cos,
-        LOOKS_SIN: sin,
+        AMBIGUITY: undecided(explained, placed(expit(log_odds))),
+        LOOKS_COS: _around(placed(shares.axis_cos[slots])) / heard,
+        LOOKS_SIN: _around(placed(shares.axis_sin[slots])) / heard,
     }
+
+
+def _around(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Sum over each cell and its eight neighbours."""
+    sums: NDArray[np.float32] = convolve(values, np.ones((3, 3), np.float32), mode="constant")
+    return sums
 
 
 def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> NDArray[np.float32]:
     """How undecided it is what cells hold: the entropy, in bits, of its being something.
 
-    A cell that explains its echoes together with its neighbours is their source, and one whose
-    echoes others explain is not.  What lies between is undecided, unless evidence has
+    A block of nine cells that explains its echoes holds their source, and one whose echoes
+    others explain does not.  What lies between is undecided, unless evidence has
     decided it: the cells of a wall share their echoes, and stand there all the same.
 
     Parameters
     ----------
     explained : (rows, columns) float32 array
-        Mean share of each cell in the echoes that may have come from it.
+        Mean share of each cell and its neighbours in the echoes that may have come from there.
     belief : (rows, columns) float32 array
         Probability by the evidence.
     """
-    with_neighbours = 9.0 * uniform_filter(explained.astype(np.float64), 3, mode="constant")
-    probability = np.clip(np.maximum(with_neighbours, belief), 0.0, 1.0)
+    probability = np.clip(np.maximum(explained, belief), 0.0, 1.0).astype(np.float64)
     entropy = (entr(probability) + entr(1.0 - probability)) / np.log(2.0)
     bits: NDArray[np.float32] = np.clip(entropy, 0.0, 1.0).astype(np.float32)
     return bits

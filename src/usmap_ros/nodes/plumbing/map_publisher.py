@@ -17,6 +17,7 @@ from usmap_ros.io.conversions import (
 )
 from usmap_ros.live.interfaces import (
     MAP,
+    MAP_AMBIGUITY,
     MAP_METADATA,
     MAP_NORMALS,
     MAP_PROBABILITY,
@@ -109,6 +110,7 @@ class MapPublisher:
         self._map = advertise_managed(node, MAP)
         self._probability = advertise_managed(node, MAP_PROBABILITY)
         self._normals = advertise_managed(node, MAP_NORMALS)
+        self._ambiguity = advertise_managed(node, MAP_AMBIGUITY)
         self._metadata = advertise_managed(node, MAP_METADATA)
         self._updates = self._advertise_updates() if with_updates else None
         self._geometry: GridGeometry | None = None
@@ -130,6 +132,10 @@ class MapPublisher:
         self._map.publish(grid)
         self._probability.publish(
             grid_to_message(geometry, percent, frame_id, stamp_ns, self._types)
+        )
+        undecided = placed(occupancy.ambiguity_percent(), occupancy.geometry, geometry)
+        self._ambiguity.publish(
+            grid_to_message(geometry, undecided, frame_id, stamp_ns, self._types)
         )
         self._normals.publish(
             points_to_message(normal_columns(occupancy), frame_id, stamp_ns, self._types)
@@ -159,7 +165,13 @@ class MapPublisher:
 
     def destroy(self) -> None:
         """Take the topics back."""
-        for publisher in (self._map, self._probability, self._normals, self._metadata):
+        for publisher in (
+            self._map,
+            self._probability,
+            self._normals,
+            self._ambiguity,
+            self._metadata,
+        ):
             self._node.destroy_lifecycle_publisher(publisher)
         if self._updates is not None:
             self._node.destroy_publisher(self._updates)

@@ -18,6 +18,7 @@ from usmap_ros.cli import (
     info,
     map,
     paper,
+    plan,
     plot,
     record,
     replay,
@@ -42,6 +43,7 @@ app.command("map")(map.map_bags)
 app.command("evaluate")(evaluate.evaluate)
 app.command("walls")(walls.walls)
 app.command("plot")(plot.plot)
+app.command("plan")(plan.plan)
 app.command("info")(info.info)
 app.command("paper")(paper.paper)
 app.command("fleet")(fleet.fleet)

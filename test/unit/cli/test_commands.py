@@ -15,6 +15,7 @@ from usmap_ros.cli.plot import Layer
 from usmap_ros.grids import LAYERS
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.map_files import load_map, save_map
 
 Run = Callable[..., Any]
 
@@ -125,6 +126,36 @@ def test_layers_of_a_map_are_drawn(usmap: Run, workspace: Path, layer: str) -> N
     done = usmap("plot", "map", "-o", "layer.png", "--layer", layer, cwd=workspace)
     assert done.returncode == 0, done.stderr
     assert (workspace / "layer.png").stat().st_size > 5000
+
+
+def test_plan_names_poses_and_draws_them(usmap: Run, workspace: Path) -> None:
+    done = usmap("plan", "map", "--json", "-n", "2", "-o", "plan.png", cwd=workspace)
+    assert done.returncode == 0, done.stderr
+    views = json.loads(done.stdout)
+    assert len(views) <= 2
+    assert all(set(view) == {"x_m", "y_m", "yaw_rad", "score"} for view in views)
+    assert (workspace / "plan.png").stat().st_size > 5000
+    assert "heading (rad)" in usmap("plan", "map", cwd=workspace).stdout
+
+
+def test_a_plan_needs_to_know_what_pings(usmap: Run, workspace: Path) -> None:
+    occupancy, _ = load_map(workspace / "map")
+    save_map(workspace / "bare", occupancy)
+    done = usmap("plan", "bare", cwd=workspace)
+    assert done.returncode == 1
+    assert "bare: has no pings; state --half-angle and --max-range" in done.stderr
+    stated = usmap(
+        "plan", "bare", "--half-angle", "0.5", "--max-range", "3", "--json", cwd=workspace
+    )
+    assert stated.returncode == 0, stated.stderr
+
+
+def test_a_map_without_ambiguity_has_no_plan(usmap: Run, workspace: Path) -> None:
+    occupancy, paths = load_map(workspace / "map")
+    save_map(workspace / "bare", replace(occupancy, layers={}), paths)
+    done = usmap("plan", "bare", cwd=workspace)
+    assert done.returncode == 1
+    assert "bare: has no layer ambiguity" in done.stderr
 
 
 def test_a_bag_has_no_layers(usmap: Run, workspace: Path) -> None:

@@ -43,9 +43,9 @@ def map_layers(
     def placed(values: NDArray[np.float32]) -> NDArray[np.float32]:
         return on_map(occupancy.geometry, rows, columns, values)
 
-    looks = np.maximum(shares.heard[slots], 1.0)
+    looks: NDArray[np.float32] = np.maximum(shares.heard[slots], np.float32(1.0))
     explained = _around(placed(shares.explained[slots] / looks))
-    heard = np.maximum(_around(placed(shares.heard[slots])), 1.0)
+    heard: NDArray[np.float32] = np.maximum(_around(placed(shares.heard[slots])), np.float32(1.0))
     return {
         NORMAL: map_normals(occupancy, rows, columns, slots, block),
         AMBIGUITY: undecided(explained, placed(expit(log_odds))),

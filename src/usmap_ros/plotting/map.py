@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from usmap_ros.grids import OccupancyMap, TruthMap
+from usmap_ros.grids import AMBIGUITY, OccupancyMap, TruthMap
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.plotting import style
 from usmap_ros.plotting.layers import draw_layer
@@ -69,7 +69,7 @@ def map_figure(
             draw_truth(axes, truth)
         draw_paths(axes, paths)
         axes.set_title(title)
-        draw_legend(figure, axes)
+        draw_legend(figure, axes, paper="decided" if layer == AMBIGUITY else "free")
         figure.colorbar(image, ax=axes, shrink=0.6, label=meaning)
     return figure
 
@@ -114,7 +114,7 @@ def draw_paths(axes: Axes, paths: RobotPaths) -> None:
         axes.plot(x[-1:], y[-1:], color=color, marker="o", markersize=5, linestyle="none")
 
 
-def draw_legend(figure: Figure, axes: Axes) -> None:
+def draw_legend(figure: Figure, axes: Axes, paper: str = "free") -> None:
     """Say below a map what is drawn on it, and what its paper and its grey mean."""
     handles, labels = axes.get_legend_handles_labels()
     handles = [
@@ -122,7 +122,7 @@ def draw_legend(figure: Figure, axes: Axes) -> None:
         Patch(facecolor=style.UNKNOWN, edgecolor=style.FAINT),
         *handles,
     ]
-    style.legend_below(figure, handles, ["free", "unknown", *labels], columns=6)
+    style.legend_below(figure, handles, [paper, "unknown", *labels], columns=6)
 
 
 def robot_name(topic: str) -> str:

@@ -74,6 +74,17 @@ def test_seen_from_several_sides_a_pole_is_decided(many_sides: OccupancyMap) -> 
     assert many_sides.layers[AMBIGUITY].max() < 0.2
 
 
+def test_around_what_is_decided_nothing_is_undecided(many_sides: OccupancyMap) -> None:
+    rows, columns = np.nonzero(many_sides.predicted())
+    assert len(rows) > 0
+    padded = np.pad(many_sides.layers[AMBIGUITY], 1)
+    around = [
+        padded[row : row + 3, column : column + 3].max()
+        for row, column in zip(rows, columns, strict=True)
+    ]
+    assert max(around) < 0.1
+
+
 def test_shared_echoes_are_undecided_unless_evidence_has_decided() -> None:
     explained = np.array([[0.0, 0.1, 0.5, 1.0, 1.2, 0.1]], np.float32)
     belief = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]], np.float32)

@@ -163,6 +163,8 @@ def test_ambiguity_is_drawn_where_anything_was_seen_or_suspected(occupancy: Occu
     assert drawn[3, 28] == 0.75
     assert np.count_nonzero(np.isnan(drawn[:, 25:])) == 20 * 5 - 1
     assert bar.get_ylabel() == "how undecided"
+    explained = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert explained == {"decided", "unknown"}
 
 
 def test_a_layer_that_a_map_lacks_cannot_be_drawn(occupancy: OccupancyMap) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve
+from scipy.ndimage import convolve, maximum_filter
 from scipy.special import entr, expit
 
 from usmap_ros.arrays import FloatArray
@@ -48,7 +48,7 @@ def map_layers(
     heard: NDArray[np.float32] = np.maximum(_around(placed(shares.heard[slots])), np.float32(1.0))
     return {
         NORMAL: map_normals(occupancy, rows, columns, slots, block),
-        AMBIGUITY: undecided(explained, placed(expit(log_odds))),
+        AMBIGUITY: undecided(explained, maximum_filter(placed(expit(log_odds)), 3)),
         LOOKS_COS: _around(placed(shares.axis_cos[slots])) / heard,
         LOOKS_SIN: _around(placed(shares.axis_sin[slots])) / heard,
     }
@@ -72,7 +72,7 @@ def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> ND
     explained : (rows, columns) float32 array
         Mean share of each cell and its neighbours in the echoes that may have come from there.
     belief : (rows, columns) float32 array
-        Probability by the evidence.
+        Greatest probability by the evidence of each cell and its neighbours.
     """
     probability = np.clip(np.maximum(explained, belief), 0.0, 1.0).astype(np.float64)
     entropy = (entr(probability) + entr(1.0 - probability)) / np.log(2.0)

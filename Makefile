@@ -18,7 +18,7 @@ FULL := $(VENV)/.stamp-full
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench figures docs test-lower-bounds constraints clean
+.PHONY: help demo test lint format bench readme figures docs test-lower-bounds constraints clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|' 2>/dev/null \
@@ -50,6 +50,13 @@ format: $(FULL) ## format the code
 
 bench: $(FULL) ## measure speed and memory
 	@$(BIN)/python benchmarks/run.py
+
+readme: $(FULL) ## make the README's pictures and table anew
+	@$(BIN)/usmap demo -o demo_output
+	@for picture in map.gif map.png range_only.png ping.png; do \
+	  cp demo_output/$$picture docs/images/demo_$$picture; done
+	@$(BIN)/python benchmarks/scores.py --conditions plain --methods ours range_only \
+	  --readme README.md
 
 figures: $(FULL) ## reproduce the paper's figures: into figures
 	@$(BIN)/usmap paper -o figures

@@ -214,6 +214,8 @@ def readme_table(rows: list[dict[str, Any]]) -> str:
         ]
         scene = by_method["ours"]["scene"].replace("_", " ")
         lines.append(f"| {scene} | {' | '.join(figures)} |")
+    seeds = sorted({seed for row in rows for seed in row["seeds"]})
+    lines += ["", f"Seeds: {', '.join(map(str, seeds))}."]
     return "\n".join(lines) + "\n"
 
 

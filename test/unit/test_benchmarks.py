@@ -118,8 +118,9 @@ def test_conditions_are_varied_on_some_scenes_only(benchmark: ModuleType) -> Non
 def test_the_readme_shows_ours_beside_range_only(benchmark: ModuleType) -> None:
     figures = {"f1": 0.5, "leak": 0.25, "lost": 0.125, "escape_m2": 2.0}
     rows = [
-        {"scene": "rough_rooms", "condition": "plain", "method": method, **figures}
+        {"scene": "rough_rooms", "condition": "plain", "method": method, "seeds": [3, 1], **figures}
         for method in ("ours", "range_only")
     ]
-    last = benchmark.readme_table(rows).splitlines()[-1]
-    assert last == "| rough rooms |" + " 0.50 | 0.250 | 0.125 | 2.00 |" * 2
+    lines = benchmark.readme_table(rows).splitlines()
+    assert lines[2] == "| rough rooms |" + " 0.50 | 0.250 | 0.125 | 2.00 |" * 2
+    assert lines[-1] == "Seeds: 1, 3."

@@ -19,11 +19,14 @@ from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE, TiledGrid
-from usmap_ros.mapping.noisy_or import NoisyOrFusion
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
+from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.parameters import MappingParameters
 
 QUICK = settings(max_examples=40)
+#: Each example is a map or two.
+FEW = settings(max_examples=5)
+KINDS = [SuperpositionFusion, AdditiveFusion]
 PULSE = Pulse(PulseShape.HANN_BURST, 50e3, 3e-4)
 #: Just short of, at and beyond a right angle the cone is no longer convex.
 half_angles = st.one_of(
@@ -158,8 +161,11 @@ def test_a_footprint_holds_exactly_the_cells_in_beam_and_range(
     assert set(found) - edge == expected
 
 
-@QUICK
-@given(st.lists(cones(), min_size=1, max_size=3), st.sampled_from([NoisyOrFusion, AdditiveFusion]))
+@FEW
+@given(
+    st.lists(cones(), min_size=1, max_size=3),
+    st.sampled_from([SuperpositionFusion, AdditiveFusion]),
+)
 def test_any_valid_cone_leaves_a_map_of_finite_numbers_between_the_clamps(
     views: list[EchoCone], kind: type[Fusion]
 ) -> None:
@@ -180,38 +186,19 @@ def fused(fusion: Fusion, views: list[EchoCone]) -> OccupancyMap:
     return fusion.occupancy_map()
 
 
-@QUICK
+@FEW
 @given(st.tuples(cones(), cones(x_m=20.0), cones(x_m=-20.0)))
 def test_robots_in_areas_of_their_own_may_come_in_any_order(
     views: tuple[EchoCone, ...],
 ) -> None:
     """What a revisit takes back and deals again must not depend on what others did meanwhile."""
     first, *others = (
-        fused(NoisyOrFusion(MappingParameters()), list(order)) for order in permutations(views)
+        fused(SuperpositionFusion(MappingParameters()), list(order))
+        for order in permutations(views)
     )
     for other in others:
         assert other.geometry == first.geometry
         np.testing.assert_allclose(other.log_odds, first.log_odds, atol=1e-3)
-
-
-@QUICK
-@given(
-    st.lists(cones(), min_size=2, max_size=4),
-    st.lists(cones(x_m=20.0), min_size=1, max_size=4),
-    st.randoms(use_true_random=False),
-)
-def test_without_revisits_only_each_areas_own_order_counts(
-    here: list[EchoCone], there: list[EchoCone], random: object
-) -> None:
-    parameters = MappingParameters(revisits=0)
-    turns = [True] * len(here) + [False] * len(there)
-    random.shuffle(turns)  # type: ignore[attr-defined]
-    queues = {True: iter(here), False: iter(there)}
-    mixed = fused(NoisyOrFusion(parameters), [next(queues[turn]) for turn in turns])
-    in_turn = fused(NoisyOrFusion(parameters), here + there)
-    assert mixed.geometry == in_turn.geometry
-    np.testing.assert_array_equal(mixed.log_odds, in_turn.log_odds)
-    np.testing.assert_array_equal(mixed.observed, in_turn.observed)
 
 
 @QUICK
@@ -230,7 +217,7 @@ def test_methods_that_only_add_up_do_not_care_for_order(
         np.testing.assert_allclose(second.log_odds, first.log_odds, atol=1e-3)
 
 
-@QUICK
+@FEW
 @given(cones(with_covariance=False), st.integers(-40, 40), st.integers(-40, 40))
 def test_moving_everything_by_whole_cells_moves_the_map(
     cone: EchoCone, rows: int, columns: int
@@ -245,7 +232,7 @@ def test_moving_everything_by_whole_cells_moves_the_map(
             x_m + shift[0] * resolution_m, y_m + shift[1] * resolution_m, cone.pose.yaw_rad
         )
         shifted = EchoCone(**{**vars(cone), "pose": pose})
-        maps.append(fused(NoisyOrFusion(parameters), [shifted]))
+        maps.append(fused(SuperpositionFusion(parameters), [shifted]))
     assume(maps[0].geometry.shape != (1, 1))
     assert maps[1].geometry.shape == maps[0].geometry.shape
     moved = np.subtract(maps[1].geometry.origin_m, maps[0].geometry.origin_m) / resolution_m

@@ -59,7 +59,7 @@ def test_the_defaults_are_valid() -> None:
         ({"audibility": 1.0}, "audibility"),
         ({"least_log_odds": 0.5}, "least_log_odds"),
         ({"greatest_log_odds": float("inf")}, "greatest_log_odds"),
-        ({"clutter": float("nan")}, "clutter"),
+        ({"forgetting": float("nan")}, "forgetting"),
         ({"method": "magic"}, "method"),
         ({"windw": 3}, "windw"),
     ],

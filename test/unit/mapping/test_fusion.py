@@ -1,4 +1,4 @@
-"""Cones become a map: what every way of fusing promises, and what the noisy-OR does better."""
+"""Cones become a map: what every way of fusing promises, and what superposition does better."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,16 +9,17 @@ from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.noisy_or import NoisyOrFusion
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
+from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.parameters import MappingParameters
 
 MakeCone = Callable[..., EchoCone]
-FUSIONS = [NoisyOrFusion, AdditiveFusion, RangeSensorFusion]
+FUSIONS = [SuperpositionFusion, AdditiveFusion, RangeSensorFusion]
 #: Two objects, and places from where both are heard.
 OBJECTS = ((1.525, 0.425, 0.6), (1.775, -0.325, 0.4))
 VIEWS = [
@@ -50,6 +51,12 @@ def probability_at(occupancy: OccupancyMap, x_m: float, y_m: float) -> float:
     resolution_m, (left_m, bottom_m) = occupancy.geometry.resolution_m, occupancy.geometry.origin_m
     row, column = int((y_m - bottom_m) // resolution_m), int((x_m - left_m) // resolution_m)
     return float(occupancy.probability()[row, column])
+
+
+def trinary_at(occupancy: OccupancyMap, x_m: float, y_m: float) -> int:
+    resolution_m, (left_m, bottom_m) = occupancy.geometry.resolution_m, occupancy.geometry.origin_m
+    row, column = int((y_m - bottom_m) // resolution_m), int((x_m - left_m) // resolution_m)
+    return int(occupancy.trinary()[row, column])
 
 
 def assert_same(first: OccupancyMap, second: OccupancyMap) -> None:
@@ -99,7 +106,7 @@ def test_log_odds_stay_between_the_clamps_however_often_it_is_told(
     log_odds = occupancy.log_odds[occupancy.observed]
     assert log_odds.min() == pytest.approx(-3.0)
     assert log_odds.max() <= 1.5
-    if kind is not NoisyOrFusion:  # which leaves mirror images in doubt for ever
+    if kind is not SuperpositionFusion:  # which never chooses among mirror images
         assert log_odds.max() == 1.5
 
 
@@ -110,34 +117,47 @@ def test_cells_that_no_cone_touched_hold_the_prior(
     occupancy = fused(fusion, views[:2])
     (left_m, bottom_m), (rows, columns) = occupancy.geometry.origin_m, occupancy.geometry.shape
     touched = np.zeros((rows, columns), dtype=bool)
+    row, column = np.mgrid[:rows, :columns]
+    centers_m = occupancy.geometry.cell_centers_m(row, column)
     for cone in views[:2]:
         cells = footprint(cone, 0.05)
-        row, column = cells.rows - round(bottom_m / 0.05), cells.columns - round(left_m / 0.05)
-        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        touched[row[inside], column[inside]] = True
+        # Rays cross cells whose centres are just outside of the beam.
+        for down, right in np.ndindex(3, 3):
+            row = cells.rows - round(bottom_m / 0.05) + down - 1
+            column = cells.columns - round(left_m / 0.05) + right - 1
+            inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+            touched[row[inside], column[inside]] = True
+        # Where the robot is, nothing else stands.
+        touched |= np.hypot(*np.moveaxis(centers_m - cone.pose.position_m[:2], -1, 0)) < 0.2
     prior = np.float32(logit(fusion.parameters.prior))
     assert 0 < np.count_nonzero(touched) < touched.size
     np.testing.assert_array_equal(occupancy.log_odds[~touched], prior)
     assert not occupancy.observed[~touched].any()
 
 
-def test_a_cell_in_doubt_is_unobserved_but_keeps_its_log_odds(make_cone: MakeCone) -> None:
-    """One echo says nothing certain of any cell of its ring, but ranks them."""
-    occupancy = fused(NoisyOrFusion(MappingParameters()), [make_cone((1.5, 0.3))])
-    row, column = np.unravel_index(occupancy.log_odds.argmax(), occupancy.log_odds.shape)
-    x_m, y_m = occupancy.geometry.cell_centers_m(row, column)
-    assert np.hypot(x_m, y_m) == pytest.approx(1.5, abs=0.03)
-    assert logit(0.0002) < occupancy.log_odds[row, column] < logit(0.35)
-    assert not occupancy.observed[row, column]
+def test_one_ping_finds_nothing_for_certain_and_frees_no_cell_of_its_ring(
+    make_cone: MakeCone,
+) -> None:
+    occupancy = fused(SuperpositionFusion(MappingParameters()), [make_cone((1.5, 0.3))])
+    row, column = np.mgrid[tuple(slice(0, size) for size in occupancy.geometry.shape)]
+    x_m, y_m = np.moveaxis(occupancy.geometry.cell_centers_m(row, column), -1, 0)
+    ring = np.abs(np.hypot(x_m, y_m) - 1.5) < 0.03
+    assert np.count_nonzero(ring) > 10
+    assert not occupancy.observed[ring].any()
+    assert not np.any(occupancy.trinary() == 100)
 
 
-def test_a_prior_above_the_threshold_makes_nothing_observed(make_cone: MakeCone) -> None:
+def test_a_prior_above_the_threshold_makes_nothing_observed_that_no_sound_reached(
+    make_cone: MakeCone,
+) -> None:
     cone = make_cone(max_range_m=1.0)
-    observed = {
-        prior: fused(NoisyOrFusion(MappingParameters(prior=prior)), [cone]).observed.sum()
-        for prior in (0.0002, 0.4)
-    }
-    assert observed[0.4] < 1.2 * observed[0.0002]
+    occupancy = fused(SuperpositionFusion(MappingParameters(prior=0.4)), [cone])
+    row, column = np.nonzero(occupancy.observed)
+    ahead_m, aside_m = np.moveaxis(occupancy.geometry.cell_centers_m(row, column), -1, 0)
+    assert len(row) > 10
+    assert np.hypot(ahead_m, aside_m).max() < 1.05
+    at_the_robot = np.hypot(ahead_m, aside_m) < 0.2
+    assert np.all(at_the_robot | (np.abs(np.arctan2(aside_m, ahead_m)) < np.deg2rad(45)))
 
 
 @pytest.mark.parametrize("resolution_m", [0.05, 0.03, 0.1])
@@ -150,17 +170,19 @@ def test_the_origin_is_a_whole_number_of_cells_from_the_worlds(
     np.testing.assert_allclose(cells, np.rint(cells), atol=1e-9)
 
 
-def test_a_map_that_grows_does_not_shift(make_cone: MakeCone) -> None:
-    near = make_cone(1.0)
-    parameters = MappingParameters(revisits=0)
-    alone = fused(NoisyOrFusion(parameters), [near])
-    grown = fused(NoisyOrFusion(parameters), [near, make_cone(x_m=-20.0, y_m=-9.0)])
+def test_a_map_that_grows_does_not_shift(kind: type[Fusion], views: list[EchoCone]) -> None:
+    fusion = kind(MappingParameters())
+    alone = fused(fusion, views)
+    grown = fused(fusion, [replace(views[0], pose=Pose.planar(-20.0, -9.0, 2.0))])
     offset = (np.array(alone.geometry.origin_m) - grown.geometry.origin_m) / 0.05
+    np.testing.assert_allclose(offset, np.rint(offset), atol=1e-6)
     column, row = np.rint(offset).astype(int)
     rows, columns = alone.geometry.shape
     window = (slice(row, row + rows), slice(column, column + columns))
-    np.testing.assert_array_equal(grown.log_odds[window], alone.log_odds)
-    np.testing.assert_array_equal(grown.observed[window], alone.observed)
+    np.testing.assert_array_equal(grown.trinary()[window] == 100, alone.trinary() == 100)
+    if kind is not SuperpositionFusion:  # which goes on learning from earlier views
+        np.testing.assert_array_equal(grown.log_odds[window], alone.log_odds)
+        np.testing.assert_array_equal(grown.observed[window], alone.observed)
 
 
 def test_a_centred_cone_gives_a_symmetric_map(kind: type[Fusion], make_cone: MakeCone) -> None:
@@ -175,22 +197,27 @@ def test_an_exported_map_is_resumed_as_it_was(kind: type[Fusion], views: list[Ec
     exported = fused(kind(parameters), views)
     resumed = kind(parameters)
     resumed.resume(exported)
-    assert_same(resumed.occupancy_map(), exported)
-    assert resumed.occupancy_map().stamp_ns == exported.stamp_ns
+    again = resumed.occupancy_map()
+    assert again.geometry == exported.geometry
+    np.testing.assert_array_equal(again.observed, exported.observed)
+    np.testing.assert_allclose(again.log_odds, exported.log_odds, atol=1e-5)
+    assert again.stamp_ns == exported.stamp_ns
     with pytest.raises(MalformedMessageError):
         resumed.fuse(replace(views[0], frame_id="odom"))
 
 
-def test_resuming_goes_on_as_if_never_interrupted_where_nothing_is_recalled(
-    make_cone: MakeCone, views: list[EchoCone]
+def test_a_resumed_map_stays_until_there_is_new_evidence(
+    kind: type[Fusion], make_cone: MakeCone, views: list[EchoCone]
 ) -> None:
-    """Where later cones touch other cells; what was learnt of reflectivities is not exported."""
-    elsewhere = make_cone(1.0, x_m=30.0)
-    parameters = MappingParameters(revisits=0)
-    continued = fused(NoisyOrFusion(parameters), [*views, elsewhere])
-    resumed = NoisyOrFusion(parameters)
-    resumed.resume(fused(NoisyOrFusion(parameters), views))
-    assert_same(fused(resumed, [elsewhere]), continued)
+    """A ping elsewhere changes nothing here, however often passes end."""
+    exported = fused(kind(MappingParameters()), views)
+    resumed = kind(MappingParameters())
+    resumed.resume(exported)
+    grown = fused(resumed, [make_cone(1.0, x_m=30.0)] * 3)
+    rows, columns = exported.geometry.shape
+    assert grown.geometry.origin_m == exported.geometry.origin_m
+    np.testing.assert_array_equal(grown.observed[:rows, :columns], exported.observed)
+    np.testing.assert_allclose(grown.log_odds[:rows, :columns], exported.log_odds, atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -205,19 +232,30 @@ def test_a_map_that_does_not_fit_the_grid_is_not_resumed(
 ) -> None:
     occupancy = OccupancyMap(geometry, np.zeros((2, 2), np.float32), np.ones((2, 2), bool), "map")
     with pytest.raises(ValueError, match=message):
-        NoisyOrFusion(MappingParameters()).resume(occupancy)
+        SuperpositionFusion(MappingParameters()).resume(occupancy)
 
 
-def test_silence_frees_what_would_have_been_heard(make_cone: MakeCone) -> None:
-    prior = 1e-3
-    occupancy = fused(NoisyOrFusion(MappingParameters(prior=prior)), [make_cone()])
-    assert probability_at(occupancy, 1.0, 0.1) < 0.1 * prior
-    # At the edge of the beam an object would have to be a strong one.
-    assert probability_at(occupancy, 1.9, 1.525) > 0.5 * prior
+def test_silence_frees_only_near_to_where_the_way_is_known_to_be_open(
+    make_cone: MakeCone,
+) -> None:
+    """Where the robot is, and little by little ahead of it, but not what nobody has proven."""
+    fusion = SuperpositionFusion(MappingParameters())
+    occupancy = fused(fusion, [make_cone()] * 20)
+    assert probability_at(occupancy, 0.025, 0.025) < 0.1 * fusion.parameters.prior
+    row, column = np.nonzero(occupancy.observed)
+    reach_m = np.hypot(*np.moveaxis(occupancy.geometry.cell_centers_m(row, column), -1, 0))
+    assert reach_m.max() < 1.5
+
+
+def test_echoes_that_came_back_prove_the_way_to_them(views: list[EchoCone]) -> None:
+    occupancy = fused(SuperpositionFusion(MappingParameters()), views * 3)
+    for share in (0.3, 0.6, 0.85):
+        x_m, y_m = share * OBJECTS[0][0], share * OBJECTS[0][1]
+        assert trinary_at(occupancy, x_m, y_m) == 0
 
 
 def test_views_from_several_sides_leave_the_objects_alone(views: list[EchoCone]) -> None:
-    occupancy = fused(NoisyOrFusion(MappingParameters()), views)
+    occupancy = fused(SuperpositionFusion(MappingParameters()), views)
     for x_m, y_m, _ in OBJECTS:
         assert probability_at(occupancy, x_m, y_m) > 0.8
     found = np.argwhere(occupancy.observed & (occupancy.probability() > 0.65))
@@ -226,20 +264,20 @@ def test_views_from_several_sides_leave_the_objects_alone(views: list[EchoCone])
     assert np.all(away < 0.08)
 
 
-def test_the_noisy_or_draws_no_arcs_where_the_additive_method_does(make_cone: MakeCone) -> None:
+def test_superposition_draws_no_arcs_where_the_additive_method_does(make_cone: MakeCone) -> None:
     cone = make_cone((1.5, 0.3))
     counts = {}
-    for kind in (NoisyOrFusion, AdditiveFusion):
+    for kind in (SuperpositionFusion, AdditiveFusion):
         occupancy = fused(kind(MappingParameters()), [cone] * 4)
         counts[kind] = np.count_nonzero(occupancy.observed & (occupancy.probability() > 0.65))
-    assert counts[NoisyOrFusion] == 0
+    assert counts[SuperpositionFusion] == 0
     assert counts[AdditiveFusion] > 20
 
 
-def test_an_object_that_went_away_is_forgotten(cone_of_objects: MakeCone) -> None:
+@pytest.mark.parametrize("window", [600, 10])
+def test_an_object_that_went_away_is_forgotten(cone_of_objects: MakeCone, window: int) -> None:
     staying, moving = OBJECTS
-    parameters = MappingParameters(window=len(VIEWS))
-    fusion = NoisyOrFusion(parameters)
+    fusion = SuperpositionFusion(MappingParameters(window=window))
     seen = fused(fusion, [cone_of_objects(staying, moving, **view) for view in VIEWS])
     gone = fused(fusion, [cone_of_objects(staying, **view) for view in VIEWS * 2])
     assert probability_at(seen, *moving[:2]) > 0.8
@@ -248,37 +286,52 @@ def test_an_object_that_went_away_is_forgotten(cone_of_objects: MakeCone) -> Non
 
 
 def test_an_object_too_weak_to_be_heard_again_is_not_freed(cone_of_objects: MakeCone) -> None:
-    """Its reflectivity is known from close by, so silence from afar says nothing of it."""
+    """Its power is known from close by, so silence from afar says nothing of it."""
     weak = (1.025, 0.175, 0.05)
     close = [
         {"x_m": 0.4, "y_m": 0.0}, {"x_m": 0.9, "y_m": 0.8, "yaw_rad": -1.4},
         {"x_m": 0.5, "y_m": -0.4, "yaw_rad": 0.7}, {"x_m": 1.6, "y_m": 0.1, "yaw_rad": 3.0},
     ]  # fmt: skip
-    fusion = NoisyOrFusion(MappingParameters())
-    before = fused(fusion, [cone_of_objects(weak, **view) for view in close])
+    fusion = SuperpositionFusion(MappingParameters())
+    before = fused(fusion, [cone_of_objects(weak, **view) for view in close * 2])
     far = cone_of_objects(x_m=-1.9, y_m=0.1, max_range_m=4.0, limit=0.03)
     after = fused(fusion, [far] * 10)
     assert probability_at(before, *weak[:2]) > 0.65
     assert probability_at(after, *weak[:2]) > 0.65
 
 
-def test_revisits_let_later_views_settle_earlier_echoes(views: list[EchoCone]) -> None:
-    """Without them, the first ping's echo stays spread over all of its ring."""
-    sharpness = []
-    for revisits in (0, 8):
-        fusion = NoisyOrFusion(MappingParameters(revisits=revisits))
-        probability = fused(fusion, views[:2]).probability()
-        sharpness.append(np.sum(probability**2) / np.sum(probability))
-    assert sharpness[1] > 1.1 * sharpness[0]
+def test_without_revisits_echoes_are_explained_all_the_same(views: list[EchoCone]) -> None:
+    """Few pings are visited many times whatever the parameter says."""
+    occupancy = fused(SuperpositionFusion(MappingParameters(revisits=0)), views)
+    assert all(probability_at(occupancy, x_m, y_m) > 0.65 for x_m, y_m, _ in OBJECTS)
 
 
-def test_the_pose_covariance_widens_what_an_echo_fills(make_cone: MakeCone) -> None:
-    raised = []
-    for variance in (0.0, 0.05**2):
-        cone = make_cone((1.5, 0.3), planar_covariance=np.diag([variance, variance, 0.0]))
-        occupancy = fused(NoisyOrFusion(MappingParameters()), [cone])
-        raised.append(np.count_nonzero(occupancy.log_odds > logit(0.0002) + 0.1))
-    assert raised[1] > 1.5 * raised[0] > 0
+def test_poses_that_are_stated_to_be_off_are_forgiven(
+    make_cone: MakeCone, cone_of_objects: MakeCone
+) -> None:
+    """The same echoes, 3 cm off, place the pole within a cell if the covariance says so."""
+    generator, pole = np.random.default_rng(5), OBJECTS[0]
+    found = {}
+    for stated_m in (0.0, 0.03):
+        fusion = SuperpositionFusion(MappingParameters())
+        for view in VIEWS * 2:
+            cone = cone_of_objects(pole, **view)
+            off_m = generator.normal(0.0, 0.03, 2)
+            pose = Pose.planar(
+                view["x_m"] + off_m[0],
+                view["y_m"] + off_m[1],
+                view["yaw_rad"],
+                planar_covariance=np.diag([stated_m**2, stated_m**2, 0.0]),
+            )
+            fusion.fuse(replace(cone, pose=pose))
+        occupancy = fusion.occupancy_map()
+        found[stated_m] = max(
+            probability_at(occupancy, pole[0] + right_m, pole[1] + up_m)
+            for right_m in (-0.05, 0.0, 0.05)
+            for up_m in (-0.05, 0.0, 0.05)
+        )
+    assert found[0.03] > 0.65
+    assert found[0.03] >= found[0.0]
 
 
 def test_a_cone_that_sees_no_cell_is_taken_up_all_the_same(

@@ -283,7 +283,9 @@ class SuperpositionFusion(Fusion):
         super().resume(occupancy)
         layer, scale = self._grid.layer, self._scale
         log_odds, known = layer(LOG_ODDS), layer(LOG_ODDS) != np.float32(scale.prior)
-        suspected = known & (log_odds > scale.prior)
+        # Silence that could make a cell so unlikely would have made it observed.
+        in_doubt = (layer(EXPOSURE) == 0.0) & (log_odds < scale.prior - SILENT_LOOK)
+        suspected = known & ((log_odds > scale.prior) | in_doubt)
         free = known & ~suspected
         evidence = np.where(suspected, log_odds / scale.slope + scale.threshold, 0.0)
         proof = layer(EXPOSURE) * (self.parameters.proof_rays / self.parameters.observed_exposure)

@@ -77,6 +77,14 @@ def strongest_neighbour(
 
 
 @compiled
+def log_odds_of(evidence: float, scale: Scale) -> float:
+    """Log-odds of a cell by its evidence: the prior without any, 0 at the threshold."""
+    if evidence > scale.threshold:
+        return scale.slope * (evidence - scale.threshold)
+    return scale.prior * (1.0 - evidence / scale.threshold)
+
+
+@compiled
 def judge(
     slots: NDArray[np.intp],
     rows: NDArray[np.intp],
@@ -112,7 +120,7 @@ def judge(
         by_itself = combined(slot, own, scale.side_price)
         if by_itself < OWN_SHARE * strongest:
             evidence = min(evidence, by_itself)
-        value = scale.slope * (evidence - scale.threshold)
+        value = log_odds_of(evidence, scale)
         log_odds[slot] = min(max(value, scale.least), scale.greatest)
 
 
@@ -166,6 +174,14 @@ def set_depth(
                     around += hiding[neighbour]
         cover = hiding[slot] * min(1.0, LONE_COVER + 0.5 * around)
         depth[slot] = -opacity * math.log(1.0 - min(cover, MOST_CERTAIN))
+
+
+def evidence_of(log_odds: NDArray[np.float32], scale: Scale) -> NDArray[np.float64]:
+    """Return the evidence that gives log-odds: the inverse of `log_odds_of`."""
+    below = scale.threshold * (1.0 - log_odds / scale.prior)
+    above = log_odds / scale.slope + scale.threshold
+    evidence: NDArray[np.float64] = np.where(log_odds > 0.0, above, below)
+    return evidence
 
 
 def seen_free(

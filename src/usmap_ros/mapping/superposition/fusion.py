@@ -19,6 +19,7 @@ from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.belief import (
     SILENT_LOOK,
     Scale,
+    evidence_of,
     find_hiding,
     judge,
     seen_free,
@@ -76,7 +77,7 @@ SEVERAL = {
 }
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
-MOST_PASSES, EARLY_VISITS = 24, 500
+MOST_PASSES, EARLY_VISITS = 40, 500
 #: Pings that are learnt from again at once with every new one.
 RECENT = 3
 #: Of evidence that is not clamped: more would not fit a probability.
@@ -206,7 +207,8 @@ class SuperpositionFusion(Fusion):
         add_up_bins(look, bins)
         names = (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE)
         powers = Powers(*(self._grid.layer(name) for name in names))
-        learn_powers(look, seen, count, bins, powers, self.parameters.power_price)
+        least_news = 1.0 / (1 + len(self._window))
+        learn_powers(look, seen, count, bins, powers, self.parameters.power_price, least_news)
 
     def _deal(self, look: Look, kind: str, *, learn: bool = False) -> None:
         """Add what a ping says to the evidence of a kind; learn its powers too if asked to."""
@@ -287,7 +289,7 @@ class SuperpositionFusion(Fusion):
         in_doubt = (layer(EXPOSURE) == 0.0) & (log_odds < scale.prior - SILENT_LOOK)
         suspected = known & ((log_odds > scale.prior) | in_doubt)
         free = known & ~suspected
-        evidence = np.where(suspected, log_odds / scale.slope + scale.threshold, 0.0)
+        evidence = np.where(suspected, evidence_of(log_odds, scale), 0.0)
         proof = layer(EXPOSURE) * (self.parameters.proof_rays / self.parameters.observed_exposure)
         silence = np.where(free, (scale.prior - log_odds) / SILENT_LOOK, 0.0)
         by_side = (evidence[:, None] * shares_of_sides(self._grid, occupancy)).reshape(-1)

@@ -45,10 +45,6 @@ SEED_POWER, SEED_EXCESS = 0.05, 3.0
 LEAST_POWER, MOST_POWER = 1e-3, 6.0
 #: The k-th look at a cell counts k^−exponent in its averages.
 MEMORY_EXPONENT = 0.5
-#: A pose's error blurs the range of what stands in one place, but its echo comes at once: if there
-#: is an echo in the blurred range of a cell, silence elsewhere in it says nothing.  Less sharp than
-#: this counts as blurred.
-SHARP = 0.8
 #: A silent bin is trusted no more than a Gamma distribution of this shape.
 MOST_SILENT_SHAPE = 4.0
 
@@ -178,13 +174,13 @@ def split_expected(
             if returned <= 0.0:
                 continue
             low, high = seen.low[cell, quarter], seen.high[cell, quarter]
-            sharpness = seen.sharpness[cell]
-            blurred = sharpness < SHARP
-            heard = blurred and hears_any(look, low, high)
+            # What stands in one place echoes at once: if there is an echo where it may come from,
+            # silence elsewhere in that range says nothing.
+            heard = hears_any(look, low, high)
             if heard:
-                returned /= sharpness
-            elif blurred:
-                low, high = narrowed(low, high, sharpness)
+                returned /= seen.sharpness[cell]
+            else:
+                low, high = narrowed(low, high, seen.sharpness[cell])
             last = min(math.floor(high) + 1, bin_count, start + CELL_BINS)
             for b in range(max(math.floor(low), 0), last):
                 if not (heard and look.kind[b] == SILENCE):
@@ -208,12 +204,17 @@ def expect(look: Look, count: int, parts: Contributions, bins: Bins) -> None:
 
 
 @compiled
+def gamma_shape(squares: float, expected: float) -> float:
+    """Shape of a power's distribution: 1 for speckle, more the more one contributor dominates."""
+    return 1.0 / (1.0 - STEADINESS * min(1.0, squares / (expected * expected)))
+
+
+@compiled
 def weigh_bins(look: Look, bins: Bins) -> None:
     """Set `pull` and `push` of each range bin from what was heard there."""
     for b in range(len(look.kind)):
         expected = bins.expected[b]
-        lone = min(1.0, bins.squares[b] / (expected * expected))
-        shape = 1.0 / (1.0 - STEADINESS * lone)
+        shape = gamma_shape(bins.squares[b], expected)
         bins.pull[b] = 0.0
         bins.push[b] = 0.0
         if look.kind[b] == ECHO:
@@ -278,6 +279,7 @@ def learn_powers(
     bins: Bins,
     powers: Powers,
     price: float,
+    least_news: float,
 ) -> None:
     """Move the powers in a look's cone towards the likeliest.
 
@@ -294,6 +296,8 @@ def learn_powers(
         Changed.
     price : float
         Of power: the rate of its exponential prior.
+    least_news : float
+        What a look counts at least in the averages: a few pings are visited many times.
     """
     bin_count = len(look.kind)
     for cell in range(count):
@@ -302,18 +306,17 @@ def learn_powers(
         if weight <= 0.0:
             continue
         powers.looks[slot] += 1.0
-        news = powers.looks[slot] ** -MEMORY_EXPONENT
+        news = max(powers.looks[slot] ** -MEMORY_EXPONENT, least_news)
         any_left = False
         for quarter in range(QUARTERS):
             index = slot * QUARTERS + quarter
             low, high = seen.low[cell, quarter], seen.high[cell, quarter]
             sharpness = seen.sharpness[cell]
-            if sharpness < SHARP and hears_any(look, low, high):
+            if hears_any(look, low, high):
                 up, down = mean_at_echoes(look, bins, low, high)
                 up, down = up / sharpness, down / sharpness
             else:
-                if sharpness < SHARP:
-                    low, high = narrowed(low, high, sharpness)
+                low, high = narrowed(low, high, sharpness)
                 up = mean_between(bins.pull, low, high, bin_count)
                 down = mean_between(bins.push, low, high, bin_count)
             v = powers.power[index]

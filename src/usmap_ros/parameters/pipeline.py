@@ -184,7 +184,7 @@ class MappingParameters(ParameterGroup):
         le=10.0,
     )
     power_price: float = quantity(
-        1.0, "Rate of the exponential prior of a cell's power.", ge=0.0, le=1e3
+        0.02, "Rate of the exponential prior of a cell's power.", ge=0.0, le=1e3
     )
     evidence_threshold: float = quantity(
         16.0,

@@ -42,7 +42,7 @@ STEADINESS = 0.9
 #: if it is so many times as strong as expected.
 SEED_POWER, SEED_EXCESS = 0.05, 3.0
 #: What is weaker vanishes; nothing is stronger: a reflector of some square metres.
-LEAST_POWER, MOST_POWER = 1e-3, 6.0
+LEAST_POWER, MOST_POWER = 3e-4, 6.0
 #: The k-th look at a cell counts k^−exponent in its averages.
 MEMORY_EXPONENT = 0.5
 #: A silent bin is trusted no more than a Gamma distribution of this shape.

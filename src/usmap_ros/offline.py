@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,7 @@ from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import RobotPaths, load_map
+from usmap_ros.mapping.consistency import Consistency, Finding, is_of
 from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
@@ -48,11 +49,21 @@ class MappingRun:
         Echoes found in them.
     skipped : dict
         Number of pings left out, by the field of the message that was to blame.
+    robots : dict
+        What is to be said of the robots, by topic, as compared with what all others heard.
+    without : list of str
+        Topics that were left out because they should be.
     """
 
     pings: int = 0
     echoes: int = 0
     skipped: dict[str, int] = field(default_factory=dict)
+    robots: dict[str, Finding] = field(default_factory=dict)
+    without: list[str] = field(default_factory=list)
+
+    def suspects(self) -> dict[str, str]:
+        """What is wrong with robots, by topic; those of which nothing is are left out."""
+        return {topic: found.reason for topic, found in self.robots.items() if found.is_suspect}
 
     def summary(self, occupancy: OccupancyMap, seconds: float) -> dict[str, Any]:
         """Contents of ``summary.json``."""
@@ -66,6 +77,8 @@ class MappingRun:
             "cells_occupied": int(np.count_nonzero(occupied)),
             "peak_memory_mb": peak_memory_mb(),
             "skipped": self.skipped,
+            "robots": {topic: found.summary() for topic, found in self.robots.items()},
+            "without": self.without,
             "frame_id": occupancy.frame_id,
             "resolution_m": occupancy.geometry.resolution_m,
         }
@@ -77,6 +90,7 @@ def map_bag(
     paths: RobotPaths,
     on_cone: ConeCallback | None = None,
     workers: Reconstructors | None = None,
+    without: Collection[str] = (),
 ) -> MappingRun:
     """Put every ping of an open recording into a pipeline's map.
 
@@ -92,6 +106,8 @@ def map_bag(
         Called after each ping.
     workers : Reconstructors, optional
         Processes that reconstruct its traces; without them the caller's does.
+    without : collection of str
+        Topics, or robots, whose pings stay out of the map.
 
     Raises
     ------
@@ -101,7 +117,11 @@ def map_bag(
     run, seen = MappingRun(), SeenPings()
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
+    consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
     for topic, cone in _cones(bag, workers):
+        if is_of(topic, without):
+            left_out.add(topic)
+            continue
         try:
             seen.add(cone)
             pipeline.fuse(cone)
@@ -109,6 +129,7 @@ def map_bag(
             bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)
             continue
         scales.add(topic, cone)
+        consistency.add(topic, cone)
         run.pings += 1
         run.echoes += len(cone.ranges_m)
         x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
@@ -117,13 +138,16 @@ def map_bag(
             on_cone(topic, cone)
     for topic, problem in scales.problems().items():
         logger.warning("%s: %s", topic, problem)
-    run.skipped = dict(bag.skipped.by_field)
+    run.skipped, run.without = dict(bag.skipped.by_field), sorted(left_out)
     if not run.pings:
+        if left_out:
+            raise BagError(", ".join(map(str, bag.paths)), "all of its robots are left out")
         causes = ", ".join(f"{field} ({n})" for field, n in bag.skipped.by_field.most_common())
         raise BagError(
             ", ".join(map(str, bag.paths)),
             f"none of its {bag.skipped.total} pings can be used, by field: {causes}",
         )
+    run.robots = consistency.findings(pipeline.fusion)
     return run
 
 

@@ -28,6 +28,10 @@ def map_bags(
     resume: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Continue the map in this folder.")
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ROBOT", help="Leave out this robot, or topic; may be repeated."),
+    ] = None,
     jobs: Annotated[
         int,
         typer.Option(
@@ -61,12 +65,16 @@ def map_bags(
         map_folder(output),
     ):
         with console.progress("mapping", bag.trace_count or bag.cone_count) as step:
-            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers)
+            run = map_bag(
+                bag, pipeline, paths, lambda topic, cone: step(), workers, without or ()
+            )
         pipeline.refine(passes)
         occupancy = pipeline.occupancy_map()
         save_map(output, occupancy, paths)
         summary = run.summary(occupancy, time.perf_counter() - started)
         save_summary(output, summary)
+    for topic, problem in run.suspects().items():
+        typer.echo(f"usmap: warning: {topic}: {problem}; --without {topic} leaves it out", err=True)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     else:

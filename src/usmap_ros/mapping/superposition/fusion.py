@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +36,7 @@ from usmap_ros.mapping.superposition.evidence import (
 )
 from usmap_ros.mapping.superposition.layers import map_layers, shares_of_sides
 from usmap_ros.mapping.superposition.look import Look, look_of
+from usmap_ros.mapping.superposition.others import Expected, MapByOthers
 from usmap_ros.mapping.superposition.powers import (
     Contributions,
     Powers,
@@ -254,6 +256,27 @@ class SuperpositionFusion(Fusion):
 
     def _tiles(self) -> Tiles:
         return Tiles(*self._grid.directory, self.parameters.resolution_m)
+
+    # ------------------------------------------------------------------ robots
+
+    def expected_by_others(
+        self, cones: Mapping[str, Sequence[EchoCone]]
+    ) -> dict[str, list[Expected]]:
+        """What the map expects of each robot's pings, by what the others' say of it.
+
+        Parameters
+        ----------
+        cones : mapping of str to sequence of EchoCone
+            Pings of each robot; they need not be all that are in the map.
+        """
+        layer, parameters = self._grid.layer, self.parameters
+        by_others = MapByOthers(
+            self._grid, self._tiles(), self._work, (layer(POWER), layer(ALIVE), layer(DEPTH)),
+            self._scale, self._bounds, parameters.opacity,
+        )  # fmt: skip
+        return by_others.expected(
+            {robot: [look_of(cone, parameters) for cone in own] for robot, own in cones.items()}
+        )
 
     # ------------------------------------------------------------------ maps
 

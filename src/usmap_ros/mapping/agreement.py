@@ -1,0 +1,112 @@
+"""How well a robot's pings agree with what a map expects of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from usmap_ros.arrays import FloatArray
+from usmap_ros.mapping.superposition.look import ECHO, NOISE_BELOW_LIMIT, SILENCE, UNJUDGED, Look
+from usmap_ros.mapping.superposition.others import Expected
+
+#: Echoes within this of where they are expected are those that were expected, m.
+TOLERANCE_M = 0.05
+#: An echo is certainly audible if its expected power is so many times the detection limit's.
+AUDIBLE = 3.0
+#: Shifts of range that expectations are compared with: more than errors of poses make, m.
+SHIFTS_M = (-0.35, -0.25, -0.15, 0.15, 0.25, 0.35)
+#: Bound of the difference of a range bin's log-likelihoods.
+MOST_A_BIN = 3.0
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Of one robot's pings with the map that the others made.
+
+    Parameters
+    ----------
+    pings : int
+        Of which the others' map expects anything.
+    audible, heard : int
+        Echoes that are certain to be expected, and how many of them were heard.
+    matches : int
+        Echoes where the map expects them; those that `loudness_db` is from.
+    loudness_db : float, optional
+        Median of the amplitudes of echoes over what the map expects.
+    limit_db : float, optional
+        Median detection limit, dB re amplitude 1.
+    fit : float, optional
+        By how much the pings are likelier with what is expected of them than with the same
+        shifted in range: log-likelihood for a range bin, the median of the pings.
+    """
+
+    pings: int
+    audible: int
+    heard: int
+    matches: int
+    loudness_db: float | None
+    limit_db: float | None
+    fit: float | None
+
+
+def agreement(expected: Sequence[Expected]) -> Agreement:
+    """Compare pings with what was expected of them."""
+    fits = [fit for ping in expected if (fit := _fit(ping)) is not None]
+    audible = heard = 0
+    loudness: list[float] = []
+    for look, power in expected:
+        width = 2 * round(TOLERANCE_M / look.bin_m) + 1
+        signal = power - look.noise
+        near = maximum_filter1d((look.kind == ECHO).astype(np.uint8), width) > 0
+        peak = (signal == maximum_filter1d(signal, width)) & (
+            signal > AUDIBLE * look.noise / NOISE_BELOW_LIMIT
+        )
+        # An echo that another one may have covered is not missed.
+        counts = peak & (near | ((signal > AUDIBLE * look.limit) & (look.kind != UNJUDGED)))
+        matched = peak & near
+        audible += int(counts.sum())
+        heard += int(matched.sum())
+        loudest = maximum_filter1d(look.power, width)
+        loudness += (10.0 * np.log10(loudest[matched] / signal[matched])).tolist()
+    limits = [float(np.median(look.limit)) for look, _ in expected]
+    return Agreement(
+        pings=len(fits),
+        audible=audible,
+        heard=heard,
+        matches=len(loudness),
+        loudness_db=float(np.median(loudness)) if loudness else None,
+        limit_db=float(10.0 * np.log10(np.median(limits))) if limits else None,
+        fit=float(np.median(fits)) if fits else None,
+    )
+
+
+def _fit(expected: Expected) -> float | None:
+    """Mean gain in log-likelihood over shifted expectations; None where nothing is expected."""
+    look, power = expected
+    as_is, loud = _log_likelihood(look, power), 4.0 * look.noise / NOISE_BELOW_LIMIT
+    gain, bins = 0.0, 0
+    for shift_m in SHIFTS_M:
+        shifted = np.full_like(power, look.noise)
+        shift = round(shift_m / look.bin_m)
+        if abs(shift) >= len(power):
+            continue
+        if shift > 0:
+            shifted[shift:] = power[:-shift]
+        else:
+            shifted[:shift] = power[-shift:]
+        # Where either says that there is an echo.
+        tells = (np.maximum(power, shifted) > loud) & (look.kind != UNJUDGED)
+        difference = (as_is - _log_likelihood(look, shifted))[tells]
+        gain += float(np.clip(difference, -MOST_A_BIN, MOST_A_BIN).sum())
+        bins += int(tells.sum())
+    return gain / bins if bins else None
+
+
+def _log_likelihood(look: Look, power: FloatArray) -> FloatArray:
+    """Log-likelihood of each range bin: see `usmap_ros.mapping.superposition.evidence`."""
+    heard = -look.power / power - np.log(power)
+    silent = np.log(-np.expm1(-np.maximum(look.limit / power, 1e-9)))
+    return np.where(look.kind == ECHO, heard, np.where(look.kind == SILENCE, silent, 0.0))

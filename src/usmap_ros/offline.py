@@ -147,7 +147,7 @@ def map_bag(
             ", ".join(map(str, bag.paths)),
             f"none of its {bag.skipped.total} pings can be used, by field: {causes}",
         )
-    run.robots = consistency.findings(pipeline.fusion)
+    run.robots = consistency.findings(pipeline.fusion.expected_by_others)
     return run
 
 

@@ -65,9 +65,7 @@ def map_bags(
         map_folder(output),
     ):
         with console.progress("mapping", bag.trace_count or bag.cone_count) as step:
-            run = map_bag(
-                bag, pipeline, paths, lambda topic, cone: step(), workers, without or ()
-            )
+            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, without or ())
         pipeline.refine(passes)
         occupancy = pipeline.occupancy_map()
         save_map(output, occupancy, paths)

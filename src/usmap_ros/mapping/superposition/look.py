@@ -23,8 +23,9 @@ GAIN_STEPS = 512
 #: The receiver's noise lies this far below the detection limit, in power: a factor of 4 in
 #: amplitude, what `false_alarms_per_ping` comes to.
 NOISE_BELOW_LIMIT = 1.0 / 16.0
-#: A limit above this amplitude is no limit: the bin was not listened to.
-DEAF_AMPLITUDE = 30.0
+#: A limit above this amplitude is no limit: the bin was not listened to.  Messages know no higher
+#: limit than 10^(27.5 / 20).
+DEAF_AMPLITUDE = 23.0
 
 
 class Look(NamedTuple):

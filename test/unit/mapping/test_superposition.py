@@ -1,0 +1,242 @@
+"""The parts of superposition, held against plain computations."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.mapping.footprint import footprint
+from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
+from usmap_ros.mapping.superposition.belief import combined
+from usmap_ros.mapping.superposition.cells import QUARTERS, SIDES, Tiles, forget, slot_at
+from usmap_ros.mapping.superposition.evidence import Bounds, add_gain, log_likelihood
+from usmap_ros.mapping.superposition.look import ECHO, Look, look_of
+from usmap_ros.mapping.superposition.powers import (
+    Powers,
+    add_up_bins,
+    expect,
+    learn_powers,
+    mean_between,
+    split_expected,
+    weigh_bins,
+)
+from usmap_ros.mapping.superposition.sight import cast_rays, deal_proof
+from usmap_ros.mapping.superposition.workspace import Workspace
+from usmap_ros.parameters import MappingParameters
+
+MakeCone = Callable[..., EchoCone]
+PARAMETERS = MappingParameters()
+
+
+class Area:
+    """Four tiles around the origin, with room for what stands there."""
+
+    def __init__(self) -> None:
+        grid = TiledGrid(0.05, {"any": 0.0})
+        grid.slots(np.array([-1, -1, 0, 0]), np.array([-1, 0, -1, 0]))
+        self.tiles = Tiles(*grid.directory, 0.05)
+        slots = 4 * TILE_SIDE**2
+        self.nothing = np.zeros(slots, np.float32)
+        self.powers = Powers(
+            *(np.zeros(slots * QUARTERS, np.float32) for _ in range(3)),
+            looks=np.zeros(slots, np.float32),
+            alive=np.zeros(slots, np.float32),
+        )
+        self.work = Workspace()
+
+    def slot(self, x_m: float, y_m: float) -> int:
+        return slot_at(int(y_m // 0.05), int(x_m // 0.05), self.tiles)
+
+    def suspect(self, x_m: float, y_m: float, power: float = 0.05) -> int:
+        slot = self.slot(x_m, y_m)
+        self.powers.power[slot * QUARTERS : (slot + 1) * QUARTERS] = power
+        self.powers.alive[slot] = 1.0
+        return slot
+
+    def power(self, slot: int) -> float:
+        return float(self.powers.power[slot * QUARTERS : (slot + 1) * QUARTERS].sum())
+
+    def expected(self, look: Look) -> np.ndarray:
+        seen, count = self.work.find(
+            look, self.tiles, self.powers.alive, self.work.rays(look, self.tiles)
+        )
+        parts, bins = self.work.parts(count), self.work.bins(look)
+        split_expected(look, seen, count, self.powers.power, parts)
+        expect(look, count, parts, bins)
+        forget(seen, count)
+        return bins.expected[: len(look.kind)].copy()
+
+    def learn(self, look: Look) -> float:
+        """Learn from a look; returns its log-likelihood before."""
+        before = sum(log_likelihood(look, b, v) for b, v in enumerate(self.expected(look)))
+        rays = self.work.rays(look, self.tiles)
+        seen, count = self.work.find(look, self.tiles, self.powers.alive, rays)
+        bins = self.work.bins(look)
+        weigh_bins(look, bins)
+        add_up_bins(look, bins)
+        learn_powers(look, seen, count, bins, self.powers, 0.0, 0.5)
+        forget(seen, count)
+        return before
+
+
+@pytest.fixture
+def area() -> Area:
+    return Area()
+
+
+def test_a_cells_slot_is_found_in_any_tile(area: Area) -> None:
+    assert slot_at(0, 0, area.tiles) == slot_at(1, 0, area.tiles) - TILE_SIDE
+    assert slot_at(TILE_SIDE, 0, area.tiles) == slot_at(0, -TILE_SIDE - 1, area.tiles) == -1
+    places = [(row, column) for row in range(-64, 64, 7) for column in range(-64, 64, 5)]
+    assert len({slot_at(*place, area.tiles) for place in places}) == len(places)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.1, -2.6])
+def test_the_cells_in_a_cone_are_those_of_its_footprint(
+    area: Area, make_cone: MakeCone, yaw_rad: float
+) -> None:
+    cone = make_cone(x_m=0.21, y_m=-0.33, yaw_rad=yaw_rad, max_range_m=2.5)
+    look, cells = look_of(cone, PARAMETERS), footprint(cone, 0.05)
+    rays = area.work.rays(look, area.tiles)
+    seen, count = area.work.find(look, area.tiles, area.nothing + 1.0, rays)
+    weight = np.exp(2.0 * cells.log_unit_amplitude)
+    loud = weight * cells.range_m**4 > 4.2e-4
+    found = dict(
+        zip(zip(seen.row[:count], seen.column[:count], strict=True), range(count), strict=True)
+    )
+    expected = list(zip(cells.rows[loud], cells.columns[loud], strict=True))
+    assert set(expected) <= set(found)
+    assert set(found) <= set(zip(cells.rows, cells.columns, strict=True))
+    places = [found[cell] for cell in expected]
+    np.testing.assert_allclose(seen.weight[places], weight[loud], rtol=0.03)
+    np.testing.assert_allclose(seen.bearing[places], cells.bearing_rad[loud], atol=1e-5)
+    # Four quarters lie about the cell's own range.
+    middle_m = 0.5 * (seen.low[places] + seen.high[places]).mean(axis=1) * look.bin_m + 0.1
+    np.testing.assert_allclose(middle_m, cells.range_m[loud], atol=1e-4)
+
+
+def test_all_of_an_objects_power_is_expected_around_its_range(
+    area: Area, make_cone: MakeCone
+) -> None:
+    """G² r⁻⁴ v for each of the four quarters of both cells, and noise in every bin."""
+    look = look_of(make_cone(), PARAMETERS)
+    assert area.expected(look) == pytest.approx(np.full(len(look.kind), look.noise))
+    area.suspect(1.525, 0.025, 0.05)
+    area.suspect(2.025, -0.475, 0.2)
+    signal = area.expected(look) - look.noise
+    direct = 0.0
+    for x_m, y_m, power in ((1.525, 0.025, 0.2), (2.025, -0.475, 0.8)):
+        gain = 1.0 - np.arctan2(abs(y_m), x_m) / look.half_angle_rad
+        direct += power * gain**2 / np.hypot(x_m, y_m) ** 4
+    assert signal.sum() == pytest.approx(direct, rel=0.02)
+    lit = np.flatnonzero(signal > 1e-9) * look.bin_m + 0.1
+    assert lit.min() > 1.525 - 0.05
+    assert lit.max() < 2.08 + 0.06
+    assert not np.any((lit > 1.6) & (lit < 2.0))
+
+
+def test_the_mean_between_is_that_of_the_bins() -> None:
+    sums = np.concatenate([[0.0], np.cumsum([1.0, 3.0, 5.0])])
+    assert mean_between(sums, 0.0, 3.0, 3) == pytest.approx(3.0)
+    assert mean_between(sums, 0.5, 1.5, 3) == pytest.approx(2.0)
+    assert mean_between(sums, -1.0, 1.0, 3) == pytest.approx(0.5)
+    assert mean_between(sums, 5.0, 6.0, 3) == 0.0
+
+
+def test_the_power_of_a_lone_reflector_is_learnt(area: Area, make_cone: MakeCone) -> None:
+    """It is expected as strong as it was heard, in the bin in which it was."""
+    slot = area.suspect(1.5125, 0.0125)
+    look = look_of(make_cone((1.5125, 0.2)), PARAMETERS)
+    for _ in range(60):
+        area.learn(look)
+    (echo,) = np.flatnonzero(look.kind == ECHO)
+    assert area.expected(look)[echo] == pytest.approx(0.04, rel=0.1)
+    assert 0.04 * 1.5**4 < area.power(slot) < 6.0 * 0.04 * 1.5**4
+
+
+def test_the_powers_of_two_reflectors_are_told_apart(area: Area, make_cone: MakeCone) -> None:
+    near, far = area.suspect(1.0125, 0.0125), area.suspect(2.0125, 0.0125)
+    look = look_of(make_cone((1.0125, 0.2), (2.0125, 0.1)), PARAMETERS)
+    for _ in range(60):
+        area.learn(look)
+    np.testing.assert_allclose(area.expected(look)[look.kind == ECHO], [0.04, 0.01], rtol=0.1)
+    assert area.power(far) / area.power(near) == pytest.approx(0.25 * 16.0, rel=0.3)
+
+
+def test_what_is_never_heard_loses_its_power(area: Area, make_cone: MakeCone) -> None:
+    slot = area.suspect(1.5125, 0.0125)
+    for _ in range(30):
+        area.learn(look_of(make_cone(), PARAMETERS))
+    assert area.power(slot) == 0.0
+    assert area.powers.alive[slot] == 0.0
+
+
+def test_learning_again_from_a_ping_makes_it_no_less_likely(
+    area: Area, make_cone: MakeCone
+) -> None:
+    for x_m in np.arange(0.9875, 2.0, 0.05):
+        area.suspect(float(x_m), 0.0125, 0.3)
+    look = look_of(make_cone((1.1, 0.3), (1.31, 0.1), (1.7, 0.2)), PARAMETERS)
+    likelihood = [area.learn(look) for _ in range(40)]
+    assert likelihood[-1] > likelihood[0] + 10.0
+    assert np.min(np.diff(likelihood)) > -0.5
+
+
+BOUNDS = Bounds(of_a_bin=8.0, of_all=60.0, forgetting=0.06)
+
+
+def test_evidence_stays_within_its_bounds_on_either_side() -> None:
+    sums = np.zeros(2 * SIDES, np.float32)
+    for _ in range(100):
+        add_gain(sums, 1, 2, 4.0, BOUNDS)
+    assert sums[SIDES + 2] == 60.0
+    assert np.count_nonzero(sums) == 1
+    for _ in range(100):
+        add_gain(sums, 1, 2, -4.0, BOUNDS)
+    assert sums[SIDES + 2] == -15.0
+
+
+def test_a_contradiction_from_one_side_makes_all_sides_forget() -> None:
+    sums = np.full(SIDES, 50.0, np.float32)
+    add_gain(sums, 0, 3, -1.0, BOUNDS)
+    assert np.delete(sums, 3) == pytest.approx(np.full(SIDES - 1, 47.0))
+    assert sums[3] == pytest.approx(46.0)
+    add_gain(sums, 0, 3, -0.1, BOUNDS)  # too little to be a contradiction
+    assert sums[0] == pytest.approx(47.0)
+
+
+@pytest.mark.parametrize(
+    ("sides", "expected"), [([3, 4, 5, 0, 0, 0], 12.0), ([30, -15, -15, -15, 0, 0], 20.0)]
+)
+def test_a_thing_answers_to_all_sides_or_to_one(sides: list[float], expected: float) -> None:
+    evidence = np.array([9.0] * SIDES + sides, np.float32)
+    assert combined(1, evidence, 10.0) == pytest.approx(expected)
+
+
+def test_rays_behind_an_opaque_wall_are_dark(area: Area, make_cone: MakeCone) -> None:
+    look = look_of(make_cone(x_m=0.025, y_m=0.025), PARAMETERS)
+    depth = area.nothing.copy()
+    for y_m in np.arange(-0.375, 0.4, 0.05):
+        depth[area.slot(1.025, y_m)] = 5.0
+    rays = area.work.rays(look, area.tiles)
+    cast_rays(look, area.tiles, depth, rays)
+    middle = len(rays.in_sight) // 2
+    at_m = (np.arange(rays.in_sight.shape[1]) + 0.5) * rays.step_m
+    assert np.all(rays.in_sight[middle, at_m < 1.04] == 1.0)  # the wall does not hide itself
+    assert np.all(rays.in_sight[middle, at_m > 1.2] < 0.01)
+    assert np.all(rays.in_sight[0] == 1.0)
+
+
+def test_proof_ends_a_cell_before_what_the_sound_came_back_from(
+    area: Area, make_cone: MakeCone
+) -> None:
+    look = look_of(make_cone(x_m=0.025, y_m=0.025), PARAMETERS)
+    rays, clear = area.work.rays(look, area.tiles), area.nothing.copy()
+    rays.proven_m[:] = 0.0
+    rays.proven_m[len(rays.proven_m) // 2] = 1.5
+    deal_proof(look, area.tiles, rays, clear)
+    assert clear[area.slot(1.4, 0.03)] == 1.0
+    assert clear[area.slot(1.53, 0.03)] == 0.0
+    assert clear.sum() == pytest.approx(29, abs=2)
+    assert clear.max() == 1.0

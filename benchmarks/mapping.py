@@ -16,7 +16,6 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.map_files import RobotPaths
-from usmap_ros.mapping.grid import TILE_CELLS
 from usmap_ros.offline import map_bag
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import FUSIONS, Pipeline
@@ -24,8 +23,6 @@ from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
-#: Bytes of one cell in the four layers of the noisy-OR's grid.
-BYTES_PER_CELL = 4 * 4
 #: Runs the command line.
 USMAP = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
 
@@ -64,16 +61,10 @@ def fusion(cones: list[EchoCone], method: str) -> dict[str, Any]:
         f"{method}_90_percent_ms": float(np.quantile(times, 0.9)),
     }
     if method == parameters.mapping.method:
-        occupancy = pipeline.occupancy_map()
-        rows, columns = np.nonzero(occupancy.observed)
-        side = int(np.sqrt(TILE_CELLS))
-        first = np.rint(np.array(occupancy.geometry.origin_m) / mapping.resolution_m).astype(int)
-        tiles = np.unique(
-            np.column_stack([(rows + first[1]) // side, (columns + first[0]) // side]), axis=0
-        )
-        area_m2 = len(rows) * mapping.resolution_m**2
+        observed = np.count_nonzero(pipeline.occupancy_map().observed)
+        area_m2 = observed * mapping.resolution_m**2
         results["observed_m2"] = area_m2
-        results["map_kb_a_m2"] = len(tiles) * TILE_CELLS * BYTES_PER_CELL / 1e3 / area_m2
+        results["map_kb_a_m2"] = pipeline.fusion.memory_bytes / 1e3 / area_m2
     return results
 
 

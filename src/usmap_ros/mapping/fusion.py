@@ -70,6 +70,11 @@ class Fusion(ABC):
         self.stamp_ns = max(self.stamp_ns, cone.stamp_ns)
         self._take_up(cone)
 
+    @property
+    def memory_bytes(self) -> int:
+        """Memory that the map's cells take."""
+        return self._grid.memory_bytes
+
     @abstractmethod
     def _take_up(self, cone: EchoCone) -> None:
         """Change the grid by what a cone says."""

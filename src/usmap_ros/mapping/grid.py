@@ -58,6 +58,12 @@ class TiledGrid:
         return self._tile_count
 
     @property
+    def memory_bytes(self) -> int:
+        """Memory of all layers of the tiles in use."""
+        a_tile = sum(pool.shape[1] * pool.itemsize for pool in self._pools.values())
+        return self._tile_count * a_tile
+
+    @property
     def directory(self) -> tuple[IndexArray, int, int]:
         """Number of each tile by its place, -1 where there is none; first tile row and column."""
         return self._directory, *self._directory_origin

@@ -116,9 +116,9 @@ def slot_at(row: int, column: int, tiles: Tiles) -> int:
 def power_gain(look: Look, cosine: float) -> float:
     """Two-way power gain at an angle off the beam axis, given by its cosine."""
     place = (1.0 - cosine) / (1.0 - look.cos_half_angle) * GAIN_STEPS
-    first = min(int(place), GAIN_STEPS - 1)
-    share = place - first
-    return float((1.0 - share) * look.power_gain[first] + share * look.power_gain[first + 1])
+    entry = min(max(int(place), 0), GAIN_STEPS - 1)
+    before, after = look.power_gain[entry], look.power_gain[entry + 1]
+    return float(before + (after - before) * (place - entry))
 
 
 @compiled
@@ -175,10 +175,7 @@ def find_cells(look: Look, tiles: Tiles, alive: NDArray[np.float32], rays: Rays,
                 ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
                 if ahead <= distance * look.cos_half_angle:
                     continue
-                place = (1.0 - ahead / distance) / (1.0 - look.cos_half_angle) * GAIN_STEPS
-                entry = min(max(int(place), 0), GAIN_STEPS - 1)
-                before, after = look.power_gain[entry], look.power_gain[entry + 1]
-                gain = before + (after - before) * (place - entry)
+                gain = power_gain(look, ahead / distance)
                 if gain < LEAST_POWER_GAIN:
                     continue
                 if count == capacity:

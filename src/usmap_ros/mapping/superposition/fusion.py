@@ -93,9 +93,9 @@ class SuperpositionFusion(Fusion):
 
     Each new ping is followed by visits to earlier ones, in the order of their stamps and then
     from the start again.  A visit works out what the map expects of the ping, and gathers what
-    the ping says of the powers of cells, of their being there, and of free space.  When a pass
-    through the window ends, powers and beliefs are renewed, with them what hides what, and
-    nothing of what was gathered under the old beliefs remains: silence too is dealt anew.
+    the ping says of cells' being there and of free space; their powers are learnt at once.  When
+    a pass through the window ends, beliefs are renewed, with them what hides what, and nothing of
+    what was gathered under the old beliefs remains: silence too is dealt anew.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
-    {"arrays", "cores", "errors", "parent"},
+    {"arrays", "compiled", "cores", "errors", "parent"},
     {"geometry"},
     {"acoustics"},
     {"grids", "parameters", "transducer_array"},

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.compiled import compiled
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.cells import SIDES, Tiles, slot_at
 
 #: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.compiled import compiled
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE
 from usmap_ros.mapping.superposition.look import GAIN_STEPS, Look
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.compiled import compiled
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.cells import SIDES, Seen, Tiles, slot_at
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import BLOCK_BINS, CELL_BINS, Bins, Contributions

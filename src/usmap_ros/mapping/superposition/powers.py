@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.compiled import compiled
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.cells import QUARTERS, Seen
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 

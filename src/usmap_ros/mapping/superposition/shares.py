@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.compiled import compiled
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.cells import Seen
 from usmap_ros.mapping.superposition.look import ECHO, Look
 from usmap_ros.mapping.superposition.powers import CELL_BINS, Bins, Contributions

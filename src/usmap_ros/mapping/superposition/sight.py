@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.compiled import compiled
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.cells import Rays, Tiles, power_gain, slot_at
 from usmap_ros.mapping.superposition.look import SILENCE, Look
 

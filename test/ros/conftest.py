@@ -106,7 +106,7 @@ class Live:
         node.destroy_node()
 
     def until(
-        self, condition: Callable[[], Any], timeout_s: float = 90.0, what: object = None
+        self, condition: Callable[[], Any], timeout_s: float = 300.0, what: object = None
     ) -> Any:
         """Spin until a condition holds; its value."""
         end_s = time.monotonic() + timeout_s

@@ -39,13 +39,13 @@ def run() -> Iterator[object]:
     yield start
     for supervisor, thread in running:
         supervisor.stop()
-        thread.join(90.0)
+        thread.join(300.0)
         assert not thread.is_alive()
         for one in supervisor.tasks:
             assert one.process is None or one.process.poll() is not None
 
 
-def until(condition: object, timeout_s: float = 90.0) -> None:
+def until(condition: object, timeout_s: float = 300.0) -> None:
     end_s = time.monotonic() + timeout_s
     while not condition():  # type: ignore[operator]
         assert time.monotonic() < end_s
@@ -81,7 +81,7 @@ def test_a_process_that_keeps_dying_is_started_ever_more_slowly(  # type: ignore
 def test_a_process_that_does_not_end_is_told_more_firmly(  # type: ignore[no-untyped-def]
     run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    patience = ((signal.SIGINT, 0.5), (signal.SIGTERM, 90.0))
+    patience = ((signal.SIGINT, 0.5), (signal.SIGTERM, 300.0))
     monkeypatch.setattr("usmap_ros.live.supervisor._PATIENCE_S", patience)
     supervisor, lines = run(task("a", STUBBORN))
     until(lambda: lines == ["[a] up"])

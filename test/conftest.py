@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,10 @@ from usmap_ros.cores import keep_linear_algebra_to_one_core
 
 # Before NumPy is imported, and most of all where several test processes share the machine.
 keep_linear_algebra_to_one_core()
+
+# What a script runs in the background ignores Ctrl-C, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples at each run, however fast or busy the machine is.
 settings.register_profile(

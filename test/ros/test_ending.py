@@ -112,12 +112,15 @@ def test_a_node_that_is_asked_to_end_as_it_starts_ends_without_a_word(
     # Before, it is Python that starts.
     begun: list[Callable[[Any], bool]] = [answers_ctrl_c, lambda p: not answers_ctrl_c(p)]
     end_s = time.monotonic() + DEADLINE_S
-    for condition in (*begun, *STAGES[stage]):
-        while not condition(process):
-            assert time.monotonic() < end_s
-            time.sleep(0.002)
-    process.send_signal(number)
-    _, said = process.communicate(timeout=DEADLINE_S)
+    try:
+        for condition in (*begun, *STAGES[stage]):
+            while not condition(process):
+                assert time.monotonic() < end_s
+                time.sleep(0.002)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=DEADLINE_S)
+    finally:
+        process.kill()
     assert "Traceback" not in said
     assert process.returncode in (0, -number)
 

@@ -37,6 +37,8 @@ ODD_LOUDNESS_DB, ODD_LIMIT_DB = 6.0, 10.0
 #: pings with expectations that are needed to judge places.
 LEAST_MATCHES, FEW_MATCHES, VERY_ODD_DB = 8, 4, 12.0
 LEAST_PINGS = 8
+#: Once a robot has been named, so many others can name nobody else.
+LEAST_ROBOTS_LEFT = 2
 #: `Agreement.fit`, relative to the median of the others, below which a robot is suspected of being
 #: misplaced, and below which that is confirmed; what is assumed of the others if there is nothing.
 SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.7, 0.4, 1.0
@@ -144,8 +146,11 @@ class Consistency:
         while True:
             judged = self._judge(expected_by_others, found, SUSPECT_FIT)
             suspects = [topic for topic, finding in judged.items() if finding.is_suspect]
+            # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
+            can_tell = not found or len(judged) > LEAST_ROBOTS_LEFT
             suspects.sort(key=lambda topic: judged[topic].evidence["fit"] or 0.0)
-            confirmed = next(filter(None, (self._confirm(t, found) for t in suspects)), None)
+            confirmations = (self._confirm(topic, found) for topic in suspects if can_tell)
+            confirmed = next(filter(None, confirmations), None)
             if confirmed is None:
                 cleared = {t: replace(judged[t], verdict="healthy", reason="") for t in suspects}
                 return dict(sorted((found | judged | cleared).items()))

@@ -143,6 +143,9 @@ class MapFusionParameters(NodeParameters):
     cone_topics: list[str] = quantity(
         [""], "Cone topics to fuse; empty: every one there is, found by its type."
     )
+    without: list[str] = quantity(
+        [""], "Robots, or cone topics, whose cones are left out of the map from now on."
+    )
     discovery_period_s: float = quantity(
         0.5, "Time from one look for new cone topics to the next.", "s", ge=0.05, le=60.0
     )

@@ -12,6 +12,7 @@ from usmap_ros.io.conversions import cone_from_message
 from usmap_ros.live.checkpoint import Checkpoint
 from usmap_ros.live.health import Health
 from usmap_ros.live.live_fusion import LiveFusion
+from usmap_ros.mapping.consistency import is_of
 from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
 from usmap_ros.nodes.plumbing.frames import Transforms
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
@@ -91,11 +92,16 @@ class MapSession:
 
     def set_sources(self, present: dict[str, bool]) -> None:
         """Wait for the topics on which somebody publishes."""
-        self.fusion.set_sources(present)
+        without = self._parameters.value.without
+        awaited = {name: here and not is_of(name, without) for name, here in present.items()}
+        self.fusion.set_sources(awaited)
         self._worker.wake()
 
     def receive(self, topic: str, message: Any) -> None:
-        """Take a cone in, or refuse it with the reason."""
+        """Take a cone in, leave it out if that is asked for, or refuse it with the reason."""
+        if is_of(topic, self._parameters.value.without):
+            self._health.count("left out")
+            return
         try:
             cone = cone_from_message(message)
         except MalformedMessageError as error:

@@ -19,7 +19,8 @@ from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import RobotPaths, load_map
-from usmap_ros.mapping.consistency import Consistency, Finding, is_of
+from usmap_ros.mapping.consistency import Consistency, is_of
+from usmap_ros.mapping.finding import Finding
 from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline

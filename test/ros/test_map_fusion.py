@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.cone import EchoCone
+from usmap_ros.geometry import Pose
 from usmap_ros.grids import LAYERS, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.io.conversions import cone_to_message, grid_from_message, points_from_message
 from usmap_ros.io.map_files import load_map
@@ -410,3 +411,51 @@ def test_two_reconstructors_of_a_robot_count_once(live: Any, cones: Cones) -> No
     assert "a second reconstructor" in node.health.reason("repeated")
     assert node.health.total("fused") == 3
     np.testing.assert_array_equal(node.session.fusion.occupancy_map().log_odds, expected.log_odds)
+
+
+def stuck(cone: EchoCone, pings: int) -> Cones:
+    """Give pings that all say the same, though the robot moves."""
+    return [
+        (
+            "/robot9/cone",
+            replace(
+                cone, stamp_ns=cone.stamp_ns + number, pose=Pose.planar(0.1 * number, 1.0, 0.0)
+            ),
+        )
+        for number in range(pings)
+    ]
+
+
+def test_a_robot_that_lies_is_named_and_left_out(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion, check_period_s=0.1, order_wait_s=0.0)
+    lies = stuck(next(cone for _, cone in cones if len(cone.ranges_m)), 12)
+    send(live, [*cones[:3], *lies])
+    live.until(lambda: "/robot9/cone stuck" in node.health.report().facts["robots"])
+    report = node.health.report()
+    assert report.level == Level.WARN
+    assert "/robot9/cone is stuck: 100% of its pings repeat" in report.message
+
+    assert live.set_parameter("/map_fusion", "without", ["robot9"]).successful
+    live.until(lambda: "/robot9" not in node.health.report().facts["robots"])
+    publisher = live.publisher(CONE, "/robot9/cone", 50)
+    publisher.publish(cone_to_message(lies[0][1], TYPES))
+    live.until(lambda: node.health.total("left out") == 1)
+    send(live, cones[3:5])
+    assert "robot9" not in node.health.report().message
+
+
+def test_a_check_of_robots_ends_with_its_node(live: Any, cones: Cones) -> None:
+    """Though it is in the middle of a judgement that takes long."""
+    node = live.add(MapFusion, check_period_s=0.1)
+    send(live, cones[:3])
+    began = []
+
+    def endless(between: Callable[[], None]) -> Any:
+        began.append(True)
+        while True:
+            between()
+
+    node.session.fusion.findings = endless
+    send(live, cones[3:5])
+    live.until(lambda: began)
+    live.remove(node)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,9 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions.grid import MAX_SIDE
 from usmap_ros.live.ordering import StampOrder
+from usmap_ros.mapping.consistency import Consistency
+from usmap_ros.mapping.finding import Finding
+from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.repeats import SeenPings
@@ -83,6 +86,7 @@ class LiveFusion:
         self._pipeline.fusion.frame_id = frame_id
         self._clock = clock
         self._order: StampOrder[_Received] = StampOrder(order_wait_s, capacity)
+        self._consistency = Consistency(parameters)
         # Two locks, so that cones go on being received while one is fused.
         self._map_lock = threading.Lock()
         self._order_lock = threading.Lock()
@@ -153,6 +157,7 @@ class LiveFusion:
         topic, received = released
         with self._map_lock:
             self._pipeline.fuse(received.cone)
+            self._consistency.add(topic, received.cone)
             self.version += 1
         return Fused(topic, self._clock() - received.at_s)
 
@@ -165,6 +170,29 @@ class LiveFusion:
         """The map so far."""
         with self._map_lock:
             return self._pipeline.occupancy_map()
+
+    def findings(self, between: Callable[[], None]) -> dict[str, Finding]:
+        """Judge the robots by the pings of late; cones are fused meanwhile.
+
+        Parameters
+        ----------
+        between : callable
+            As in `Consistency.findings`.
+        """
+        with self._map_lock:
+            consistency = self._consistency.copy()
+        return consistency.findings(self._expected_by_others, between)
+
+    def _expected_by_others(
+        self, cones: Mapping[str, Sequence[EchoCone]]
+    ) -> dict[str, list[Expected]]:
+        with self._map_lock:
+            return self._pipeline.fusion.expected_by_others(cones)
+
+    def leave_out(self, names: Collection[str]) -> None:
+        """Forget the pings of late of some robots, or topics."""
+        with self._map_lock:
+            self._consistency.forget(names)
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from an earlier map.
@@ -209,6 +237,7 @@ class LiveFusion:
             self._pipeline = Pipeline(self._parameters)
             self._pipeline.fusion.frame_id = before.frame_id
             self._pipeline.fusion.stamp_ns = before.stamp_ns
+            self._consistency = Consistency(self._parameters.mapping)
             self._order.clear()
             self._middle_m = None
             self._seen = SeenPings()

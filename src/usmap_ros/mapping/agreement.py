@@ -30,34 +30,35 @@ class Agreement:
     ----------
     pings : int
         Of which the others' map expects anything.
+    echoes : float
+        Mean number of echoes in a ping.
     audible, heard : int
         Echoes that are certain to be expected, and how many of them were heard.
     matches : int
         Echoes where the map expects them; those that `loudness_db` is from.
     loudness_db : float, optional
         Median of the amplitudes of echoes over what the map expects.
-    limit_db : float, optional
-        Median detection limit, dB re amplitude 1.
     fit : float, optional
         By how much the pings are likelier with what is expected of them than with the same
         shifted in range: log-likelihood for a range bin, the median of the pings.
     """
 
     pings: int
+    echoes: float
     audible: int
     heard: int
     matches: int
     loudness_db: float | None
-    limit_db: float | None
     fit: float | None
 
 
 def agreement(expected: Sequence[Expected]) -> Agreement:
     """Compare pings with what was expected of them."""
     fits = [fit for ping in expected if (fit := _fit(ping)) is not None]
-    audible = heard = 0
+    echoes = audible = heard = 0
     loudness: list[float] = []
     for look, power in expected:
+        echoes += int(np.count_nonzero(look.kind == ECHO))
         width = 2 * round(TOLERANCE_M / look.bin_m) + 1
         signal = power - look.noise
         near = maximum_filter1d((look.kind == ECHO).astype(np.uint8), width) > 0
@@ -71,14 +72,13 @@ def agreement(expected: Sequence[Expected]) -> Agreement:
         heard += int(matched.sum())
         loudest = maximum_filter1d(look.power, width)
         loudness += (10.0 * np.log10(loudest[matched] / signal[matched])).tolist()
-    limits = [float(np.median(look.limit)) for look, _ in expected]
     return Agreement(
         pings=len(fits),
+        echoes=echoes / max(len(expected), 1),
         audible=audible,
         heard=heard,
         matches=len(loudness),
         loudness_db=float(np.median(loudness)) if loudness else None,
-        limit_db=float(10.0 * np.log10(np.median(limits))) if limits else None,
         fit=float(np.median(fits)) if fits else None,
     )
 

@@ -1,28 +1,28 @@
 """Which robots' echoes contradict the map that all the others make.
 
 A robot that is stuck repeats itself while it moves.  One that is deaf hears less than the others
-would, one that is loud more.  The echoes of one that is misplaced fit what the others' map
-expects of it no better than they fit the same shifted in range.
+would, one that is loud more, one that is noisy what is not there.  The echoes of one that is
+misplaced fit what the others' map expects of it no better than they fit the same shifted in range.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.agreement import Agreement, agreement
+from usmap_ros.mapping.finding import Finding, Verdict
+from usmap_ros.mapping.hearing import FEW_ECHOES, hearing, odd_hearing
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters
 
 #: What the map expects of the pings of robots, by topic, as the others have it.
 Expecting = Callable[[Mapping[str, Sequence[EchoCone]]], dict[str, list[Expected]]]
-Verdict = Literal["healthy", "unknown", "deaf", "loud", "stuck", "misplaced"]
 
 #: Pings of each robot that are remembered, and compared, spread evenly over those.
 REMEMBERED, COMPARED = 200, 80
@@ -31,46 +31,17 @@ MOVED_M, MOVED_RAD = 0.01, 0.01
 #: Pings with echoes from a robot that moves that are needed to say that it repeats itself, and the
 #: share of them that must be repetitions to the last digit, which noise never makes.
 LEAST_REPEATS, REPEATED_SHARE = 10, 0.5
-#: Amplitudes, and detection limits, beyond this difference from the others' are odd.
-ODD_LOUDNESS_DB, ODD_LIMIT_DB = 6.0, 10.0
-#: Echoes where the map expects them that are needed to judge loudness, fewer where it is very odd;
-#: pings with expectations that are needed to judge places.
-LEAST_MATCHES, FEW_MATCHES, VERY_ODD_DB = 8, 4, 12.0
-LEAST_PINGS = 8
+#: Amplitudes beyond this difference from the others' are odd: what smooth walls return, to one
+#: robot squarely and to another not, differs by up to 12 dB.
+ODD_LOUDNESS_DB = 15.0
+#: Echoes where the map expects them that are needed to judge loudness; pings with expectations that
+#: are needed to judge places.
+LEAST_MATCHES, LEAST_PINGS = 4, 8
 #: Once a robot has been named, so many others can name nobody else.
 LEAST_ROBOTS_LEFT = 2
 #: `Agreement.fit`, relative to the median of the others, below which a robot is suspected of being
-#: misplaced, and below which that is confirmed; what is assumed of the others if there is nothing.
+#: misplaced, and below which that is confirmed; most that is asked of anybody.
 SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.7, 0.4, 1.0
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What is to be said of a robot.
-
-    Parameters
-    ----------
-    verdict : str
-        ``unknown`` where too little of what it looked at was seen by others.
-    evidence : dict
-        Numbers of its `Agreement`, and `repeated`, the share of its pings that repeat the one
-        before though it has moved.
-    reason : str
-        In words; empty for the healthy.
-    """
-
-    verdict: Verdict
-    evidence: dict[str, float | int | None]
-    reason: str = ""
-
-    @property
-    def is_suspect(self) -> bool:
-        """Whether its evidence is better left out."""
-        return self.verdict not in ("healthy", "unknown")
-
-    def summary(self) -> dict[str, Any]:
-        """Contents for ``summary.json``."""
-        return {"verdict": self.verdict, "reason": self.reason, "evidence": self.evidence}
 
 
 class _Robot:
@@ -119,13 +90,19 @@ class Consistency:
         """Remember a ping."""
         self._robots.setdefault(topic, _Robot()).add(cone)
 
+    def forget(self, names: Collection[str]) -> None:
+        """Forget robots, or topics."""
+        self._robots = {t: robot for t, robot in self._robots.items() if not is_of(t, names)}
+
     def copy(self) -> Consistency:
         """The same memory, to be judged while the original goes on."""
         other = Consistency(self._parameters)
         other._robots = {topic: robot.copy() for topic, robot in self._robots.items()}
         return other
 
-    def findings(self, expected_by_others: Expecting) -> dict[str, Finding]:
+    def findings(
+        self, expected_by_others: Expecting, between: Callable[[], None] = lambda: None
+    ) -> dict[str, Finding]:
         """Judge every robot, by topic.
 
         A screen on the common map comes first; what it finds is confirmed on a map that the
@@ -136,25 +113,34 @@ class Consistency:
         ----------
         expected_by_others : callable
             `Fusion.expected_by_others` of the map that the pings went into.
+        between : callable
+            Called between pieces of work, which take milliseconds; what it raises ends the
+            judgement.
         """
+        found = self._by_themselves()
+        while True:
+            screened = self._judge(expected_by_others, found, SUSPECT_FIT)
+            suspects = [topic for topic, finding in screened.items() if finding.is_suspect]
+            # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
+            can_tell = not found or len(screened) > LEAST_ROBOTS_LEFT
+            suspects.sort(key=lambda topic: screened[topic].evidence["fit"] or 0.0)
+            confirmations = (self._confirm(t, found, between) for t in suspects if can_tell)
+            confirmed = next(filter(None, confirmations), None)
+            if confirmed is None:
+                cleared = {t: replace(screened[t], verdict="healthy", reason="") for t in suspects}
+                return dict(sorted((found | screened | cleared).items()))
+            found |= confirmed
+
+    def _by_themselves(self) -> dict[str, Finding]:
+        """Those who are found without a map, which they would spoil."""
         found: dict[str, Finding] = {}
         for topic, robot in self._robots.items():
             share = robot.repeated()
             if share > REPEATED_SHARE:
                 reason = f"{share:.0%} of its pings repeat the one before though it has moved"
                 found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
-        while True:
-            judged = self._judge(expected_by_others, found, SUSPECT_FIT)
-            suspects = [topic for topic, finding in judged.items() if finding.is_suspect]
-            # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
-            can_tell = not found or len(judged) > LEAST_ROBOTS_LEFT
-            suspects.sort(key=lambda topic: judged[topic].evidence["fit"] or 0.0)
-            confirmations = (self._confirm(topic, found) for topic in suspects if can_tell)
-            confirmed = next(filter(None, confirmations), None)
-            if confirmed is None:
-                cleared = {t: replace(judged[t], verdict="healthy", reason="") for t in suspects}
-                return dict(sorted((found | judged | cleared).items()))
-            found |= confirmed
+        hearings = {t: hearing(r.cones) for t, r in self._robots.items() if t not in found}
+        return found | odd_hearing({t: own for t, own in hearings.items() if own is not None})
 
     def _judge(
         self, expected_by_others: Expecting, without: Collection[str], least_fit: float
@@ -164,16 +150,19 @@ class Consistency:
         expected = expected_by_others(chosen)
         agreements = {topic: agreement(expected.get(topic, [])) for topic in chosen}
         return {
-            topic: _verdict(own, [a for t, a in agreements.items() if t != topic], least_fit)
+            topic: judged(own, [a for t, a in agreements.items() if t != topic], least_fit)
             for topic, own in agreements.items()
         }
 
-    def _confirm(self, topic: str, without: Collection[str]) -> dict[str, Finding] | None:
+    def _confirm(
+        self, topic: str, without: Collection[str], between: Callable[[], None]
+    ) -> dict[str, Finding] | None:
         """Judge a suspect by a map of the others' pings alone; None if it is cleared."""
         others = {t: r.chosen() for t, r in self._robots.items() if t not in (topic, *without)}
         apart = SuperpositionFusion(self._parameters)
         cones = (cone for own in others.values() for cone in own)
         for cone in sorted(cones, key=lambda cone: cone.stamp_ns):
+            between()
             apart.fuse(cone)
         finding = self._judge(apart.expected_by_others, without, MISPLACED_FIT)[topic]
         if not finding.is_suspect:
@@ -191,38 +180,31 @@ def is_of(topic: str, names: Iterable[str]) -> bool:
     return any(path.startswith(name.strip("/") + "/") for name in names if name.strip("/"))
 
 
-def _verdict(own: Agreement, others: list[Agreement], least_fit: float) -> Finding:
+def judged(own: Agreement, others: list[Agreement], least_fit: float) -> Finding:
     """Judge a robot by how it agrees with the others' map, beside how they agree with theirs."""
-    limit_db = _difference(own.limit_db, [a.limit_db for a in others])
     louder_db = _difference(
-        own.loudness_db, [a.loudness_db for a in others if a.matches >= FEW_MATCHES]
+        own.loudness_db, [a.loudness_db for a in others if a.matches >= LEAST_MATCHES]
     )
     if louder_db is not None and len(others) == 1:
         # Of two, each is as much louder than the other as that is fainter.
         louder_db *= 0.5
-    evidence: dict[str, float | int | None] = asdict(own) | {
-        "limit_over_others_db": limit_db,
-        "loudness_over_others_db": louder_db,
-    }
-    # Few echoes that happen to match do not tell a misplaced robot's loudness.
-    if louder_db is not None and own.matches >= FEW_MATCHES and abs(louder_db) > VERY_ODD_DB:
+    evidence: dict[str, float | int | None] = asdict(own) | {"loudness_over_others_db": louder_db}
+    if louder_db is not None and own.matches >= LEAST_MATCHES and abs(louder_db) > ODD_LOUDNESS_DB:
         return _of_odd_loudness(louder_db, own.matches, evidence)
-    if limit_db is not None and limit_db > ODD_LIMIT_DB:
-        reason = f"deaf: its detection limit is {limit_db:.0f} dB above the others'"
-        return Finding("deaf", evidence, reason)
     if own.pings < LEAST_PINGS or own.fit is None:
         return Finding("unknown", evidence)
     fits = [a.fit for a in others if a.pings >= LEAST_PINGS and a.fit is not None]
-    usual = float(np.median(fits)) if fits else USUAL_FIT
-    if own.fit < least_fit * usual:
-        reason = (
-            f"misplaced: {own.heard} of {own.audible} expected echoes were heard, and its pings"
-            f" fit the others' map by {own.fit:.2f} a range bin where theirs fit by {usual:.2f}"
-        )
-        return Finding("misplaced", evidence, reason)
-    if louder_db is not None and own.matches >= LEAST_MATCHES and abs(louder_db) > ODD_LOUDNESS_DB:
-        return _of_odd_loudness(louder_db, own.matches, evidence)
-    return Finding("healthy", evidence)
+    # Smooth walls, struck squarely by one robot and not by another, fit better than they need to.
+    usual = min(float(np.median(fits)), USUAL_FIT) if fits else USUAL_FIT
+    if own.fit >= least_fit * usual:
+        return Finding("healthy", evidence)
+    heard = f"{own.heard} of {own.audible} expected echoes were heard"
+    echoes = float(np.median([a.echoes for a in others])) if others else 0.0
+    if own.echoes < FEW_ECHOES * echoes:
+        count = f"it hears {own.echoes:.1f} echoes a ping, others {echoes:.1f}"
+        return Finding("deaf", evidence, f"deaf: {heard}, and {count}")
+    fit = f"its pings fit the others' map by {own.fit:.2f} a range bin"
+    return Finding("misplaced", evidence, f"misplaced: {heard}, and {fit}, of {usual:.2f} usual")
 
 
 def _of_odd_loudness(

@@ -55,6 +55,8 @@ class MapFusion(LifecycleNode):
         self.health = NodeHealth(self, self.parameters.value.diagnostics_period_s, _COUNTED)
         self.health.watch(self._state)
         self.health.watch(self._slowness)
+        self.health.watch(self._liars)
+        self.health.tell("robots", lambda: self.session.check.summary() if self.session else "")
         self._transforms = Transforms(
             self, "cones must be in the map's frame, as the pose in each message is"
         )
@@ -156,6 +158,10 @@ class MapFusion(LifecycleNode):
         """Whether it falls behind, the wait that is asked for left aside."""
         now = self.parameters.value
         return self.health.slowness(now.order_wait_s + now.latency_limit_s)
+
+    def _liars(self) -> Finding | None:
+        """Which robots contradict the others."""
+        return None if self.session is None else self.session.check.suspects()
 
     # ---- parameters
 

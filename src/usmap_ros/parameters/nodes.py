@@ -146,6 +146,13 @@ class MapFusionParameters(NodeParameters):
     without: list[str] = quantity(
         [""], "Robots, or cone topics, whose cones are left out of the map from now on."
     )
+    check_period_s: float = quantity(
+        10.0,
+        "Time from one comparison of each robot's echoes with the others' map to the next.",
+        "s",
+        ge=0.1,
+        le=86_400.0,
+    )
     discovery_period_s: float = quantity(
         0.5, "Time from one look for new cone topics to the next.", "s", ge=0.05, le=60.0
     )

@@ -8,8 +8,11 @@ import pytest
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
-from usmap_ros.mapping.consistency import Consistency, Finding, is_of
+from usmap_ros.mapping.agreement import Agreement
+from usmap_ros.mapping.consistency import Consistency, is_of, judged
+from usmap_ros.mapping.finding import Finding
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
@@ -55,8 +58,10 @@ def findings(pings: list[tuple[str, EchoCone]]) -> dict[str, Finding]:
     return consistency.findings(fusion.expected_by_others)
 
 
-def of_samples(seed: int, factor: float, noise: float) -> list[tuple[str, EchoCone]]:
-    """Give cones of which the liar's samples are scaled, and have further noise."""
+def of_samples(
+    seed: int, factor: float, noise: float, *, is_stated: bool = False
+) -> list[tuple[str, EchoCone]]:
+    """Give cones of which the liar's samples are scaled, as may be stated, and have more noise."""
     rng = np.random.default_rng(seed)
     changed = []
     for (topic, trace), (_, cone) in zip(traces(seed), cones(seed), strict=True):
@@ -64,7 +69,9 @@ def of_samples(seed: int, factor: float, noise: float) -> list[tuple[str, EchoCo
         if topic == LIAR:
             more = noise * trace.noise_std * rng.standard_normal(len(trace.samples))
             samples = (factor * trace.samples + more).astype(np.float32)
-            heard = reconstruct(replace(trace, samples=samples), ReconstructionParameters()).cone
+            noise_std = trace.noise_std * (factor if is_stated else 1.0)
+            changed_trace = replace(trace, samples=samples, noise_std=noise_std)
+            heard = reconstruct(changed_trace, ReconstructionParameters()).cone
         changed.append((topic, heard))
     return changed
 
@@ -91,11 +98,25 @@ def test_honest_robots_are_not_suspected(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("factor", "noise", "verdict"), [(0.05, 0.0, "deaf")])
-def test_one_that_hears_too_little_or_too_much_is_named(
+def test_one_that_hears_too_little_is_named() -> None:
+    """Its noise is as it was: it is the echoes that do not get through."""
+    assert named(findings(of_samples(11, 0.05, 0.0))) == {LIAR: "deaf"}
+
+
+@pytest.mark.parametrize(
+    ("factor", "noise", "verdict"), [(1.0, 30.0, "noisy"), (10.0, 0.0, "loud")]
+)
+def test_one_whose_receiver_is_wrong_is_named_without_a_map(
     factor: float, noise: float, verdict: str
 ) -> None:
-    assert named(findings(of_samples(11, factor, noise))) == {LIAR: verdict}
+    consistency = Consistency(MappingParameters())
+    for topic, cone in of_samples(11, factor, noise, is_stated=verdict == "loud"):
+        consistency.add(topic, cone)
+
+    def nothing_expected(_: object) -> dict[str, list[Expected]]:
+        return {}
+
+    assert named(consistency.findings(nothing_expected)) == {LIAR: verdict}
 
 
 def test_one_that_repeats_itself_while_it_moves_is_named() -> None:
@@ -146,3 +167,37 @@ def test_names_stand_for_topics_and_robots() -> None:
     assert is_of("/robot2/left/echo", ["robot1", "/robot2/left"])
     assert not is_of("/robot21/echo", ["robot2"])
     assert not is_of("/robot2/echo", ["", "/"])
+
+
+#: Of one robot among smooth walls, and of its fellows.
+SMOOTH = Agreement(
+    pings=12, echoes=4.0, audible=22, heard=17, matches=17, loudness_db=-6.6, fit=0.85
+)
+OTHERS = [
+    replace(SMOOTH, pings=14, heard=22, loudness_db=3.8, fit=2.2),
+    replace(SMOOTH, pings=9, heard=20, loudness_db=7.8, fit=2.2),
+]
+CHANGES = {
+    "healthy": {},
+    "unknown": {"pings": 7},
+    "deaf": {"loudness_db": -20.0},
+    "loud": {"loudness_db": 30.0},
+    "misplaced": {"fit": 0.1, "heard": 3, "matches": 3},
+}
+
+
+@pytest.mark.parametrize("verdict", CHANGES)
+def test_smooth_walls_do_not_make_a_robot_suspect(verdict: str) -> None:
+    """They are struck squarely by one robot and not by another, whose echoes are fainter then."""
+    own = replace(SMOOTH, **CHANGES[verdict])
+
+    assert judged(own, OTHERS, least_fit=0.4).verdict == verdict
+
+
+def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
+    own = replace(SMOOTH, echoes=0.3, heard=1, matches=1, loudness_db=None, fit=0.0)
+
+    found = judged(own, OTHERS, least_fit=0.4)
+
+    assert found.verdict == "deaf"
+    assert "1 of 22 expected echoes" in found.reason

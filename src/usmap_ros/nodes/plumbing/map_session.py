@@ -17,6 +17,7 @@ from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
 from usmap_ros.nodes.plumbing.frames import Transforms
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.robot_check import RobotCheck
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
 from usmap_ros.repeats import RepeatedPingError
@@ -48,6 +49,8 @@ class MapSession:
     ----------
     fusion : LiveFusion
         The map.
+    check : RobotCheck
+        Tells which robots contradict the others.
 
     Raises
     ------
@@ -74,10 +77,14 @@ class MapSession:
         self._publisher = MapPublisher(node, now.publish_updates)
         self._published_version = 0
         self._noted = dict.fromkeys(_LOSSES, 0)
+        self._without = frozenset[str]()
+        self._leave_out(now.without)
         self._worker = Worker(node, self._step)
+        self.check = RobotCheck(node, self.fusion, parameters, health)
 
     def close(self) -> None:
         """End the work, keep the map on disk, and take its topics back."""
+        self.check.stop()
         self._worker.stop()
         self.keep()
         self._publisher.destroy()
@@ -86,7 +93,14 @@ class MapSession:
         """Obey those that may change while there is a map."""
         now = self._parameters.value
         self.fusion.set_limits(now.order_wait_s, now.queue_depth)
+        self._leave_out(now.without)
         self._worker.wake()
+        self.check.wake()
+
+    def _leave_out(self, names: list[str]) -> None:
+        """Forget what robots said of late that were not left out before."""
+        self.fusion.leave_out(set(names) - self._without)
+        self._without = frozenset(names)
 
     # ---- cones
 
@@ -187,6 +201,7 @@ class MapSession:
     def reset(self) -> None:
         """Forget the map."""
         self.fusion.reset()
+        self.check.wake()
         self._publisher.forget_extent()
 
     def keep(self) -> None:

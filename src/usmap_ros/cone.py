@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros import bounds
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
@@ -79,32 +80,31 @@ class EchoCone:
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""
-        if not self.frame_id:
-            raise MalformedMessageError("header.frame_id", "is empty")
+        bounds.check_name("header.frame_id", self.frame_id)
+        bounds.check_name("child_frame_id", self.child_frame_id, may_be_empty=True)
         self.pose.validate()
         self.transducer.validate()
-        if not (np.isfinite(self.attenuation_db_m) and self.attenuation_db_m >= 0.0):
-            raise MalformedMessageError("attenuation", f"is {self.attenuation_db_m:g} dB/m")
-        if not np.isfinite(self.object_rise_m):
-            raise MalformedMessageError("object_rise", "is not finite")
+        self.transducer.validate_loss(self.attenuation_db_m)
+        bounds.check("object_rise", self.object_rise_m, bounds.OBJECT_RISE)
+        bounds.check_count("ranges", len(self.ranges_m), bounds.MAX_ECHOES)
         columns = {
-            "ranges": self.ranges_m,
-            "range_stds": self.range_stds_m,
-            "amplitudes": self.amplitudes,
-            "amplitude_stds": self.amplitude_stds,
+            "ranges": (self.ranges_m, bounds.RANGE),
+            "range_stds": (self.range_stds_m, bounds.RANGE_STD),
+            "amplitudes": (self.amplitudes, bounds.LOUDNESS),
+            "amplitude_stds": (self.amplitude_stds, bounds.LOUDNESS),
         }
-        for name, column in columns.items():
+        for name, (column, bound) in columns.items():
             if len(column) != len(self.ranges_m):
                 raise MalformedMessageError(
                     name, f"has {len(column)} entries, ranges has {len(self.ranges_m)}"
                 )
-            if not np.all(np.isfinite(column)) or np.any(column < 0.0):
-                raise MalformedMessageError(name, "has an entry that is negative or not finite")
+            bounds.check_all(name, column, bound)
         self._validate_bearings()
         if np.any(np.diff(self.ranges_m) < 0.0):
             raise MalformedMessageError("ranges", "do not ascend")
-        if not (np.isfinite(self.limit_step_m) and self.limit_step_m > 0.0):
-            raise MalformedMessageError("limit_step", f"is {self.limit_step_m:g} m")
+        bounds.check("limit_step", self.limit_step_m, bounds.LIMIT_STEP)
+        bounds.check("residual", self.residual, bounds.RESIDUAL)
+        bounds.check_count("detection_limits", len(self.detection_limits), bounds.MAX_BINS)
         if len(self.detection_limits) == 0:
             raise MalformedMessageError("detection_limits", "is empty")
 

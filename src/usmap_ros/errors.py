@@ -8,6 +8,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+#: Longest cause that an error gives: what it quotes may be a megabyte of somebody's text.
+_LONGEST_CAUSE, _LONGEST_FIELD = 400, 100
+
+
+def shortened(text: str, length: int) -> str:
+    """Text in one line of at most `length` characters, its end cut where it is longer."""
+    # The first characters are enough to look at, however long the text is.
+    line = " ".join(text[: 4 * length].split())
+    return line if len(line) <= length else line[: length - 1] + "…"
+
 
 class UsmapError(Exception):
     """Root of every error that bad input can cause."""
@@ -25,9 +35,9 @@ class FileError(UsmapError):
     """
 
     def __init__(self, path: str | Path, cause: str) -> None:
-        super().__init__(f"{path}: {cause}")
         self.path = Path(path)
-        self.cause = cause
+        self.cause = shortened(cause, _LONGEST_CAUSE)
+        super().__init__(f"{path}: {self.cause}")
 
 
 class BagError(FileError):
@@ -54,9 +64,9 @@ class MalformedMessageError(UsmapError):
     """
 
     def __init__(self, field: str, cause: str) -> None:
-        super().__init__(f"{field}: {cause}")
-        self.field = field
-        self.cause = cause
+        self.field = shortened(field, _LONGEST_FIELD)
+        self.cause = shortened(cause, _LONGEST_CAUSE)
+        super().__init__(f"{self.field}: {self.cause}")
 
     def __reduce__(self) -> tuple[type[MalformedMessageError], tuple[str, str]]:
         """Let the error cross from one process to another."""

@@ -8,9 +8,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from usmap_ros import bounds
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
 
+#: How much a covariance may be beyond what its variances allow, m² or rad².
+COVARIANCE_TOLERANCE = 1e-6
 #: How far the norm of a quaternion may be from 1 (tf2 and nav2 use a like tolerance).
 QUATERNION_TOLERANCE = 1e-2
 
@@ -124,6 +127,8 @@ class Pose:
         """Raise `MalformedMessageError` unless finite, turned by a unit, and of known error."""
         if not np.all(np.isfinite(self.position_m)):
             raise MalformedMessageError("pose.position", "is not finite")
+        bounds.check_all("pose.position", self.position_m, bounds.POSITION)
+        bounds.check("pose.position.z", float(self.position_m[2]), bounds.HEIGHT)
         if not np.all(np.isfinite(self.orientation)):
             raise MalformedMessageError("pose.orientation", "is not finite")
         norm = float(np.linalg.norm(self.orientation))
@@ -131,8 +136,14 @@ class Pose:
             raise MalformedMessageError("pose.orientation", f"has norm {norm:.3g} instead of 1")
         if not np.all(np.isfinite(self.covariance)):
             raise MalformedMessageError("pose.covariance", "is not finite")
-        if np.any(np.diagonal(self.covariance) < 0.0):
+        variances = np.diagonal(self.covariance)
+        if np.any(variances < 0.0):
             raise MalformedMessageError("pose.covariance", "has a negative variance")
+        bounds.check_all("pose.covariance", variances, bounds.VARIANCE)
+        # Rounding may make a correlation a little greater than 1.
+        most = 1.01 * np.sqrt(np.outer(variances, variances)) + COVARIANCE_TOLERANCE
+        if np.any(np.abs(self.covariance) > most):
+            raise MalformedMessageError("pose.covariance", "has a correlation beyond 1")
 
 
 def at_height(places_m: FloatArray, height_m: float | FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from usmap_ros.bounds import MAX_CONE_CELLS
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
@@ -86,8 +87,9 @@ class Pipeline:
         Raises
         ------
         MalformedMessageError
-            If the cone's frame is not the map's.
+            If the cone's frame is not the map's, or it reaches more cells than memory is for.
         """
+        _check_reach(cone, self.parameters.mapping.resolution_m)
         self.fusion.fuse(cone)
 
     def process(self, trace: EchoTrace) -> EchoCone:
@@ -119,3 +121,15 @@ class Pipeline:
     def occupancy_map(self) -> OccupancyMap:
         """Return the map so far."""
         return self.fusion.occupancy_map()
+
+
+def _check_reach(cone: EchoCone, resolution_m: float) -> None:
+    """Refuse a cone of so many cells that one ping would take gigabytes and minutes."""
+    reach_m = cone.transducer.max_range_m
+    cells = cone.transducer.beam.half_angle_rad * (reach_m / resolution_m) ** 2
+    if cells > MAX_CONE_CELLS:
+        raise MalformedMessageError(
+            "transducer.max_range",
+            f"of {reach_m:g} m covers {cells:.2g} cells of {resolution_m:g} m, one ping may cover"
+            f" {MAX_CONE_CELLS:g}",
+        )

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from usmap_ros import bounds
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
@@ -17,8 +18,6 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.transducer_array import TransducerArray
 
-#: Longest trace that is believed.
-MAX_SAMPLES = 10_000_000
 #: A trace counts as saturated if so many samples repeat its largest or least value, and that is
 #: this many times its noise: a coarse converter gives the noise, too, few values to take.
 SATURATED_SAMPLES, SATURATED_OVER_NOISE = 2, 6.0
@@ -239,37 +238,30 @@ class EchoTrace:
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""
-        if not self.frame_id:
-            raise MalformedMessageError("header.frame_id", "is empty")
+        bounds.check_name("header.frame_id", self.frame_id)
+        bounds.check_name("child_frame_id", self.child_frame_id, may_be_empty=True)
         self.pose.validate()
         self.transducer.validate()
         self.channel.validate()
+        self.transducer.validate_loss(self.channel.attenuation_db_m)
         self._validate_sampling()
         self._validate_samples()
 
     def _validate_sampling(self) -> None:
-        if not (np.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0.0):
-            raise MalformedMessageError(
-                "sample_rate", f"is {self.sample_rate_hz:g} Hz, must be above 0"
-            )
+        bounds.check("sample_rate", self.sample_rate_hz, bounds.SAMPLE_RATE)
         samples_in_pulse = self.sample_rate_hz * self.transducer.pulse.duration_s
         if not 1.0 <= samples_in_pulse <= 1e5:
             raise MalformedMessageError(
                 "sample_rate",
                 f"of {self.sample_rate_hz:g} Hz puts {samples_in_pulse:.3g} samples on a pulse",
             )
-        if not (np.isfinite(self.start_delay_s) and self.start_delay_s >= 0.0):
-            raise MalformedMessageError(
-                "start_delay", f"is {self.start_delay_s:g} s, must be 0 or more"
-            )
-        if not (np.isfinite(self.noise_std) and self.noise_std >= 0.0):
-            raise MalformedMessageError("noise_std", f"is {self.noise_std:g}, must be 0 or more")
+        bounds.check("start_delay", self.start_delay_s, bounds.START_DELAY)
+        bounds.check("noise_std", self.noise_std, bounds.LOUDNESS)
 
     def _validate_samples(self) -> None:
         if len(self.samples) == 0:
             raise MalformedMessageError("samples", "is empty")
-        if len(self.samples) > MAX_SAMPLES:
-            raise MalformedMessageError("samples", f"has {len(self.samples)} entries")
+        bounds.check_count("samples", len(self.samples), bounds.MAX_SAMPLES)
         if self.encoding is Encoding.IQ and len(self.samples) % 2:
             raise MalformedMessageError(
                 "samples", f"has {len(self.samples)} entries, which are not I/Q pairs"
@@ -277,3 +269,4 @@ class EchoTrace:
         bad = np.count_nonzero(~np.isfinite(self.samples))
         if bad:
             raise MalformedMessageError("samples", f"has {bad} of {len(self.samples)} not finite")
+        bounds.check_all("samples", self.samples, bounds.AMPLITUDE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from usmap_ros import bounds
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
@@ -68,11 +69,13 @@ class TransducerArray:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""
         if not self.elements:
             raise MalformedMessageError("elements", "is empty")
+        bounds.check_count("elements", len(self.elements), bounds.MAX_ELEMENTS)
         if not any(element.emits for element in self.elements):
             raise MalformedMessageError("elements", "has none that emits")
         names = [element.child_frame_id for element in self.elements]
         if len(set(names)) < len(names):
             raise MalformedMessageError("elements.child_frame_id", "stands twice")
         for element in self.elements:
+            bounds.check_name("elements.child_frame_id", element.child_frame_id)
             element.mount.validate()
             element.transducer.validate()

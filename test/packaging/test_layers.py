@@ -12,6 +12,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
     {"arrays", "compiled", "cores", "errors", "parent"},
+    {"bounds"},
     {"geometry"},
     {"acoustics"},
     {"grids", "parameters", "transducer_array"},

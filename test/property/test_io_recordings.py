@@ -75,8 +75,8 @@ def traces(draw: st.DrawFn) -> EchoTrace:
         pose=draw(poses()),
         transducer=draw(transducers()),
         channel=Channel(
-            draw(positive(5e3)),
-            draw(st.floats(0, 10)),
+            draw(st.floats(1.0, 5e3)),
+            draw(st.floats(0, 2)),
             draw(st.floats(0, 5)),
             draw(st.floats(0, 1)),
         ),
@@ -95,7 +95,7 @@ def cones(draw: st.DrawFn) -> EchoCone:
     columns[0].sort()  # Echoes are listed by range.
     return EchoCone(
         draw(stamps), draw(names), draw(names), draw(poses()), draw(transducers()),
-        draw(st.floats(0, 10)), *columns,
+        draw(st.floats(0, 2)), *columns,
         limit_step_m=draw(st.sampled_from([0.5, 0.125, 0.03125])),
         detection_limits=draw(arrays(np.uint8, draw(st.integers(1, 50)))),
         residual=draw(st.floats(0, 2, width=32)),

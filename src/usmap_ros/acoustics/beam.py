@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import j1, jn_zeros
 
+from usmap_ros import bounds
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
 
@@ -100,6 +101,7 @@ class BeamPattern:
                 f"has {len(self.angles_rad)} entries and beam_gains {len(self.gains)},"
                 " need two or more of each and as many of both",
             )
+        bounds.check_count("transducer.beam_angles", len(self.angles_rad), bounds.MAX_BEAM_ANGLES)
         if not (np.all(np.isfinite(self.angles_rad)) and np.all(np.isfinite(self.gains))):
             raise MalformedMessageError("transducer.beam_angles", "or beam_gains is not finite")
         if self.angles_rad[0] != 0.0 or np.any(np.diff(self.angles_rad) <= 0.0):
@@ -108,3 +110,4 @@ class BeamPattern:
             raise MalformedMessageError("transducer.beam_angles", "goes beyond π")
         if np.any(self.gains < 0.0) or not np.any(self.gains > 0.0):
             raise MalformedMessageError("transducer.beam_gains", "must be 0 or more, and not all 0")
+        bounds.check_all("transducer.beam_gains", self.gains, bounds.BEAM_GAIN)

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros import bounds
 from usmap_ros.arrays import FloatArray
-from usmap_ros.errors import MalformedMessageError
-
-MAX_SOUND_SPEED_M_S = 10_000.0
 
 
 @dataclass(frozen=True)
@@ -124,19 +122,7 @@ class Channel:
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless sound can travel through it."""
-        if not 0.0 < self.sound_speed_m_s <= MAX_SOUND_SPEED_M_S:
-            raise MalformedMessageError(
-                "sound_speed", f"is {self.sound_speed_m_s:g} m/s, must be above 0"
-            )
-        if not (np.isfinite(self.attenuation_db_m) and self.attenuation_db_m >= 0.0):
-            raise MalformedMessageError(
-                "attenuation", f"is {self.attenuation_db_m:g} dB/m, must be 0 or more"
-            )
-        if not (np.isfinite(self.floor_height_m) and self.floor_height_m >= 0.0):
-            raise MalformedMessageError(
-                "floor_height", f"is {self.floor_height_m:g} m, must be 0 or more"
-            )
-        if not 0.0 <= self.floor_reflectivity <= 1.0:
-            raise MalformedMessageError(
-                "floor_reflectivity", f"is {self.floor_reflectivity:g}, must be from 0 to 1"
-            )
+        bounds.check("sound_speed", self.sound_speed_m_s, bounds.SOUND_SPEED)
+        bounds.check("attenuation", self.attenuation_db_m, bounds.ATTENUATION)
+        bounds.check("floor_height", self.floor_height_m, bounds.FLOOR_HEIGHT)
+        bounds.check("floor_reflectivity", self.floor_reflectivity, bounds.FLOOR_REFLECTIVITY)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros import bounds
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
 
@@ -118,10 +119,13 @@ class Pulse:
             raise MalformedMessageError(
                 "transducer.pulse_duration", f"is {self.duration_s:g} s, must be above 0"
             )
+        bounds.check("transducer.pulse_duration", self.duration_s, bounds.PULSE_DURATION)
         if self.has_carrier and not (np.isfinite(self.carrier_hz) and self.carrier_hz > 0.0):
             raise MalformedMessageError(
                 "transducer.carrier_frequency", f"is {self.carrier_hz:g} Hz, must be above 0"
             )
+        if self.has_carrier:
+            bounds.check("transducer.carrier_frequency", self.carrier_hz, bounds.CARRIER)
         if self.sweep_hz == 0.0:
             return
         if self.shape is not PulseShape.CHIRP:

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros import bounds
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.errors import MalformedMessageError
-
-#: Longest range that is believed.
-MAX_RANGE_M = 1000.0
 
 
 @dataclass(frozen=True)
@@ -46,9 +44,16 @@ class Transducer:
                 "transducer.max_range",
                 f"is {self.max_range_m:g} m, must be above min_range ({self.min_range_m:g} m)",
             )
-        # Memory for a ping grows with the range; air lets nothing be heard from this far.
-        if self.max_range_m > MAX_RANGE_M:
+        bounds.check("transducer.min_range", self.min_range_m, bounds.MIN_RANGE)
+        bounds.check("transducer.max_range", self.max_range_m, bounds.MAX_RANGE)
+
+    def validate_loss(self, attenuation_db_m: float) -> None:
+        """Raise `MalformedMessageError` if air swallows all sound on the way to `max_range_m`."""
+        bounds.check("attenuation", attenuation_db_m, bounds.ATTENUATION)
+        loss_db = 2.0 * attenuation_db_m * self.max_range_m
+        if loss_db > bounds.MAX_LOSS_DB:
             raise MalformedMessageError(
-                "transducer.max_range",
-                f"is {self.max_range_m:g} m, must be at most {MAX_RANGE_M:g} m",
+                "attenuation",
+                f"of {attenuation_db_m:g} dB/m takes {loss_db:.3g} dB to max_range"
+                f" ({self.max_range_m:g} m) and back, must be at most {bounds.MAX_LOSS_DB:g}",
             )

@@ -44,7 +44,8 @@ def _parse(path: Path, recorded: RecordedTopic) -> dict[str, Any]:
             types = get_types_from_idl(recorded.definition)
         else:
             types = get_types_from_msg(recorded.definition, recorded.message_type)
-    except TypesysError as error:
+    # Its parser fails in other ways, too, on text that is no definition at all.
+    except (TypesysError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise BagError(
             path, f"topic {recorded.name} has a definition that cannot be parsed"
         ) from error

@@ -9,8 +9,6 @@ import io
 import json
 import math
 import shutil
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.bounds import MAX_NAME
 from usmap_ros.errors import MapFileError
 from usmap_ros.grids import (
     FREE_VALUE,
@@ -30,6 +29,7 @@ from usmap_ros.grids import (
     OccupancyMap,
     TruthMap,
 )
+from usmap_ros.io.array_archive import load_arrays, numbers
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.nav2_map import load_nav2_map, save_nav2_map
 from usmap_ros.views import Beam, PingViews
@@ -37,16 +37,22 @@ from usmap_ros.views import Beam, PingViews
 GRID_FILE = "map.npz"
 SUMMARY_FILE = "summary.json"
 
-#: A damaged archive fails in as many ways as zipfile, zlib and NumPy have layers.
-_ARCHIVE_ERRORS = (
-    OSError,
-    EOFError,
-    TypeError,
-    ValueError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-    zlib.error,
+#: Names of the arrays in it that are read.
+_ARRAYS = (
+    "log_odds",
+    "observed",
+    "resolution",
+    "origin",
+    "frame_id",
+    "stamp_ns",
+    "path_topics",
+    "path_lengths",
+    "path_positions",
+    "path_beams",
+    *LAYERS,
 )
+#: Sides of cells that are believed, m, and how far from the frame's origin a map may lie.
+_RESOLUTIONS_M, _FARTHEST_M = (1e-4, 1e3), 2e7
 
 
 @dataclass
@@ -180,11 +186,11 @@ def load_map(folder: str | Path) -> tuple[OccupancyMap, RobotPaths]:
     if not path.exists():
         raise MapFileError(path, "does not exist; 'usmap map' writes it")
     try:
-        # Opened here, because np.load leaves a file open that is no archive.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = dict(archive)
-    except _ARCHIVE_ERRORS as error:
-        raise MapFileError(path, "is not a readable map.npz") from error
+        arrays = load_arrays(path, _ARRAYS)
+    except OSError as error:
+        raise MapFileError(path, f"cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise MapFileError(path, f"is not a readable map.npz: {error}") from error
     try:
         return _map_from(arrays), _paths_from(arrays)
     except KeyError as error:
@@ -248,16 +254,18 @@ def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
 
 
 def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
-    log_odds, observed = arrays["log_odds"].astype(np.float32), arrays["observed"].astype(np.bool_)
-    if log_odds.ndim != 2 or log_odds.shape != observed.shape:
+    log_odds = numbers(arrays, "log_odds", 2, np.float32)
+    observed = numbers(arrays, "observed", 2, np.bool_)
+    if log_odds.shape != observed.shape:
         raise ValueError(f"log_odds is {log_odds.shape} and observed {observed.shape}")
     if not np.all(np.isfinite(log_odds)):
         raise ValueError("log_odds is not finite everywhere")
-    resolution = float(arrays["resolution"])
-    x, y = (float(value) for value in arrays["origin"])
-    if not (np.isfinite(resolution) and resolution > 0.0 and np.isfinite([x, y]).all()):
+    resolution = float(numbers(arrays, "resolution", 0, np.float64))
+    x, y = (float(value) for value in numbers(arrays, "origin", 1, np.float64))
+    least_m, greatest_m = _RESOLUTIONS_M
+    if not (least_m <= resolution <= greatest_m and max(abs(x), abs(y)) <= _FARTHEST_M):
         raise ValueError(f"resolution is {resolution:g} and origin {x:g}, {y:g}")
-    layers = {name: arrays[name].astype(np.float32) for name in LAYERS if name in arrays}
+    layers = {name: numbers(arrays, name, 2, np.float32) for name in LAYERS if name in arrays}
     for name, layer in layers.items():
         if layer.shape != log_odds.shape:
             raise ValueError(f"log_odds is {log_odds.shape} and {name} {layer.shape}")
@@ -266,26 +274,40 @@ def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
         geometry=GridGeometry(resolution, (x, y), (rows, columns)),
         log_odds=log_odds,
         observed=observed,
-        frame_id=str(arrays["frame_id"]),
+        frame_id=_text(arrays["frame_id"]),
         # Optional: the contract does not name it.
-        stamp_ns=int(arrays.get("stamp_ns", np.int64(0))),
+        stamp_ns=int(
+            numbers({"stamp_ns": np.zeros((), np.int64), **arrays}, "stamp_ns", 0, np.int64)
+        ),
         layers=layers,
     )
+
+
+def _text(array: NDArray[Any]) -> str:
+    """A frame's name; texts that are no name of one are refused."""
+    if array.ndim or array.dtype.kind != "U" or len(str(array)) > MAX_NAME:
+        raise ValueError(f"frame_id is {array.dtype} {array.shape}")
+    return str(array)
 
 
 def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
     """Robots' paths; none in a map that another program wrote."""
     if "path_topics" not in arrays:
         return RobotPaths()
+    if arrays["path_topics"].ndim != 1:
+        raise ValueError(f"path_topics is {arrays['path_topics'].shape}")
     paths = RobotPaths({str(topic): [] for topic in arrays["path_topics"]})
-    positions = arrays["path_positions"].astype(float)
+    positions = numbers(arrays, "path_positions", 2, np.float64)
     unknown = np.full((len(positions), len(Beam._fields)), np.nan)
-    beams = arrays.get("path_beams", unknown).astype(float)
+    beams = numbers({"path_beams": unknown, **arrays}, "path_beams", 2, np.float64)
     if positions.shape[1:] != (2,) or beams.shape != unknown.shape:
         raise ValueError(f"path_positions is {positions.shape} and path_beams {beams.shape}")
     if not np.all(np.isfinite(positions)):
         raise ValueError("path_positions is not finite everywhere")
-    topics = np.repeat(arrays["path_topics"], arrays["path_lengths"])
+    lengths = numbers(arrays, "path_lengths", 1, np.int64)
+    if np.any(lengths < 0) or sum(map(int, lengths)) != len(positions):
+        raise ValueError(f"path_lengths make {sum(map(int, lengths))} of {len(positions)} pings")
+    topics = np.repeat(arrays["path_topics"], lengths)
     for topic, (x_m, y_m), beam in zip(topics, positions, beams, strict=True):
         known = bool(np.all(np.isfinite(beam)))
         paths.add(str(topic), float(x_m), float(y_m), Beam(*map(float, beam)) if known else None)

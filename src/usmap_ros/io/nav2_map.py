@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import io
 import math
+import struct
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MapFileError
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
 from usmap_ros.io.atomic import write_atomically
+from usmap_ros.io.yaml_text import read_yaml
 
+#: Largest image that is read: a square of 290 m in cells of 5 cm takes a gigabyte while it is.
+MAX_PIXELS = 2**25
 #: Shades of gray that nav2 and the map server of ROS 1 use.
 _OCCUPIED_SHADE, _FREE_SHADE, _UNKNOWN_SHADE = 0, 254, 205
 #: Just below the 0.19608 that the shade of an unknown cell stands for; nav2's default frees it.
@@ -135,15 +139,33 @@ def _probability(image: Image.Image, mode: str, description: _Description) -> Fl
 def _load_image(path: Path) -> Image.Image:
     """Load an image as gray or color, with or without transparency."""
     try:
-        with Image.open(path) as image:
-            has_alpha = "A" in image.getbands() or "transparency" in image.info
-            color = "RGB" if image.mode in ("RGB", "RGBA", "P", "CMYK", "YCbCr") else "L"
-            target = {"RGB": "RGBA", "L": "LA"}[color] if has_alpha else color
-            return image.convert(target)
+        # What a reader of images has to say of one that it reads all the same is of no use here.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path) as image:
+                _check_size(path, image)
+                has_alpha = "A" in image.getbands() or "transparency" in image.info
+                color = "RGB" if image.mode in ("RGB", "RGBA", "P", "CMYK", "YCbCr") else "L"
+                target = {"RGB": "RGBA", "L": "LA"}[color] if has_alpha else color
+                return image.convert(target)
     except FileNotFoundError as error:
         raise MapFileError(path, "does not exist") from error
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
+    except Image.DecompressionBombError as error:
+        raise MapFileError(path, f"has more than {MAX_PIXELS} pixels") from error
+    # A damaged image fails in as many ways as there are formats.
+    except (ArithmeticError, AttributeError, LookupError, OSError, SyntaxError, TypeError) as error:
         raise MapFileError(path, "is not a readable image") from error
+    except (ValueError, RuntimeError, struct.error) as error:
+        raise MapFileError(path, "is not a readable image") from error
+
+
+def _check_size(path: Path, image: Image.Image) -> None:
+    """Refuse an image before its pixels are unpacked: few bytes can stand for very many."""
+    width, height = image.size
+    if width * height > MAX_PIXELS:
+        raise MapFileError(
+            path, f"has {width} x {height} pixels, more than {MAX_PIXELS} are not taken"
+        )
 
 
 def _shade(image: Image.Image, mode: str) -> FloatArray:
@@ -160,14 +182,7 @@ class _Description:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except FileNotFoundError as error:
-            raise MapFileError(path, "does not exist") from error
-        except OSError as error:
-            raise MapFileError(path, f"cannot be read: {error.strerror}") from error
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise MapFileError(path, "is not a YAML file") from error
+        content = read_yaml(path, MapFileError)
         if not isinstance(content, dict):
             raise MapFileError(path, "is not a map description: it has no keys")
         self.content = content
@@ -183,8 +198,8 @@ class _Description:
         text = self.text(key) if default is None else self.content.get(key, default)
         try:
             number = float(text)
-        except (TypeError, ValueError) as error:
-            raise MapFileError(self.path, f"{key} is {text!r}, must be a number") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            raise MapFileError(self.path, f"{key} is no number that could be used") from error
         if not math.isfinite(number):
             raise MapFileError(self.path, f"{key} is {number}, must be finite")
         return number
@@ -194,12 +209,12 @@ class _Description:
         origin = self.content.get("origin")
         try:
             x, y, yaw = (float(value) for value in origin or ())
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise MapFileError(
-                self.path, f"origin is {origin!r}, must be a list of x, y and yaw"
+                self.path, "origin is not a list of three numbers: x, y and yaw"
             ) from error
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise MapFileError(self.path, f"origin is {origin!r}, must be finite")
+            raise MapFileError(self.path, f"origin is {x}, {y}, must be finite")
         if yaw != 0.0:
             raise MapFileError(self.path, f"origin is turned by {yaw:g} rad, must be 0")
         return x, y

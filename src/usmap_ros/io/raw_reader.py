@@ -7,10 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import yaml
 
 from usmap_ros.errors import BagError
 from usmap_ros.io.storage import MessageIndex, RecordedTopic, Storage, open_storage
+from usmap_ros.io.yaml_text import parse_yaml
 
 
 class _Everything:
@@ -105,12 +105,12 @@ def recorded_qos(recorded: RecordedTopic) -> tuple[int, bool, bool] | None:
     if one was, latched if one was.
     """
     try:
-        profiles = yaml.safe_load(recorded.offered_qos) or []
+        profiles = parse_yaml(recorded.offered_qos) or []
         depths = [int(profile["depth"]) for profile in profiles]
         # Older versions of rosbag2 write the numbers of rmw's enumerations.
         reliable = [profile["reliability"] in ("reliable", 1) for profile in profiles]
         latched = [profile["durability"] in ("transient_local", 1) for profile in profiles]
-    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+    except (LookupError, TypeError, ValueError):
         return None
     # Publishers do not tell others of their depth: it is then recorded as 0.
     return (max([10, *depths]), any(reliable), any(latched)) if profiles else None

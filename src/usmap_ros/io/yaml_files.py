@@ -12,7 +12,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from usmap_ros.errors import ConfigurationError
+from usmap_ros.errors import ConfigurationError, shortened
+from usmap_ros.io.yaml_text import read_yaml
 from usmap_ros.parameters.fields import constraints_of, unit_of
 
 _Model = TypeVar("_Model", bound=BaseModel)
@@ -47,16 +48,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
     ConfigurationError
         If there is no such file, or something else in it.
     """
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
-    except FileNotFoundError as error:
-        raise ConfigurationError(path, "does not exist") from error
-    except OSError as error:
-        raise ConfigurationError(path, f"cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(path, "is not a text file") from error
-    except yaml.YAMLError as error:
-        raise ConfigurationError(path, _syntax_error(error)) from error
+    content = read_yaml(path, ConfigurationError)
     if content is None:
         return {}
     if not isinstance(content, dict):
@@ -86,28 +78,9 @@ def dump_yaml(model: BaseModel) -> str:
     return "\n".join(_lines(model, indent="")) + "\n"
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice in one group, where YAML keeps the last in silence."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a mapping whose keys differ."""
-        keys = [key.value for key, _ in node.value]
-        for number, key in enumerate(keys):
-            if key in keys[:number]:
-                mark = node.value[number][0].start_mark
-                raise yaml.constructor.ConstructorError(None, None, f"{key!r} stands twice", mark)
-        return super().construct_mapping(node, deep)
-
-
-def _syntax_error(error: yaml.YAMLError) -> str:
-    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
-        return f"line {error.problem_mark.line + 1}: {error.problem or 'is not YAML'}"
-    return "is not a YAML file"
-
-
 def _cause(error: Any, model: type[BaseModel]) -> str:
     """One clause for an error of pydantic, with the field in dots."""
-    where = ".".join(str(part) for part in error["loc"])
+    where = ".".join(shortened(str(part), 40) for part in error["loc"])
     if error["type"] == "extra_forbidden":
         nearest = difflib.get_close_matches(
             str(error["loc"][-1]), _known_keys(model, error["loc"][:-1]), n=1
@@ -117,8 +90,18 @@ def _cause(error: Any, model: type[BaseModel]) -> str:
         return f"{where}: is missing"
     reason = error["msg"].removeprefix("Input ").removeprefix("Value error, ")
     given = error["input"]
-    shown = f" (is {given!r})" if isinstance(given, str | int | float | bool | None) else ""
+    shown = ""
+    if isinstance(given, str | int | float | bool | None):
+        shown = f" (is {_quoted(given)})"
     return f"{where}: {reason}{shown}" if where else f"{reason}{shown}"
+
+
+def _quoted(given: str | int | float | bool | None) -> str:
+    """A value as Python writes it, unless it is a number with too many digits to be written."""
+    try:
+        return shortened(repr(given), 60)
+    except ValueError:
+        return "a very large number"
 
 
 def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.arrays import FloatArray
+from usmap_ros.bounds import MAX_SAMPLES
 from usmap_ros.errors import UsmapError
 from usmap_ros.geometry import Pose
 from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
@@ -19,7 +20,6 @@ from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import MountedTransducer
-from usmap_ros.trace import MAX_SAMPLES
 
 
 def build_robot(

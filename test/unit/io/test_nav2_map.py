@@ -111,7 +111,8 @@ def test_a_broken_image_is_named(write_map: WriteMap, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "cause"), [("[", "is not a YAML file"), ("", "is not a map description")]
+    ("text", "cause"),
+    [("[", "line 1: expected the node"), ("", "is not a map description")],
 )
 def test_a_broken_description_is_named(tmp_path: Path, text: str, cause: str) -> None:
     (tmp_path / "map.yaml").write_text(text)

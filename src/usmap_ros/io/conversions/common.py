@@ -54,7 +54,7 @@ def enumeration_from_field(field: str, value: int, enumeration: type[_Enumeratio
 def stamp_from_header(header: Any) -> int:
     """Stamp of a ``std_msgs/Header`` in nanoseconds since the epoch."""
     seconds, nanoseconds = int(header.stamp.sec), int(header.stamp.nanosec)
-    if seconds < 0 or not 0 <= nanoseconds < NANOSECONDS:
+    if not (0 <= seconds <= MAX_SECONDS and 0 <= nanoseconds < NANOSECONDS):
         raise MalformedMessageError("header.stamp", f"is {seconds} s and {nanoseconds} ns")
     return seconds * NANOSECONDS + nanoseconds
 

@@ -11,6 +11,11 @@ DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, ValueError)
 FORMATS = ("", "lz4", "zstd")
 
 
+#: Most that one chunk or message is unpacked to: a few bytes can stand for very many.
+MAX_CONTENT_BYTES = 2**30
+_PIECE_BYTES = 2**22
+
+
 def decompress(data: bytes | memoryview, compression: str) -> bytes:
     """Decompress as much as `data` holds: all of it, or what comes before a cut.
 
@@ -20,10 +25,29 @@ def decompress(data: bytes | memoryview, compression: str) -> bytes:
         One frame, or its beginning.
     compression : str
         One of `FORMATS`; nothing is done for "".
+
+    Raises
+    ------
+    ValueError
+        If it is more than `MAX_CONTENT_BYTES`.
     """
     if compression == "lz4":
-        content: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data)
+        decompressor = lz4.frame.LZ4FrameDecompressor()
+        content: bytes = decompressor.decompress(data, max_length=MAX_CONTENT_BYTES)
+        if not decompressor.eof and not decompressor.needs_input:
+            raise ValueError("unpacks to more than is believed")
         return content
     if compression == "zstd":
-        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return _decompress_zstd(data)
     return bytes(data)
+
+
+def _decompress_zstd(data: bytes | memoryview) -> bytes:
+    pieces, size = [], 0
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        while piece := reader.read(_PIECE_BYTES):
+            pieces.append(piece)
+            size += len(piece)
+            if size > MAX_CONTENT_BYTES:
+                raise ValueError("unpacks to more than is believed")
+    return b"".join(pieces)

@@ -10,13 +10,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import yaml
 import zstandard
 
 from usmap_ros.errors import BagError
 from usmap_ros.io.storage.index import Storage
 from usmap_ros.io.storage.mcap_file import McapFile
 from usmap_ros.io.storage.sqlite_file import SqliteFile
+from usmap_ros.io.yaml_text import parse_yaml
 
 logger = logging.getLogger(__name__)
 
@@ -72,13 +72,13 @@ def _read_folder(folder: Path) -> _Recording:
 
 def _read_metadata(metadata: Path, present: list[Path]) -> _Recording:
     try:
-        content: Any = yaml.safe_load(metadata.read_text(encoding="utf-8"))
+        content: Any = parse_yaml(metadata.read_text(encoding="utf-8"))
         information = content["rosbag2_bagfile_information"]
         # Old versions prefix the names with the folder's.
         listed = [metadata.parent / Path(name).name for name in information["relative_file_paths"]]
         mode = str(information.get("compression_mode") or "").lower()
         compression = str(information.get("compression_format") or "") if mode == "message" else ""
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
         if not present:
             raise BagError(metadata, "is not a rosbag2 metadata file") from error
         logger.warning("%s: is not a rosbag2 metadata file; it is ignored", metadata)

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+from usmap_ros.errors import shortened
+
 _LITTLE_ENDIAN_STAMP = struct.Struct("<iI")
 _BIG_ENDIAN_STAMP = struct.Struct(">iI")
 _ENCAPSULATION_SIZE = 4
@@ -91,7 +93,17 @@ class MessageIndex:
     def append(
         self, topic: int, stamp_ns: int, recorded_ns: int, block: int, offset: int, size: int
     ) -> None:
-        """Note one message."""
+        """Note one message.
+
+        Raises
+        ------
+        ValueError
+            If one of the numbers is none that fits 64 bits: then nothing of it is noted.
+        """
+        numbers: tuple[object, ...] = (topic, stamp_ns, recorded_ns, block, offset, size)
+        for number in numbers:
+            if not isinstance(number, int) or not -(2**63) <= number < 2**63:
+                raise ValueError(f"{shortened(repr(number), 40)} is no time or place of a message")
         self.topic.append(topic)
         self.stamp_ns.append(stamp_ns)
         self.recorded_ns.append(recorded_ns)

@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Container
 from pathlib import Path
 
-from usmap_ros.errors import BagError
+from usmap_ros.errors import BagError, shortened
 from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, decompress
 from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
 
@@ -54,16 +54,17 @@ class SqliteFile:
                     stamp_ns = header_stamp_ns(self._unpack(data), log_time_ns)
                     index.append(number, stamp_ns, log_time_ns, block=0, offset=row, size=0)
                 kept_bytes += len(data)
-        except (sqlite3.Error, KeyError, TypeError, *DECOMPRESSION_ERRORS) as error:
-            cause = f"is damaged ({error})"
+        except (sqlite3.Error, LookupError, TypeError, *DECOMPRESSION_ERRORS) as error:
+            cause = f"is damaged ({shortened(str(error), 100)})"
             index.damage = Damage(cause, kept_bytes, self._file_path.stat().st_size)
         return index
 
     def payload(self, block: int, offset: int, size: int) -> memoryview:
         """Fetch the message in row `offset`."""
         query = "SELECT data FROM messages WHERE rowid = ?"
-        (data,) = self._open().execute(query, (offset,)).fetchone()
-        return self._unpack(data)
+        row = self._open().execute(query, (offset,)).fetchone()
+        # A damaged index may no longer find what a walk through the table found.
+        return self._unpack(row[0] if row and isinstance(row[0], bytes) else b"")
 
     def close(self) -> None:
         """Close the database."""
@@ -86,7 +87,11 @@ class SqliteFile:
     def _read_topics(self, index: MessageIndex) -> dict[int, int]:
         """Fill `index.topics`; positions in it by the database's topic number."""
         database = self._open()
-        tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+        # Views are left out: what they hold is computed, at whatever length their author chose.
+        tables = {
+            name
+            for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        }
         if not {"topics", "messages"} <= tables:
             raise BagError(self.path, "is not a rosbag2 recording: it has no topics and messages")
         definitions = {}
@@ -105,11 +110,18 @@ class SqliteFile:
         for topic_id, topic, message_type, encoding, qos in database.execute(
             f"SELECT id, name, type, serialization_format, {qos_column} FROM topics ORDER BY id"
         ):
+            if not all(isinstance(text, str) for text in (topic, message_type, encoding)):
+                raise TypeError(f"topic {topic_id} has no name, type or serialization")
             text, definition_format = definitions.get(message_type, ("", "ros2msg"))
             numbers[topic_id] = len(index.topics)
             index.topics.append(
                 RecordedTopic(
-                    topic, message_type, text, definition_format, encoding, offered_qos=qos
+                    topic,
+                    message_type,
+                    str(text or ""),
+                    definition_format,
+                    encoding,
+                    offered_qos=str(qos or ""),
                 )
             )
         return numbers

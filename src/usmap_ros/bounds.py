@@ -1,0 +1,127 @@
+"""What the fields of messages may say: bounds that physics and memory set, all in one place.
+
+They are wide: no sensor that works in air is refused.  What they keep out is what would take
+gigabytes or minutes, or make numbers that are not finite and stay in a map for ever.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.errors import MalformedMessageError
+
+
+class Bound(NamedTuple):
+    """Least and greatest value of a field, both allowed, and its unit."""
+
+    least: float
+    greatest: float
+    unit: str = ""
+
+
+# ---- counts, which set memory and time
+
+#: Samples of a trace: a second at 2 MHz.
+MAX_SAMPLES = 2_000_000
+#: Echoes of a cone; reconstruction looks for 32, and for 1000 at most.
+MAX_ECHOES = 1000
+#: Bins of the detection limit, angles of a beam, transducers of an array.
+MAX_BINS, MAX_BEAM_ANGLES, MAX_ELEMENTS = 20_000, 1000, 256
+#: Characters of a frame's name.
+MAX_NAME = 256
+#: Cells in reach of one ping: a beam of 80° and 60 m in cells of 5 cm.
+MAX_CONE_CELLS = 1_000_000
+#: Decibels that sound loses in air to the greatest range and back: what is heard at -600 dB is
+#: not there, and amplitudes beyond that are no numbers any more.
+MAX_LOSS_DB = 600.0
+
+# ---- values
+
+#: No place on Earth has larger UTM coordinates.
+POSITION = Bound(-1e7, 1e7, "m")
+HEIGHT = Bound(-1e4, 1e4, "m")
+#: Of position (m²) and turn (rad²); drivers state up to 1e9 for what they do not know.
+VARIANCE = Bound(0.0, 1e12)
+CARRIER = Bound(1.0, 1e7, "Hz")
+PULSE_DURATION = Bound(1e-7, 0.2, "s")
+SWEEP = Bound(-1e7, 1e7, "Hz")
+BEAM_GAIN = Bound(0.0, 100.0)
+MIN_RANGE = Bound(0.0, 200.0, "m")
+MAX_RANGE = Bound(1e-3, 200.0, "m")
+SOUND_SPEED = Bound(1.0, 10_000.0, "m/s")
+#: Of air at 1 MHz it is some 160.
+ATTENUATION = Bound(0.0, 1000.0, "dB/m")
+FLOOR_HEIGHT = Bound(0.0, 1000.0, "m")
+FLOOR_REFLECTIVITY = Bound(0.0, 1.0)
+SAMPLE_RATE = Bound(1.0, 1e8, "Hz")
+START_DELAY = Bound(0.0, 10.0, "s")
+#: Of samples, noise and echoes, in whatever unit: counts of a converter are up to 2³¹.
+AMPLITUDE = Bound(-1e12, 1e12)
+LOUDNESS = Bound(0.0, 1e15)
+RANGE = Bound(0.0, 1e3, "m")
+RANGE_STD = Bound(0.0, 1e3, "m")
+LIMIT_STEP = Bound(1e-4, 200.0, "m")
+OBJECT_RISE = Bound(-1e3, 1e3, "m")
+RESIDUAL = Bound(0.0, 1e6)
+
+
+def check(field: str, value: float, bound: Bound) -> None:
+    """Refuse a number that is not within its bounds; NaN is in none.
+
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field, its value and the bound.
+    """
+    if not bound.least <= value <= bound.greatest:
+        unit = f" {bound.unit}" if bound.unit else ""
+        raise MalformedMessageError(
+            field, f"is {value:g}{unit}, must be {bound.least:g} to {bound.greatest:g}"
+        )
+
+
+def check_all(field: str, values: NDArray[np.floating], bound: Bound) -> None:
+    """Refuse an array with an entry that is not within its bounds.
+
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field, how many entries are out of bounds, and one of them.
+    """
+    wrong = ~((values >= bound.least) & (values <= bound.greatest))
+    if np.any(wrong):
+        first = float(np.asarray(values)[wrong].flat[0])
+        raise MalformedMessageError(
+            field,
+            f"has {np.count_nonzero(wrong)} of {values.size} entries that are not within"
+            f" {bound.least:g} to {bound.greatest:g}, such as {first:g}",
+        )
+
+
+def check_count(field: str, count: int, greatest: int) -> None:
+    """Refuse an array that is longer than what is believed.
+
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field and its length.
+    """
+    if count > greatest:
+        raise MalformedMessageError(field, f"has {count} entries, must be at most {greatest}")
+
+
+def check_name(field: str, name: str, *, may_be_empty: bool = False) -> None:
+    """Refuse a frame's name that is empty or endless.
+
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field.
+    """
+    if not name and not may_be_empty:
+        raise MalformedMessageError(field, "is empty")
+    if len(name) > MAX_NAME:
+        raise MalformedMessageError(field, f"has {len(name)} characters, at most {MAX_NAME} may be")

@@ -1,0 +1,114 @@
+"""Arrays of an ``.npz`` file that may come from anywhere.
+
+NumPy allocates what a header promises before it looks at what is there, and gives whatever is no
+array as bytes.  Here every array is checked against the size of its member before it is read.
+"""
+
+from __future__ import annotations
+
+import math
+import zipfile
+import zlib
+from collections.abc import Collection
+from pathlib import Path
+from tokenize import TokenError
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+#: All arrays of a map together: 100 million cells, or a square of 500 m in cells of 5 cm.
+MAX_BYTES = 2**31
+#: What zipfile and zlib raise on a damaged archive, beside ValueError.
+ARCHIVE_ERRORS = (OSError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile)
+
+
+def load_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
+    """Those of the named arrays that the archive has.
+
+    Parameters
+    ----------
+    path : path
+        The ``.npz`` file.
+    names : collection of str
+        Of arrays; whatever else is in the file is not looked at.
+
+    Raises
+    ------
+    ValueError
+        If it is no archive, damaged, or a member is no array of plain values or lies of its size.
+    OSError
+        If it cannot be read.
+    """
+    with path.open("rb") as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                wanted = {
+                    name: member
+                    for member in archive.infolist()
+                    if (name := member.filename.removesuffix(".npy")) in names
+                }
+                if sum(member.file_size for member in wanted.values()) > MAX_BYTES:
+                    raise ValueError(f"its arrays take more than {MAX_BYTES // 2**20} MiB")
+                return {name: _load(archive, name, member) for name, member in wanted.items()}
+        except (*ARCHIVE_ERRORS, zlib.error) as error:
+            if isinstance(error, OSError) and error.errno is not None:
+                raise
+            raise ValueError("it is damaged") from error
+
+
+def _load(archive: zipfile.ZipFile, name: str, member: zipfile.ZipInfo) -> NDArray[Any]:
+    with archive.open(member) as file:
+        shape, order, dtype = _header(file, name)
+        count = math.prod(shape)
+        size = count * dtype.itemsize
+        if min(shape, default=0) < 0 or file.tell() + size != member.file_size:
+            raise ValueError(f"{name} is not of the size that it says")
+        content = file.read(size)
+    if len(content) != size:
+        raise ValueError(f"{name} is cut off")
+    # A type without a size, such as that of empty texts, has no bytes to count.
+    if size == 0:
+        return np.zeros(shape, dtype)
+    return np.frombuffer(content, dtype).reshape(shape, order="F" if order else "C")
+
+
+def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether columns come first, and type of the array that follows."""
+    try:
+        version = npy.read_magic(file)
+        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        shape, is_by_columns, dtype = read(file)
+    except (ValueError, TypeError, AttributeError, SyntaxError, TokenError) as error:
+        raise ValueError(f"{name} is no array") from error
+    # Python's objects are never unpacked: that would run code.
+    if dtype.hasobject or dtype.kind not in "biufU" or dtype.itemsize > 2**16:
+        raise ValueError(f"{name} is no array of numbers or text")
+    if dtype.itemsize == 0 and math.prod(shape) > 2**20:
+        raise ValueError(f"{name} is not of the size that it says")
+    return shape, is_by_columns, dtype
+
+
+def numbers(
+    arrays: dict[str, NDArray[Any]], name: str, dimensions: int, dtype: type[np.generic]
+) -> NDArray[Any]:
+    """An array of numbers, of so many dimensions, as another type of numbers.
+
+    Raises
+    ------
+    KeyError
+        If there is none of the name.
+    ValueError
+        If it is none of numbers, has other dimensions, or a number does not fit the type.
+    """
+    array = arrays[name]
+    if array.ndim != dimensions or array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} is {array.dtype} {array.shape}")
+    if np.issubdtype(dtype, np.integer) and array.dtype.kind == "f":
+        raise ValueError(f"{name} is no whole number")
+    with np.errstate(over="ignore", invalid="ignore"):
+        converted = array.astype(dtype)
+    if np.issubdtype(dtype, np.integer) and np.any(converted.astype(object) != array):
+        raise ValueError(f"{name} is out of bounds")
+    return converted

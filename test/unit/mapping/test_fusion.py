@@ -135,14 +135,15 @@ def test_cells_that_no_cone_touched_hold_the_prior(
     assert not occupancy.observed[~touched].any()
 
 
-def test_one_ping_finds_nothing_for_certain_and_frees_few_cells_of_its_ring(
+def test_one_ping_finds_nothing_for_certain_and_frees_no_cell_of_its_ring(
     make_cone: MakeCone,
 ) -> None:
     occupancy = fused(SuperpositionFusion(MappingParameters()), [make_cone((1.5, 0.3))])
     row, column = np.mgrid[tuple(slice(0, size) for size in occupancy.geometry.shape)]
     x_m, y_m = np.moveaxis(occupancy.geometry.cell_centers_m(row, column), -1, 0)
     ring = np.abs(np.hypot(x_m, y_m) - 1.5) < 0.03
-    assert np.count_nonzero(occupancy.observed[ring]) <= 6
+    assert np.count_nonzero(ring) > 10
+    assert not occupancy.observed[ring].any()
     assert not np.any(occupancy.trinary() == 100)
 
 
@@ -269,7 +270,7 @@ def test_superposition_draws_no_arcs_where_the_additive_method_does(make_cone: M
     for kind in (SuperpositionFusion, AdditiveFusion):
         occupancy = fused(kind(MappingParameters()), [cone] * 4)
         counts[kind] = np.count_nonzero(occupancy.observed & (occupancy.probability() > 0.65))
-    assert counts[SuperpositionFusion] < 0.2 * counts[AdditiveFusion]
+    assert counts[SuperpositionFusion] == 0
     assert counts[AdditiveFusion] > 20
 
 

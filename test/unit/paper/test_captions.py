@@ -20,18 +20,12 @@ PARTS = [
 ]
 
 
-#: What does not hold at the moment: superposition wants more than one ping of each of two robots.
-LOST = {"two_robots": ["the symmetry of a single measurement is broken"]}
-
-
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
 def test_every_statement_of_the_caption_holds(part):
     caption = part().numbers["caption"]
 
     assert caption
-    assert [words for words, one in caption.items() if one["holds"] is not True] == LOST.get(
-        part.__name__, []
-    )
+    assert [words for words, one in caption.items() if one["holds"] is not True] == []
 
 
 def test_exact_cells_and_residuals_of_whole_numbers():

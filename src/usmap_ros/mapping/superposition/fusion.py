@@ -34,6 +34,13 @@ from usmap_ros.mapping.superposition.evidence import (
     prepare_bins,
     prove_rays,
 )
+from usmap_ros.mapping.superposition.few import (
+    compare,
+    explain,
+    in_any,
+    mark_heard,
+    no_suspects,
+)
 from usmap_ros.mapping.superposition.layers import map_layers, shares_of_sides
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.others import Expected, MapByOthers
@@ -64,6 +71,8 @@ ALIVE = "alive"
 #: As of the end of the last pass: log-odds, the belief that a cell belongs to something that hides
 #: what is behind it, and its optical depth; and cells of which the pass under way said anything.
 BELIEF, HIDING, DEPTH, RELEVANT = "belief", "hiding", "depth", "relevant"
+#: Log-odds by the first few pings.
+FIRST_BELIEF = "first belief"
 #: A layer of ones.
 EVERYWHERE = "everywhere"
 #: Evidence: of cells by themselves, of blocks, of rays that passed, of silence; and the cells'
@@ -82,6 +91,8 @@ SEVERAL = {
 MOST_PASSES, EARLY_VISITS = 40, 500
 #: Pings that are learnt from again at once with every new one.
 RECENT = 3
+#: The first pings are explained anew with every further one, in so many passes.
+FEW_PINGS, FIRST_PASSES = 6, 2
 #: Of evidence that is not clamped: more would not fit a probability.
 MOST_LOG_ODDS = 30.0
 #: A cell that no ping of a pass has anything to say of is given up after so many looks.
@@ -105,11 +116,13 @@ class SuperpositionFusion(Fusion):
 
     def __init__(self, parameters: MappingParameters) -> None:
         names = [POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, BELIEF, HIDING, DEPTH, RELEVANT]
+        names += [FIRST_BELIEF]
         names += [_of(kind, name) for kind in (SHOWN, GATHERED, LASTING) for name in EVIDENCE]
         layers = {**dict.fromkeys(names, 0.0), EVERYWHERE: 1.0}
         super().__init__(parameters, layers, SEVERAL)
         self._window: deque[Look] = deque()
         self._next = 0
+        self._resumed = False
         self._work = Workspace()
         self._bounds = Bounds(
             of_a_bin=parameters.most_evidence_a_bin,
@@ -134,6 +147,9 @@ class SuperpositionFusion(Fusion):
         if len(self._window) == self.parameters.window:
             self._retire()
         self._window.append(look)
+        if self._are_few:
+            self._start_over()
+            return
         for recent in range(max(0, len(self._window) - RECENT), len(self._window)):
             self._learn(self._window[recent])
         self._deal(look, SHOWN)
@@ -161,6 +177,33 @@ class SuperpositionFusion(Fusion):
         alive[slots] = power.reshape(-1, QUARTERS)[slots].any(axis=1)
         forget(seen, count)
 
+    def _start_over(self) -> None:
+        """Explain the first few pings from the start, whenever there is one more."""
+        layer, looks = self._grid.layer, list(self._window)
+        for name in (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, HIDING, DEPTH):
+            layer(name)[:] = 0.0
+        layer(BELIEF)[:] = self._scale.least
+        for look in looks:
+            seen, count = self._find(look, layer(EVERYWHERE))
+            mark_heard(look, seen, count, layer(ALIVE))
+            forget(seen, count)
+        slots = np.flatnonzero(layer(ALIVE))
+        row_of = np.full(len(layer(ALIVE)), -1)
+        row_of[slots] = np.arange(len(slots))
+        suspects = no_suspects(row_of, len(looks), len(slots))
+        for index, look in enumerate(looks):
+            seen, count = self._find(look, layer(ALIVE))
+            compare(look, index, seen, count, suspects)
+            forget(seen, count)
+        bin_count = max(len(look.kind) for look in looks)
+        probability, power = explain(suspects, bin_count, self.parameters)
+        layer(POWER).reshape(-1, QUARTERS)[slots] = probability * power
+        layer(FIRST_BELIEF)[:] = self._scale.prior
+        layer(FIRST_BELIEF)[slots] = in_any(probability)
+        self._next = 0
+        for _ in range(FIRST_PASSES * len(looks)):
+            self._visit()
+
     def _retire(self) -> None:
         """Let the oldest ping go, and what it said stay."""
         self._deal(self._window.popleft(), LASTING)
@@ -174,7 +217,7 @@ class SuperpositionFusion(Fusion):
         if self._next == 0:
             for name in EVIDENCE:
                 layer(_of(GATHERED, name))[:] = layer(_of(LASTING, name))
-        self._deal(self._window[self._next], GATHERED, learn=True)
+        self._deal(self._window[self._next], GATHERED, learn=not self._are_few)
         self._next += 1
         if self._next == len(self._window):
             self._end_pass()
@@ -187,15 +230,20 @@ class SuperpositionFusion(Fusion):
 
     def _expect(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int, Contributions]:
         """Work out what the map expects of a ping, from the cells that are not 0 in `among`."""
-        layer, tiles, bins = self._grid.layer, self._tiles(), self._work.bins(look)
-        rays = self._work.rays(look, tiles)
-        if self.parameters.occlusion:
-            cast_rays(look, tiles, layer(DEPTH), rays)
-        seen, count = self._work.find(look, tiles, among, rays)
+        layer, bins = self._grid.layer, self._work.bins(look)
+        seen, count = self._find(look, among)
         parts = self._work.parts(count)
         split_expected(look, seen, count, layer(POWER), parts)
         expect(look, count, parts, bins)
         return seen, count, parts
+
+    def _find(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int]:
+        """Find the cells that a ping sees, of those that are not 0 in `among`."""
+        tiles = self._tiles()
+        rays = self._work.rays(look, tiles)
+        if self.parameters.occlusion:
+            cast_rays(look, tiles, self._grid.layer(DEPTH), rays)
+        return self._work.find(look, tiles, among, rays)
 
     def _learn(self, look: Look) -> None:
         """Move the powers in a ping's cone towards what explains it."""
@@ -251,10 +299,27 @@ class SuperpositionFusion(Fusion):
         layer(DEPTH)[:] = 0.0
         rows, columns, slots = self._grid.cells(alive > 0.0)
         evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")), self._scale)
-        judge(slots, rows, columns, tiles, *evidence, layer(BELIEF))
+        self._judge(layer(BELIEF), self._scale)
         find_hiding(slots, rows, columns, tiles, *evidence, layer(HIDING))
         opacity = self.parameters.opacity
         set_depth(slots, rows, columns, tiles, layer(HIDING), opacity, layer(DEPTH))
+
+    def _judge(self, log_odds: NDArray[np.float32], scale: Scale) -> None:
+        """Set the log-odds of suspected cells by the evidence that is shown."""
+        layer = self._grid.layer
+        rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
+        if self._are_few:
+            # Whoever was acquitted is like any other cell.
+            slots = slots[layer(FIRST_BELIEF)[slots] > scale.prior]
+            log_odds[slots] = np.clip(layer(FIRST_BELIEF)[slots], scale.least, scale.greatest)
+            return
+        own, block = layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block"))
+        judge(slots, rows, columns, self._tiles(), own, block, scale, log_odds)
+
+    @property
+    def _are_few(self) -> bool:
+        """Whether there are so few pings that each new one has all of them explained anew."""
+        return len(self._window) <= FEW_PINGS and not self._resumed
 
     def _tiles(self) -> Tiles:
         return Tiles(*self._grid.directory, self.parameters.resolution_m)
@@ -284,9 +349,9 @@ class SuperpositionFusion(Fusion):
         layer(EXPOSURE)[:] = exposure
         layer(LOG_ODDS)[:] = np.maximum(scale.prior - SILENT_LOOK * exposure, scale.least)
         suspected = rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
-        own, block = layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block"))
+        block = layer(_of(SHOWN, "block"))
         open_scale = scale._replace(least=-MOST_LOG_ODDS, greatest=MOST_LOG_ODDS)
-        judge(slots, rows, columns, self._tiles(), own, block, open_scale, layer(LOG_ODDS))
+        self._judge(layer(LOG_ODDS), open_scale)
         log_odds = layer(LOG_ODDS)[slots]
         layer(LOG_ODDS)[slots] = np.clip(log_odds, scale.least, scale.greatest)
         occupancy = bridge_gaps(super().occupancy_map(), parameters.wall_gap_m)
@@ -302,6 +367,7 @@ class SuperpositionFusion(Fusion):
             If its resolution or origin does not fit this grid.
         """
         super().resume(occupancy)
+        self._resumed = True
         layer, scale = self._grid.layer, self._scale
         log_odds, known = layer(LOG_ODDS), layer(LOG_ODDS) != np.float32(scale.prior)
         # Silence that could make a cell so unlikely would have made it observed.

@@ -1,0 +1,280 @@
+"""What few pings say: every cell weighed that may have returned an echo, without picking any.
+
+Superposition finds powers that explain what was heard; with few pings there are many such, and
+where the search ends depends on where it starts.  So it starts from the odds of a simpler model,
+in which each quarter of a cell holds an object or none.  An echo has one source: its
+likelihood is a noisy-OR of all quarters on its ring, each with the density of the echo's power
+if it came from there, given what the other pings heard of it.  Belief propagation between
+echoes and quarters gives the odds of each.
+
+References
+----------
+.. [1] Pearl, "Probabilistic Reasoning in Intelligent Systems" (1988), section 4.3: noisy-OR.
+.. [2] Thrun, "Learning occupancy grid maps with forward sensor models", Autonomous Robots 15
+   (2003) 111-127: explaining readings together, rather than cell by cell.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logit
+
+from usmap_ros.mapping.compiled import compiled
+from usmap_ros.mapping.superposition.cells import QUARTERS, Seen
+from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
+from usmap_ros.mapping.superposition.powers import bearing_fit
+from usmap_ros.parameters import MappingParameters
+
+#: Powers that an object may have, and how many standard deviations about the median they span.
+POWER_STEPS, POWER_SPREAD = 64, 2.3
+#: Density, per unit of the logarithm of power, of echoes that come from nowhere.
+CLUTTER_DENSITY = 1e-3
+#: Bounds of the logarithms of likelihoods: of an echo's power, and of silence.
+LEAST_LOG_DENSITY, LEAST_LOG_SILENCE = -12.0, -6.0
+#: Rounds of belief propagation, and the share of its last message that each keeps.
+ROUNDS, DAMPING = 15, 0.3
+
+
+class Suspects(NamedTuple):
+    """Quarters of cells that may have returned an echo, and what each look has of them.
+
+    Parameters
+    ----------
+    row_of : (slots,) int64 array
+        Number of each suspected cell in the arrays below; -1 for all others.
+    kind : (looks, quarters) uint8 array
+        ECHO, SILENCE or UNJUDGED.
+    bin : (looks, quarters) int32 array
+        Range bin of the echo, or of the middle of the quarter.
+    level : (looks, quarters) float32 array
+        Power of the echo, or below which one may have gone unreported.
+    weight : (looks, quarters) float32 array
+        Power that each would return if it scattered with power 1.
+    fit : (looks, quarters) float32 array
+        How well it fits a measured bearing.
+    noise : (looks,) float64 array
+        Power of the receiver's noise in a bin.
+    """
+
+    row_of: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+    bin: NDArray[np.int32]
+    level: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    fit: NDArray[np.float32]
+    noise: NDArray[np.float64]
+
+
+@compiled
+def mark_heard(look: Look, seen: Seen, count: int, heard: NDArray[np.float32]) -> None:
+    """Set `heard` of every cell to 1 that an echo of a look may have come from."""
+    for cell in range(count):
+        for quarter in range(QUARTERS):
+            low, high = seen.low[cell, quarter], seen.high[cell, quarter]
+            if nearest_echo(look, low, high) >= 0:
+                heard[seen.slot[cell]] = 1.0
+
+
+@compiled
+def nearest_echo(look: Look, low: float, high: float) -> int:
+    """Range bin of the echo that is nearest to the middle of a stretch; -1 if there is none."""
+    best, middle = -1, 0.5 * (low + high)
+    for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, len(look.kind))):
+        nearer = best < 0 or abs(b + 0.5 - middle) < abs(best + 0.5 - middle)
+        if look.kind[b] == ECHO and nearer:
+            best = b
+    return best
+
+
+@compiled
+def compare(look: Look, index: int, seen: Seen, count: int, suspects: Suspects) -> None:
+    """Note what look number `index` heard of the suspects among the cells in its cone."""
+    suspects.noise[index] = look.noise
+    for cell in range(count):
+        row = suspects.row_of[seen.slot[cell]]
+        for quarter in range(QUARTERS):
+            low, high = seen.low[cell, quarter], seen.high[cell, quarter]
+            here = row * QUARTERS + quarter
+            b = nearest_echo(look, low, high)
+            if b >= 0:
+                suspects.kind[index, here] = ECHO
+                suspects.level[index, here] = max(look.power[b], look.noise)
+                suspects.fit[index, here] = bearing_fit(look, b, seen.bearing[cell])
+            else:
+                b = min(max(math.floor(0.5 * (low + high)), 0), len(look.kind) - 1)
+                suspects.kind[index, here] = look.kind[b]
+                suspects.level[index, here] = look.limit[b]
+            suspects.bin[index, here] = b
+            suspects.weight[index, here] = seen.weight[cell]
+
+
+@compiled
+def log_likelihood_of(
+    kind: int, level: float, returned: float, noise: float, fluctuation: float
+) -> float:
+    """Log-likelihood of what a look has of one object that returns a power all by itself."""
+    if kind == ECHO:
+        # The logarithm of the power of a steady object's echo, as it fluctuates and in noise.
+        variance = 4.0 * (fluctuation * fluctuation + 0.5 * noise / level)
+        off = math.log(level / (returned + noise))
+        density = -0.5 * (off * off / variance + math.log(2.0 * math.pi * variance))
+        return max(density, LEAST_LOG_DENSITY)
+    if kind == SILENCE:
+        ratio = max(level / max(returned, 1e-12), 1e-6)
+        return max(math.log1p(-math.exp(-ratio)), LEAST_LOG_SILENCE)
+    return 0.0
+
+
+@compiled
+def judge_alone(
+    suspects: Suspects,
+    log_powers: NDArray[np.float64],
+    log_prior: NDArray[np.float64],
+    fluctuation: float,
+    density: NDArray[np.float64],
+    power: NDArray[np.float64],
+) -> None:
+    """Density of what each look has of each suspect, given what the other looks have.
+
+    Parameters
+    ----------
+    suspects : Suspects
+        After `compare`.
+    log_powers, log_prior : (POWER_STEPS,) float64 arrays
+        Powers that an object may have, and their prior, as logarithms.
+    fluctuation : float
+        Standard deviation of ln amplitude from look to look.
+    density : (looks, quarters) float64 array
+        Set.
+    power : (quarters,) float64 array
+        Set to the mean of the power, if there is an object.
+    """
+    looks_count, quarters = suspects.kind.shape
+    table = np.empty((looks_count, POWER_STEPS))
+    total = np.empty(POWER_STEPS)
+    for here in range(quarters):
+        total[:] = log_prior
+        for index in range(looks_count):
+            kind, level = suspects.kind[index, here], suspects.level[index, here]
+            weight, noise = suspects.weight[index, here], suspects.noise[index]
+            for step in range(POWER_STEPS):
+                returned = weight * math.exp(log_powers[step])
+                table[index, step] = log_likelihood_of(kind, level, returned, noise, fluctuation)
+                total[step] += table[index, step]
+        for index in range(looks_count):
+            with_it, without = 0.0, 0.0
+            most = (total - table[index]).max()
+            for step in range(POWER_STEPS):
+                others = math.exp(total[step] - table[index, step] - most)
+                without += others
+                with_it += others * math.exp(table[index, step])
+            density[index, here] = with_it / without * suspects.fit[index, here]
+        weights = np.exp(total - total.max())
+        power[here] = math.exp((weights * log_powers).sum() / weights.sum())
+
+
+@compiled
+def weigh_sources(
+    suspects: Suspects,
+    density: NDArray[np.float64],
+    bin_count: int,
+    audibility: float,
+    prior_log_odds: float,
+    log_odds: NDArray[np.float64],
+) -> None:
+    """Log-odds of the suspects, by belief propagation between them and the echoes.
+
+    Parameters
+    ----------
+    suspects, density
+        After `judge_alone`.
+    bin_count : int
+        Of the look with most range bins.
+    audibility : float
+        Probability that an object that is loud enough is heard.
+    prior_log_odds : float
+        Of a quarter.
+    log_odds : (quarters,) float64 array
+        Set.
+    """
+    looks_count, quarters = suspects.kind.shape
+    message = np.zeros((looks_count, quarters))
+    explained = np.empty(bin_count)
+    share = np.empty(quarters)
+    log_odds[:] = prior_log_odds
+    for _ in range(ROUNDS):
+        for index in range(looks_count):
+            explained[:] = CLUTTER_DENSITY
+            for here in range(quarters):
+                if suspects.kind[index, here] == ECHO:
+                    odds = math.exp(min(log_odds[here] - message[index, here], 30.0))
+                    share[here] = odds / (1.0 + odds) * density[index, here]
+                    explained[suspects.bin[index, here]] += share[here]
+            for here in range(quarters):
+                new = 0.0
+                if suspects.kind[index, here] == ECHO:
+                    rest = explained[suspects.bin[index, here]] - share[here]
+                    rest = max(rest, CLUTTER_DENSITY)
+                    new = math.log(audibility * density[index, here] / rest + 1.0 - audibility)
+                elif suspects.kind[index, here] == SILENCE:
+                    new = math.log(audibility * density[index, here] + 1.0 - audibility)
+                new = DAMPING * message[index, here] + (1.0 - DAMPING) * new
+                log_odds[here] += new - message[index, here]
+                message[index, here] = new
+
+
+def explain(
+    suspects: Suspects, bin_count: int, parameters: MappingParameters
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How likely each suspect is an object, and of which power it would be.
+
+    Parameters
+    ----------
+    suspects : Suspects
+        After `compare` with each look.
+    bin_count : int
+        Of the look with most range bins.
+    parameters : MappingParameters
+        What is known of objects beforehand.
+
+    Returns
+    -------
+    probability, power : (cells, QUARTERS) float64 arrays
+        Of each quarter.
+    """
+    quarters = suspects.kind.shape[1]
+    spread = 2.0 * parameters.reflectivity_spread
+    off = np.linspace(-POWER_SPREAD, POWER_SPREAD, POWER_STEPS)
+    log_prior = -0.5 * off**2 - np.log(np.exp(-0.5 * off**2).sum())
+    log_powers = 2.0 * np.log(parameters.reflectivity) + spread * off
+    density, power = np.empty(suspects.kind.shape), np.empty(quarters)
+    judge_alone(suspects, log_powers, log_prior, parameters.fluctuation, density, power)
+    log_odds = np.empty(quarters)
+    prior = float(logit(parameters.prior / QUARTERS))
+    weigh_sources(suspects, density, bin_count, parameters.audibility, prior, log_odds)
+    return expit(log_odds).reshape(-1, QUARTERS), power.reshape(-1, QUARTERS)
+
+
+def in_any(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Log-odds that there is an object in any quarter of a cell, from those of each, by rows."""
+    none = np.log1p(-np.minimum(probability, 1.0 - 1e-12)).sum(axis=1)
+    log_odds: NDArray[np.float64] = np.log(-np.expm1(none)) - none
+    return log_odds
+
+
+def no_suspects(row_of: NDArray[np.int64], looks: int, cells: int) -> Suspects:
+    """Room for what so many looks have of so many cells."""
+    shape = (looks, cells * QUARTERS)
+    return Suspects(
+        row_of,
+        np.zeros(shape, np.uint8),
+        np.zeros(shape, np.int32),
+        np.zeros(shape, np.float32),
+        np.zeros(shape, np.float32),
+        np.ones(shape, np.float32),
+        np.zeros(looks),
+    )

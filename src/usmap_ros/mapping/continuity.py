@@ -55,8 +55,8 @@ def _between(believed: BoolArray, widest: int) -> BoolArray:
 
     between = np.zeros_like(believed)
     for row, column in DIRECTIONS:
-        length = max(abs(row), abs(column))
-        reach = (widest + 1) // length
+        length = np.hypot(row, column)
+        reach = int((widest + 1) / length)
         for ahead in range(1, reach + 1):
             for behind in range(1, reach + 1):
                 if (ahead + behind) * length <= widest + 1:

@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,17 +25,30 @@ from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from usmap_ros.mapping.compiled import compiled
-from usmap_ros.mapping.superposition.cells import QUARTERS, Seen
+from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
+from usmap_ros.mapping.superposition.cells import (
+    LEAST_POWER_GAIN,
+    QUARTERS,
+    Seen,
+    Tiles,
+    forget,
+    power_gain,
+    slot_at,
+)
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import bearing_fit
 from usmap_ros.parameters import MappingParameters
 
 #: Powers that an object may have, and how many standard deviations about the median they span.
-POWER_STEPS, POWER_SPREAD = 64, 2.3
+POWER_STEPS, POWER_SPREAD = 80, 3.2
 #: Density, per unit of the logarithm of power, of echoes that come from nowhere.
-CLUTTER_DENSITY = 1e-3
+CLUTTER_DENSITY = 3e-3
 #: Bounds of the logarithms of likelihoods: of an echo's power, and of silence.
 LEAST_LOG_DENSITY, LEAST_LOG_SILENCE = -12.0, -6.0
+#: Silence against a cell outweighs an echo for it when it is so many times as frequent.
+SILENCE_COUNTS = 0.4
+#: Quarters, times looks, that are compared at the most.
+MOST_PAIRS = 200_000
 #: Rounds of belief propagation, and the share of its last message that each keeps.
 ROUNDS, DAMPING = 15, 0.3
 
@@ -70,13 +84,28 @@ class Suspects(NamedTuple):
 
 
 @compiled
-def mark_heard(look: Look, seen: Seen, count: int, heard: NDArray[np.float32]) -> None:
-    """Set `heard` of every cell to 1 that an echo of a look may have come from."""
+def tally(
+    look: Look, seen: Seen, count: int, median_power: float, sums: NDArray[np.float32]
+) -> None:
+    """Count for and against every cell of a look whether an echo may have come from there.
+
+    Parameters
+    ----------
+    look, seen, count
+        As in `usmap_ros.mapping.superposition.powers.expect`.
+    median_power : float
+        Power that an object scatters.
+    sums : (slots,) float32 array
+        Changed: cells that end above 0 are worth suspecting.
+    """
     for cell in range(count):
-        for quarter in range(QUARTERS):
-            low, high = seen.low[cell, quarter], seen.high[cell, quarter]
-            if nearest_echo(look, low, high) >= 0:
-                heard[seen.slot[cell]] = 1.0
+        slot = seen.slot[cell]
+        low, high = seen.low[cell].min(), seen.high[cell].max()
+        b = min(max(math.floor(0.5 * (low + high)), 0), len(look.kind) - 1)
+        if nearest_echo(look, low, high) >= 0:
+            sums[slot] += 1.0
+        elif look.kind[b] == SILENCE and seen.weight[cell] * median_power > look.limit[b]:
+            sums[slot] -= SILENCE_COUNTS
 
 
 @compiled
@@ -91,11 +120,29 @@ def nearest_echo(look: Look, low: float, high: float) -> int:
 
 
 @compiled
-def compare(look: Look, index: int, seen: Seen, count: int, suspects: Suspects) -> None:
-    """Note what look number `index` heard of the suspects among the cells in its cone."""
+def returned_from(look: Look, x: float, y: float) -> float:
+    """Power returned from a place, relative to the transducer, if it scatters with power 1."""
+    squared = x * x + y * y + look.rise_m * look.rise_m
+    distance = math.sqrt(squared)
+    ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
+    gain = max(power_gain(look, ahead / distance), LEAST_POWER_GAIN)
+    return gain * math.exp(-look.absorption_per_m * distance) / (squared * squared)
+
+
+@compiled
+def compare(
+    look: Look, index: int, seen: Seen, count: int, resolution_m: float, suspects: Suspects
+) -> None:
+    """Note what look number `index` heard of the suspects among the cells in its cone.
+
+    A quarter's own gain counts: it differs within a cell by more than amplitudes fluctuate.
+    """
     suspects.noise[index] = look.noise
     for cell in range(count):
         row = suspects.row_of[seen.slot[cell]]
+        x = (seen.column[cell] + 0.5) * resolution_m - look.x_m
+        y = (seen.row[cell] + 0.5) * resolution_m - look.y_m
+        in_sight = seen.weight[cell] / returned_from(look, x, y)
         for quarter in range(QUARTERS):
             low, high = seen.low[cell, quarter], seen.high[cell, quarter]
             here = row * QUARTERS + quarter
@@ -109,7 +156,10 @@ def compare(look: Look, index: int, seen: Seen, count: int, suspects: Suspects) 
                 suspects.kind[index, here] = look.kind[b]
                 suspects.level[index, here] = look.limit[b]
             suspects.bin[index, here] = b
-            suspects.weight[index, here] = seen.weight[cell]
+            offset_x = 0.25 * resolution_m if quarter & 1 else -0.25 * resolution_m
+            offset_y = 0.25 * resolution_m if quarter & 2 else -0.25 * resolution_m
+            returned = returned_from(look, x + offset_x, y + offset_y)
+            suspects.weight[index, here] = in_sight * returned
 
 
 @compiled
@@ -227,25 +277,70 @@ def weigh_sources(
                 message[index, here] = new
 
 
-def explain(
-    suspects: Suspects, bin_count: int, parameters: MappingParameters
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How likely each suspect is an object, and of which power it would be.
+class Explained(NamedTuple):
+    """What few pings say of the cells that may have returned their echoes.
 
     Parameters
     ----------
-    suspects : Suspects
-        After `compare` with each look.
-    bin_count : int
-        Of the look with most range bins.
+    slots : (cells,) integer array
+        The cells.
+    vacancy : (cells,) float64 array
+        Logarithm of the probability that no quarter of a cell holds an object.
+    power : (cells, QUARTERS) float64 array
+        Mean power of each quarter.
+    """
+
+    slots: NDArray[np.intp]
+    vacancy: NDArray[np.float64]
+    power: NDArray[np.float64]
+
+
+def explain(
+    looks: Sequence[Look],
+    find: Callable[[Look, NDArray[np.float32]], tuple[Seen, int]],
+    cells: int,
+    parameters: MappingParameters,
+) -> Explained | None:
+    """Weigh all cells that may have returned any echo of some pings.
+
+    Parameters
+    ----------
+    looks : sequence of Look
+        The pings.
+    find : callable
+        Finds the cells that a ping sees, of those that are not 0 in a layer.
+    cells : int
+        Number of slots of a layer.
     parameters : MappingParameters
         What is known of objects beforehand.
 
     Returns
     -------
-    probability, power : (cells, QUARTERS) float64 arrays
-        Of each quarter.
+    explained : Explained or None
+        None if there are too many cells and pings to compare.
     """
+    everywhere, sums = np.ones(cells, np.float32), np.zeros(cells, np.float32)
+    for look in looks:
+        seen, count = find(look, everywhere)
+        tally(look, seen, count, parameters.reflectivity**2, sums)
+        forget(seen, count)
+    slots = np.flatnonzero(sums > 0.0)
+    if len(slots) * QUARTERS * len(looks) > MOST_PAIRS:
+        return None
+    suspected = (sums > 0.0).astype(np.float32)
+    suspects = _no_suspects(slots, cells, len(looks))
+    for index, look in enumerate(looks):
+        seen, count = find(look, suspected)
+        compare(look, index, seen, count, parameters.resolution_m, suspects)
+        forget(seen, count)
+    bin_count = max(len(look.kind) for look in looks)
+    return Explained(slots, *_weighed(suspects, bin_count, parameters))
+
+
+def _weighed(
+    suspects: Suspects, bin_count: int, parameters: MappingParameters
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vacancy of the suspects, and mean power of each quarter: see `Explained`."""
     quarters = suspects.kind.shape[1]
     spread = 2.0 * parameters.reflectivity_spread
     off = np.linspace(-POWER_SPREAD, POWER_SPREAD, POWER_STEPS)
@@ -256,19 +351,58 @@ def explain(
     log_odds = np.empty(quarters)
     prior = float(logit(parameters.prior / QUARTERS))
     weigh_sources(suspects, density, bin_count, parameters.audibility, prior, log_odds)
-    return expit(log_odds).reshape(-1, QUARTERS), power.reshape(-1, QUARTERS)
+    vacancy = -np.logaddexp(0.0, log_odds).reshape(-1, QUARTERS).sum(axis=1)
+    return vacancy, (expit(log_odds) * power).reshape(-1, QUARTERS)
 
 
-def in_any(probability: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Log-odds that there is an object in any quarter of a cell, from those of each, by rows."""
-    none = np.log1p(-np.minimum(probability, 1.0 - 1e-12)).sum(axis=1)
-    log_odds: NDArray[np.float64] = np.log(-np.expm1(none)) - none
-    return log_odds
+@compiled
+def judge_first(
+    slots: NDArray[np.intp],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    tiles: Tiles,
+    vacancy: NDArray[np.float32],
+    scale: Scale,
+    log_odds: NDArray[np.float32],
+) -> None:
+    """Set the log-odds of suspected cells by what few pings say of them.
+
+    As in `usmap_ros.mapping.superposition.belief.judge`, what is certain of a block of nine cells
+    counts for those that hold a fair share of it.  Cells that are acquitted are left alone.
+
+    Parameters
+    ----------
+    slots, rows, columns : (n,) integer arrays
+        The cells.
+    tiles : Tiles
+        The grid.
+    vacancy : (slots,) float32 array
+        Logarithm of the probability that no quarter of a cell holds an object.
+    scale : Scale
+        Clamps, and the prior.
+    log_odds : (slots,) float32 array
+        Set.
+    """
+    for index in range(len(slots)):
+        own, strongest, block = vacancy[slots[index]], 0.0, 0.0
+        for row in range(rows[index] - 1, rows[index] + 2):
+            for column in range(columns[index] - 1, columns[index] + 2):
+                slot = slot_at(row, column, tiles)
+                if slot >= 0:
+                    strongest = min(strongest, vacancy[slot])
+                    block += vacancy[slot]
+        if math.expm1(own) > OWN_SHARE * math.expm1(strongest):
+            block = own
+        value = math.log(max(-math.expm1(block), 1e-30)) - block
+        if value > scale.prior:
+            log_odds[slots[index]] = min(max(value, scale.least), scale.greatest)
 
 
-def no_suspects(row_of: NDArray[np.int64], looks: int, cells: int) -> Suspects:
-    """Room for what so many looks have of so many cells."""
-    shape = (looks, cells * QUARTERS)
+def _no_suspects(slots: NDArray[np.intp], cells: int, looks: int) -> Suspects:
+    """Room for what so many looks have of some of all cells."""
+    row_of = np.full(cells, -1)
+    row_of[slots] = np.arange(len(slots))
+    shape = (looks, len(slots) * QUARTERS)
     return Suspects(
         row_of,
         np.zeros(shape, np.uint8),

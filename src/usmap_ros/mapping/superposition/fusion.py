@@ -35,16 +35,14 @@ from usmap_ros.mapping.superposition.evidence import (
     prove_rays,
 )
 from usmap_ros.mapping.superposition.few import (
-    compare,
     explain,
-    in_any,
-    mark_heard,
-    no_suspects,
+    judge_first,
 )
 from usmap_ros.mapping.superposition.layers import map_layers, shares_of_sides
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.others import Expected, MapByOthers
 from usmap_ros.mapping.superposition.powers import (
+    LEAST_POWER,
     Contributions,
     Powers,
     add_up_bins,
@@ -71,8 +69,8 @@ ALIVE = "alive"
 #: As of the end of the last pass: log-odds, the belief that a cell belongs to something that hides
 #: what is behind it, and its optical depth; and cells of which the pass under way said anything.
 BELIEF, HIDING, DEPTH, RELEVANT = "belief", "hiding", "depth", "relevant"
-#: Log-odds by the first few pings.
-FIRST_BELIEF = "first belief"
+#: By the first few pings: logarithm of the probability that a cell is empty.
+VACANCY = "vacancy"
 #: A layer of ones.
 EVERYWHERE = "everywhere"
 #: Evidence: of cells by themselves, of blocks, of rays that passed, of silence; and the cells'
@@ -91,8 +89,11 @@ SEVERAL = {
 MOST_PASSES, EARLY_VISITS = 40, 500
 #: Pings that are learnt from again at once with every new one.
 RECENT = 3
-#: The first pings are explained anew with every further one, in so many passes.
-FEW_PINGS, FIRST_PASSES = 6, 2
+#: So few pings are explained from the start whenever there is one more, with so many passes to
+#: see what is free.  Later this is done less and less often: each time after this share more.
+FEW_PINGS, FIRST_PASSES, FRESH_STARTS = 6, 2, 0.3
+#: More than a window can hold.
+MANY_PINGS = 1 << 30
 #: Of evidence that is not clamped: more would not fit a probability.
 MOST_LOG_ODDS = 30.0
 #: A cell that no ping of a pass has anything to say of is given up after so many looks.
@@ -116,13 +117,15 @@ class SuperpositionFusion(Fusion):
 
     def __init__(self, parameters: MappingParameters) -> None:
         names = [POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, BELIEF, HIDING, DEPTH, RELEVANT]
-        names += [FIRST_BELIEF]
+        names += [VACANCY]
         names += [_of(kind, name) for kind in (SHOWN, GATHERED, LASTING) for name in EVIDENCE]
         layers = {**dict.fromkeys(names, 0.0), EVERYWHERE: 1.0}
         super().__init__(parameters, layers, SEVERAL)
         self._window: deque[Look] = deque()
         self._next = 0
-        self._resumed = False
+        # Size of the window at which its pings are explained from the start again.
+        self._fresh_start = 1
+        self._are_few = False
         self._work = Workspace()
         self._bounds = Bounds(
             of_a_bin=parameters.most_evidence_a_bin,
@@ -147,8 +150,9 @@ class SuperpositionFusion(Fusion):
         if len(self._window) == self.parameters.window:
             self._retire()
         self._window.append(look)
-        if self._are_few:
+        if len(self._window) >= self._fresh_start:
             self._start_over()
+        if self._are_few:
             return
         for recent in range(max(0, len(self._window) - RECENT), len(self._window)):
             self._learn(self._window[recent])
@@ -178,30 +182,25 @@ class SuperpositionFusion(Fusion):
         forget(seen, count)
 
     def _start_over(self) -> None:
-        """Explain the first few pings from the start, whenever there is one more."""
-        layer, looks = self._grid.layer, list(self._window)
-        for name in (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, HIDING, DEPTH):
+        """Explain the pings so far from the start, if they are few enough."""
+        layer, count = self._grid.layer, len(self._window)
+        layer(DEPTH)[:] = 0.0
+        explained = explain(self._window, self._find, len(layer(ALIVE)), self.parameters)
+        self._are_few = explained is not None and count <= FEW_PINGS
+        if explained is None:
+            self._fresh_start = MANY_PINGS
+            return
+        self._fresh_start = count + max(1, round(FRESH_STARTS * (count - FEW_PINGS)))
+        for name in (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, HIDING):
             layer(name)[:] = 0.0
         layer(BELIEF)[:] = self._scale.least
-        for look in looks:
-            seen, count = self._find(look, layer(EVERYWHERE))
-            mark_heard(look, seen, count, layer(ALIVE))
-            forget(seen, count)
-        slots = np.flatnonzero(layer(ALIVE))
-        row_of = np.full(len(layer(ALIVE)), -1)
-        row_of[slots] = np.arange(len(slots))
-        suspects = no_suspects(row_of, len(looks), len(slots))
-        for index, look in enumerate(looks):
-            seen, count = self._find(look, layer(ALIVE))
-            compare(look, index, seen, count, suspects)
-            forget(seen, count)
-        bin_count = max(len(look.kind) for look in looks)
-        probability, power = explain(suspects, bin_count, self.parameters)
-        layer(POWER).reshape(-1, QUARTERS)[slots] = probability * power
-        layer(FIRST_BELIEF)[:] = self._scale.prior
-        layer(FIRST_BELIEF)[slots] = in_any(probability)
+        power = explained.power.astype(np.float32)
+        layer(POWER).reshape(-1, QUARTERS)[explained.slots] = power
+        layer(ALIVE)[explained.slots] = (power >= LEAST_POWER).any(axis=1)
+        layer(VACANCY)[:] = 0.0
+        layer(VACANCY)[explained.slots] = explained.vacancy
         self._next = 0
-        for _ in range(FIRST_PASSES * len(looks)):
+        for _ in range(FIRST_PASSES * count):
             self._visit()
 
     def _retire(self) -> None:
@@ -309,17 +308,10 @@ class SuperpositionFusion(Fusion):
         layer = self._grid.layer
         rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
         if self._are_few:
-            # Whoever was acquitted is like any other cell.
-            slots = slots[layer(FIRST_BELIEF)[slots] > scale.prior]
-            log_odds[slots] = np.clip(layer(FIRST_BELIEF)[slots], scale.least, scale.greatest)
+            judge_first(slots, rows, columns, self._tiles(), layer(VACANCY), scale, log_odds)
             return
         own, block = layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block"))
         judge(slots, rows, columns, self._tiles(), own, block, scale, log_odds)
-
-    @property
-    def _are_few(self) -> bool:
-        """Whether there are so few pings that each new one has all of them explained anew."""
-        return len(self._window) <= FEW_PINGS and not self._resumed
 
     def _tiles(self) -> Tiles:
         return Tiles(*self._grid.directory, self.parameters.resolution_m)
@@ -348,10 +340,11 @@ class SuperpositionFusion(Fusion):
         exposure = seen_free(clear, silent, parameters.proof_rays, parameters.observed_exposure)
         layer(EXPOSURE)[:] = exposure
         layer(LOG_ODDS)[:] = np.maximum(scale.prior - SILENT_LOOK * exposure, scale.least)
-        suspected = rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
+        suspected = self._grid.cells(layer(ALIVE) > 0.0)
         block = layer(_of(SHOWN, "block"))
         open_scale = scale._replace(least=-MOST_LOG_ODDS, greatest=MOST_LOG_ODDS)
         self._judge(layer(LOG_ODDS), open_scale)
+        slots = suspected[-1]
         log_odds = layer(LOG_ODDS)[slots]
         layer(LOG_ODDS)[slots] = np.clip(log_odds, scale.least, scale.greatest)
         occupancy = bridge_gaps(super().occupancy_map(), parameters.wall_gap_m)
@@ -367,7 +360,7 @@ class SuperpositionFusion(Fusion):
             If its resolution or origin does not fit this grid.
         """
         super().resume(occupancy)
-        self._resumed = True
+        self._fresh_start = MANY_PINGS
         layer, scale = self._grid.layer, self._scale
         log_odds, known = layer(LOG_ODDS), layer(LOG_ODDS) != np.float32(scale.prior)
         # Silence that could make a cell so unlikely would have made it observed.

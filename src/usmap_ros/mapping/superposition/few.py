@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
-from usmap_ros.mapping.compiled import compiled
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.cells import (
     LEAST_POWER_GAIN,

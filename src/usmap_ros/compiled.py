@@ -9,6 +9,9 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+#: Whether functions are compiled; not so where NUMBA_DISABLE_JIT is set, as a debugger needs it.
+IS_COMPILED = not vars(numba.config)["DISABLE_JIT"]
+
 
 def compiled(function: Function) -> Function:
     """Compile a function of numbers and arrays when it is first called.

@@ -115,10 +115,17 @@ class Channel:
         vertically by h - H against h + H: the squares differ by 4 h H, H being its own height.
         """
         direct_m = np.asarray(range_m, dtype=float)
-        rise = self.object_rise_m if rise_m is None else rise_m
-        object_height_m = np.maximum(self.floor_height_m + rise, 0.0)
-        via_floor_m = np.sqrt(direct_m**2 + 4.0 * self.floor_height_m * object_height_m)
-        return direct_m, via_floor_m
+        detour_m2 = self.floor_detour_m2 if rise_m is None else self._floor_detour_m2(rise_m)
+        return direct_m, np.sqrt(direct_m**2 + detour_m2)
+
+    @property
+    def floor_detour_m2(self) -> float:
+        """What a leg over the floor has, squared, beyond the square of the straight one."""
+        return float(self._floor_detour_m2(self.object_rise_m))
+
+    def _floor_detour_m2(self, rise_m: FloatArray | float) -> FloatArray:
+        object_height_m = np.maximum(self.floor_height_m + rise_m, 0.0)
+        return 4.0 * self.floor_height_m * object_height_m
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless sound can travel through it."""

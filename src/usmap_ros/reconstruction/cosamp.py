@@ -118,7 +118,7 @@ def cosamp(
     ValueError
         If the signal is not finite, or has not as many samples as the operator.
     """
-    _check_signal(operator, signal)
+    check_signal(operator, signal)
     fit = Fit(operator, signal, non_negative)
     limits = np.broadcast_to(np.asarray(thresholds, dtype=float), (operator.block_count,))
     best = _start(fit, warm_start, limits, sparsity)
@@ -283,7 +283,8 @@ def _solve_non_negative(columns: Signal, signal: Signal) -> FloatArray:
     return nnls(columns, signal)[0]
 
 
-def _check_signal(operator: SensingOperator, signal: Signal) -> None:
+def check_signal(operator: SensingOperator, signal: Signal) -> None:
+    """Raise ValueError unless the signal is finite and has as many samples as the operator."""
     if signal.shape != (operator.sample_count,):
         raise ValueError(f"signal has shape {signal.shape}, not ({operator.sample_count},)")
     if not np.all(np.isfinite(signal)):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -15,6 +16,12 @@ from scipy.ndimage import maximum_filter1d
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.reconstruction.sampled.matrix import (
+    POINTS,
+    POINTS_PER_CYCLE,
+    POINTS_PER_POINT,
+    SampledMatrix,
+)
 from usmap_ros.reconstruction.template import Template
 
 
@@ -69,9 +76,10 @@ class DelayDomainOperator:
         self.unit_norms = self._norms[:, 0] / self.path_weights[:, 0]
         # Where the blocks are: on the grid, where every path is rounded to it, until moved.
         self._block_ranges_m = self.ranges_m
-        self._block_delays_s = (
+        self._grid_delays_s = (
             self._grid_start_s + self._path_index.astype(np.float64) * self.delay_step_s
         )
+        self._block_delays_s = self._grid_delays_s
         self._moved: IndexArray = np.empty(0, dtype=np.intp)
         self._last_columns: tuple[IndexArray, Signal] = self._no_columns()
 
@@ -161,6 +169,31 @@ class DelayDomainOperator:
         distance = np.abs(self._path_index[:, :, np.newaxis] - self._path_index[block])
         return np.flatnonzero((distance <= self._band).any(axis=(1, 2)))
 
+    @cached_property
+    def sampled(self) -> SampledMatrix:
+        """The matrix as compiled code takes it, with all blocks on the grid."""
+        rate_hz = self.sampling.sample_rate_hz
+        time_s = self.template.grid_s(POINTS, POINTS_PER_CYCLE, POINTS_PER_POINT)
+        values = self.template(time_s)
+        return SampledMatrix(
+            polyphase=np.ascontiguousarray(self._polyphase),
+            grid_index=self._path_index,
+            path_delays_s=self._grid_delays_s,
+            ranges_m=self.ranges_m,
+            weights=self.path_weights,
+            norms=self._norms,
+            values=values,
+            slopes=self.template.slope(time_s).astype(values.dtype, copy=False),
+            duration_s=self.template.duration_s,
+            sample_rate_hz=rate_hz,
+            start_delay_s=self.sampling.start_delay_s,
+            sample_count=self.sample_count,
+            delay_step_s=self.delay_step_s,
+            band=self._band,
+            sound_speed_m_s=self.channel.sound_speed_m_s,
+            floor_detour_m2=self.channel.floor_detour_m2,
+        )
+
     # ------------------------------------------------------------------ off the grid
 
     def moved(self, support: IndexArray, steps_s: FloatArray) -> DelayDomainOperator:
@@ -209,10 +242,7 @@ class DelayDomainOperator:
 
     def overlaps(self, support: IndexArray) -> FloatArray:
         """Correlation of the direct echoes of each two blocks, 0 of a block with itself."""
-        delays_s = self.delays_s(support)[:, 0]
-        overlaps = self.template.overlap(np.abs(delays_s[:, np.newaxis] - delays_s))
-        np.fill_diagonal(overlaps, 0.0)
-        return overlaps
+        return self.template.overlaps(self.delays_s(support)[:, 0])
 
     def loudness(self, scores: FloatArray) -> FloatArray:
         """Loudest score within a pulse of each block."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
@@ -23,7 +23,7 @@ def noise_thresholds(
     if np.iscomplexobj(baseband.signal):
         deviations = np.sqrt(-np.log(tail))
     else:
-        quantile = float(norm.isf(tail))
+        quantile = -float(ndtri(tail))
         skewness = baseband.noise_skewness * operator.template_skewness
         deviations = quantile + (quantile**2 - 1.0) * skewness / 6.0
     # Every further path adds the mean modulus of its noise to the weighted sum of `scores`.
@@ -54,13 +54,13 @@ def unreported(
     return amplitudes
 
 
-def crowding(operator: DelayOperator, support: IndexArray, amplitudes: FloatArray) -> FloatArray:
+def crowding(overlaps: FloatArray, amplitudes: FloatArray) -> FloatArray:
     """Loudness of the other echoes as far as they overlap with each, shape (echoes,).
 
     Overlapping echoes interfere, and what is taken for one echo may be several that could not
     be told apart: an amplitude is uncertain by a share of theirs.
     """
-    return np.sqrt((operator.overlaps(support) ** 2) @ (amplitudes**2))
+    return np.sqrt((overlaps**2) @ (amplitudes**2))
 
 
 def binned_maximum(

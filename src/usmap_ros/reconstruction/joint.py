@@ -31,6 +31,7 @@ class JointOperator:
         self._ends = np.cumsum(counts)
         self._starts = self._ends - counts
         self.oversampling, self.delay_step_s = parts[0].oversampling, parts[0].delay_step_s
+        self.channel = parts[0].channel
         self.ranges_m = np.concatenate([part.ranges_m for part in parts])
         self.unit_norms = np.concatenate([part.unit_norms for part in parts])
         self.path_weights = np.concatenate([part.path_weights for part in parts])

@@ -66,6 +66,27 @@ class Template:
         lags_s, correlation = _autocorrelation(self)
         return np.interp(delay_s, lags_s, correlation)
 
+    def overlaps(self, delays_s: FloatArray) -> FloatArray:
+        """Correlation of each two of several echoes, 0 of one with itself."""
+        overlaps = self.overlap(np.abs(delays_s[:, np.newaxis] - delays_s))
+        np.fill_diagonal(overlaps, 0.0)
+        return overlaps
+
+    def grid_s(self, least: int, per_cycle: int, per_point: int) -> FloatArray:
+        """Times from its start to its end at which it is to be tabulated.
+
+        Parameters
+        ----------
+        least, per_cycle : int
+            Points at least, and further ones a cycle of its phase.
+        per_point : int
+            Points for each of its own, if it is a table.
+        """
+        points = least + int(per_cycle * self.highest_hz * self.duration_s)
+        if self.table is not None:
+            points = 1 + per_point * (len(self.table) - 1)
+        return np.linspace(self.start_s, self.start_s + self.duration_s, points)
+
     @property
     def highest_hz(self) -> float:
         """Highest frequency by which its phase turns, either way."""

@@ -1,0 +1,170 @@
+"""From a signal to its echoes off the grid in one call of compiled code."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.compiled import compiled
+from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
+from usmap_ros.reconstruction.sampled.fit import delay_step, strengths
+from usmap_ros.reconstruction.sampled.matrix import (
+    SampledMatrix,
+    margin,
+    move,
+    on_grid,
+    refilter,
+    with_margin,
+)
+
+
+class Search(NamedTuple):
+    """How to search.
+
+    Attributes
+    ----------
+    sparsity : int
+        Most echoes.
+    max_iterations : int
+        Of CoSaMP in one round.
+    non_negative : bool
+        Whether coefficients must be real and not negative.
+    model_error : float
+        Amplitude near an echo, relative to it, that may be due to an imperfect pulse.
+    refinements : int
+        Rounds of moving delays off the grid; 0 where pulses have edges.
+    settled, small : float
+        Shares of a grid step: below the one no step is taken any more, below the other none needs
+        another after it.
+    """
+
+    sparsity: int
+    max_iterations: int
+    non_negative: bool
+    model_error: float
+    refinements: int
+    settled: float
+    small: float
+
+
+class Found(NamedTuple):
+    """What a search found.
+
+    Attributes
+    ----------
+    support : (k,) integer array
+        Blocks, ascending.
+    coefficients : (k, paths) array
+        Of their paths.
+    residual : (samples,) array
+        What they leave of the signal.
+    ranges_m, unit_stds_s : (k,) arrays
+        Ranges off the grid, and standard deviations of the delays for noise of 1.
+    strengths : (k,) array
+        Scores that the echoes have by themselves.
+    thresholds, scores : (blocks,) arrays
+        What a score had to exceed, and the scores of the residual.
+    iterations, halt : int
+        Of the last round, and why it ended.
+    """
+
+    support: IndexArray
+    coefficients: Signal
+    residual: Signal
+    ranges_m: FloatArray
+    unit_stds_s: FloatArray
+    strengths: FloatArray
+    thresholds: FloatArray
+    scores: FloatArray
+    iterations: int
+    halt: int
+
+
+@compiled
+def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search) -> Found:
+    """Search on the grid and move delays off it in turn, until they have settled.
+
+    Parameters
+    ----------
+    matrix : SampledMatrix
+        Φ.
+    signal : (samples,) complex array
+        y.
+    noise : (blocks,) array
+        Scores that noise alone may have.
+    how : Search
+        How to search.
+    """
+    padded, places = with_margin(matrix, signal), on_grid(matrix)
+    rows, taps = matrix.polyphase.shape
+    filtered = np.zeros((rows, matrix.sample_count + taps - 1), np.complex128)
+    refilter(matrix, np.zeros_like(padded), padded, filtered)
+    # Of either sign; not written as a literal, for which all would be compiled once more.
+    rectified = how.non_negative & False
+    scores = signal_proxy(matrix, places, filtered, padded, rectified)
+    thresholds = noise + how.model_error * loudness(scores, _pulse_blocks(matrix))
+    heard = (padded, padded.copy(), filtered)
+    limits = (how.sparsity, how.max_iterations, how.non_negative)
+    fit, iterations, halt = cosamp(matrix, places, heard, thresholds, np.empty(0, np.int64), limits)
+    step_s, stds_s = np.zeros(len(fit.support)), np.zeros(len(fit.support))
+    if how.refinements >= 0:
+        step_s, stds_s = delay_step(matrix, places, fit)
+    for _ in range(how.refinements):
+        largest = 0.0
+        for step in step_s:
+            largest = max(largest, abs(step) / matrix.delay_step_s)
+        if largest < how.settled:
+            break
+        before = fit.support
+        move(matrix, places, before, step_s)
+        fit, iterations, halt = cosamp(matrix, places, heard, thresholds, before, limits)
+        if largest < how.small and same(fit.support, before):
+            step_s = np.zeros(len(before))
+            break
+        step_s, stds_s = delay_step(matrix, places, fit)
+    # The last step is worth taking, but not worth another fit.
+    move(matrix, places, fit.support, step_s)
+    refilter(matrix, heard[1], fit.residual, filtered)
+    beside = margin(matrix)
+    return Found(
+        fit.support,
+        fit.coefficients,
+        fit.residual[beside : beside + matrix.sample_count].copy(),
+        places.ranges_m[fit.support],
+        stds_s,
+        strengths(matrix, fit),
+        thresholds,
+        signal_proxy(matrix, places, filtered, fit.residual, rectified),
+        iterations,
+        halt,
+    )
+
+
+@compiled
+def loudness(scores: FloatArray, reach: int) -> FloatArray:
+    """Loudest score within `reach` blocks of each."""
+    count = len(scores)
+    loudest = np.empty(count)
+    # Blocks of which one may be the loudest of a window yet to come, by falling score.
+    waiting = np.empty(count, np.int64)
+    begin = end = 0
+    for block in range(count + reach):
+        if block < count:
+            while end > begin and scores[waiting[end - 1]] <= scores[block]:
+                end -= 1
+            waiting[end] = block
+            end += 1
+        centre = block - reach
+        if centre >= 0:
+            while waiting[begin] < centre - reach:
+                begin += 1
+            loudest[centre] = scores[waiting[begin]]
+    return loudest
+
+
+@compiled
+def _pulse_blocks(matrix: SampledMatrix) -> int:
+    """Blocks that a pulse spans."""
+    return int(np.ceil(matrix.duration_s / matrix.delay_step_s))

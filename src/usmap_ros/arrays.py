@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+#: Of single or double precision.
+RealArray = NDArray[np.floating[Any]]
 BoolArray = NDArray[np.bool_]
 #: Integers of any meaning, and those that NumPy indexes with.
 IntArray = NDArray[np.int64]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usmap_ros.arrays import IndexArray
-from usmap_ros.calibration.fit import HEIGHT, OFFSET, SLOWNESS, Fit, Matches, Model, fit
+from usmap_ros.calibration.fit import HEIGHT, OFFSET, SLOWNESS, FittedModel, Matches, Model, fit
 from usmap_ros.calibration.floor import direct_echoes, guess_floor_m
 from usmap_ros.calibration.hearing import Hearing, listen
 from usmap_ros.calibration.loudness import (
@@ -57,7 +57,7 @@ class _Explained:
 
     hearing: Hearing
     matches: Matches
-    fit: Fit
+    fit: FittedModel
 
 
 def calibrate(
@@ -166,7 +166,7 @@ def _explained(
 
 def _searched(
     hearing: Hearing, model: Model, candidates: IndexArray, gates_m: tuple[float, ...]
-) -> tuple[Model, Fit, Matches]:
+) -> tuple[Model, FittedModel, Matches]:
     """Look for more objects among the echoes that are `candidates`, and fit all of them."""
     places_m = find_objects(hearing.read_as(model.slowness, model.offset_m), candidates)
     model = model.with_objects(places_m, np.zeros(len(places_m)), is_fixed=False)
@@ -189,7 +189,7 @@ def _matched(hearing: Hearing, model: Model, gate_m: float) -> tuple[Matches, Mo
     return matches, model.having(np.flatnonzero(kept))
 
 
-def _speed_std_m_s(hearing: Hearing, found: Fit) -> float:
+def _speed_std_m_s(hearing: Hearing, found: FittedModel) -> float:
     return float(hearing.stated.sound_speed_m_s * found.stds[SLOWNESS])
 
 

@@ -112,7 +112,7 @@ class Matches:
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedModel:
     """A fitted model.
 
     Parameters
@@ -129,7 +129,7 @@ class Fit:
     stds: FloatArray
     deviations: FloatArray
 
-    def with_offset_of(self, other: Fit) -> Fit:
+    def with_offset_of(self, other: FittedModel) -> FittedModel:
         """The same, with the offset and its standard deviation from another fit."""
         stds = self.stds.copy()
         stds[OFFSET] = other.stds[OFFSET]
@@ -138,7 +138,7 @@ class Fit:
 
 def fit(
     hearing: Hearing, matches: Matches, start: Model, *, offset_std_m: float = UNKNOWN_OFFSET_M
-) -> Fit:
+) -> FittedModel:
     """Least squares over all unknowns, with a loss that outliers cannot dominate.
 
     Parameters
@@ -165,7 +165,7 @@ def fit(
     unknowns = np.asarray(solution.x, dtype=float)
     stds = problem.standard_deviations(unknowns)
     deviations = problem.residuals(unknowns)[: len(matches.echoes)]
-    return Fit(problem.model(unknowns), stds, deviations)
+    return FittedModel(problem.model(unknowns), stds, deviations)
 
 
 class _Problem:

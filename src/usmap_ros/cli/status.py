@@ -25,9 +25,9 @@ def status(
     """Show what the nodes say of themselves on /diagnostics, a line each."""
     require_ros()
     from usmap_ros.errors import UsmapError
-    from usmap_ros.nodes.plumbing.status import listen
+    from usmap_ros.nodes.plumbing.status import collect_reports
 
-    reports = listen(wait)
+    reports = collect_reports(wait)
     if not reports:
         raise UsmapError(f"no node has said anything on /diagnostics within {wait:g} s")
     if as_json:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from usmap_ros.arrays import RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.grid import FloatArray
 from usmap_ros.mapping.reflectivity import silence
 from usmap_ros.mapping.ring import Ring, find_ring, fit_to_ring
 from usmap_ros.mapping.sensor_model import log_reflectivity_bound, prior_reflectivity
@@ -39,7 +39,7 @@ class AdditiveFusion(Fusion):
         log_odds[slots] = self._clamped(log_odds[slots] + evidence)
         self._grid.layer(EXPOSURE)[slots] += quiet.detection_probability
 
-    def _gain(self, ring: Ring, fit: FloatArray) -> FloatArray:
+    def _gain(self, ring: Ring, fit: RealArray) -> RealArray:
         """Log-likelihood ratios of the ring's cells.
 
         A cell that fits is as likely to have returned the echo as any other cell of its ring

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros.arrays import IndexArray, RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import footprint
-from usmap_ros.mapping.grid import FloatArray, IndexArray
 from usmap_ros.mapping.ring import find_ring
 from usmap_ros.parameters import MappingParameters
 
@@ -34,12 +34,12 @@ class CandidateCells:
 
     rows: IndexArray
     columns: IndexArray
-    likelihood: FloatArray
-    coefficient: FloatArray
+    likelihood: RealArray
+    coefficient: RealArray
     resolution_m: float
 
     @property
-    def centers_m(self) -> FloatArray:
+    def centers_m(self) -> RealArray:
         """Centres of the cells, shape (cells, 2), x before y."""
         cells = np.column_stack([self.columns, self.rows]).astype(np.float64)
         return (cells + 0.5) * self.resolution_m

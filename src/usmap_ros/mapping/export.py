@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logit
 
+from usmap_ros.arrays import IndexArray
 from usmap_ros.grids import FREE_PROBABILITY, GridGeometry, OccupancyMap
-from usmap_ros.mapping.grid import IndexArray, TiledGrid
+from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.parameters import MappingParameters
 
 #: Layers that every map has: log-odds, and how often an object would have been heard.
@@ -74,7 +75,7 @@ def on_map(
     return placed
 
 
-def load_map(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParameters) -> None:
+def fill_grid(grid: TiledGrid, occupancy: OccupancyMap, parameters: MappingParameters) -> None:
     """Take over what a map that was exported before says of its cells.
 
     Raises

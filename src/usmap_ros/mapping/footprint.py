@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros.arrays import IndexArray, RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import at_height
-from usmap_ros.mapping.grid import FloatArray, IndexArray
 
 #: Gain at which the beam counts as silent: keeps logarithms finite.
 LEAST_GAIN = 1e-6
@@ -39,12 +39,12 @@ class Footprint:
 
     rows: IndexArray
     columns: IndexArray
-    range_m: FloatArray
-    bearing_rad: FloatArray
-    half_depth_m: FloatArray
-    taper_m: FloatArray
-    range_std_m: FloatArray
-    log_unit_amplitude: FloatArray
+    range_m: RealArray
+    bearing_rad: RealArray
+    half_depth_m: RealArray
+    taper_m: RealArray
+    range_std_m: RealArray
+    log_unit_amplitude: RealArray
 
 
 def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
@@ -113,9 +113,9 @@ def _cells_in_box(cone: EchoCone, resolution_m: float) -> tuple[IndexArray, Inde
     return columns.astype(np.intp), rows.astype(np.intp)
 
 
-def _range_spread(covariance: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
+def _range_spread(covariance: RealArray, cosine: RealArray, sine: RealArray) -> RealArray:
     """Standard deviation of the range of fixed points, to first order in the pose."""
     (xx, xy, _), (_, yy, _), _ = covariance
     along = cosine**2 * xx + 2.0 * cosine * sine * xy + sine**2 * yy
-    spread: FloatArray = np.sqrt(np.maximum(along, 0.0))
+    spread: RealArray = np.sqrt(np.maximum(along, 0.0))
     return spread

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logit
 
+from usmap_ros.arrays import RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map, load_map
-from usmap_ros.mapping.grid import FloatArray, TiledGrid
+from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map, fill_grid
+from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters
 
@@ -125,12 +126,12 @@ class Fusion(ABC):
         ValueError
             If its resolution or origin does not fit this grid.
         """
-        load_map(self._grid, occupancy, self.parameters)
+        fill_grid(self._grid, occupancy, self.parameters)
         self.frame_id = occupancy.frame_id or self.frame_id
         self.stamp_ns = occupancy.stamp_ns
 
-    def _clamped(self, log_odds: FloatArray | NDArray[np.float32]) -> FloatArray:
-        clamped: FloatArray = np.clip(
+    def _clamped(self, log_odds: RealArray | NDArray[np.float32]) -> RealArray:
+        clamped: RealArray = np.clip(
             log_odds.astype(np.float64),
             self.parameters.least_log_odds,
             self.parameters.greatest_log_odds,

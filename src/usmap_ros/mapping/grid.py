@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-#: Of single or double precision.
-FloatArray = NDArray[np.floating[Any]]
-IndexArray = NDArray[np.intp]
+from usmap_ros.arrays import IndexArray as IndexArray  # noqa: PLC0414  others take it from here
 
 #: Cells along the side of a tile.
 TILE_SIDE = 64

@@ -24,7 +24,7 @@ _LEAST_AMBIGUITY = 0.01
 
 
 @dataclass(frozen=True)
-class View:
+class NextView:
     """A pose from which to ping.
 
     Parameters
@@ -183,7 +183,7 @@ def best_views(
     count: int = 5,
     apart_m: float = 0.5,
     limit_amplitude: float = LIMIT_AMPLITUDE,
-) -> list[View]:
+) -> list[NextView]:
     """The poses among candidates from which a ping is expected to settle most, best first.
 
     Parameters
@@ -201,11 +201,11 @@ def best_views(
         If the map does not have the layer `ambiguity`.
     """
     scores = view_scores(occupancy, candidates, transducer, limit_amplitude)
-    views: list[View] = []
+    views: list[NextView] = []
     for index in np.argsort(-scores, kind="stable"):
         if len(views) == count or scores[index] <= 0.0:
             break
         x_m, y_m, yaw_rad = (float(value) for value in candidates[index])
         if all(np.hypot(view.x_m - x_m, view.y_m - y_m) >= apart_m for view in views):
-            views.append(View(x_m, y_m, yaw_rad, float(scores[index])))
+            views.append(NextView(x_m, y_m, yaw_rad, float(scores[index])))
     return views

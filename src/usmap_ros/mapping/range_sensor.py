@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logit
 
+from usmap_ros.arrays import RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.grid import FloatArray
 from usmap_ros.parameters import MappingParameters
 
 #: Range at which the sensor is believed half as much as close up, as in nav2.
@@ -56,8 +56,8 @@ class RangeSensorFusion(Fusion):
 
 
 def occupied_probability(
-    range_m: FloatArray, off_axis: FloatArray, echo_m: float, depth_m: float
-) -> FloatArray:
+    range_m: RealArray, off_axis: RealArray, echo_m: float, depth_m: float
+) -> RealArray:
     """Probability that cells are occupied, by a single range reading.
 
     Parameters

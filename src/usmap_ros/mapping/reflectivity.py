@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from usmap_ros.mapping.grid import FloatArray, IndexArray
+from usmap_ros.arrays import IndexArray, RealArray
 
 #: A belief is never made sharper than this (ln s).
 LEAST_VARIANCE = 0.02
@@ -38,16 +38,16 @@ class LogReflectivity:
         Precision times the mean.
     """
 
-    precision: FloatArray
-    information: FloatArray
+    precision: RealArray
+    information: RealArray
 
     @property
-    def variance(self) -> FloatArray:
+    def variance(self) -> RealArray:
         """Variance of ln s."""
         return 1.0 / self.precision
 
     @property
-    def mean(self) -> FloatArray:
+    def mean(self) -> RealArray:
         """Mean of ln s."""
         return self.information / self.precision
 
@@ -68,18 +68,18 @@ class Silence:
         What is added to the belief about ln s.
     """
 
-    log_ratio: FloatArray
-    precision: FloatArray
-    information: FloatArray
+    log_ratio: RealArray
+    precision: RealArray
+    information: RealArray
 
     @property
-    def detection_probability(self) -> FloatArray:
+    def detection_probability(self) -> RealArray:
         """Probability that an object in the cell would have been heard."""
         return -np.expm1(self.log_ratio)
 
 
 def silence(
-    belief: LogReflectivity, bound: FloatArray, audibility: FloatArray, fluctuation: float
+    belief: LogReflectivity, bound: RealArray, audibility: RealArray, fluctuation: float
 ) -> Silence:
     """Evidence of a silent look.
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
+from usmap_ros.arrays import IndexArray, RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import Footprint
-from usmap_ros.mapping.grid import FloatArray, IndexArray
 from usmap_ros.mapping.reflectivity import LogReflectivity
 from usmap_ros.parameters import MappingParameters
 
@@ -44,9 +44,9 @@ class Ring:
     cells: IndexArray
     cell: IndexArray
     echo: IndexArray
-    range_fit: FloatArray
-    log_reflectivity: FloatArray
-    variance: FloatArray
+    range_fit: RealArray
+    log_reflectivity: RealArray
+    variance: RealArray
     echo_count: int
 
 
@@ -98,8 +98,8 @@ def find_ring(cone: EchoCone, footprint: Footprint, parameters: MappingParameter
 
 
 def _range_fit(
-    offset_m: FloatArray, half_depth_m: FloatArray, taper_m: FloatArray, std_m: FloatArray
-) -> FloatArray:
+    offset_m: RealArray, half_depth_m: RealArray, taper_m: RealArray, std_m: RealArray
+) -> RealArray:
     """Likelihood of a range offset for an object anywhere in a square cell, 1 at its best.
 
     The projection of a square on a ray is a trapezoid: a box smeared over the taper, for which
@@ -113,7 +113,7 @@ def _range_fit(
     return fit / 3.0
 
 
-def fit_to_ring(ring: Ring, belief: LogReflectivity, audibility: FloatArray) -> FloatArray:
+def fit_to_ring(ring: Ring, belief: LogReflectivity, audibility: RealArray) -> RealArray:
     """Likelihood q of each pair's echo, had the cell returned it; 1 for a perfect fit.
 
     Parameters
@@ -128,5 +128,5 @@ def fit_to_ring(ring: Ring, belief: LogReflectivity, audibility: FloatArray) -> 
     spread = belief.variance[ring.cell] + ring.variance
     misfit = (ring.log_reflectivity - belief.mean[ring.cell]) ** 2 / spread
     loudness_fit = np.sqrt(ring.variance / spread) * np.exp(-0.5 * misfit)
-    fit: FloatArray = audibility[ring.cell] * ring.range_fit * loudness_fit
+    fit: RealArray = audibility[ring.cell] * ring.range_fit * loudness_fit
     return fit

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from usmap_ros.arrays import RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import Footprint
-from usmap_ros.mapping.grid import FloatArray
 from usmap_ros.mapping.reflectivity import LogReflectivity
 from usmap_ros.parameters import MappingParameters
 
@@ -17,7 +17,7 @@ from usmap_ros.parameters import MappingParameters
 LIMIT_DEVIATIONS = 1.5
 
 
-def log_reflectivity_bound(cone: EchoCone, cells: Footprint) -> FloatArray:
+def log_reflectivity_bound(cone: EchoCone, cells: Footprint) -> RealArray:
     """Logarithm of the reflectivity at which an object in each cell would just be reported.
 
     The cone's detection limit, highest over the ranges at which the cell may lie, over the
@@ -29,12 +29,12 @@ def log_reflectivity_bound(cone: EchoCone, cells: Footprint) -> FloatArray:
     highest = maximum_filter1d(limits, 2 * bins + 1, mode="nearest")
     index = ((cells.range_m - cone.transducer.min_range_m) / cone.limit_step_m).astype(np.intp)
     limit = highest[np.clip(index, 0, len(highest) - 1)]
-    bound: FloatArray = np.log(limit) - cells.log_unit_amplitude
+    bound: RealArray = np.log(limit) - cells.log_unit_amplitude
     return bound
 
 
 def prior_reflectivity(
-    parameters: MappingParameters, precision: FloatArray, information: FloatArray
+    parameters: MappingParameters, precision: RealArray, information: RealArray
 ) -> LogReflectivity:
     """Belief about ln reflectivity: the prior, and what was learnt beyond it."""
     prior_precision = 1.0 / parameters.reflectivity_spread**2

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from usmap_ros.geometry import Pose
-from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone, draw_objects, finish_map
+from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone_edge, draw_objects, finish_map
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import (
     ALIGNED,
@@ -64,7 +64,7 @@ def choosing_a_cell() -> Part:
                     expected = ALIGNED_COEFFICIENTS[scene, kind]
                 numbers["caption"][f"{sensor}, {scene}, {kind}"] = _as_expected(found, expected)
                 squares.append(draw_cells(axes, found.dictionary.cells, found.coefficients, 2.0))
-                draw_cone(axes, pose)
+                draw_cone_edge(axes, pose)
                 draw_objects(axes, objects)
                 finish_map(axes, "" if row else f"{sensor.capitalize()}, {scene}")
                 axes.set_ylabel(f"{kind}: y (m)" if column == 0 else "")

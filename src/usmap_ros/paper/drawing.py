@@ -44,7 +44,7 @@ def draw_cells(
     return squares
 
 
-def draw_cone(
+def draw_cone_edge(
     axes: Axes, pose: Pose, max_range_m: float = MAX_RANGE_M, color: str = FAINT, label: str = ""
 ) -> None:
     """Draw the edge of a sensing cone, and the transducer at its tip."""
@@ -124,7 +124,7 @@ def annotate(axes: Axes, text: str) -> None:
     )
 
 
-def legend_below(figure: Figure, axes: Axes) -> None:
+def share_legend(figure: Figure, axes: Axes) -> None:
     """Put one legend for all panels below them, from what is drawn in one."""
     handles, labels = axes.get_legend_handles_labels()
     legend = figure.legend(handles, labels, loc="outside lower center", ncols=4)

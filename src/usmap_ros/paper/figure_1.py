@@ -14,7 +14,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.mapping.candidates import CandidateCells, candidate_cells
-from usmap_ros.paper.drawing import COEFFICIENT, annotate, draw_cone, draw_objects, finish_map
+from usmap_ros.paper.drawing import COEFFICIENT, annotate, draw_cone_edge, draw_objects, finish_map
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import AIR, SHORT_PULSE, Points, hear
 from usmap_ros.parameters import MappingParameters, PipelineParameters
@@ -74,7 +74,7 @@ def _single_robot_figure(trace: EchoTrace, cone: EchoCone) -> Figure:
     with styled():
         figure = new_figure(9.0, 4.0)
         plan, signal = figure.subplots(1, 2, width_ratios=[1.0, 1.3])
-        draw_cone(plan, POSES[0], LISTENING.max_range_m, ROBOTS[0], "robot")
+        draw_cone_edge(plan, POSES[0], LISTENING.max_range_m, ROBOTS[0], "robot")
         draw_objects(plan, OBJECTS)
         _number_objects(plan)
         finish_map(plan, "A robot and four objects")
@@ -151,7 +151,7 @@ def _figure(
         images.append(_draw_map(panels[2], occupancy))
         for robot, (name, pose) in enumerate(zip(ROBOT_NAMES, POSES, strict=True)):
             for axes in (panels[robot], panels[2]):
-                draw_cone(axes, pose, LISTENING.max_range_m, ROBOTS[robot], name)
+                draw_cone_edge(axes, pose, LISTENING.max_range_m, ROBOTS[robot], name)
             alike = numbers[name.replace(" ", "_")]["candidates_per_object"]
             annotate(panels[robot], f"{alike:.0f} candidate cells for each of 3 objects")
         certain = numbers["both_robots"]

@@ -7,11 +7,11 @@ from matplotlib.figure import Figure
 
 from usmap_ros.paper.drawing import (
     draw_cells,
-    draw_cone,
+    draw_cone_edge,
     draw_objects,
     draw_signal,
     finish_map,
-    legend_below,
+    share_legend,
 )
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import (
@@ -39,7 +39,7 @@ def scene_and_pulse_train() -> Part:
     with styled():
         figure = new_figure(9.0, 3.8)
         scene, signal = figure.subplots(1, 2, width_ratios=[1.0, 1.4])
-        draw_cone(scene, ALIGNED)
+        draw_cone_edge(scene, ALIGNED)
         draw_objects(scene, OBJECTS)
         finish_map(scene, "Three objects in the cone")
         scene.set_xticks(np.arange(-6, 8), minor=True)
@@ -102,11 +102,11 @@ def _reconstruction_figure(trace: EchoTrace, found: CellReconstruction) -> Figur
     with styled():
         figure = new_figure(9.0, 4.2)
         plan, signal = figure.subplots(1, 2, width_ratios=[1.15, 1.3])
-        draw_cone(plan, ALIGNED)
+        draw_cone_edge(plan, ALIGNED)
         squares = draw_cells(plan, found.dictionary.cells, found.coefficients)
         draw_objects(plan, OBJECTS, MIRROR_IMAGES)
         finish_map(plan, "Coefficients of the cells")
-        legend_below(figure, plan)
+        share_legend(figure, plan)
         figure.colorbar(squares, ax=plan, label="coefficient", shrink=0.8)
         times_s = trace.sample_times_s()
         draw_signal(signal, times_s, found.signal, "received")

@@ -13,11 +13,11 @@ from usmap_ros.arrays import FloatArray
 from usmap_ros.paper.drawing import (
     annotate,
     draw_cells,
-    draw_cone,
+    draw_cone_edge,
     draw_objects,
     draw_signal,
     finish_map,
-    legend_below,
+    share_legend,
 )
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import (
@@ -237,9 +237,9 @@ def _comparison(trace: EchoTrace, found: dict[str, CellReconstruction]) -> Figur
             signals[column].set_ylabel("")
             annotate(signals[column], f"{one.relative_residual:.2f} of ‖y‖; {spent(one)} cells")
         for plan in maps:
-            draw_cone(plan, ALIGNED)
+            draw_cone_edge(plan, ALIGNED)
         finish_map(maps[0], "(a) Ground truth")
-        legend_below(figure, maps[1])
+        share_legend(figure, maps[1])
         signals[1].legend(loc="lower right")
         figure.colorbar(squares[0], ax=maps, label="coefficient, at most 1 shown", shrink=0.8)
     return figure

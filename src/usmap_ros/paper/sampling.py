@@ -23,7 +23,7 @@ RANGE_M = 8.0
 
 def grid_size_against_rate() -> Part:
     """Count the cells with a column unlike all others, over cell sizes and sampling rates."""
-    shares = np.array([[told_apart(cell_m, rate) for rate in RATES_HZ] for cell_m in CELLS_M])
+    shares = np.array([[share_told_apart(cell_m, rate) for rate in RATES_HZ] for cell_m in CELLS_M])
     with styled():
         figure = new_figure(6.4, 4.0)
         axes = figure.subplots()
@@ -68,7 +68,7 @@ def grid_size_against_rate() -> Part:
     return Part("beyond_grid_size_and_rate", numbers, figure)
 
 
-def told_apart(cell_m: float, rate_hz: float) -> float:
+def share_told_apart(cell_m: float, rate_hz: float) -> float:
     """Share of the cells in the turned cone whose column is no multiple of another."""
     listening = replace(SQUARE_PULSE, sample_rate_hz=rate_hz, max_range_m=RANGE_M)
     trace = hear([], listening, pose=OBLIQUE)

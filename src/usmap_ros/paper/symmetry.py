@@ -13,10 +13,10 @@ from usmap_ros.geometry import Pose
 from usmap_ros.paper.drawing import (
     annotate,
     draw_cells,
-    draw_cone,
+    draw_cone_edge,
     draw_objects,
     finish_map,
-    legend_below,
+    share_legend,
 )
 from usmap_ros.paper.figures_2_3 import in_company
 from usmap_ros.paper.part import Part
@@ -96,11 +96,11 @@ def two_transducers() -> Part:
             for name, yaw_rad, color in zip(
                 ("first", "second"), pair.yaws_rad, ROBOTS, strict=False
             ):
-                draw_cone(axes, _turned(yaw_rad), color=color, label=f"{name} transducer")
+                draw_cone_edge(axes, _turned(yaw_rad), color=color, label=f"{name} transducer")
             draw_objects(axes, OBJECTS)
             finish_map(axes, pair.name.capitalize())
             annotate(axes, f"{alike} of {len(cells)} columns have a twin")
-        legend_below(figure, panels[0])
+        share_legend(figure, panels[0])
         figure.colorbar(images[0], ax=panels, label="coefficient", shrink=0.7)
     return Part("beyond_two_transducers", numbers, figure)
 

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from usmap_ros.arrays import FloatArray
-from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone, finish_map
+from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone_edge, finish_map
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import BASEBAND, OBLIQUE, f1, hear
 from usmap_ros.plotting.style import ROBOTS, TRUTH, new_figure, styled
@@ -72,7 +72,7 @@ def _figure(
         for number, (name, images) in enumerate(noisy.items()):
             axes = figure.add_subplot(grid[0, 2 * number : 2 * number + 2])
             squares.append(draw_cells(axes, dictionary.cells, images[-1]))
-            draw_cone(axes, OBLIQUE, LISTENING.max_range_m)
+            draw_cone_edge(axes, OBLIQUE, LISTENING.max_range_m)
             axes.plot(*np.transpose(TRUE_CELLS), "o", color=TRUTH, markersize=3, label="occupied")
             finish_map(axes, name[0].upper() + name[1:])
             annotate(axes, f"noise {NOISE_STDS[-1]:g}: error {errors[name][-1]:.2f}")

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from usmap_ros.grids import AMBIGUITY, OccupancyMap
-from usmap_ros.mapping.next_view import View
+from usmap_ros.mapping.next_view import NextView
 from usmap_ros.plotting import style
 from usmap_ros.plotting.map import map_figure
 
@@ -16,14 +16,16 @@ from usmap_ros.plotting.map import map_figure
 _SIDE_M = 0.4
 
 
-def views_figure(occupancy: OccupancyMap, views: Sequence[View], half_angle_rad: float) -> Figure:
+def views_figure(
+    occupancy: OccupancyMap, views: Sequence[NextView], half_angle_rad: float
+) -> Figure:
     """Draw poses on a map's ambiguity, each with its cone and its rank.
 
     Parameters
     ----------
     occupancy : OccupancyMap
         With the layer `ambiguity`.
-    views : sequence of View
+    views : sequence of NextView
         Best first.
     half_angle_rad : float
         Of the cone.

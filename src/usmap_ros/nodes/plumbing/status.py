@@ -14,7 +14,7 @@ from usmap_ros.nodes.plumbing.endpoints import subscribe
 from usmap_ros.nodes.plumbing.run import prepare_environment
 
 
-def listen(wait_s: float) -> dict[str, Report]:
+def collect_reports(wait_s: float) -> dict[str, Report]:
     """Latest report of every node that speaks on /diagnostics within `wait_s`, by its name."""
     prepare_environment()
     context = rclpy.Context()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from usmap_ros import bounds
 from usmap_ros.acoustics.transducer import Transducer
@@ -55,6 +55,12 @@ class TransducerArray:
         """Array of one transducer that pings alone, in its own frame."""
         own = Pose.planar(0.0, 0.0, 0.0)
         return cls(stamp_ns, child_frame_id, (ArrayElement(child_frame_id, own, True, transducer),))
+
+    @property
+    def stated(self) -> TransducerArray:
+        """The array as messages state it."""
+        told = (replace(one, transducer=one.transducer.stated) for one in self.elements)
+        return replace(self, elements=tuple(told))
 
     def element(self, child_frame_id: str) -> ArrayElement | None:
         """Return the element of that frame; None if there is none."""

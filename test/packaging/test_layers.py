@@ -21,6 +21,7 @@ LAYERS = [
         "amplitude_scale",
         "correction",
         "listening",
+        "received_pulse",
         "repeats",
         "soundings",
         "views",

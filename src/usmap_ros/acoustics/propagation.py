@@ -5,12 +5,22 @@ One model serves simulator and reconstruction alike; each may be given a `Channe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import enum
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from usmap_ros import bounds
 from usmap_ros.arrays import FloatArray
+
+
+class FloorModel(enum.Enum):
+    """How a floor returns sound."""
+
+    #: By way of the object's mirror image below the floor, as of a small object at some height.
+    IMAGE = "image"
+    #: By the corner between the floor and an object that stands on it, as of a pole or a wall.
+    CORNER = "corner"
 
 
 @dataclass(frozen=True)
@@ -30,6 +40,8 @@ class Channel:
     object_rise_m : float
         Height of the objects above the transducer, on which their way over the floor depends;
         upright ones answer from its height.
+    floor_model : FloorModel
+        How the floor returns sound; messages have no field for it.
     """
 
     sound_speed_m_s: float
@@ -37,6 +49,17 @@ class Channel:
     floor_height_m: float = 0.0
     floor_reflectivity: float = 0.0
     object_rise_m: float = 0.0
+    floor_model: FloorModel = FloorModel.IMAGE
+
+    @property
+    def has_corners(self) -> bool:
+        """Whether objects return sound by their corners with the floor."""
+        return self.has_floor and self.floor_model is FloorModel.CORNER
+
+    @property
+    def with_image(self) -> Channel:
+        """The same with a floor in which objects are mirrored."""
+        return replace(self, floor_model=FloorModel.IMAGE)
 
     @property
     def has_floor(self) -> bool:
@@ -49,7 +72,14 @@ class Channel:
         Without a floor there is one path.  With one there are three delays: direct;
         direct there and over the floor back, or the reverse; over the floor both ways.  They are
         the four paths of figure 6 in Sanchez & Andersson (DSCC 2018-9140), two of one length.
+
+        A floor with corners adds one delay only: sound that meets floor and object, in either
+        order, comes back as from the object's foot, √(r² + h²) away.  What meets the floor twice
+        would have to go through it.
         """
+        if self.has_corners:
+            direct_m, corner_m = self._corner_legs_m(range_m)
+            return np.stack([2.0 * direct_m, 2.0 * corner_m], axis=-1) / self.sound_speed_m_s
         direct_m, via_floor_m = self._legs_m(range_m)
         lengths_m = [2.0 * direct_m]
         if self.has_floor:
@@ -58,6 +88,9 @@ class Channel:
 
     def delay_rates(self, range_m: FloatArray) -> FloatArray:
         """Change of every path's delay per change of the direct path's, shape (..., paths)."""
+        if self.has_corners:
+            direct_m, corner_m = self._corner_legs_m(range_m)
+            return np.stack([np.ones_like(direct_m), direct_m / corner_m], axis=-1)
         direct_m, via_floor_m = self._legs_m(range_m)
         slope = direct_m / via_floor_m
         rates = [np.ones_like(direct_m)]
@@ -71,6 +104,11 @@ class Channel:
         Either leg spreads as a spherical wave, I ∝ 1/r² (Sanchez & Andersson, section 3), so that
         amplitudes fall with the product of the legs.
         """
+        if self.has_corners:
+            direct_m, corner_m = self._corner_legs_m(range_m)
+            # Floor first and object first have one length.
+            by_corner = 2.0 * self.floor_reflectivity * self.leg_gain(corner_m) ** 2
+            return np.stack([self.leg_gain(direct_m) ** 2, by_corner], axis=-1)
         direct_m, via_floor_m = self._legs_m(range_m)
         direct, via_floor = self.leg_gain(direct_m), self.leg_gain(via_floor_m)
         reflected = self.floor_reflectivity * via_floor
@@ -105,6 +143,11 @@ class Channel:
     def leg_gain(self, leg_m: FloatArray) -> FloatArray:
         """Amplitude gain of one leg: spreading and absorption."""
         return 10.0 ** (-self.attenuation_db_m * leg_m / 20.0) / leg_m
+
+    def _corner_legs_m(self, range_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distance of points, and that of the corners below them."""
+        direct_m = np.asarray(range_m, dtype=float)
+        return direct_m, np.hypot(direct_m, self.floor_height_m)
 
     def _legs_m(
         self, range_m: FloatArray, rise_m: FloatArray | None = None

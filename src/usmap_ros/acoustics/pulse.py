@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from usmap_ros import bounds
+from usmap_ros.acoustics.profile import Profile
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
 
@@ -41,12 +42,16 @@ class Pulse:
     sweep_hz : float
         How far a chirp's frequency rises from its beginning to its end, negative if it falls.
         ``usmap_msgs/Transducer`` has no field for it: 0 in a chirp means that it is unknown.
+    profile : Profile, optional
+        Envelope of an echo as it is received, where transducers make something else of the burst
+        that drives them; None: they follow it.  The message has no field for it either.
     """
 
     shape: PulseShape
     carrier_hz: float
     duration_s: float
     sweep_hz: float = 0.0
+    profile: Profile | None = None
 
     @property
     def has_carrier(self) -> bool:
@@ -59,8 +64,25 @@ class Pulse:
         return self.shape is PulseShape.CHIRP and self.sweep_hz == 0.0
 
     @property
+    def length_s(self) -> float:
+        """How long an echo lasts."""
+        return self.duration_s if self.profile is None else self.profile.duration_s
+
+    @property
+    def peak_s(self) -> float:
+        """When an echo is loudest, after its beginning."""
+        return 0.5 * self.duration_s if self.profile is None else self.profile.peak_s
+
+    @property
+    def driven(self) -> Pulse:
+        """The burst that drives the transducer, which is what messages state."""
+        return self if self.profile is None else replace(self, profile=None)
+
+    @property
     def bandwidth_hz(self) -> float:
         """Width of the band that the pulse fills: its sweep, and the main lobe of its window."""
+        if self.profile is not None:
+            return self.profile.bandwidth_hz
         return abs(self.sweep_hz) + 4.0 / self.duration_s
 
     @property
@@ -69,12 +91,16 @@ class Pulse:
 
         The matched filter of a chirp has a peak of about 1 / sweep, however long the chirp is.
         """
+        if self.profile is not None:
+            return self.profile.resolution_s
         if self.sweep_hz == 0.0:
             return self.duration_s
         return min(self.duration_s, _CHIRP_RESOLUTION / abs(self.sweep_hz))
 
     def window(self, time_s: FloatArray) -> FloatArray:
-        """Magnitude w(t) of the envelope: 0 outside [0, duration], with a peak of 1 inside."""
+        """Magnitude w(t) of the envelope: 0 outside [0, length], with a peak of 1 inside."""
+        if self.profile is not None:
+            return np.abs(self.profile(time_s))
         phase = np.asarray(time_s, dtype=float) / self.duration_s
         inside = (phase >= 0.0) & (phase <= 1.0)
         if self.shape in (PulseShape.HANN_BURST, PulseShape.CHIRP):
@@ -87,6 +113,8 @@ class Pulse:
         The phase φ(t) = π B t (t / T - 1), with B the sweep and T the duration, makes the
         frequency go from -B / 2 to B / 2 about the carrier's.
         """
+        if self.profile is not None:
+            return self.profile(time_s)
         if self.sweep_hz == 0.0:
             return self.window(time_s)
         envelope: Signal = self.window(time_s) * np.exp(1j * self._swept_phase(time_s))
@@ -102,10 +130,12 @@ class Pulse:
 
     def waveform(self, time_s: FloatArray) -> FloatArray:
         """Transmitted signal p(t) = w(t) sin(2π f t + φ(t)), or w(t) itself without a carrier."""
+        carrier = 2.0 * np.pi * self.carrier_hz * np.asarray(time_s)
+        if self.profile is not None:
+            return np.asarray((self.profile(time_s) * np.exp(1j * carrier)).imag)
         window = self.window(time_s)
         if not self.has_carrier:
             return window
-        carrier = 2.0 * np.pi * self.carrier_hz * np.asarray(time_s)
         return window * np.sin(carrier + self._swept_phase(time_s))
 
     def _swept_phase(self, time_s: FloatArray) -> FloatArray:
@@ -126,6 +156,10 @@ class Pulse:
             )
         if self.has_carrier:
             bounds.check("transducer.carrier_frequency", self.carrier_hz, bounds.CARRIER)
+        if self.profile is not None:
+            self.profile.validate()
+            if not self.has_carrier:
+                raise MalformedMessageError("pulse", "has a profile but no carrier")
         if self.sweep_hz == 0.0:
             return
         if self.shape is not PulseShape.CHIRP:

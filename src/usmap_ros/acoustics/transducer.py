@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,11 @@ class Transducer:
     beam: BeamPattern
     min_range_m: float
     max_range_m: float
+
+    @property
+    def stated(self) -> Transducer:
+        """The transducer as a message states it."""
+        return self if self.pulse.profile is None else replace(self, pulse=self.pulse.driven)
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless such a transducer can exist."""

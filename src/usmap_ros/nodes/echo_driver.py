@@ -34,6 +34,7 @@ from usmap_ros.parameters.nodes import EchoDriverParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
 from usmap_ros.simulation.robot import SimulatedRobot
+from usmap_ros.simulation.simulator import NANOSECONDS
 
 
 @dataclass
@@ -76,7 +77,9 @@ class EchoDriver(Node):
         self._pipeline = Pipeline()
         scenario = self._load_scenario()
         scene = scenario.scene()
-        robot = self._choose(scenario.fleet(scene))
+        fleet = scenario.fleet(scene)
+        self._robot = robot = self._choose(fleet)
+        self._others = scenario.heard_by(robot, fleet)
         self._world = scenario.frame_id
         self._scene = scene
         self._time = self._make_time()
@@ -213,8 +216,18 @@ class EchoDriver(Node):
         pose = base.compose(sonar.mounted.mount)
         # Its moving objects set off with the scenario, whose start follows jumps of the clock.
         simulator = EchoSimulator(self._scene, self._world, self._time.start_ns)
+        time_s = (stamp_ns - self._time.start_ns) / NANOSECONDS
         trace = simulator.ping(
-            sonar.mounted, pose, stamp_ns, sonar.rng, array=self._array, pose_error=pose_error
+            sonar.mounted,
+            pose,
+            stamp_ns,
+            sonar.rng,
+            array=self._array,
+            pose_error=pose_error,
+            velocity_m_s=self._robot.velocity_m_s(time_s, sonar.mounted),
+            intruders=[
+                one for other in self._others for one in other.intrusions(sonar.mounted, time_s)
+            ],
         )
         sonar.echo.publish(trace_to_message(trace, self._types))
         self.health.work("published")

@@ -13,6 +13,7 @@ from usmap_ros.parameters.pipeline import (
     CorrectionParameters,
     MappingParameters,
     PipelineParameters,
+    PulseParameters,
     ReconstructionParameters,
 )
 
@@ -21,6 +22,7 @@ __all__ = [
     "MappingParameters",
     "ParameterGroup",
     "PipelineParameters",
+    "PulseParameters",
     "ReconstructionParameters",
     "quantity",
 ]

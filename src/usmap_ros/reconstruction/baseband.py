@@ -105,11 +105,13 @@ def _sampled_template(trace: EchoTrace, emission: Emission) -> Template:
     """What an echo looks like in samples that are taken as they are."""
     pulse = emission.transducer.pulse
     if trace.encoding is not Encoding.ENVELOPE:
-        return Template(0.0, pulse.duration_s, pulse, None, trace.transducer.pulse.carrier_hz)
+        return Template(0.0, pulse.length_s, pulse, None, trace.transducer.pulse.carrier_hz)
     if pulse.sweep_hz != 0.0:
         # A magnitude knows nothing of a sweep: what is left of a chirp is its window.
         pulse = replace(pulse, shape=PulseShape.HANN_BURST, sweep_hz=0.0)
-    return Template(0.0, pulse.duration_s, pulse)
+    if pulse.profile is not None:
+        pulse = replace(pulse, profile=pulse.profile.magnitude)
+    return Template(0.0, pulse.length_s, pulse)
 
 
 def _demodulated(trace: EchoTrace) -> Baseband:
@@ -153,7 +155,7 @@ def _filtered_template(
 ) -> Template:
     """Envelope of an echo behind the mixer at `carrier_hz` and the low-pass, tabulated."""
     taps = _low_pass(decimation, carrier_hz / rate_hz)
-    duration_s = pulse.duration_s + (len(taps) - 1) / rate_hz
+    duration_s = pulse.length_s + (len(taps) - 1) / rate_hz
     points = int(np.ceil(duration_s * rate_hz * TABLE_POINTS)) + 1
     time_s = np.arange(points) / (rate_hz * TABLE_POINTS)
     age_s = time_s[:, np.newaxis] - np.arange(len(taps)) / rate_hz
@@ -176,7 +178,7 @@ def _envelope_between_samples(
     An edge takes effect from one raw sample to the next: as a function of the delay, an echo with
     edges is a staircase, which has no slope; the line through the middles of its stairs has.
     """
-    if pulse.shape is not PulseShape.TONE_BURST:
+    if pulse.shape is not PulseShape.TONE_BURST or pulse.profile is not None:
         return pulse.envelope_above(carrier_hz, age_s)
     begun = (age_s * rate_hz + 0.5).clip(0.0, 1.0)
     ended = ((age_s - pulse.duration_s) * rate_hz + 0.5).clip(0.0, 1.0)

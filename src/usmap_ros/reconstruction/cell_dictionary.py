@@ -214,7 +214,7 @@ def _echoes(
     # Few cells have legs by way of a wall: only the paths that there are count.
     cell, path = np.nonzero(amplitudes)
     delays_s, amplitudes = lengths_m[cell, path] / sound_speed_m_s, amplitudes[cell, path]
-    sample, age_s = sampling.touched(delays_s, pulse.duration_s)
+    sample, age_s = sampling.touched(delays_s, pulse.length_s)
     column = np.broadcast_to(cell[:, np.newaxis], sample.shape)
     heard = sampling.takes(sample)
 

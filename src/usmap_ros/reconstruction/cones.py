@@ -71,7 +71,7 @@ def make_cone(
         frame_id=trace.frame_id,
         child_frame_id=trace.child_frame_id,
         pose=trace.pose,
-        transducer=trace.transducer,
+        transducer=trace.transducer.stated,
         attenuation_db_m=trace.channel.attenuation_db_m,
         object_rise_m=trace.channel.object_rise_m,
         ranges_m=echoes.ranges_m[order].astype(np.float32),

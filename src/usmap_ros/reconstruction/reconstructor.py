@@ -17,6 +17,7 @@ from usmap_ros.correction import corrected
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.listening import listened
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.received_pulse import with_profile
 from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_delays
@@ -114,7 +115,7 @@ def reconstruct_sounding(
 def _told(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
     """The trace as it should have been, as far as parameters say what it lacks."""
     trace = corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
-    trace = listened(trace)
+    trace = listened(with_profile(trace, parameters.pulse))
     if parameters.upright_objects:
         return trace
     rise_m = parameters.object_height_m - float(trace.pose.position_m[2])
@@ -123,8 +124,10 @@ def _told(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
 
 def _by_delays(trace: EchoTrace, found: DelayReconstruction, cone: EchoCone) -> Reconstruction:
     baseband = found.baseband
-    # An echo peaks in the middle of its envelope.
-    peak_s = baseband.template.start_s + 0.5 * baseband.template.duration_s
+    template = baseband.template
+    # A filter makes an echo longer on either side of its peak.
+    longer_s = template.duration_s - template.pulse.length_s
+    peak_s = template.start_s + template.pulse.peak_s + 0.5 * longer_s
     return Reconstruction(
         trace,
         cone,
@@ -147,6 +150,6 @@ def _by_cells(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconst
         cell_cone(trace, found, parameters),
         received,
         residual,
-        trace.sample_times_s() - 0.5 * trace.transducer.pulse.duration_s,
+        trace.sample_times_s() - trace.transducer.pulse.peak_s,
         noise_std,
     )

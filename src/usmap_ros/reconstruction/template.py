@@ -100,7 +100,8 @@ class Template:
     def is_smooth(self) -> bool:
         """Whether a delay can be told finer than a sample from it."""
         smooth = (PulseShape.HANN_BURST, PulseShape.CHIRP)
-        return self.table is not None or self.pulse.shape in smooth
+        is_drawn = self.table is not None or self.pulse.profile is not None
+        return is_drawn or self.pulse.shape in smooth
 
 
 @lru_cache(maxsize=16)

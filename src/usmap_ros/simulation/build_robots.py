@@ -71,6 +71,7 @@ def build_robot(
             ping_interval_s=interval_s,
             noise_seeds=seeds[:-1],
             simultaneous=model.simultaneous,
+            moves_during_ping=model.moves_during_ping,
             error_seed=seeds[-1],
         )
     except UsmapError as error:
@@ -122,6 +123,8 @@ def _mounted(
         ),
         pose_stds=_pose_stds(robot.pose_error),
         emits=model.emits,
+        receiver_offset_m=np.array(model.receiver_offset_m),
+        drift_m_s2=medium.drift_m_s2,
     )
     _check_sampling(mounted)
     return mounted

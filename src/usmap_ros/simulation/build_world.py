@@ -14,7 +14,14 @@ from usmap_ros.simulation.models.world import PointModel, RandomPolesModel, Worl
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.reflectors import EVERYWHERE, Reflectors
 from usmap_ros.simulation.scene import Discs, FreeSpace, Scene
-from usmap_ros.simulation.surfaces import Scatterers, Surface, Walls, scatter_along, walls_of_cells
+from usmap_ros.simulation.surfaces import (
+    Scatterers,
+    Surface,
+    Walls,
+    edges_of,
+    scatter_along,
+    walls_of_cells,
+)
 
 #: How many places are tried on average for a random pole.
 _ATTEMPTS_PER_POLE = 300
@@ -38,7 +45,7 @@ def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSeq
         If the random poles do not fit.
     """
     pole_seed, roughness_seed = seed.spawn(2)
-    walls, scatterers = _rough_walls(world, plan, np.random.default_rng(roughness_seed))
+    walls, scatterers, edges = _rough_walls(world, plan, np.random.default_rng(roughness_seed))
     scene = Scene(
         _stated_discs(world),
         walls,
@@ -47,6 +54,8 @@ def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSeq
         None if plan is None else FreeSpace(plan.geometry, plan.probability <= FREE_PROBABILITY),
         _reflectors(world),
         world.wall_paths,
+        world.wall_bounces,
+        edges,
     )
     if world.random_poles is None:
         return scene
@@ -121,7 +130,7 @@ def world_bounds(world: WorldModel, plan: Nav2Map | None) -> Bounds:
 
 def _rough_walls(
     world: WorldModel, plan: Nav2Map | None, rng: np.random.Generator
-) -> tuple[Walls, Scatterers]:
+) -> tuple[Walls, Scatterers, Scatterers]:
     parts: list[tuple[Walls, Surface]] = []
     for wall in world.walls:
         corners = [*wall.corners_m, wall.corners_m[0]] if wall.closed else wall.corners_m
@@ -133,12 +142,13 @@ def _rough_walls(
         geometry = plan.geometry
         starts, ends = walls_of_cells(occupied, geometry.resolution_m, geometry.origin_m)
         parts.append((Walls.between(starts, ends, surface, one_sided=True), surface))
-    drawn, first = [], 0
+    drawn, edges, first = [], [], 0
     for walls, surface in parts:
-        part = scatter_along(walls, surface, rng)
-        drawn.append(Scatterers(part.positions_m, part.reflectivities, part.walls + first))
+        drawn.append(scatter_along(walls, surface, rng).of_walls_from(first))
+        edges.append(edges_of(walls, surface).of_walls_from(first))
         first += len(walls)
-    return Walls.joined([walls for walls, _ in parts]), Scatterers.joined(drawn)
+    walls = Walls.joined([walls for walls, _ in parts])
+    return walls, Scatterers.joined(drawn), Scatterers.joined(edges)
 
 
 def _random_poles(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
+from usmap_ros.simulation.imperfections import NO_IMPERFECTIONS, Imperfections
 from usmap_ros.trace import Encoding
 
 
@@ -76,6 +77,8 @@ class Receiver:
         share the power of the complex noise, and either has that of the signal at the carrier.
     converter : Converter or None
         None: samples are as exact as a float.
+    imperfections : Imperfections
+        What it does beside receiving.
     """
 
     encoding: Encoding
@@ -83,6 +86,7 @@ class Receiver:
     start_delay_s: float
     noise_std: float
     converter: Converter | None = None
+    imperfections: Imperfections = NO_IMPERFECTIONS
 
     @property
     def stated_noise_std(self) -> float:
@@ -91,7 +95,8 @@ class Receiver:
         Rounding by the converter adds its variance of step² / 12, twice for an I/Q pair.
         """
         is_raw = self.encoding is Encoding.RAW
-        variance = self.noise_std**2 / (2.0 if is_raw else 1.0)
+        heard_std = self.imperfections.gain * self.noise_std
+        variance = heard_std**2 / (2.0 if is_raw else 1.0)
         if self.converter is not None:
             step = self.converter.step(signed=self.encoding is not Encoding.ENVELOPE)
             variance += step**2 / 12.0 * (2.0 if self.encoding is Encoding.IQ else 1.0)
@@ -104,9 +109,11 @@ class Receiver:
     def receive(
         self,
         arrivals: Sequence[Arrivals],
-        carrier_hz: float,
+        pulse: Pulse,
         count: int,
         rng: np.random.Generator,
+        *,
+        emits: bool = True,
     ) -> NDArray[np.float32]:
         """Samples of a sum of echoes.
 
@@ -114,12 +121,14 @@ class Receiver:
         ----------
         arrivals : sequence of Arrivals
             Of each pulse in the air.
-        carrier_hz : float
-            What I/Q is mixed down by: the carrier of the receiver's own pulse.
+        pulse : Pulse
+            The receiver's own, whose carrier I/Q is mixed down by.
         count : int
             Number of samples (or pairs) to take.
         rng : numpy.random.Generator
             For the noise.
+        emits : bool
+            Whether its own transmitter sent it, and can be heard ringing.
 
         Returns
         -------
@@ -128,23 +137,45 @@ class Receiver:
         """
         noise_std = self.noise_std / np.sqrt(2.0)
         sampling = Sampling(self.sample_rate_hz, self.start_delay_s, count)
+        late_s, carrier_hz = self.imperfections.latency_s, pulse.carrier_hz
+        if late_s:
+            arrivals = [replace(one, delays_s=one.delays_s + late_s) for one in arrivals]
         if self.encoding is Encoding.RAW:
             raw = np.zeros(sampling.sample_count)
             for one in arrivals:
                 raw += _superposed(one.pulse.waveform, one, one.amplitudes, sampling).real
-            return self._digitise(raw + noise_std * rng.standard_normal(raw.shape))
+            noise = noise_std * rng.standard_normal(raw.shape)
+            return self._digitise(self._received(raw, noise, pulse, sampling, emits=emits).real)
         baseband = np.zeros(sampling.sample_count, dtype=np.complex128)
         for one in arrivals:
             shape = partial(one.pulse.envelope_above, carrier_hz)
             turned = one.amplitudes * np.exp(-2j * np.pi * carrier_hz * one.delays_s)
             baseband += _superposed(shape, one, turned, sampling)
-        pairs = np.stack([baseband.real, baseband.imag], axis=-1)
-        pairs += noise_std * rng.standard_normal(pairs.shape)
+        drawn = noise_std * rng.standard_normal((len(baseband), 2))
+        noise = drawn.view(np.complex128)[:, 0]
+        baseband = self._received(baseband, noise, pulse, sampling, emits=emits)
         if self.encoding is Encoding.ENVELOPE:
-            return self._digitise(np.hypot(pairs[:, 0], pairs[:, 1]))
-        return self._digitise(pairs.ravel())
+            return self._digitise(np.hypot(baseband.real, baseband.imag))
+        return self._digitise(np.stack([baseband.real, baseband.imag], axis=-1).ravel())
+
+    def _received(
+        self, heard: Signal, noise: Signal, pulse: Pulse, sampling: Sampling, *, emits: bool
+    ) -> Signal:
+        """What comes out of the receiver for what there is to hear, and its noise."""
+        faults, times_s = self.imperfections, sampling.times_s
+        sensitivity = faults.sensitivity(times_s, np.abs(heard))
+        ringing = None
+        if emits:
+            ringing = faults.ringing(times_s, pulse.duration_s, pulse.carrier_hz, self.encoding)
+        total = heard + noise
+        if ringing is not None:
+            total = total + ringing
+        return total if sensitivity is None else sensitivity * total
 
     def _digitise(self, values: FloatArray) -> NDArray[np.float32]:
+        faults = self.imperfections
+        if faults.gain != 1.0 or faults.offset != 0.0:
+            values = faults.gain * values + faults.offset
         if self.converter is not None:
             signed = self.encoding is not Encoding.ENVELOPE
             values = self.converter.convert(values, signed=signed)
@@ -158,7 +189,7 @@ def _superposed(
     sampling: Sampling,
 ) -> Signal:
     """Σ a · shape(t − τ) at the sample times; a path touches only what its pulse covers."""
-    samples, ages_s = sampling.touched(arrivals.delays_s, arrivals.pulse.duration_s)
+    samples, ages_s = sampling.touched(arrivals.delays_s, arrivals.pulse.length_s)
     taken = sampling.takes(samples)
     values = (amplitudes[:, np.newaxis] * shape(ages_s))[taken]
     total = np.zeros(sampling.sample_count, dtype=np.complex128)

@@ -43,9 +43,16 @@ def simulate(scenario: Scenario) -> Iterator[tuple[str, EchoTrace]]:
     """
     scene = scenario.scene()
     simulator = EchoSimulator(scene, scenario.frame_id, scenario.start_ns)
+    fleet = scenario.fleet(scene)
     streams = [
-        robot.pings(simulator, index, scenario.start_ns, scenario.duration_s)
-        for robot in scenario.fleet(scene)
+        robot.pings(
+            simulator,
+            index,
+            scenario.start_ns,
+            scenario.duration_s,
+            scenario.heard_by(robot, fleet),
+        )
+        for robot in fleet
         for index in range(len(robot.transducers))
     ]
     yield from heapq.merge(*streams, key=lambda ping: ping[1].stamp_ns)

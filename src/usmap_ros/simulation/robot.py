@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from usmap_ros.acoustics.pulse import PulseShape
+from usmap_ros.arrays import FloatArray
 from usmap_ros.simulation.motion import Motion
-from usmap_ros.simulation.simulator import NANOSECONDS, EchoSimulator, MountedTransducer
+from usmap_ros.simulation.simulator import (
+    NANOSECONDS,
+    EchoSimulator,
+    Intruder,
+    MountedTransducer,
+)
 from usmap_ros.trace import EchoTrace
 from usmap_ros.transducer_array import ArrayElement, TransducerArray
+
+#: Over so much of a path its velocity is measured.
+_MOMENT_S = 1e-3
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,8 @@ class SimulatedRobot:
         Whether the transducers ping at once, and hear one another's pulses.
     error_seed : numpy.random.SeedSequence
         For the errors of poses that transducers share which ping at once.
+    moves_during_ping : bool
+        Whether it goes on moving while it listens.
     """
 
     name: str
@@ -46,6 +57,7 @@ class SimulatedRobot:
     noise_seeds: list[np.random.SeedSequence]
     simultaneous: bool
     error_seed: np.random.SeedSequence
+    moves_during_ping: bool = False
 
     def arrays(self, start_ns: int) -> list[TransducerArray]:
         """What the traces of its transducers do not say of themselves, if there is anything.
@@ -73,10 +85,41 @@ class SimulatedRobot:
         """The array of all its transducers, if they ping at once; see `arrays`."""
         return self.arrays(start_ns)[0] if self.simultaneous else None
 
+    def velocity_m_s(self, time_s: float, sonar: MountedTransducer) -> FloatArray | None:
+        """Velocity, (3,), of a transducer on its path; None if it stands still while it listens."""
+        if not self.moves_during_ping:
+            return None
+        now, soon = (
+            self.motion.pose(at_s).compose(sonar.mount).position_m
+            for at_s in (time_s, time_s + _MOMENT_S)
+        )
+        velocity_m_s: FloatArray = (soon - now) / _MOMENT_S
+        return velocity_m_s
+
+    def intrusions(self, sonar: MountedTransducer, time_s: float) -> Iterator[Intruder]:
+        """Pulses of its own that are in the air while another robot's `sonar` listens."""
+        for own, first_s in zip(self.transducers, self.first_ping_s, strict=True):
+            if not own.emits:
+                continue
+            # What was sent longer ago has faded.
+            earliest_s = time_s - sonar.listening_s - first_s
+            latest_s = time_s + sonar.listening_s - first_s
+            first = max(0, int(np.ceil(earliest_s / self.ping_interval_s)))
+            last = int(np.floor(latest_s / self.ping_interval_s))
+            for ping in range(first, last + 1):
+                sent_s = first_s + ping * self.ping_interval_s
+                pose = self.motion.pose(sent_s).compose(own.mount)
+                yield Intruder(own, pose, sent_s - time_s)
+
     def pings(
-        self, simulator: EchoSimulator, index: int, start_ns: int, duration_s: float
+        self,
+        simulator: EchoSimulator,
+        index: int,
+        start_ns: int,
+        duration_s: float,
+        others: Sequence[SimulatedRobot] = (),
     ) -> Iterator[tuple[str, EchoTrace]]:
-        """Topic and trace of every ping of transducer `index`."""
+        """Topic and trace of every ping of transducer `index`, among which `others` are heard."""
         transducer, rng = self.transducers[index], np.random.default_rng(self.noise_seeds[index])
         array = self.shared_array(start_ns)
         # Those that ping at once draw the same errors, each from a generator of its own.
@@ -86,10 +129,17 @@ class SimulatedRobot:
             stamp_ns = start_ns + round(time_s * NANOSECONDS)
             pose = self.motion.pose(time_s).compose(transducer.mount)
             error = errors.standard_normal(3) if self.simultaneous else None
-            yield (
-                transducer.topic,
-                simulator.ping(transducer, pose, stamp_ns, rng, array=array, pose_error=error),
+            trace = simulator.ping(
+                transducer,
+                pose,
+                stamp_ns,
+                rng,
+                array=array,
+                pose_error=error,
+                velocity_m_s=self.velocity_m_s(time_s, transducer),
+                intruders=[one for other in others for one in other.intrusions(transducer, time_s)],
             )
+            yield transducer.topic, trace
 
 
 def ping_count(duration_s: float, interval_s: float) -> int:

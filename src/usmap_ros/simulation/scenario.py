@@ -42,6 +42,9 @@ class Scenario(ParameterGroup):
     robot_offset_s: float = quantity(
         0.001, "From one robot's first ping to the next robot's.", "s", ge=0.0, le=10.0
     )
+    crosstalk: bool = quantity(
+        False, "Whether robots hear the pulses of others that are in the air when they listen."
+    )
     world: WorldModel = quantity(WorldModel(), "What stands and moves.")
     medium: MediumModel = quantity(MediumModel(), "Air and floor.")
     robots: list[RobotModel] = quantity(..., "Who maps it.", min_length=1, max_length=1000)
@@ -152,6 +155,10 @@ class Scenario(ParameterGroup):
                 )
                 for index, model in enumerate(self.robots)
             ]
+
+    def heard_by(self, robot: SimulatedRobot, fleet: list[SimulatedRobot]) -> list[SimulatedRobot]:
+        """Those of `fleet` whose pulses a robot hears: all others, if there is crosstalk."""
+        return [other for other in fleet if self.crosstalk and other.name != robot.name]
 
     def _seed(self, *stream: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self.seed, spawn_key=stream)

@@ -111,6 +111,10 @@ class Scene:
         Balls and facets, which hide nothing and stand in nobody's way.
     wall_paths : bool
         Whether sound reaches objects by way of walls too.
+    wall_bounces : int
+        Most walls that sound is returned by in turn.
+    edges : Scatterers
+        Ends of walls, as far as they answer by themselves, from wherever they are heard.
     free_space : FreeSpace or None
         Where robots and random poles may be put down; None: anywhere.
     """
@@ -122,6 +126,8 @@ class Scene:
     free_space: FreeSpace | None = None
     reflectors: Reflectors = field(default_factory=Reflectors.none)
     wall_paths: bool = False
+    wall_bounces: int = 1
+    edges: Scatterers = field(default_factory=lambda: Scatterers.joined([]))
 
     def discs_at(self, time_s: float) -> Discs:
         """All discs, the moving ones where they are at a time after the scene's start."""

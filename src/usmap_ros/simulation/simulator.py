@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from usmap_ros.acoustics.legs import straight_legs
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.geometry import Pose
+from usmap_ros.simulation.echo_paths import Sounding, direct_path, echo_paths
 from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.simulation.scene import Scene
-from usmap_ros.simulation.view import View, targets_in_view
-from usmap_ros.simulation.wall_paths import Ear, paths_by_walls
+from usmap_ros.simulation.wall_paths import Ear
 from usmap_ros.trace import EchoTrace, Emission
 from usmap_ros.transducer_array import TransducerArray
 
 NANOSECONDS = 1_000_000_000
+#: Quaternion of a frame that is not turned.
+NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,10 @@ class MountedTransducer:
         Standard deviations of the error of reported poses: x, y (m) and yaw (rad).
     emits : bool
         Whether it sends its pulse, or only listens to others'.
+    receiver_offset_m : (3,) array
+        Where its receiving element is in its frame, in which it sends from the origin.
+    drift_m_s2 : float
+        How fast the speed of sound changes, from that of `channel` at the scene's start on.
     """
 
     topic: str
@@ -59,6 +65,15 @@ class MountedTransducer:
     stated_noise_std: float
     pose_stds: FloatArray
     emits: bool = True
+    receiver_offset_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    drift_m_s2: float = 0.0
+
+    def channel_at(self, time_s: float) -> Channel:
+        """What the sound travels through at a time after the scene's start."""
+        if self.drift_m_s2 == 0.0:
+            return self.channel
+        speed_m_s = self.channel.sound_speed_m_s + self.drift_m_s2 * time_s
+        return replace(self.channel, sound_speed_m_s=speed_m_s)
 
     @property
     def listening_s(self) -> float:
@@ -67,13 +82,33 @@ class MountedTransducer:
         What follows that echo is noise alone, and tells where it ends.
         """
         longest = self.channel.delays_s(np.array(self.transducer.max_range_m)).max()
-        return float(longest) + 2.0 * self.transducer.pulse.duration_s
+        return float(longest) + 2.0 * self.transducer.pulse.length_s
+
+
+@dataclass(frozen=True)
+class Intruder:
+    """A pulse of another robot that is in the air.
+
+    Parameters
+    ----------
+    sonar : MountedTransducer
+        What sent it.
+    pose : Pose
+        From where.
+    delay_s : float
+        From the emission of the one that listens to its own.
+    """
+
+    sonar: MountedTransducer
+    pose: Pose
+    delay_s: float
 
 
 class EchoSimulator:
     """Simulates pings in a scene.
 
-    Each ping is heard alone: the next one, and other robots, come when it has faded.
+    Each ping is heard alone, unless pulses of others are named: the next one comes when it has
+    faded.
 
     Parameters
     ----------
@@ -99,6 +134,8 @@ class EchoSimulator:
         *,
         array: TransducerArray | None = None,
         pose_error: FloatArray | None = None,
+        velocity_m_s: FloatArray | None = None,
+        intruders: Sequence[Intruder] = (),
     ) -> EchoTrace:
         """What one ping brings back.
 
@@ -117,6 +154,10 @@ class EchoSimulator:
         pose_error : (3,) array, optional
             Error of the reported pose in standard deviations, which transducers of a robot that
             ping at once share; None: it is drawn.
+        velocity_m_s : (3,) array, optional
+            Of the transducer while it listens; None: it stands still.
+        intruders : sequence of Intruder
+            Pulses of other robots that are in the air.
 
         Returns
         -------
@@ -140,48 +181,73 @@ class EchoSimulator:
         )
         if array is not None:
             trace = trace.in_array(array)
+        time_s = (stamp_ns - self._start_ns) / NANOSECONDS
+        heard_at = true_pose
+        if np.any(sonar.receiver_offset_m):
+            heard_at = true_pose.compose(Pose(sonar.receiver_offset_m, NO_TURN))
+        listener = Ear(heard_at, sonar.transducer.beam)
+        arrivals = [
+            self._arrivals(sonar, true_pose, listener, time_s, emission, velocity_m_s)
+            for emission in trace.sent
+        ]
+        arrivals += [self._intrusion(sonar, listener, time_s, one) for one in intruders]
         samples = receiver.receive(
-            [self._arrivals(sonar, true_pose, stamp_ns, emission) for emission in trace.sent],
-            sonar.transducer.pulse.carrier_hz,
+            arrivals,
+            sonar.transducer.pulse,
             receiver.sample_count(sonar.listening_s),
             rng,
+            emits=sonar.emits,
         )
         if pose_error is None:
             pose_error = rng.standard_normal(3)
         pose = reported_pose(true_pose, sonar.pose_stds, pose_error)
+        if sonar.transducer.pulse.profile is not None:
+            # Messages know of the burst that drives a transducer, not of what comes of it.
+            told = None if array is None else array.stated
+            trace = replace(trace, transducer=sonar.transducer.stated, array=told)
         return replace(trace, pose=pose, samples=samples)
 
     def _arrivals(
-        self, sonar: MountedTransducer, true_pose: Pose, stamp_ns: int, emission: Emission
+        self,
+        sonar: MountedTransducer,
+        true_pose: Pose,
+        listener: Ear,
+        time_s: float,
+        emission: Emission,
+        velocity_m_s: FloatArray | None,
     ) -> Arrivals:
-        """Paths of a pulse that can arrive while the receiver listens."""
+        """Paths of a pulse of its own robot that can arrive while the receiver listens."""
         sender, half_angle_rad = true_pose.compose(emission.mount), np.pi
         if emission.child_frame_id == sonar.child_frame_id:
             sender, half_angle_rad = true_pose, sonar.transducer.beam.half_angle_rad
-        # What is nearest to the two of them together is nearest to the middle between them.
-        middle_m = 0.5 * (true_pose.position_m + sender.position_m)
-        view = View(
-            replace(true_pose, position_m=middle_m),
+        channel = sonar.channel_at(time_s)
+        sounding = Sounding(
+            Ear(sender, emission.transducer.beam),
+            listener,
             half_angle_rad,
             sonar.listening_s * sonar.channel.sound_speed_m_s / 2.0,
+            channel,
+            time_s,
+            velocity_m_s,
         )
-        time_s = (stamp_ns - self._start_ns) / NANOSECONDS
-        targets = targets_in_view(self._scene, view, time_s)
-        channel, points_m = sonar.channel, targets.positions_m
-        there = straight_legs(sender, emission.transducer.beam, channel, points_m)
-        back = straight_legs(true_pose, sonar.transducer.beam, channel, points_m)
-        lengths_m, gains = there.paths(back)
-        amplitudes = targets.reflectivities[:, np.newaxis] * gains
-        lengths_m, amplitudes = lengths_m.ravel(), amplitudes.ravel()
-        if self._scene.wall_paths:
-            listener = Ear(true_pose, sonar.transducer.beam)
-            by_walls = paths_by_walls(
-                self._scene, Ear(sender, emission.transducer.beam), listener, channel, time_s
-            )
-            lengths_m = np.concatenate([lengths_m, by_walls[0]])
-            amplitudes = np.concatenate([amplitudes, by_walls[1]])
-        delays_s = lengths_m / channel.sound_speed_m_s
-        return Arrivals(emission.transducer.pulse, delays_s, amplitudes)
+        lengths_m, amplitudes = echo_paths(self._scene, sounding)
+        return Arrivals(emission.transducer.pulse, lengths_m / channel.sound_speed_m_s, amplitudes)
+
+    def _intrusion(
+        self, sonar: MountedTransducer, listener: Ear, time_s: float, intruder: Intruder
+    ) -> Arrivals:
+        """Paths of another robot's pulse: straight, and over what answers."""
+        channel, other = sonar.channel_at(time_s), intruder.sonar
+        sender = Ear(intruder.pose, other.transducer.beam)
+        reach_m = (sonar.listening_s - intruder.delay_s) * channel.sound_speed_m_s / 2.0
+        sounding = Sounding(sender, listener, np.pi, reach_m, channel, time_s)
+        straight = direct_path(self._scene, sender, listener, channel, time_s)
+        echoes = echo_paths(self._scene, sounding)
+        lengths_m, amplitudes = (
+            np.concatenate(column) for column in zip(straight, echoes, strict=True)
+        )
+        delays_s = intruder.delay_s + lengths_m / channel.sound_speed_m_s
+        return Arrivals(other.transducer.pulse, delays_s, amplitudes)
 
 
 def reported_pose(true_pose: Pose, stds: FloatArray, error: FloatArray) -> Pose:

@@ -14,6 +14,9 @@ import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IntArray
 
+#: Ends of walls that are nearer to each other are one.
+_SAME_END_M = 1e-3
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -31,12 +34,15 @@ class Surface:
     roughness_m : float
         Scatterers are spread evenly over this depth.  From half a wavelength on, their phases
         are unrelated.
+    edge_reflectivity : float
+        Of either end of a wall, as a point target.
     """
 
     specular_reflectivity: float
     diffuse_reflectivity: float
     scatterers_per_m: float
     roughness_m: float
+    edge_reflectivity: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,10 @@ class Scatterers:
     reflectivities: FloatArray
     walls: IntArray
 
+    def of_walls_from(self, first: int) -> Scatterers:
+        """The same on walls that are counted from `first` on."""
+        return Scatterers(self.positions_m, self.reflectivities, self.walls + first)
+
     @classmethod
     def joined(cls, parts: list[Scatterers]) -> Scatterers:
         """All scatterers of several collections, in order."""
@@ -141,6 +151,22 @@ def scatter_along(walls: Walls, surface: Surface, rng: np.random.Generator) -> S
     positions = walls.starts_m[owners] + along + depth[:, np.newaxis] * walls.normals[owners]
     rms = surface.diffuse_reflectivity * np.sqrt(lengths[owners] / counts[owners])
     return Scatterers(positions, rng.rayleigh(rms / np.sqrt(2.0)), owners)
+
+
+def edges_of(walls: Walls, surface: Surface) -> Scatterers:
+    """Ends of walls, where sound is diffracted; an end that walls share counts once.
+
+    They stand a millimetre in front of their walls, which therefore do not hide them.
+    """
+    if surface.edge_reflectivity == 0.0:
+        return Scatterers.joined([])
+    ends_m = np.concatenate([walls.starts_m, walls.ends_m])
+    owners = np.tile(np.arange(len(walls)), 2)
+    _, first = np.unique(np.round(ends_m / _SAME_END_M), axis=0, return_index=True)
+    first.sort()
+    positions_m = ends_m[first] + _SAME_END_M * walls.normals[owners[first]]
+    strengths = np.full(len(first), surface.edge_reflectivity)
+    return Scatterers(positions_m, strengths, owners[first])
 
 
 def walls_of_cells(

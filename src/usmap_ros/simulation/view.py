@@ -60,12 +60,15 @@ class Targets:
         Off the beam axis, as `Pose.polar` has them.
     reflectivities : (n,) array
         Of each as a point target.
+    upright : (n,) bool array
+        Whether it stands on the floor and reaches up to the transducer.
     """
 
     positions_m: FloatArray
     ranges_m: FloatArray
     bearings_rad: FloatArray
     reflectivities: FloatArray
+    upright: BoolArray
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,7 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
             _mirror_points(scene.walls, near, view),
             _rough_points(scene, near, view),
             _floating_points(scene, view),
+            *_edge_points(scene),
         ]
     )
     candidates = candidates.where(_in_cone(candidates, view))
@@ -150,7 +154,8 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
     candidates = candidates.where(~hidden)
     positions_m = candidates.in_space(view)
     ranges, bearings = view.pose.polar(positions_m)
-    return Targets(positions_m, ranges, bearings, candidates.reflectivities)
+    upright = np.isnan(candidates.heights_m)
+    return Targets(positions_m, ranges, bearings, candidates.reflectivities, upright)
 
 
 def _in_cone(candidates: _Candidates, view: View) -> BoolArray:
@@ -225,6 +230,15 @@ def _rough_points(scene: Scene, near: IntArray, view: View) -> _Candidates:
     cosine = np.abs(np.sum(offsets * walls.normals[owners], axis=-1)) / ranges
     reflectivities = scatterers.reflectivities[kept] * cosine
     return _Candidates.upright(positions, reflectivities, _nobody(len(kept)), owners)
+
+
+def _edge_points(scene: Scene) -> list[_Candidates]:
+    """Ends of the walls that diffract."""
+    edges = scene.edges
+    if not len(edges.walls):
+        return []
+    nobody = _nobody(len(edges.walls))
+    return [_Candidates.upright(edges.positions_m, edges.reflectivities, nobody, edges.walls)]
 
 
 def _floating_points(scene: Scene, view: View) -> _Candidates:

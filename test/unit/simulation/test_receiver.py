@@ -17,7 +17,7 @@ def receive(encoding, delays, amplitudes, *, rate=25_000.0, noise=0.0, pulse=HAN
     receiver = Receiver(encoding, rate, others.pop("start", 0.0), noise, **others)
     rng = np.random.default_rng(seed)
     arrivals = [Arrivals(pulse, np.array(delays), np.array(amplitudes))]
-    return receiver.receive(arrivals, pulse.carrier_hz, count, rng)
+    return receiver.receive(arrivals, pulse, count, rng)
 
 
 @pytest.mark.parametrize("pulse", [HANN, TONE, SQUARE])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 from usmap_ros.acoustics.medium import Air
-from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.parameters import ParameterGroup, quantity
 
 
@@ -25,13 +26,33 @@ class MediumModel(ParameterGroup):
         0.0, "Amplitude reflectivity of the floor; its height is that of the mount.", ge=0.0, le=1.0
     )
 
+    floor_model: Literal["image", "corner"] = quantity(
+        "image",
+        "How the floor returns sound: by an object's mirror image below it, as in the paper, or by"
+        " the corner between it and upright objects.",
+    )
+    temperature_drift_c_s: float = quantity(
+        0.0,
+        "How fast the air warms up; messages go on stating the sound speed of the start.",
+        "°C/s",
+        ge=-1.0,
+        le=1.0,
+    )
+
+    @property
+    def drift_m_s2(self) -> float:
+        """How fast the speed of sound changes: it goes with the root of the temperature."""
+        air = Air(self.temperature_c, self.relative_humidity, self.pressure_pa)
+        speed_m_s = self.sound_speed_m_s or air.sound_speed_m_s()
+        return 0.5 * speed_m_s * self.temperature_drift_c_s / air.temperature_k
+
     def channel(self, carrier_hz: float, height_m: float) -> Channel:
         """What a transducer at `height_m` above the floor sounds through."""
         air = Air(self.temperature_c, self.relative_humidity, self.pressure_pa)
         floor_height_m = height_m if self.floor_reflectivity > 0.0 else 0.0
         channel = air.channel(carrier_hz, floor_height_m, self.floor_reflectivity)
         stated = self.model_dump(include={"sound_speed_m_s", "attenuation_db_m"}, exclude_none=True)
-        return replace(channel, **stated)
+        return replace(channel, floor_model=FloorModel(self.floor_model), **stated)
 
 
 class StatedModel(ParameterGroup):
@@ -48,4 +69,4 @@ class StatedModel(ParameterGroup):
     def channel(self, true: Channel) -> Channel:
         """The channel that the messages state."""
         stated = self.model_dump(exclude={"noise_std"}, exclude_none=True)
-        return replace(true, **stated)
+        return replace(true.with_image, **stated)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,9 +15,18 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.parameters import ParameterGroup, quantity
+from usmap_ros.received_pulse import driven_resonators
+from usmap_ros.simulation.imperfections import Imperfections, Muting, RingDown
 from usmap_ros.simulation.models.world import Coordinate, Point
 from usmap_ros.simulation.receiver import Converter, Receiver
 from usmap_ros.trace import Encoding
+
+
+class ResonanceModel(ParameterGroup):
+    """A resonance of the transducer: it rounds off the burst, and rings."""
+
+    frequency_hz: float = quantity(..., "Where it is.", "Hz", gt=0.0, le=1e7)
+    quality: float = quantity(..., "Its quality factor.", gt=0.0, le=1000.0)
 
 
 class PulseModel(ParameterGroup):
@@ -44,16 +54,28 @@ class PulseModel(ParameterGroup):
         le=1e7,
     )
 
+    resonances: list[ResonanceModel] = quantity(
+        [],
+        "What transmitter and receiver make of the burst; messages state the burst alone.",
+        max_length=2,
+    )
+
     def build(self) -> Pulse:
         """The pulse itself."""
         shape = PulseShape[self.shape.upper()]
         carrier_hz = 0.0 if shape is PulseShape.SQUARE else self.carrier_hz
-        return Pulse(shape, carrier_hz, self.duration_s, self.sweep_hz)
+        pulse = Pulse(shape, carrier_hz, self.duration_s, self.sweep_hz)
+        if not self.resonances:
+            return pulse
+        resonances = tuple((one.frequency_hz, one.quality) for one in self.resonances)
+        return replace(pulse, profile=driven_resonators(pulse, resonances))
 
     @model_validator(mode="after")
     def _chirp_has_its_sweep(self) -> PulseModel:
         if (self.shape == "chirp") != (self.sweep_hz != 0.0):
             raise ValueError("sweep_hz: a chirp needs one that is not 0, and nothing else has one")
+        if self.shape == "square" and self.resonances:
+            raise ValueError("resonances: a square pulse has no carrier that could resonate")
         return self
 
 
@@ -146,6 +168,27 @@ class ConverterModel(ParameterGroup):
         return Converter(self.bits, self.full_scale)
 
 
+class RingDownModel(ParameterGroup):
+    """The transmitter, heard by the receiver beside it."""
+
+    amplitude: float = quantity(
+        ..., "While it sends; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6
+    )
+    decay_s: float = quantity(..., "Time in which it falls to 1/e afterwards.", "s", gt=0.0, le=1.0)
+
+
+class MutingModel(ParameterGroup):
+    """A receiver that stops listening once it has detected something."""
+
+    threshold: float = quantity(
+        ..., "Amplitude that it detects; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6
+    )
+    hold_s: float = quantity(0.002, "How long it goes on listening.", "s", ge=0.0, le=10.0)
+    from_s: float = quantity(
+        0.0, "When it begins to look for something, after the emission.", "s", ge=0.0, le=10.0
+    )
+
+
 class ReceiverModel(ParameterGroup):
     """What turns sound into samples."""
 
@@ -161,13 +204,45 @@ class ReceiverModel(ParameterGroup):
         le=1e9,
     )
     converter: ConverterModel | None = quantity(None, "None: exact samples.")
+    gain: float = quantity(1.0, "Samples are so many times what they should be.", gt=0.0, le=1e9)
+    offset: float = quantity(
+        0.0,
+        "Added to every sample behind the gain, as by a converter without a sign.",
+        ge=-1e9,
+        le=1e9,
+    )
+    latency_s: float = quantity(
+        0.0, "How much later than traces say samples show what is heard.", "s", ge=0.0, le=0.1
+    )
+    blanking_s: float = quantity(
+        0.0, "Until then after the emission it is silent.", "s", ge=0.0, le=1.0
+    )
+    ring_down: RingDownModel | None = quantity(None, "None: the transmitter is not heard.")
+    muting: MutingModel | None = quantity(None, "None: it listens to the end.")
+
+    def imperfections(self) -> Imperfections:
+        """What it does beside receiving."""
+        ring, mute = self.ring_down, self.muting
+        return Imperfections(
+            gain=self.gain,
+            offset=self.offset,
+            latency_s=self.latency_s,
+            ring_down=None if ring is None else RingDown(ring.amplitude, ring.decay_s),
+            blanking_s=self.blanking_s,
+            muting=None if mute is None else Muting(mute.threshold, mute.hold_s, mute.from_s),
+        )
 
     def build(self) -> Receiver:
         """The receiver itself."""
         converter = None if self.converter is None else self.converter.build()
         encoding = Encoding[self.encoding.upper()]
         return Receiver(
-            encoding, self.sample_rate_hz, self.start_delay_s, self.noise_std, converter
+            encoding,
+            self.sample_rate_hz,
+            self.start_delay_s,
+            self.noise_std,
+            converter,
+            self.imperfections(),
         )
 
 
@@ -181,6 +256,11 @@ class TransducerModel(ParameterGroup):
     min_range_m: float = quantity(0.2, "Least range that it reports.", "m", ge=0.0, le=1000.0)
     max_range_m: float = quantity(5.0, "Largest range.", "m", gt=0.0, le=1000.0)
     receiver: ReceiverModel = quantity(ReceiverModel(), "Noise, converter and encoding.")
+    receiver_offset_m: tuple[Coordinate, Coordinate, Coordinate] = quantity(
+        (0.0, 0.0, 0.0),
+        "Where its receiving element is, ahead, to the left and upwards of the one that sends.",
+        "m",
+    )
     emits: bool = quantity(
         True, "False: it only listens, which needs others of its robot that are simultaneous."
     )
@@ -255,6 +335,10 @@ class RobotModel(ParameterGroup):
         False,
         "Whether its transducers ping at once and hear one another's pulses, which must differ;"
         " otherwise they take turns.",
+    )
+    moves_during_ping: bool = quantity(
+        False,
+        "Whether it goes on moving while it listens; otherwise a ping takes no time.",
     )
     pose_error: PoseErrorModel = quantity(PoseErrorModel(), "Error of reported poses.")
 

@@ -41,6 +41,9 @@ class SurfaceModel(ParameterGroup):
     roughness_m: float = quantity(
         0.005, "Depth over which the scatterers are spread.", "m", ge=0.0, le=0.1
     )
+    edge_reflectivity: float = quantity(
+        0.0, "Of either end of a wall, which diffracts, as a point target.", ge=0.0, le=100.0
+    )
 
     def build(self) -> Surface:
         """The surface itself."""
@@ -177,6 +180,13 @@ class WorldModel(ParameterGroup):
         False,
         "Whether sound reaches poles, pillars, balls and facets by way of a wall too, with one"
         " reflection there and one back.",
+    )
+    wall_bounces: int = quantity(
+        1,
+        "Most walls by which sound is returned in turn: 2 for inner corners, 3 for the flutter"
+        " between walls that face each other.",
+        ge=1,
+        le=3,
     )
     map: MapModel | None = quantity(None, "A nav2 map whose occupied cells are walls.")
     moving: list[MovingModel] = quantity([], "What moves; not part of the truth map.")

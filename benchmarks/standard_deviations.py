@@ -129,7 +129,7 @@ def traces(
         duration_s = 2.0 * 2.5 / SPEED_M_S + 2.0 * pulse.duration_s
         heard = receiver.receive(
             [Arrivals(pulse, np.array([2.0 * range_m / SPEED_M_S]), np.array([amplitude]))],
-            pulse.carrier_hz,
+            pulse,
             receiver.sample_count(duration_s),
             rng,
         )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.parameters import CorrectionParameters
 from usmap_ros.trace import EchoTrace
 
@@ -50,4 +50,5 @@ def corrected_channel(stated: Channel, correction: CorrectionParameters) -> Chan
         sound_speed_m_s=correction.sound_speed_m_s or stated.sound_speed_m_s,
         floor_height_m=stated.floor_height_m if height_m < 0.0 else height_m,
         floor_reflectivity=stated.floor_reflectivity if reflectivity < 0.0 else reflectivity,
+        floor_model=FloorModel(correction.floor_model),
     )

@@ -20,6 +20,10 @@ _LEAST_SEGMENTS = 8
 _RINGING_OVER_LOUDEST, _RINGING_OVER_USUAL = 0.3, 10.0
 _RUNG_OUT = 0.1
 _LONGEST_RINGING = 0.3
+#: A trigger may be so late, if so many samples are at the end of the scale; what rings falls by
+#: this factor from half a pulse length to the next, down to so many times the usual sample.
+_LATEST_START_S, _CLIPPED_SAMPLES = 0.001, 3
+_STILL_FALLING, _OVER_QUIET = 0.95, 3.0
 #: A muted end is so much quieter (power) than the noise before it, and than the noise that is
 #: stated; segments belong to it that are not louder than this, and it has this part of a trace.
 _MUTED_BELOW_NOISE, _MUTED_BELOW_STATED = 0.04, 0.1
@@ -29,11 +33,18 @@ _LEAST_MUTED = 0.1
 _QUIET = 0.1
 
 
-def listened(trace: EchoTrace) -> EchoTrace:
+def listened(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> EchoTrace:
     """Return the part of `trace` in which its receiver listened.
 
     It begins where an echo from the transducer's least range would, or where the transmitter has
     rung out if that is later, and ends where the receiver is muted for the rest of the trace.
+
+    Parameters
+    ----------
+    trace : EchoTrace
+        As recorded.
+    from_s, until_s : float
+        When its samples begin and cease to be valid, after the start of emission; 0: that is found.
     """
     rate_hz, start_s = trace.sample_rate_hz, trace.start_delay_s
     count = trace.sampling.sample_count
@@ -42,10 +53,14 @@ def listened(trace: EchoTrace) -> EchoTrace:
     nearest_m = 2.0 * trace.transducer.min_range_m - apart_m
     nearest_s = nearest_m / trace.channel.sound_speed_m_s
     magnitude = np.abs(trace.signal())
-    first = max(0, int(np.floor((nearest_s - start_s) * rate_hz)), _rung_out(trace, magnitude))
+    valid = int(np.ceil((from_s - start_s) * rate_hz)) if from_s else _rung_out(trace, magnitude)
+    first = max(0, int(np.floor((nearest_s - start_s) * rate_hz)), valid)
     # Without a single sample left there would be nothing to reconstruct, and no error either.
     first = min(first, count - 1)
-    stop = first + _muted_from(trace, magnitude[first:])
+    if until_s:
+        stop = min(count, max(first + 1, int(np.ceil((until_s - start_s) * rate_hz))))
+    else:
+        stop = first + _muted_from(trace, magnitude[first:])
     return trace if (first, stop) == (0, count) else trace.cut(first, stop)
 
 
@@ -55,17 +70,36 @@ def _rung_out(trace: EchoTrace, magnitude: FloatArray) -> int:
     emitting = int((pulse_s - trace.start_delay_s) * trace.sample_rate_hz)
     if emitting < 1 or emitting >= len(magnitude):
         return 0
-    loudest = float(magnitude[:emitting].max())
-    if loudest < _RINGING_OVER_LOUDEST * float(magnitude.max()):
+    start = _ringing_from(magnitude, emitting, int(_LATEST_START_S * trace.sample_rate_hz))
+    if start is None:
         return 0
-    if loudest < _RINGING_OVER_USUAL * float(np.median(magnitude)):
-        return 0
+    loudest = float(magnitude[start : start + emitting].max())
     segment = max(2, emitting // 2)
-    longest = int(_LONGEST_RINGING * len(magnitude))
-    for first in range(emitting, longest, segment):
-        if magnitude[first : first + segment].max() < _RUNG_OUT * loudest:
+    first, longest = start + emitting, int(_LONGEST_RINGING * len(magnitude))
+    heard, quiet = loudest, _OVER_QUIET * float(np.median(magnitude))
+    while first < longest:
+        now = float(magnitude[first : first + segment].max())
+        # It is over when it is no longer heard, or something else begins.
+        if now < _RUNG_OUT * loudest and (now < quiet or now > _STILL_FALLING * heard):
             return first
+        heard = now
+        first += segment
     return max(longest, emitting)
+
+
+def _ringing_from(magnitude: FloatArray, emitting: int, latest: int) -> int | None:
+    """Sample from which on the transmitter is heard; None if it is not.
+
+    With a trigger that comes late it begins late; then it has to clip, as no echo does so early.
+    """
+    loud = max(_RINGING_OVER_LOUDEST * magnitude.max(), _RINGING_OVER_USUAL * np.median(magnitude))
+    if magnitude[:emitting].max() >= loud:
+        return 0
+    early = magnitude[: emitting + latest]
+    clipped = np.flatnonzero(early == magnitude.max())
+    if magnitude.max() < loud or len(clipped) < _CLIPPED_SAMPLES:
+        return None
+    return int(clipped[0])
 
 
 def _muted_from(trace: EchoTrace, magnitude: FloatArray) -> int:

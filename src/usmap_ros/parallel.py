@@ -61,6 +61,7 @@ class Reconstructors:
         self.processes = processes
         # Workers are sent the parameters: the pipeline itself has a map in it.
         self._parameters = pipeline.parameters.reconstruction
+        self._noise = pipeline.noise
         self._executor = executor
         self._ahead = BATCHES_AHEAD * processes
 
@@ -72,11 +73,13 @@ class Reconstructors:
         (topic, stamp_ns, EchoCone or MalformedMessageError)
             The error says why a trace could not be reconstructed.
         """
+        # What pings share is found here, where all of them pass.
+        told = ((topic, self._noise.tell(trace)) for topic, trace in traces)
         if self._executor is None:
-            for sounding in soundings(traces):
+            for sounding in soundings(told):
                 yield from _reconstruct_batch([sounding], self._parameters)
             return
-        remaining = soundings(traces)
+        remaining = soundings(told)
         under_way: deque[Future[list[Outcome]]] = deque()
         while True:
             while len(under_way) < self._ahead and (batch := list(islice(remaining, BATCH))):

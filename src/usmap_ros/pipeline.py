@@ -18,6 +18,7 @@ from usmap_ros.reconstruction.reconstructor import (
     reconstruct,
     reconstruct_sounding,
 )
+from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.trace import EchoTrace
 
 #: Ways of fusing, by the name that the parameter ``method`` has for them.
@@ -42,6 +43,8 @@ class Pipeline:
     ----------
     fusion : Fusion
         The map, with its frame and stamp.
+    noise : SharedNoise
+        What is known of the noise of transducers that state none.
 
     Raises
     ------
@@ -54,6 +57,7 @@ class Pipeline:
         # A file that cannot be read is an error now, not with the first ping.
         load_walls(self.parameters.reconstruction.known_walls)
         self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
+        self.noise = SharedNoise(self.parameters.reconstruction)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
         """Return the echoes in a trace, and how loud an unheard one might have been.
@@ -63,7 +67,7 @@ class Pipeline:
         MalformedMessageError
             If the trace cannot be reconstructed.
         """
-        return reconstruct(trace, self.parameters.reconstruction).cone
+        return reconstruct(self.noise.tell(trace), self.parameters.reconstruction).cone
 
     def reconstruct_sounding(
         self, traces: Sequence[EchoTrace]
@@ -76,9 +80,10 @@ class Pipeline:
             For each trace: its cone, why there is none, or None where all that a transducer has
             heard is in the cones of others.
         """
+        told = [self.noise.tell(trace) for trace in traces]
         return [
             found.cone if isinstance(found, Reconstruction) else found
-            for found in reconstruct_sounding(traces, self.parameters.reconstruction)
+            for found in reconstruct_sounding(told, self.parameters.reconstruction)
         ]
 
     def fuse(self, cone: EchoCone) -> None:

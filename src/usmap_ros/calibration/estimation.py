@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 
 import numpy as np
 
+from usmap_ros.acoustics.propagation import FloorModel
 from usmap_ros.arrays import IndexArray
 from usmap_ros.calibration.fit import HEIGHT, OFFSET, SLOWNESS, FittedModel, Matches, Model, fit
 from usmap_ros.calibration.floor import direct_echoes, guess_floor_m
@@ -19,6 +21,7 @@ from usmap_ros.calibration.loudness import (
     log_reflectivities,
 )
 from usmap_ros.calibration.objects import associate, find_objects
+from usmap_ros.calibration.pulse import measure_pulse
 from usmap_ros.calibration.result import Calibration, Estimate, Target
 from usmap_ros.errors import UsmapError
 from usmap_ros.parameters import PipelineParameters
@@ -46,6 +49,10 @@ _TARGET_WINDOW_M = 0.02
 _TARGET_SHARE = 0.3
 #: Objects and echoes without one over a floor from which on there is none.
 _OBJECTS_WITHOUT_FLOOR, _ECHOES_WITHOUT_FLOOR = 2, 30
+#: Deviations beyond which an echo is not accounted for.
+_ACCOUNTED = 3.0
+#: Pings on which the pulse is measured.
+_PULSE_PINGS = 400
 _TOO_FEW_PLACES = "objects were not heard from enough places"
 _NO_FLOOR = "no echo over a floor was heard"
 _NOTHING = Estimate(np.nan, np.nan, "no standing object was heard from enough places")
@@ -82,11 +89,19 @@ def calibrate(
         If there is no echo, or none of the target.
     """
     parameters = parameters or PipelineParameters()
-    hearing = listen(traces, parameters.reconstruction)
+    remaining = iter(traces)
+    first = list(islice(remaining, _PULSE_PINGS))
+    pulse, reconstruction = None, parameters.reconstruction
+    if reconstruction.pulse.kind == "stated":
+        pulse = measure_pulse(first, reconstruction)
+        if pulse is not None and pulse.is_told:
+            found = {"pulse": pulse.parameters, "model_error": pulse.model_error}
+            reconstruction = reconstruction.model_copy(update=found)
+    hearing = listen(chain(first, remaining), reconstruction)
     if hearing is None or len(hearing.ranges_m) == 0:
         raise UsmapError("no echo was heard: nothing can be calibrated")
     guess = (1.0, 0.0) if target is None else _guess_from(hearing, target)
-    explained = _explained(hearing, target, *guess)
+    explained = _best_explained(hearing, target, *guess)
     return Calibration(
         sound_speed_m_s=_sound_speed(explained),
         range_offset_m=_range_offset(explained),
@@ -96,6 +111,8 @@ def calibrate(
         pings=hearing.ping_count,
         echoes=len(explained.matches.echoes),
         objects=len(explained.fit.model.places_m),
+        floor_model=explained.fit.model.floor_model,
+        pulse=pulse,
     )
 
 
@@ -137,22 +154,59 @@ def _guess_from(hearing: Hearing, target: Target) -> tuple[float, float]:
     return guess
 
 
-def _explained(
+def _best_explained(
     hearing: Hearing, target: Target | None, slowness: float, offset_m: float
+) -> _Explained:
+    """The better of two explanations: a floor that mirrors objects, or has corners with them."""
+    believed = hearing.read_as(slowness, offset_m)
+
+    def explained(floor_m: float | None, floor_model: FloorModel) -> _Explained:
+        return _explained(hearing, target, slowness, offset_m, floor_m, floor_model)
+
+    image = explained(guess_floor_m(believed, FloorModel.IMAGE), FloorModel.IMAGE)
+    corner_m = guess_floor_m(believed, FloorModel.CORNER)
+    if corner_m is None:
+        return image
+    corner = explained(corner_m, FloorModel.CORNER)
+    return corner if _worth(corner) > _worth(image) else image
+
+
+def _worth(explained: _Explained) -> float:
+    """How many echoes an explanation accounts for, less those that should have been heard too.
+
+    In a mirror sound that goes over the floor one way is louder than what does both ways: where
+    only the fainter one is heard, it is neither.
+    """
+    matches = explained.matches
+    accounted = np.maximum(0.0, 1.0 - (explained.fit.deviations / _ACCOUNTED) ** 2).sum()
+    causes = explained.hearing.pings[matches.echoes] * len(explained.fit.model.places_m)
+    causes = causes + matches.objects
+    missing = np.setdiff1d(causes[matches.paths == 2], causes[matches.paths == 1])
+    return float(accounted) - len(missing)
+
+
+def _explained(
+    hearing: Hearing,
+    target: Target | None,
+    slowness: float,
+    offset_m: float,
+    floor_m: float | None,
+    floor_model: FloorModel,
 ) -> _Explained:
     """Objects that explain the echoes, and the model of all their ranges."""
     believed = hearing.read_as(slowness, offset_m)
-    floor_m = guess_floor_m(believed)
     none = np.zeros((0, 2))
-    model = Model(slowness, offset_m, floor_m, none, np.zeros(0), np.zeros(0, dtype=np.bool_))
+    model = Model(
+        slowness, offset_m, floor_m, none, np.zeros(0), np.zeros(0, dtype=np.bool_), floor_model
+    )
     if target is not None:
         place_m = np.array([[target.x_m, target.y_m]])
         model = model.with_objects(place_m, np.array([target.radius_m]), is_fixed=True)
-    candidates = np.flatnonzero(direct_echoes(believed, floor_m))
+    candidates = np.flatnonzero(direct_echoes(believed, floor_m, floor_model))
     model, _, matches = _searched(hearing, model, candidates, _FIRST_GATES_M)
     # Of what is left, more objects may be found by what is now known of sound speed and offset.
     believed = hearing.read_as(model.slowness, model.offset_m)
-    candidates = np.flatnonzero(direct_echoes(believed, model.floor_m))
+    candidates = np.flatnonzero(direct_echoes(believed, model.floor_m, floor_model))
     candidates = np.setdiff1d(candidates, matches.echoes)
     model, found, matches = _searched(hearing, model, candidates, _GATES_M)
     told = found.stds[OFFSET] <= _OFFSET_STD_M

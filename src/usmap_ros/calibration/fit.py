@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from usmap_ros.acoustics.propagation import FloorModel
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.calibration.hearing import Hearing
 
@@ -42,6 +43,8 @@ class Model:
         By how much ranges come out too long.
     floor_m : float or None
         Height of the transducers above the floor; None: no floor is heard.
+    floor_model : FloorModel
+        How it returns sound.
     places_m : (objects, 2) array
         Where objects stand.
     radii_m : (objects,) array
@@ -56,6 +59,7 @@ class Model:
     places_m: FloatArray
     radii_m: FloatArray
     is_fixed: BoolArray
+    floor_model: FloorModel = FloorModel.IMAGE
 
     def having(self, objects: IndexArray) -> Model:
         """The same with some of the objects only."""
@@ -78,14 +82,35 @@ class Model:
     @property
     def path_count(self) -> int:
         """Paths of different lengths to each object."""
-        return 1 if self.floor_m is None else 3
+        if self.floor_m is None:
+            return 1
+        return 2 if self.floor_model is FloorModel.CORNER else 3
 
     def half_paths_m(self, distance_m: FloatArray) -> FloatArray:
         """L/2 of every path, shape (..., paths)."""
         if self.floor_m is None:
             return np.asarray(distance_m)[..., np.newaxis]
+        if self.floor_model is FloorModel.CORNER:
+            return np.stack([distance_m, np.hypot(distance_m, self.floor_m)], axis=-1)
         over_m = np.hypot(distance_m, 2.0 * self.floor_m)
         return np.stack([distance_m, 0.5 * (distance_m + over_m), over_m], axis=-1)
+
+    def path_slopes(
+        self, distance_m: FloatArray, paths: IndexArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Change of L/2 of given paths with the distance, and with the floor's height."""
+        height_m = self.floor_m or 0.0
+        if self.floor_model is FloorModel.CORNER:
+            corner_m = np.maximum(np.hypot(distance_m, height_m), 1e-6)
+            by_floor = paths > 0
+            return (
+                np.where(by_floor, distance_m / corner_m, 1.0),
+                np.where(by_floor, height_m / corner_m, 0.0),
+            )
+        over_m = np.maximum(np.hypot(distance_m, 2.0 * height_m), 1e-6)
+        # Share of the path's half length that goes over the floor: 0, 1/2 or 1.
+        share = 0.5 * paths
+        return (1.0 - share) + share * distance_m / over_m, share * 4.0 * height_m / over_m
 
     def apparent_m(self, distance_m: FloatArray) -> FloatArray:
         """Where the echoes of objects at a distance seem to be, shape (..., paths)."""
@@ -99,7 +124,8 @@ class Matches:
     Parameters
     ----------
     echoes, objects, paths : integer arrays
-        Which echo came from which object over which path (0: direct, 1: one way, 2: both ways).
+        Which echo came from which object over which path (0: direct, 1: one way, 2: both ways; of
+        a floor with corners 1: by the corner).
     """
 
     echoes: IndexArray
@@ -215,17 +241,13 @@ class _Problem:
     def jacobian(self, unknowns: FloatArray) -> FloatArray:
         model = self.model(unknowns)
         offset_m, distance_m = self._legs(model)
-        height_m = model.floor_m or 0.0
-        over_m = np.maximum(np.hypot(distance_m, 2.0 * height_m), 1e-6)
         path, count = self.matches.paths, len(distance_m)
         paths = model.half_paths_m(distance_m)[np.arange(count), path]
-        # Share of the path's half length that goes over the floor: 0, 1/2 or 1.
-        share = 0.5 * path
-        slope = (1.0 - share) + share * distance_m / over_m
+        slope, height_slope = model.path_slopes(distance_m, path)
         slopes = np.zeros((count + PLACES, len(unknowns)))
         slopes[:count, SLOWNESS] = paths + model.offset_m
         slopes[:count, OFFSET] = model.slowness
-        slopes[:count, HEIGHT] = model.slowness * share * 4.0 * height_m / over_m
+        slopes[:count, HEIGHT] = model.slowness * height_slope
         column = np.full(len(model.places_m), -1)
         column[self._free_objects] = PLACES + 2 * np.arange(len(self._free_objects))
         mine = column[self.matches.objects]

@@ -2,13 +2,15 @@
 
 An object's echo over the floor trails its direct one.  With r the direct leg and u that over the
 floor, u² − r² = (2 h)²: every pair of echoes votes for a height, and true pairs agree whatever
-the object's range.
+the object's range.  The corner between the floor and an upright object is √(r² + h²) away, where
+u² − r² = h².
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from usmap_ros.acoustics.propagation import FloorModel
 from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.calibration.hearing import Hearing
 
@@ -22,15 +24,17 @@ _LEAST_CONTRAST = 2.5
 _GATE_M = 0.012
 
 
-def guess_floor_m(hearing: Hearing) -> float | None:
+def guess_floor_m(hearing: Hearing, floor_model: FloorModel) -> float | None:
     """Height of the transducers above the floor; None where no floor is heard.
 
     Parameters
     ----------
     hearing : Hearing
         The echoes.
+    floor_model : FloorModel
+        How it would return sound.
     """
-    heights_m = np.concatenate([np.zeros(0), *_votes(hearing)])
+    heights_m = np.concatenate([np.zeros(0), *_votes(hearing, floor_model)])
     heights_m = np.sort(heights_m[(heights_m > _HEIGHTS_M[0]) & (heights_m < _HEIGHTS_M[1])])
     if len(heights_m) == 0:
         return None
@@ -48,7 +52,7 @@ def guess_floor_m(hearing: Hearing) -> float | None:
     return float(np.median(heights_m[first : first + most]))
 
 
-def _votes(hearing: Hearing) -> list[FloatArray]:
+def _votes(hearing: Hearing, floor_model: FloorModel) -> list[FloatArray]:
     """Heights that the pairs of echoes of each ping would mean."""
     votes = []
     for ping in range(hearing.ping_count):
@@ -60,13 +64,17 @@ def _votes(hearing: Hearing) -> list[FloatArray]:
         # One way over the floor an echo is (r + u) / 2 away, both ways u; the floor adds two of
         # the former to each object, and neither is louder than the object by itself.
         quieter = amplitude[later] < 2.0 * amplitude[direct]
+        if floor_model is FloorModel.CORNER:
+            squared = np.maximum(range_m[later] ** 2 - leg_m**2, 0.0)
+            votes.append(np.sqrt(squared[quieter]))
+            continue
         for over_m in (2.0 * range_m[later] - leg_m, range_m[later]):
             squared = np.maximum(over_m**2 - leg_m**2, 0.0)
             votes.append(0.5 * np.sqrt(squared[quieter]))
     return votes
 
 
-def direct_echoes(hearing: Hearing, floor_m: float | None) -> BoolArray:
+def direct_echoes(hearing: Hearing, floor_m: float | None, floor_model: FloorModel) -> BoolArray:
     """Which echoes no earlier one of the same ping explains by way of the floor, (echoes,)."""
     direct = np.ones(len(hearing.ranges_m), dtype=bool)
     if floor_m is None:
@@ -77,6 +85,9 @@ def direct_echoes(hearing: Hearing, floor_m: float | None) -> BoolArray:
         for index, range_m in enumerate(hearing.ranges_m[echoes], echoes.start):
             if len(explained) and np.abs(explained - range_m).min() < _GATE_M:
                 direct[index] = False
+                continue
+            if floor_model is FloorModel.CORNER:
+                explained = np.append(explained, np.hypot(range_m, floor_m))
                 continue
             over_m = np.hypot(range_m, 2.0 * floor_m)
             explained = np.append(explained, [0.5 * (range_m + over_m), over_m])

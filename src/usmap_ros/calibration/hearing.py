@@ -12,6 +12,7 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.parameters import CorrectionParameters, ReconstructionParameters
 from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.trace import EchoTrace
 
 #: Paths over the floor arrive from beyond the largest range at which objects are looked for.
@@ -115,7 +116,8 @@ def listen(traces: Iterable[EchoTrace], parameters: ReconstructionParameters) ->
     stated: Channel | None = None
     sensors: dict[str, int] = {}
     pings, columns = [], []
-    for trace in traces:
+    noise = SharedNoise(parameters)
+    for trace in map(noise.tell, traces):
         stated = stated or trace.channel
         deaf = replace(trace.channel, floor_height_m=0.0)
         limits = trace.transducer.min_range_m, _FARTHER * trace.transducer.max_range_m

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.calibration.fit import Matches, Model
 from usmap_ros.calibration.hearing import Hearing
@@ -111,11 +111,15 @@ def floor_reflectivity(
         first = matches.echoes[direct[int(keys[index])]]
         place_m = model.places_m[matches.objects[index]]
         leg_m = float(hearing.polar(int(hearing.pings[first]), place_m)[0])
-        over_m = float(np.hypot(leg_m, 2.0 * model.floor_m))
+        is_corner = model.floor_model is FloorModel.CORNER
+        over_m = float(np.hypot(leg_m, (1.0 if is_corner else 2.0) * model.floor_m))
         ratio = hearing.amplitudes[matches.echoes[index]] / hearing.amplitudes[first]
         # Of one leg over the floor; two paths share the length of the one-way echo.
         spread = leg_m / over_m * 10.0 ** (-channel.attenuation_db_m * (over_m - leg_m) / 20.0)
-        found.append(0.5 * ratio / spread if path == 1 else np.sqrt(ratio) / spread)
+        if is_corner:
+            found.append(0.5 * ratio / spread**2)
+        else:
+            found.append(0.5 * ratio / spread if path == 1 else np.sqrt(ratio) / spread)
         objects.append(int(matches.objects[index]))
     if len(found) < _LEAST_ECHOES:
         return Estimate(np.nan, np.nan, "too few echoes over the floor were heard clearly")

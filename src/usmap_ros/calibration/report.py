@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from usmap_ros.calibration.pulse import MeasuredPulse
 from usmap_ros.calibration.result import Calibration, Estimate
 
 #: Digits behind the point, unit and name of each quantity.
@@ -23,9 +24,14 @@ _DECIBELS = 20.0 / np.log(10.0)
 
 def summary(calibration: Calibration) -> dict[str, str]:
     """What was found of each quantity, one line each: value ± standard deviation, or why not."""
-    return {
+    lines = {
         _SHOWN[name][2]: _line(name, estimate) for name, estimate in calibration.estimates().items()
     }
+    if calibration.floor_height_m.is_told and calibration.floor_height_m.value > 0.0:
+        lines["floor model"] = calibration.floor_model.value
+    if calibration.pulse is not None:
+        lines["pulse"] = _pulse_line(calibration.pulse)
+    return lines
 
 
 def as_json(calibration: Calibration) -> dict[str, Any]:
@@ -40,6 +46,15 @@ def as_json(calibration: Calibration) -> dict[str, Any]:
         for name, estimate in calibration.estimates().items()
     }
     counts = {name: getattr(calibration, name) for name in ("pings", "echoes", "objects")}
+    figures["floor_model"] = calibration.floor_model.value
+    if calibration.pulse is not None:
+        figures["pulse"] = {
+            "measured": calibration.pulse.is_told,
+            "residual": calibration.pulse.residual,
+            "stated_residual": calibration.pulse.stated_residual,
+            "model_error": calibration.pulse.model_error,
+            "echoes": calibration.pulse.echoes,
+        }
     return counts | figures
 
 
@@ -55,18 +70,21 @@ def parameter_file(calibration: Calibration, source: str, content: dict[str, Any
     content : dict
         Other parameters that the file is to hold, as parsed from YAML.
     """
-    told = {
-        name: float(f"{estimate.value:.6g}")
-        for name, estimate in calibration.estimates().items()
-        if estimate.is_told
+    found = calibration.reconstruction()
+    found["correction"] = {
+        name: float(f"{value:.6g}") if isinstance(value, float) else value
+        for name, value in found["correction"].items()
     }
-    group = {**content.get("reconstruction", {}), "correction": told}
+    group = {**content.get("reconstruction", {}), **found}
     lines = [
         f"# Calibrated from {source}: {calibration.pings} pings, {calibration.echoes} echoes of"
         f" {calibration.objects} objects",
         *(f"# {name}: {line}" for name, line in summary(calibration).items()),
     ]
-    body = yaml.safe_dump({**content, "reconstruction": group}, sort_keys=False)
+    # Lists of numbers on lines of their own would be hundreds.
+    body = yaml.safe_dump(
+        {**content, "reconstruction": group}, sort_keys=False, default_flow_style=None, width=100
+    )
     return "\n".join(lines) + "\n" + body
 
 
@@ -86,6 +104,16 @@ def _line(name: str, estimate: Estimate) -> str:
     if name == "floor_height_m" and estimate.is_told and value == 0.0:
         return "no floor is heard, although messages state one"
     return text if estimate.is_told else f"{text}; left as stated: {estimate.untold}"
+
+
+def _pulse_line(pulse: MeasuredPulse) -> str:
+    stated = f"the stated one leaves {pulse.stated_residual:.2f} of an echo"
+    if not pulse.is_told:
+        return f"as stated; {stated}"
+    return (
+        f"measured on {pulse.echoes} echoes; {stated}, the measured one {pulse.residual:.2f}; model"
+        f" error {pulse.model_error:.2f}"
+    )
 
 
 def _finite(value: float) -> float | None:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.propagation import Channel, FloorModel
+from usmap_ros.calibration.pulse import MeasuredPulse
 from usmap_ros.correction import corrected_channel
 from usmap_ros.parameters import CorrectionParameters
+
+#: What is estimated, by the names of `CorrectionParameters`.
+QUANTITIES = (
+    "gain", "range_offset_m", "sound_speed_m_s", "floor_height_m", "floor_reflectivity"
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -71,6 +78,10 @@ class Calibration:
         logarithm.
     pings, echoes, objects : int
         What it was found from.
+    floor_model : FloorModel
+        How the floor returns sound, if one is heard.
+    pulse : MeasuredPulse or None
+        The pulse as it is received; None: too few echoes were loud, or it was given.
     """
 
     sound_speed_m_s: Estimate
@@ -81,15 +92,32 @@ class Calibration:
     pings: int
     echoes: int
     objects: int
+    floor_model: FloorModel = FloorModel.IMAGE
+    pulse: MeasuredPulse | None = None
 
     def estimates(self) -> dict[str, Estimate]:
         """All quantities, by the names of `CorrectionParameters`."""
-        return {name: getattr(self, name) for name in CorrectionParameters.model_fields}
+        return {name: getattr(self, name) for name in QUANTITIES}
 
     def correction(self) -> CorrectionParameters:
         """Parameters that set right what the recording tells; the rest stays as stated."""
-        told = {name: one.value for name, one in self.estimates().items() if one.is_told}
+        told: dict[str, Any] = {
+            name: one.value for name, one in self.estimates().items() if one.is_told
+        }
+        if self.floor_height_m.is_told:
+            told["floor_model"] = self.floor_model.value
         return CorrectionParameters(**told)
+
+    def reconstruction(self) -> dict[str, Any]:
+        """Contents of the group ``reconstruction`` of a parameter file: all that was found."""
+        told = self.correction().model_dump(exclude_unset=True)
+        if told.get("floor_model") == FloorModel.IMAGE.value:
+            del told["floor_model"]
+        content: dict[str, Any] = {"correction": told}
+        if self.pulse is not None and self.pulse.is_told:
+            content["model_error"] = float(f"{self.pulse.model_error:.3g}")
+            content["pulse"] = self.pulse.parameters.model_dump(exclude_unset=True)
+        return content
 
     def channel(self, stated: Channel) -> Channel:
         """`stated`, set right as far as the recording tells."""

@@ -47,6 +47,11 @@ class CorrectionParameters(ParameterGroup):
     floor_reflectivity: float = quantity(
         -1.0, "Of the floor; below 0: as traces state it.", ge=-1.0, le=1.0
     )
+    floor_model: Literal["image", "corner"] = quantity(
+        "image",
+        "How the floor returns sound: by an object's mirror image below it, as in the paper, or by"
+        " the corner between it and objects that stand upright on it.",
+    )
 
 
 class PulseParameters(ParameterGroup):
@@ -190,6 +195,29 @@ class ReconstructionParameters(ParameterGroup):
     max_iterations: int = quantity(20, "CoSaMP iterations in one round.", ge=1, le=1000)
     limit_step_m: float = quantity(
         0.025, "Range bins in which the detection limit is reported.", "m", ge=0.001, le=1.0
+    )
+    valid_from_s: float = quantity(
+        0.0,
+        "When samples begin to be valid after the start of emission, since the transmitter has rung"
+        " out; 0: found in every trace.",
+        "s",
+        ge=0.0,
+        le=10.0,
+    )
+    valid_until_s: float = quantity(
+        0.0,
+        "When samples cease to be valid, since the receiver mutes itself; 0: found in every trace.",
+        "s",
+        ge=0.0,
+        le=1000.0,
+    )
+    receiver_offset_m: Numbers = quantity(
+        [0.0, 0.0, 0.0],
+        "Where the receiving element of a sensor of two is, ahead, to the left and upwards of the"
+        " one that sends, whose pose traces state.",
+        "m",
+        min_length=3,
+        max_length=3,
     )
     correction: CorrectionParameters = CorrectionParameters()
     pulse: PulseParameters = PulseParameters()

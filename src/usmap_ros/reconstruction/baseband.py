@@ -218,6 +218,21 @@ def _sampling_errors(
     return rms
 
 
+def estimated_noise_std(trace: EchoTrace) -> float:
+    """Noise of a trace as `EchoTrace.noise_std` has it, estimated from its quietest part.
+
+    Raises
+    ------
+    MalformedMessageError
+        If the trace cannot be brought to the baseband.
+    """
+    if trace.encoding is Encoding.RAW and trace.transducer.pulse.has_carrier:
+        silent = to_baseband(replace(trace, noise_std=0.0))
+        decimation = trace.sample_rate_hz / silent.sampling.sample_rate_hz
+        return silent.noise_std * float(np.sqrt(decimation)) / 2.0
+    return _estimate_noise(trace.signal())
+
+
 def _estimate_noise(signal: Signal) -> float:
     """Noise level from the quietest quarter of the samples, for a receiver that states none.
 

@@ -7,20 +7,18 @@ accepted is obeyed by all of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.cone import EchoCone
-from usmap_ros.correction import corrected
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.listening import listened
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.received_pulse import with_profile
 from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_delays
+from usmap_ros.reconstruction.told import told
 from usmap_ros.trace import EchoTrace, Encoding
 
 
@@ -65,11 +63,11 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     MalformedMessageError
         If the trace cannot be reconstructed.
     """
-    told = _told(trace, parameters)
+    known = told(trace, parameters)
     if parameters.dictionary == "cells":
-        return _by_cells(told, parameters)
-    found = reconstruct_delays(told, parameters)
-    return _by_delays(told, found, cone_with_bearings(0, [(told, found)]))
+        return _by_cells(known, parameters)
+    found = reconstruct_delays(known, parameters)
+    return _by_delays(known, found, cone_with_bearings(0, [(known, found)]))
 
 
 def reconstruct_sounding(
@@ -96,11 +94,11 @@ def reconstruct_sounding(
     heard: dict[int, Heard] = {}
     for place, trace in enumerate(traces):
         try:
-            told = _told(trace, parameters)
+            known = told(trace, parameters)
             if parameters.dictionary == "cells":
-                outcomes.append(_by_cells(told, parameters))
+                outcomes.append(_by_cells(known, parameters))
             else:
-                heard[place] = (told, reconstruct_delays(told, parameters))
+                heard[place] = (known, reconstruct_delays(known, parameters))
                 outcomes.append(None)
         except MalformedMessageError as error:
             outcomes.append(error)
@@ -110,16 +108,6 @@ def reconstruct_sounding(
             cone = cone_with_bearings(number, together)
             outcomes[place] = _by_delays(*together[number], cone)
     return outcomes
-
-
-def _told(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
-    """The trace as it should have been, as far as parameters say what it lacks."""
-    trace = corrected(trace.with_sweep(parameters.chirp_sweep_hz), parameters.correction)
-    trace = listened(with_profile(trace, parameters.pulse))
-    if parameters.upright_objects:
-        return trace
-    rise_m = parameters.object_height_m - float(trace.pose.position_m[2])
-    return replace(trace, channel=replace(trace.channel, object_rise_m=rise_m))
 
 
 def _by_delays(trace: EchoTrace, found: DelayReconstruction, cone: EchoCone) -> Reconstruction:

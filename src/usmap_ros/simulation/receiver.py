@@ -26,10 +26,13 @@ class Converter:
         Resolution; one of them is the sign, except for an envelope, which has none.
     full_scale : float
         Largest amplitude that it can express, in units of the samples.
+    unipolar : bool
+        Whether it has no sign at all, so that raw samples need an offset.
     """
 
     bits: int
     full_scale: float
+    unipolar: bool = False
 
     def step(self, *, signed: bool) -> float:
         """Difference between neighbouring levels."""
@@ -98,9 +101,14 @@ class Receiver:
         heard_std = self.imperfections.gain * self.noise_std
         variance = heard_std**2 / (2.0 if is_raw else 1.0)
         if self.converter is not None:
-            step = self.converter.step(signed=self.encoding is not Encoding.ENVELOPE)
+            step = self.converter.step(signed=self._is_signed)
             variance += step**2 / 12.0 * (2.0 if self.encoding is Encoding.IQ else 1.0)
         return float(np.sqrt(variance))
+
+    @property
+    def _is_signed(self) -> bool:
+        unipolar = self.converter is not None and self.converter.unipolar
+        return self.encoding is not Encoding.ENVELOPE and not unipolar
 
     def sample_count(self, duration_s: float) -> int:
         """Samples (or pairs) from the first one to the last before `duration_s`."""
@@ -177,8 +185,7 @@ class Receiver:
         if faults.gain != 1.0 or faults.offset != 0.0:
             values = faults.gain * values + faults.offset
         if self.converter is not None:
-            signed = self.encoding is not Encoding.ENVELOPE
-            values = self.converter.convert(values, signed=signed)
+            values = self.converter.convert(values, signed=self._is_signed)
         return values.astype(np.float32)
 
 

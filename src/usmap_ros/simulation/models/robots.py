@@ -163,9 +163,13 @@ class ConverterModel(ParameterGroup):
         2.0, "Amplitude at which it saturates, in units of the samples.", gt=0.0, le=1e9
     )
 
+    unipolar: bool = quantity(
+        False, "Whether it has no sign at all, so that samples of either sign need an offset."
+    )
+
     def build(self) -> Converter:
         """The converter itself."""
-        return Converter(self.bits, self.full_scale)
+        return Converter(self.bits, self.full_scale, self.unipolar)
 
 
 class RingDownModel(ParameterGroup):

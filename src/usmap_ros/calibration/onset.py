@@ -47,7 +47,7 @@ def onset_s(template: Signal, rate_hz: float, pulse: Pulse) -> float | None:
         resonances = [(frequency_hz, float(np.exp(one))) for one in (log_first, log_second)]
         profile = resonant_profile(drive.envelope, drive.duration_s, drive.carrier_hz, resonances)
         shape = profile(time_s - 1e-3 * begins_s)
-        scale = np.vdot(shape, seen) / max(np.vdot(shape, shape).real, 1e-12)
+        scale = np.vdot(shape, seen) / max(float(np.linalg.norm(shape)) ** 2, 1e-12)
         return np.asarray((seen - scale * shape).view(float))
 
     bounds = (

@@ -18,7 +18,7 @@ FULL := $(VENV)/.stamp-full
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench readme figures docs test-lower-bounds constraints clean
+.PHONY: help demo test lint format bench readme scores figures docs test-lower-bounds constraints clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|' 2>/dev/null \
@@ -53,10 +53,14 @@ bench: $(FULL) ## measure speed and memory
 
 readme: $(FULL) ## make the README's pictures and table anew
 	@$(BIN)/usmap demo -o demo_output
-	@for picture in map.gif map.png range_only.png ping.png; do \
+	@for picture in map.gif map.png range_only.png normals.png ambiguity.png ping.png; do \
 	  cp demo_output/$$picture docs/images/demo_$$picture; done
 	@$(BIN)/python benchmarks/scores.py --conditions plain --methods ours range_only \
 	  --readme README.md
+
+scores: $(FULL) ## compare methods, and measure how reliable probabilities are: into docs/benchmarks.md
+	@$(BIN)/python benchmarks/scores.py --jobs 2 --page docs/benchmarks.md
+	@$(BIN)/python benchmarks/reliability.py --jobs 2 --page docs/benchmarks.md
 
 figures: $(FULL) ## reproduce the paper's figures: into figures
 	@$(BIN)/usmap paper -o figures

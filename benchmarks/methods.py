@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -30,11 +30,14 @@ class Method:
     fusion : {"pipeline", "range_only", "max_merging"}
         The product's own; nav2's range model on first echoes; the product's for each robot alone,
         and of their maps the cells that are surest to be occupied.
+    trusts_poses : bool
+        Whether poses are taken to have no error, whatever their covariance says.
     """
 
     shown: str
     settings: dict[str, Any] = field(default_factory=dict)
     fusion: Literal["pipeline", "range_only", "max_merging"] = "pipeline"
+    trusts_poses: bool = False
 
     def parameters(self) -> PipelineParameters:
         """The defaults with the method's own settings.
@@ -53,6 +56,8 @@ class Method:
     def map(self, cones: Cones) -> OccupancyMap:
         """The map of a recording."""
         parameters = self.parameters()
+        if self.trusts_poses:
+            cones = [(topic, _certain(cone)) for topic, cone in cones]
         if self.fusion == "range_only":
             range_only = RangeSensorFusion(parameters.mapping)
             for _, cone in cones:
@@ -69,7 +74,13 @@ class Method:
 #: The product with one of its parts taken out, to see what each is worth.
 ABLATIONS = {
     "no_occlusion": Method("ours, nothing hides anything", {"mapping.occlusion": False}),
-    "no_revisits": Method("ours, every ping weighed once", {"mapping.revisits": 0}),
+    "no_revisits": Method("ours, no ping weighed again", {"mapping.revisits": 0}),
+    "no_forgetting": Method("ours, nothing forgotten", {"mapping.forgetting": 0.0}),
+    "no_proof": Method("ours, silence trusted everywhere", {"mapping.silence_trust_m": 100.0}),
+    "no_walls": Method("ours, gaps in walls left open", {"mapping.wall_gap_m": 0.0}),
+    "no_sides": Method("ours, all things answer to all sides", {"mapping.side_price": 1e3}),
+    "no_price": Method("ours, cells' powers free of charge", {"mapping.power_price": 0.0}),
+    "no_covariance": Method("ours, poses' covariance ignored", trusts_poses=True),
 }
 
 METHODS = {
@@ -83,6 +94,11 @@ METHODS = {
         {"reconstruction.dictionary": "cells", "mapping.method": "additive"},
     ),
 }
+
+
+def _certain(cone: EchoCone) -> EchoCone:
+    """The same from a pose that is thought to have no error."""
+    return replace(cone, pose=replace(cone.pose, covariance=np.zeros((6, 6))))
 
 
 def _fused(cones: list[EchoCone], parameters: PipelineParameters) -> OccupancyMap:

@@ -5,17 +5,19 @@ far a bin is from the diagonal, of those bins above 0.05 that hold more than 1 %
 0.05. A cell is right if it holds a surface, or, in the other reading, if it holds or touches one.
 
 python benchmarks/reliability.py [-o bench_output/reliability.png] [--seeds 911 ...] [--cache DIR]
-    [--jobs 2]
+    [--jobs 2] [--page docs/benchmarks.md]
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from pages import put_with_picture
 from scores import all_results, cases
 
 from usmap_ros.mapping.reliability import BINS, LEAST_SHARE, SURELY_FREE, Reliability
@@ -40,15 +42,6 @@ def pooled(
         counts = [result.reliability for result in results]
         found[name] = sum(counts[1:], start=counts[0])
     return found
-
-
-def run() -> dict[str, float]:
-    """Largest distances from the diagonal."""
-    return {
-        f"{name}_{reading}": counts.worst(touching=reading == "touching")
-        for name, counts in pooled().items()
-        for reading in ("holding", "touching")
-    }
 
 
 def draw(found: dict[str, Reliability], path: Path) -> None:
@@ -104,11 +97,17 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
     parser.add_argument("--cache", type=Path, help="folder to keep simulated cones in")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--page", type=Path, help="page to put the counts and the diagrams into")
     arguments = parser.parse_args()
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     found = pooled(arguments.seeds, arguments.cache, arguments.jobs)
-    print(markdown(found), end="")
+    table = markdown(found)
+    print(table, end="")
     draw(found, arguments.output)
+    if arguments.page is not None:
+        caption = "Shares of cells that hold or touch a surface, by the probability they were given"
+        table += f"\nSeeds: {', '.join(map(str, arguments.seeds))}.\n"
+        put_with_picture(arguments.page, "reliability", table, caption, partial(draw, found))
 
 
 if __name__ == "__main__":

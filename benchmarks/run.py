@@ -13,6 +13,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
+from pages import put
 from rich.console import Console
 from rich.table import Table
 
@@ -43,15 +44,14 @@ def main() -> None:
     written.write_text(json.dumps(results, indent=2) + "\n")
     console.print(f"{written}")
     if arguments.page is not None:
-        arguments.page.write_text(page(results), encoding="utf-8")
+        put(arguments.page, "times", page(results))
 
 
 def page(results: dict[str, dict[str, Any]]) -> str:
-    """All numbers as a page in Markdown; each benchmark's docstring says what it measures."""
+    """All numbers in Markdown; each benchmark's docstring says what it measures."""
     made_with = ", ".join(f"{name} {value}" for name, value in results["machine"].items())
     parts = [
-        "# Benchmarks\n\n<!-- Written by benchmarks/run.py --page docs/benchmarks.md -->\n\n"
-        f"Measured by `make bench` on two cores of a shared virtual machine: {made_with}. Times\n"
+        f"\nMeasured by `make bench` on two cores of a shared virtual machine: {made_with}. Times\n"
         "differ from machine to machine; ratios of one run do much less.\n"
     ]
     for name, numbers in results.items():
@@ -63,7 +63,7 @@ def page(results: dict[str, dict[str, Any]]) -> str:
         rows = "".join(
             f"| {key.replace('_', ' ')} | {shown(value)} |\n" for key, value in numbers.items()
         )
-        parts.append(f"## {name}\n\n{summary}\n\n{explained}\n\n| | |\n|---|---|\n{rows}")
+        parts.append(f"### {name}\n\n{summary}\n\n{explained}\n\n| | |\n|---|---|\n{rows}")
     return "\n".join(parts)
 
 

@@ -6,7 +6,8 @@ from the diagonal of the reliability diagram of all seeds, where a cell counts a
 or touches a surface. Means over the seeds, with the standard deviation behind ±.
 
 python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ...] [--conditions plain ...]
-    [--seeds 901 ...] [--methods ours ...] [--nav2-map MAP.yaml ...] [--cache DIR] [--jobs 2]
+    [--seeds 901 ...] [--methods ours ...] [--ablations] [--nav2-map MAP.yaml ...] [--cache DIR]
+    [--jobs 2] [--page docs/benchmarks.md]
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ import json
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from methods import METHODS
+from methods import ABLATIONS, METHODS
+from pages import put, put_with_picture
 from recordings import cones
 from rich.progress import track
 from scenes import CONDITIONS, KINDS, scenario
@@ -42,9 +45,8 @@ COLUMNS = (
     ("escape m²", "escape_m2", 2),
     ("log loss", "log_loss", 3),
 )
-#: Methods in the table of the README, and in `run`.
+#: Methods in the table of the README.
 SHOWN_METHODS = ("ours", "range_only")
-START, END = "<!-- scores -->\n", "<!-- /scores -->"
 
 
 @dataclass(frozen=True)
@@ -214,19 +216,14 @@ def readme_table(rows: list[dict[str, Any]]) -> str:
         ]
         scene = by_method["ours"]["scene"].replace("_", " ")
         lines.append(f"| {scene} | {' | '.join(figures)} |")
-    seeds = sorted({seed for row in rows for seed in row["seeds"]})
-    lines += ["", f"Seeds: {', '.join(map(str, seeds))}."]
+    lines += ["", seeds_of(rows)]
     return "\n".join(lines) + "\n"
 
 
-def run() -> dict[str, float]:
-    """F1, leak, lost and escape of every scene, means over the seeds, ours and range only."""
-    results = all_results(cases(KINDS, ["plain"], SEEDS), list(SHOWN_METHODS))
-    return {
-        f"{row['scene']}_{row['method']}_{name}": row[name]
-        for row in summary(results)
-        for _, name, _ in COLUMNS[:4]
-    }
+def seeds_of(rows: list[dict[str, Any]]) -> str:
+    """A sentence that says which seeds the rows are from."""
+    seeds = sorted({seed for row in rows for seed in row["seeds"]})
+    return f"Seeds: {', '.join(map(str, seeds))}."
 
 
 def main() -> None:
@@ -243,11 +240,11 @@ def main() -> None:
     (output / "scores.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
     draw_scores(rows, output / "scores.png")
     if arguments.readme is not None:
-        page = arguments.readme.read_text(encoding="utf-8")
-        before, rest = page.split(START)
-        _, after = rest.split(END)
-        written = f"{before}{START}{readme_table(rows)}{END}{after}"
-        arguments.readme.write_text(written, encoding="utf-8")
+        put(arguments.readme, "scores", readme_table(rows))
+    if arguments.page is not None:
+        caption = "F1, leak, lost and escape of every method on every scene"
+        picture = partial(draw_scores, rows)
+        put_with_picture(arguments.page, "scores", f"{table}\n{seeds_of(rows)}\n", caption, picture)
 
 
 def _parsed() -> argparse.Namespace:
@@ -256,12 +253,20 @@ def _parsed() -> argparse.Namespace:
     parser.add_argument("--scenes", nargs="*", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--conditions", nargs="+", choices=list(CONDITIONS))
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
-    parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
+    usual = [name for name in METHODS if name not in ABLATIONS]
+    parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=usual)
+    parser.add_argument(
+        "--ablations", action="store_true", help="also ours without each of its parts"
+    )
     parser.add_argument("--nav2-map", nargs="+", type=Path, default=[], help="further worlds")
     parser.add_argument("--cache", type=Path, help="folder to keep simulated cones in")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--readme", type=Path, help="page to put ours and range only into")
-    return parser.parse_args()
+    parser.add_argument("--page", type=Path, help="page to put the table and its picture into")
+    arguments = parser.parse_args()
+    if arguments.ablations:
+        arguments.methods += [name for name in ABLATIONS if name not in arguments.methods]
+    return arguments
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import TruthMap
+from usmap_ros.grids import AMBIGUITY, NORMAL, OccupancyMap, TruthMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary, save_truth
@@ -31,6 +31,8 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
 #: Frames of the animation.
 FRAMES = 48
+#: The ping that is drawn has the fewest echoes from so many on, to show how each comes about.
+LEAST_ECHOES = 3
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,8 @@ def run_demo(folder: Path, progress: Progress) -> DemoResult:
             "truth": folder / "truth.yaml",
             "picture of the map": folder / "map.png",
             "range-only sonar": folder / "range_only.png",
+            "which way walls face": folder / "normals.png",
+            "what is undecided": folder / "ambiguity.png",
             "picture of a ping": folder / "ping.png",
             "map forming": folder / "map.gif",
         }
@@ -121,6 +125,9 @@ class _Observer:
         self.frames: list[MapFrame] = []
         self._cones: dict[str, EchoCone] = {}
         self._pings, self._seen = pings, 0
+        # Topic and stamp of the ping to be drawn, and what makes it the best so far.
+        self.clearest: tuple[str, int] = ("", 0)
+        self._order: tuple[bool, int] | None = None
 
     def watch(self, step: Callable[[], None]) -> Callable[[str, EchoCone], None]:
         """Make the function that is called after each ping."""
@@ -128,6 +135,11 @@ class _Observer:
         def on_cone(topic: str, cone: EchoCone) -> None:
             self.range_only.fuse(cone)
             self._cones[topic] = cone
+            echoes = len(cone.ranges_m)
+            # Too few are worse than many.
+            order = (echoes < LEAST_ECHOES, echoes)
+            if self._order is None or order < self._order:
+                self.clearest, self._order = (topic, cone.stamp_ns), order
             self._seen += 1
             # Evenly spread, the last one on the last ping.
             if self._seen * FRAMES // self._pings > (self._seen - 1) * FRAMES // self._pings:
@@ -147,23 +159,30 @@ def _draw(observer: _Observer, truth: TruthMap, paths: dict[str, Path], progress
     occupancy = observer.pipeline.occupancy_map()
     range_only = observer.range_only.occupancy_map()
     extent_m = shown_extent([occupancy, range_only], observer.paths, truth)
-    titles = {
-        "picture of the map": (occupancy, "Three robots, one map"),
-        "range-only sonar": (range_only, "The same recording, from the first echoes' ranges alone"),
-    }
-    with progress("drawing", 4) as step:
-        for picture, (drawn, title) in titles.items():
-            save_figure(map_figure(drawn, observer.paths, truth, title, extent_m), paths[picture])
+    pictures: dict[str, tuple[OccupancyMap, str, str | None]] = {
+        "picture of the map": (occupancy, "Three robots, one map", None),
+        "range-only sonar": (
+            range_only, "The same recording, from the first echoes' ranges alone", None,
+        ),
+        "which way walls face": (occupancy, "Which way surfaces face", NORMAL),
+        "what is undecided": (occupancy, "What is undecided", AMBIGUITY),
+    }  # fmt: skip
+    with progress("drawing", len(pictures) + 2) as step:
+        for picture, (drawn, title, layer) in pictures.items():
+            figure = map_figure(drawn, observer.paths, truth, title, extent_m, layer)
+            save_figure(figure, paths[picture])
             step()
-        _draw_ping(observer.pipeline, truth, paths)
+        _draw_ping(observer, truth, paths)
         step()
         save_animation(observer.frames, observer.paths, paths["map forming"], truth, extent_m)
         step()
 
 
-def _draw_ping(pipeline: Pipeline, truth: TruthMap, paths: dict[str, Path]) -> None:
-    """Draw the first ping of the recording."""
-    parameters = pipeline.parameters
+def _draw_ping(observer: _Observer, truth: TruthMap, paths: dict[str, Path]) -> None:
+    """Draw a ping of the recording that has few echoes."""
+    topic, stamp_ns = observer.clearest
     with BagReader([paths["recording"]]) as bag:
-        _, trace = next(bag.traces())
-    save_figure(draw(trace, truth, parameters), paths["picture of a ping"])
+        trace = next(
+            trace for name, trace in bag.traces() if (name, trace.stamp_ns) == (topic, stamp_ns)
+        )
+    save_figure(draw(trace, truth, observer.pipeline.parameters), paths["picture of a ping"])

@@ -124,3 +124,34 @@ def test_the_readme_shows_ours_beside_range_only(benchmark: ModuleType) -> None:
     lines = benchmark.readme_table(rows).splitlines()
     assert lines[2] == "| rough rooms |" + " 0.50 | 0.250 | 0.125 | 2.00 |" * 2
     assert lines[-1] == "Seeds: 1, 3."
+
+
+def test_a_page_keeps_all_but_what_is_put_into_its_place(
+    benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pages = importlib.import_module("pages")
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- scores -->\nold\n<!-- /scores -->\nafter\n")
+    pages.put(page, "scores", "new\n")
+    assert page.read_text() == "before\n<!-- scores -->\nnew\n<!-- /scores -->\nafter\n"
+    with pytest.raises(ValueError, match="no place between <!-- times -->"):
+        pages.put(page, "times", "new\n")
+
+    monkeypatch.setattr(
+        sys, "argv", ["/somewhere/scores.py", "--cache", "/own", "--seeds", "1", "-o", "out"]
+    )
+    drawn: list[Path] = []
+    pages.put_with_picture(page, "scores", "table", "Scores", drawn.append)
+    assert drawn == [tmp_path / "images" / "scores.png"]
+    assert "\n    python benchmarks/scores.py --seeds 1\n" in page.read_text()
+    assert "![Scores](images/scores.png)\n\ntable" in page.read_text()
+
+
+def test_poses_may_be_taken_at_their_word(methods: ModuleType, scenes: ModuleType) -> None:
+    recordings = importlib.import_module("recordings")
+    world = scenes.scenario("poles", "poses_off", 1)
+    world = world.model_copy(update={"duration_s": 0.2})
+    method = methods.METHODS["no_covariance"]
+    (_, cone), *_ = recordings.cones(world, method.parameters().reconstruction, None)
+    assert cone.pose.planar_covariance.any()
+    assert not methods._certain(cone).pose.covariance.any()

@@ -83,7 +83,8 @@ def draw_cone(
     axes.set_title(
         f"Cone of {cone.child_frame_id}: {style.counted(len(cone.ranges_m), 'echo', 'echoes')}"
     )
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.1), ncols=3)
+    # Below the axis and its label, however tall the plan is.
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), borderaxespad=4.5, ncols=3)
     return image
 
 

@@ -122,7 +122,7 @@ def draw_legend(figure: Figure, axes: Axes, paper: str = "free") -> None:
         Patch(facecolor=style.UNKNOWN, edgecolor=style.FAINT),
         *handles,
     ]
-    style.legend_below(figure, handles, [paper, "unknown", *labels], columns=6)
+    style.legend_below(figure, handles, [paper, "unknown", *labels], columns=7)
 
 
 def robot_name(topic: str) -> str:

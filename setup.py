@@ -4,10 +4,14 @@ Everything stands here rather than in pyproject.toml because ``colcon build --sy
 makes executables only of the entry points that it finds in this file.
 """
 
+import os
+import subprocess
+import sys
 from glob import glob
 from pathlib import Path
 
 from setuptools import Distribution, find_packages, setup
+from setuptools.command.develop import develop
 
 # setuptools has no install_data of its own; distutils comes with it, so it is imported after it.
 from distutils.command.install_data import install_data  # isort: skip
@@ -58,6 +62,54 @@ class InstallData(install_data):
                 launcher.write_text(f'#!/bin/sh\nexec "${{0%/*}}/../../bin/{name}" "$@"\n')
                 launcher.chmod(0o755)
                 self.outfiles.append(str(launcher))
+        else:
+            build = Path(self.get_finalized_command("build").build_base)
+            install_messages(Path(self.install_dir), build)
+
+
+class Develop(develop):
+    """Install the package where it is, as ``colcon build --symlink-install`` does."""
+
+    def run(self):
+        """Install it, and the messages if colcon asked: pip has no build directory."""
+        super().run()
+        if getattr(self, "build_directory", None):
+            # colcon makes this the place that it installs to.
+            install_messages(Path(sys.prefix), Path(self.build_directory))
+
+
+def install_messages(prefix, build):
+    """Build the messages into the same place, unless the workspace or ROS has them.
+
+    colcon looks for no packages inside of one: of a checkout in the src folder of a workspace it
+    sees usmap_ros alone, and its nodes would end at their first import. Where colcon builds
+    msg_schemas itself, as it does in the root of the checkout, there is nothing left to do.
+    """
+    places = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    others = [place for place in places if place and Path(place).resolve() != prefix.resolve()]
+    if any(Path(place, "share/usmap_msgs/package.xml").is_file() for place in others):
+        return
+    source = Path(__file__).resolve().parent / "msg_schemas"
+    build = (build / "usmap_msgs").resolve()
+    commands = [
+        [
+            *[
+                "cmake",
+                "-S",
+                str(source),
+                "-B",
+                str(build),
+                f"-DCMAKE_INSTALL_PREFIX={prefix.resolve()}",
+            ],
+            # What it does is needed for ROS from wheels, and harmless elsewhere.
+            f"-DCMAKE_PROJECT_INCLUDE={source / 'cmake/pip_environment.cmake'}",
+            *["-DBUILD_TESTING=OFF", f"-DPython3_EXECUTABLE={sys.executable}"],
+        ],
+        ["cmake", "--build", str(build), "--target", "install"],
+    ]
+    for command in commands:
+        if subprocess.run(command, check=False).returncode != 0:
+            raise SystemExit("usmap_ros: the messages in msg_schemas cannot be built")
 
 
 def tree(folder):
@@ -113,5 +165,5 @@ setup(
         "console_scripts": [f"{name} = {target}" for name, target in ENTRY_POINTS.items()]
     },
     distclass=DistributionWithData,
-    cmdclass={"install_data": InstallData},
+    cmdclass={"develop": Develop, "install_data": InstallData},
 )

@@ -126,6 +126,33 @@ def test_workspace(run, copy):
     assert f"{copy}/build/usmap_ros/" in module_file("usmap_ros", copy / "install", run)
 
 
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_a_clone_in_the_src_folder_of_a_workspace_has_its_messages(copy, environment, tmp_path):
+    """colcon sees one package only there: the messages must come with it, not be left out."""
+    workspace = tmp_path / "workspace"
+    (workspace / "src").mkdir(parents=True)
+    copy.rename(workspace / "src" / "usmap_ros")
+
+    def said(*command: str) -> str:
+        process = subprocess.run(
+            command, cwd=workspace, env=environment, check=False, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        assert process.returncode == 0, process.stdout
+        return process.stdout
+
+    assert said("colcon", "list", "--names-only").split() == ["usmap_ros"]
+    said("colcon", "build", "--symlink-install")
+    code = (
+        "import usmap_msgs.msg as m, usmap_ros.nodes.map_fusion; print(m.EchoTrace(), m.__file__)"
+    )
+    printed = said("bash", "-c", f". install/setup.bash && python -c '{code}'")
+    assert "sound_speed=0.0" in printed
+    assert f"{workspace}/install/usmap_ros/" in printed
+
+
 def check_install(install: Path, run) -> None:
     """Check that ``ros2 run`` will find every executable, and the package its definitions."""
     prefix = install / "usmap_ros"

@@ -42,45 +42,23 @@ def offline(bag: Path, folder: Path, settings: dict[str, Any]) -> OccupancyMap:
 def replay(
     live: Any, processes: Any, bag: Path, folder: Path, rate: float, settings: dict[str, Any]
 ) -> OccupancyMap:
-    """Map that comes of replaying the bag through a reconstructor a robot, and fusion."""
+    """Map that comes of replaying the bag through a reconstructor a robot, and fusion.
+
+    With every wait and queue as it is by default, at whatever rate: the replay waits for all.
+    """
     diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 100)
-    processes.start(
-        "map_fusion",
-        save_path=folder,
-        # The machine may be busy: what counts here is the order, not how soon.
-        order_wait_s=60.0,
-        use_sim_time="true",
-    )
+    processes.start("map_fusion", save_path=folder, use_sim_time="true")
     options = {f"reconstruction__{name}": value for name, value in settings.items()}
     for robot in ROBOTS:
-        processes.start(
-            "cone_reconstructor", robot, queue_depth=PINGS, use_sim_time="true", **options
-        )
-    processes.start("bag_replay", bag=bag, rate=rate, start_paused="true", wait_s=1000.0)
-    live.until(lambda: all(_is_connected(live, robot) for robot in ROBOTS), DEADLINE_S)
-    # Everybody sees it at a different time; what a reconstructor publishes before it does is lost.
-    reconstructors = [f"/{robot}/cone_reconstructor" for robot in ROBOTS]
-    live.until(
-        lambda: all(_total(diagnostics, node, "listeners") for node in reconstructors), DEADLINE_S
-    )
-    assert live.call("std_srvs/srv/SetBool", "/bag_replay/pause", data=False).success
-    # Its last cones wait for others that do not come: a reset of the wait lets them go.
-    live.until(lambda: _total(diagnostics, "/map_fusion", "received") == PINGS, DEADLINE_S)
-    assert live.set_parameter("/map_fusion", "order_wait_s", 0.0).successful
+        processes.start("cone_reconstructor", robot, use_sim_time="true", **options)
+    # A busy machine takes long to start so many.
+    processes.start("bag_replay", bag=bag, rate=rate, wait_s=DEADLINE_S)
     live.until(lambda: _total(diagnostics, "/map_fusion", "fused") == PINGS, DEADLINE_S)
     for what in ("late", "dropped", "malformed", "refused", "failed"):
         assert _total(diagnostics, "/map_fusion", what) == 0
     assert live.call("std_srvs/srv/Trigger", "/map_fusion/save_map").success
     processes.end_all()
     return load_map(folder)[0]
-
-
-def _is_connected(live: Any, robot: str) -> bool:
-    """Whether replay, reconstructor and fusion have found each other."""
-    peer = live.peer
-    echo, cone = f"/{robot}/echo", f"/{robot}/cone"
-    ends = [peer.count_publishers(echo), peer.count_subscribers(echo)]
-    return all([*ends, peer.count_publishers(cone), peer.count_subscribers(cone)])
 
 
 def _total(diagnostics: list[Any], node: str, what: str) -> int:
@@ -108,11 +86,11 @@ def same_cells(one: OccupancyMap, other: OccupancyMap) -> None:
     ("rate", "settings"),
     [
         (1.0, {}),
-        (3.0, {}),
-        (3.0, {"dictionary": "cells", "cell_size_m": 0.2}),
-        (3.0, {"dictionary": "cells", "cell_size_m": 0.4, "solver": "nnls"}),
+        (50.0, {}),
+        (50.0, {"dictionary": "cells", "cell_size_m": 0.2}),
+        (50.0, {"dictionary": "cells", "cell_size_m": 0.4, "solver": "nnls"}),
     ],
-    ids=["real time", "thrice as fast", "cells", "cells by nnls"],
+    ids=["real time", "as fast as its readers", "cells", "cells by nnls"],
 )
 def test_replay_through_the_nodes_gives_the_offline_map(
     live: Any, processes: Any, bag: Path, tmp_path: Path, rate: float, settings: dict[str, Any]

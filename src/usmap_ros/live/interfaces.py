@@ -197,6 +197,7 @@ BAG_REPLAY = NodeInterface(
     "Publishes a recording: its topics, with their own QoS.",
     BagReplayParameters,
     publishes=(CLOCK, DIAGNOSTICS),
+    subscribes=(CONE,),
     services=(PAUSE,),
 )
 BAG_RECORDER = NodeInterface(

@@ -8,6 +8,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
+#: Without any item for so many times the wait, nobody is waited for any more.
+QUIET_WAITS = 4.0
+
 _Item = TypeVar("_Item")
 
 
@@ -35,15 +38,18 @@ class StampOrder(Generic[_Item]):
     """Releases items in the order of their stamps, ties in the order of their sources' names.
 
     An item is released as soon as every source that is waited for has sent one at least as new,
-    since each source sends in order.  A source that stays silent holds the others up once, for
-    `wait_s` at most; it is waited for again when it speaks.
+    since each source sends in order.  A source that stays silent holds the others up once; it is
+    waited for again when it speaks.  It counts as silent when an item has waited for it for
+    `wait_s`, and another source has sent one that is newer by as much: a receiver that has been
+    busy, or a recording that is played fast, makes nobody silent.  If nothing comes from any
+    source for some times `wait_s`, what is held goes out as well.
 
     Nothing here asks for the time: callers pass a clock reading that never runs backwards.
 
     Parameters
     ----------
     wait_s : float
-        Longest time that an item is held back.
+        How long an item is held back, in real time and in that of the stamps.
     capacity : int
         Items held at most; beyond it the oldest is dropped.
 
@@ -65,6 +71,8 @@ class StampOrder(Generic[_Item]):
         self._arrivals: deque[_Entry[_Item]] = deque()
         self._sources: dict[str, _Source] = {}
         self._released_ns: int | None = None
+        self._newest_ns = 0
+        self._last_push_s = 0.0
         self._numbers = itertools.count()
 
     def __len__(self) -> int:
@@ -86,6 +94,8 @@ class StampOrder(Generic[_Item]):
         known.latest_ns, known.is_waited_for = stamp_ns, True
         if self._released_ns is not None and stamp_ns < self._released_ns:
             self.late += 1
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        self._last_push_s = now_s
         entry = _Entry(stamp_ns, source, next(self._numbers), item, now_s)
         heapq.heappush(self._heap, entry)
         self._arrivals.append(entry)
@@ -99,7 +109,7 @@ class StampOrder(Generic[_Item]):
             return None
         head = self._heap[0]
         if not self._all_are_past(head.stamp_ns):
-            if self._oldest_arrival_s() + self.wait_s > now_s:
+            if self._patience_ends_s(head.stamp_ns) > now_s:
                 return None
             self._give_up_on_those_before(head.stamp_ns)
         heapq.heappop(self._heap)
@@ -113,13 +123,20 @@ class StampOrder(Generic[_Item]):
             return None
         if self._all_are_past(self._heap[0].stamp_ns):
             return 0.0
-        return max(0.0, self._oldest_arrival_s() + self.wait_s - now_s)
+        return max(0.0, self._patience_ends_s(self._heap[0].stamp_ns) - now_s)
 
     def clear(self) -> None:
         """Forget all items, and what was released; sources stay."""
         self._heap.clear()
         self._arrivals.clear()
         self._released_ns = None
+        self._newest_ns = 0
+
+    def _patience_ends_s(self, stamp_ns: int) -> float:
+        """Until when the item of this stamp waits for the others, if no more comes."""
+        if self._newest_ns >= stamp_ns + round(self.wait_s * 1e9):
+            return self._oldest_arrival_s() + self.wait_s
+        return self._last_push_s + QUIET_WAITS * self.wait_s
 
     def _all_are_past(self, stamp_ns: int) -> bool:
         return all(

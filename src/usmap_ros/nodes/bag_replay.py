@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,14 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from usmap_ros.errors import BagError, ConfigurationError
+from usmap_ros.io.message_types import ECHO_TRACE
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.storage import RecordedTopic
-from usmap_ros.live.interfaces import BAG_REPLAY, CLOCK, NODES, PAUSE, Qos
+from usmap_ros.io.storage.index import header_stamp_ns
+from usmap_ros.live.interfaces import BAG_REPLAY, CLOCK, CONE, ECHO, NODES, PAUSE, Qos
+from usmap_ros.live.readers import LAG_S, Readers
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
-from usmap_ros.nodes.plumbing.endpoints import advertise, every, qos_profile, serve
+from usmap_ros.nodes.plumbing.endpoints import advertise, every, qos_profile, serve, subscribe
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import run_node
@@ -27,6 +31,8 @@ from usmap_ros.parameters.nodes import BagReplayParameters
 
 #: Longest wait for subscribers to have what was published; one that hangs must not stop all.
 _ACKNOWLEDGEMENT = Duration(seconds=1.0)
+#: From when all that is needed has been seen until the start: others see it at another time.
+_SETTLING_S = 0.5
 _USUAL_QOS = {
     topic.message_type: topic.qos for node in NODES for topic in (*node.publishes, *node.subscribes)
 }
@@ -43,6 +49,9 @@ class _Output:
 
 class BagReplay(Node):
     """Publishes every topic of a recording, and ``/clock``.
+
+    Where traces are reconstructed while they are played, the cones tell how far their readers are:
+    time stands still for the slowest of them, whatever rate is asked for.
 
     Other keyword arguments are those of `rclpy.node.Node`.
 
@@ -75,6 +84,8 @@ class BagReplay(Node):
         except BagError:
             self._bag.close()
             raise
+        self._readers = Readers()
+        self._cone_topics = self._listen_to_readers()
         self._clock_publisher = advertise(self, CLOCK) if parameters.clock else None
         serve(self, PAUSE, self._pause)
         self._is_paused = parameters.start_paused
@@ -106,7 +117,24 @@ class BagReplay(Node):
             raise BagError(self._bag.path, "holds no topic that could be published")
         return outputs
 
+    def _listen_to_readers(self) -> dict[str, str]:
+        """Topics of the cones that will be made of recorded traces, by those of the traces."""
+        cone_topics = {}
+        for recorded in self._bag.topics:
+            namespace, _, name = recorded.name.rpartition("/")
+            cones = f"{namespace}/{CONE.name}"
+            is_read = recorded.message_type == ECHO_TRACE and name == ECHO.name
+            if is_read and recorded.name in self._outputs and cones not in self._outputs:
+                cone_topics[recorded.name] = cones
+                subscribe(self, CONE, partial(self._answered, recorded.name), cones, raw=True)
+        return cone_topics
+
+    def _answered(self, topic: str, payload: bytes) -> None:
+        stamp_ns = header_stamp_ns(memoryview(payload), 0)
+        self._readers.answered(topic, stamp_ns, time.monotonic())
+
     def _rewind(self) -> None:
+        self._readers.forget()
         self._messages: Iterator[tuple[str, int, bytes]] = self._bag.messages()
         self._next = next(self._messages)
         self._now_ns = float(self._bag.start_ns)
@@ -120,7 +148,7 @@ class BagReplay(Node):
             self._is_anybody_missing(now_s)
             return
         if not self._is_paused:
-            self._now_ns += passed_s * self.parameters.value.rate * 1e9
+            self._pass_time(passed_s)
         if self._clock_publisher is not None:
             stamp = Time(nanoseconds=min(round(self._now_ns), self._bag.end_ns)).to_msg()
             self._clock_publisher.publish(interface_class(CLOCK.message_type)(clock=stamp))
@@ -128,11 +156,21 @@ class BagReplay(Node):
             topic, _, payload = self._next
             if topic in self._outputs:
                 self._publish(self._outputs[topic], payload)
+                self._readers.sent(topic, header_stamp_ns(memoryview(payload), 0), now_s)
             try:
                 self._next = next(self._messages)
             except StopIteration:
                 self._end()
                 return
+
+    def _pass_time(self, passed_s: float) -> None:
+        """Let the recording's time pass, but no farther than its readers have come."""
+        now_ns = self._now_ns + passed_s * self.parameters.value.rate * 1e9
+        if len(self._readers):
+            # A long step would be over before anybody could ask for a pause.
+            now_ns = min(now_ns, self._now_ns + LAG_S * 1e9)
+        limit_ns = self._readers.limit_ns(self._last_tick_s)
+        self._now_ns = max(self._now_ns, min(now_ns, limit_ns))
 
     def _is_anybody_missing(self, now_s: float) -> None:
         """Wait for a subscriber on every topic, for as long as was asked for."""
@@ -141,8 +179,17 @@ class BagReplay(Node):
             for topic, output in self._outputs.items()
             if not output.publisher.get_subscription_count()
         ]
+        read = {t: cones for t, cones in self._cone_topics.items() if self.count_publishers(cones)}
+        # One who listens to the cones is this node.
+        missing += [cones for cones in read.values() if self.count_subscribers(cones) < 2]
         assert self._give_up_waiting_s is not None
         if missing and now_s < self._give_up_waiting_s:
+            return
+        if read and not self._readers:
+            for topic in read:
+                self._readers.add(topic)
+            self._give_up_waiting_s = now_s + _SETTLING_S
+        if self._readers and now_s < self._give_up_waiting_s:
             return
         self._give_up_waiting_s = None
         if missing:

@@ -38,6 +38,8 @@ def test_a_silent_robot_holds_the_others_up_once(
     fusion: LiveFusion, cones: list[EchoCone], clock: Any
 ) -> None:
     fusion.receive("a", cones[0])
+    # It has gone on for as long as the other has been silent.
+    fusion.receive("a", replace(cones[1], stamp_ns=cones[0].stamp_ns + round(WAIT_S * 1e9)))
     assert fusion.fuse_next() is None
     clock.pass_time(0.2)
     assert fusion.due_in_s() == pytest.approx(WAIT_S - 0.2)
@@ -45,7 +47,6 @@ def test_a_silent_robot_holds_the_others_up_once(
     fused = fusion.fuse_next()
     assert fused is not None
     assert (fused.topic, fused.latency_s) == ("a", pytest.approx(WAIT_S))
-    fusion.receive("a", cones[1])
     assert fusion.due_in_s() == 0.0
     assert fusion.fuse_next() is not None
 

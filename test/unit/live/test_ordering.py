@@ -3,9 +3,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from usmap_ros.live.ordering import StampOrder
+from usmap_ros.live.ordering import QUIET_WAITS, StampOrder
 
 WAIT_S = 0.5
+SECOND = 1_000_000_000
 
 
 def _drain(order: StampOrder[str], now_s: float) -> list[str]:
@@ -35,13 +36,32 @@ def test_a_message_waits_for_sources_that_have_not_spoken_yet() -> None:
 def test_a_silent_source_holds_the_others_up_once() -> None:
     order = _order()
     order.push("a", 10, "a10", 0.0)
+    order.push("a", 10 + SECOND, "a1010", 0.1)
     assert order.due_in_s(0.1) == 0.4
-    assert _drain(order, 0.5) == ["a10"]
-    order.push("a", 20, "a20", 0.6)
-    assert _drain(order, 0.6) == ["a20"]
-    order.push("b", 25, "b25", 0.7)
-    order.push("a", 30, "a30", 0.7)
-    assert _drain(order, 0.7) == ["b25"]
+    assert _drain(order, 0.5) == ["a10", "a1010"]
+    order.push("a", 2 * SECOND, "a2000", 0.6)
+    assert _drain(order, 0.6) == ["a2000"]
+    order.push("b", 2 * SECOND + 1, "b2001", 0.7)
+    order.push("a", 3 * SECOND, "a3000", 0.7)
+    assert _drain(order, 0.7) == ["b2001"]
+
+
+def test_nobody_is_silent_whose_stamps_are_not_overtaken() -> None:
+    """However long this process was busy: what it has not read yet may be there already."""
+    order = _order()
+    order.push("a", 10, "a10", 0.0)
+    order.push("a", SECOND // 10, "a100", 0.0)
+    assert _drain(order, 1.9) == []
+    order.push("b", 20, "b20", 1.9)
+    assert _drain(order, 1.9) == ["a10", "b20"]
+
+
+def test_what_is_held_goes_out_when_nothing_comes_any_more() -> None:
+    order = _order()
+    order.push("a", 10, "a10", 0.0)
+    order.push("a", 20, "a20", 1.0)
+    assert order.due_in_s(1.0) == QUIET_WAITS * WAIT_S
+    assert _drain(order, 1.0 + QUIET_WAITS * WAIT_S) == ["a10", "a20"]
 
 
 def test_a_source_that_left_is_not_waited_for() -> None:
@@ -63,9 +83,9 @@ def test_equal_stamps_come_in_the_order_of_their_sources() -> None:
 def test_what_comes_too_late_is_counted_and_released_all_the_same() -> None:
     order = _order()
     order.push("a", 20, "a20", 0.0)
-    assert _drain(order, 1.0) == ["a20"]
-    order.push("b", 10, "b10", 1.0)
-    assert _drain(order, 1.0) == ["b10"]
+    assert _drain(order, 2.0) == ["a20"]
+    order.push("b", 10, "b10", 2.0)
+    assert _drain(order, 2.0) == ["b10"]
     assert order.late == 1
 
 
@@ -74,7 +94,7 @@ def test_the_oldest_is_dropped_when_there_are_too_many() -> None:
     for stamp in (30, 10, 20):
         order.push("a", stamp, f"a{stamp}", 0.0)
     assert order.dropped == 1
-    assert _drain(order, 1.0) == ["a20", "a30"]
+    assert _drain(order, 2.0) == ["a20", "a30"]
 
 
 def test_a_clock_that_is_set_back_does_not_stop_a_source() -> None:
@@ -108,7 +128,7 @@ def test_the_order_of_arrival_does_not_matter(
         order.push(name, stamp, (stamp, name), 0.0)
         while (item := order.pop(0.0)) is not None:
             released.append(item[1])
-    while (item := order.pop(WAIT_S)) is not None:
+    while (item := order.pop(QUIET_WAITS * WAIT_S)) is not None:
         released.append(item[1])
     assert released == sorted((stamp, name) for name in "abc" for stamp in by_source[name])
     assert order.late == 0

@@ -51,16 +51,20 @@ def advertise_managed(node: Any, topic: Topic) -> Any:
 
 
 def subscribe(
-    node: Node, topic: Topic, callback: Callable[[Any], None], name: str | None = None
+    node: Node,
+    topic: Topic,
+    callback: Callable[[Any], None],
+    name: str | None = None,
+    raw: bool = False,
 ) -> Any:
-    """Subscription to a topic, under another name if one is given.
+    """Subscription to a topic, under another name if one is given; `raw`: as bytes.
 
     Its queue is deeper than the publisher's: what comes while the node is busy is lost in silence
     once a queue is full, reliable or not.
     """
     qos = replace(topic.qos, depth=_DEEPER * topic.qos.depth)
     return node.create_subscription(
-        interface_class(topic.message_type), name or topic.name, callback, qos_profile(qos)
+        interface_class(topic.message_type), name or topic.name, callback, qos_profile(qos), raw=raw
     )
 
 

@@ -85,6 +85,10 @@ class EchoCone:
         self.pose.validate()
         self.transducer.validate()
         self.transducer.validate_loss(self.attenuation_db_m)
+        self.validate_echoes()
+
+    def validate_echoes(self) -> None:
+        """Raise `MalformedMessageError` as `validate` does, for all but what a trace says, too."""
         bounds.check("object_rise", self.object_rise_m, bounds.OBJECT_RISE)
         bounds.check_count("ranges", len(self.ranges_m), bounds.MAX_ECHOES)
         columns = {

@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import firwin, upfirdn
+from numpy.typing import NDArray
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
+from usmap_ros.compiled import compiled
 from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.template import Template
 from usmap_ros.trace import EchoTrace, Emission, Encoding
@@ -121,9 +122,9 @@ def _demodulated(trace: EchoTrace) -> Baseband:
     bandwidth_hz = max(2.0 * abs(p.carrier_hz - pulse.carrier_hz) + p.bandwidth_hz for p in sent)
     decimation = max(1, int(rate_hz / (SAMPLES_PER_BANDWIDTH * bandwidth_hz)))
     taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
-    phase = 2.0 * np.pi * pulse.carrier_hz * trace.sample_times_s()
-    mixed = 2.0 * trace.signal() * np.exp(-1j * phase)
-    filtered = upfirdn(taps, mixed, up=1, down=decimation)
+    filtered = _mixed_down(
+        trace.samples, taps, decimation, pulse.carrier_hz / rate_hz, trace.start_delay_s * rate_hz
+    )
     # The low-pass takes the edges of the band from the noise, where the pulse has nothing: what
     # is left is as dense as white noise that is stronger by this factor.
     passed = float(np.sqrt(decimation * np.sum(taps**2)))
@@ -145,8 +146,46 @@ def _demodulated(trace: EchoTrace) -> Baseband:
 def _low_pass(decimation: int, carrier_per_sample: float) -> FloatArray:
     """Taps that pass the decimated band and stop the image at twice the carrier."""
     cutoff = min(PASS_BAND / decimation, 2.0 * carrier_per_sample)
-    taps: FloatArray = firwin(TAPS_PER_SAMPLE * decimation + 1, cutoff)
-    return taps
+    count = TAPS_PER_SAMPLE * decimation + 1
+    # Of a sinc under a Hamming window, which passes a constant as it is.
+    taps = np.sinc(cutoff * (np.arange(count) - 0.5 * (count - 1))) * np.hamming(count)
+    return np.asarray(taps / taps.sum())
+
+
+def _mixed_down(
+    samples: NDArray[np.floating],
+    taps: FloatArray,
+    decimation: int,
+    carrier_per_sample: float,
+    start_samples: float,
+) -> NDArray[np.complex128]:
+    """Samples times 2 e^(−j 2π f t), low-passed and decimated.
+
+    Mixing first and then filtering is the same as filtering with taps that are mixed the other
+    way, and then mixing what is left: so the exponential is of the decimated samples only.
+    """
+    band = 2.0 * taps * np.exp(2j * np.pi * carrier_per_sample * np.arange(len(taps)))
+    filtered = _decimated(samples, np.array([band.real, band.imag]), decimation)
+    at = start_samples + decimation * np.arange(len(filtered))
+    mixed: NDArray[np.complex128] = filtered * np.exp(-2j * np.pi * carrier_per_sample * at)
+    return mixed
+
+
+@compiled
+def _decimated(
+    samples: NDArray[np.floating], taps: FloatArray, decimation: int
+) -> NDArray[np.complex128]:
+    """Every so many samples of the convolution with complex taps, given as (2, taps) array."""
+    count, length = taps.shape[1], len(samples) + taps.shape[1] - 1
+    filtered = np.empty((length + decimation - 1) // decimation, np.complex128)
+    for number in range(len(filtered)):
+        last = number * decimation
+        real = imaginary = 0.0
+        for tap in range(max(0, last - len(samples) + 1), min(count, last + 1)):
+            real += taps[0, tap] * samples[last - tap]
+            imaginary += taps[1, tap] * samples[last - tap]
+        filtered[number] = complex(real, imaginary)
+    return filtered
 
 
 @lru_cache(maxsize=16)
@@ -200,11 +239,11 @@ def _sampling_errors(
     """
     pulse, carrier_hz = template.pulse, template.mixed_by_hz or 0.0
     raw_s = np.arange(int(np.ceil(template.duration_s * rate_hz)) + 3 * decimation) / rate_hz
-    mixer = 2.0 * np.exp(-2j * np.pi * carrier_hz * raw_s)
     errors = []
     for share in (np.arange(JITTER_DELAYS) * GOLDEN_RATIO) % 1.0:
         delay_s = (1.0 + share) * decimation / rate_hz
-        heard = upfirdn(taps, mixer * pulse.waveform(raw_s - delay_s), up=1, down=decimation)
+        waveform = pulse.waveform(raw_s - delay_s)
+        heard = _mixed_down(waveform, taps, decimation, carrier_hz / rate_hz, 0.0)
         age_s = np.arange(len(heard)) * decimation / rate_hz - delay_s
         shape = template(age_s)
         amplitude = np.vdot(shape, heard) / np.vdot(shape, shape)

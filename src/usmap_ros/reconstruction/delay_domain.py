@@ -177,11 +177,12 @@ class DelayDomainOperator:
         values = self.template(time_s)
         return SampledMatrix(
             polyphase=np.ascontiguousarray(self._polyphase),
-            grid_index=self._path_index,
+            windows=self._path_index // self.oversampling,
+            phases=self._path_index % self.oversampling,
             path_delays_s=self._grid_delays_s,
             ranges_m=self.ranges_m,
-            weights=self.path_weights,
-            norms=self._norms,
+            proxy_weights=self.path_weights / self._norms,
+            echo_weights=self.path_weights * self._norms,
             values=values,
             slopes=self.template.slope(time_s).astype(values.dtype, copy=False),
             duration_s=self.template.duration_s,

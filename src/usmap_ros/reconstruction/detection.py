@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.compiled import compiled
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
 from usmap_ros.reconstruction.joint import DelayOperator
 
@@ -46,12 +47,27 @@ def unreported(
     echo, where no second one is reported, it is `masking` times that echo: a louder object
     would have made the echo itself louder.
     """
+    bands = [operator.excluded(block) for block in support]
+    begins = np.array([band.start for band in bands], dtype=np.int64)
+    ends = np.array([band.stop for band in bands], dtype=np.int64)
     scores = np.maximum(thresholds, residual_scores)
-    for block, echo_score in zip(support, echo_scores, strict=True):
-        band = operator.excluded(block)
-        scores[band] = np.maximum(scores[band], masking * echo_score + thresholds[band])
+    _mask(scores, thresholds, begins, ends, masking * echo_scores)
     amplitudes: FloatArray = scores / operator.unit_norms
     return amplitudes
+
+
+@compiled
+def _mask(
+    scores: FloatArray,
+    thresholds: FloatArray,
+    begins: IndexArray,
+    ends: IndexArray,
+    masked: FloatArray,
+) -> None:
+    """Raise scores within bands to what an echo masks there, above the threshold."""
+    for number in range(len(masked)):
+        for block in range(begins[number], min(ends[number], len(scores))):
+            scores[block] = max(scores[block], masked[number] + thresholds[block])
 
 
 def crowding(overlaps: FloatArray, amplitudes: FloatArray) -> FloatArray:
@@ -68,8 +84,20 @@ def binned_maximum(
 ) -> FloatArray:
     """Largest value in each range bin; bins that hold no range are without limit."""
     bins = max(1, int(np.ceil((stop_m - start_m) / step_m - 1e-9)))
-    index = ((ranges_m - start_m) / step_m).astype(np.intp)
-    inside = (index >= 0) & (index < bins)
-    largest = np.full(bins, -np.inf)
-    np.maximum.at(largest, index[inside], values[inside])
-    return np.where(np.isfinite(largest), largest, np.inf)
+    index = ((ranges_m - start_m) / step_m).astype(np.int64)
+    return _largest(values, index, bins)
+
+
+@compiled
+def _largest(values: FloatArray, index: IndexArray, bins: int) -> FloatArray:
+    """Largest of the values that have each index; infinite where there is none."""
+    largest, is_empty = np.zeros(bins), np.ones(bins, np.bool_)
+    for number in range(len(values)):
+        one = index[number]
+        if 0 <= one < bins:
+            largest[one] = values[number] if is_empty[one] else max(largest[one], values[number])
+            is_empty[one] = False
+    for one in range(bins):
+        if is_empty[one]:
+            largest[one] = np.inf
+    return largest

@@ -70,7 +70,7 @@ def cosamp(
             return best, done, NOISE_LEVEL
         refilter(matrix, unexplained, best.residual, filtered)
         unexplained[:] = best.residual
-        scores = signal_proxy(matrix, places, filtered, unexplained, non_negative)
+        scores = signal_proxy(matrix, places, filtered, best, non_negative)
         identified = _identification(matrix, scores, thresholds, best.support, 2 * sparsity)
         if len(identified) == 0:
             return best, done, NOTHING_LEFT
@@ -90,33 +90,33 @@ def cosamp(
 
 @compiled
 def signal_proxy(
-    matrix: SampledMatrix, places: Places, filtered: Signal, residual: Signal, non_negative: bool
+    matrix: SampledMatrix, places: Places, filtered: Signal, fit: Fit, non_negative: bool
 ) -> FloatArray:
     """Form signal proxy y ← Φ* v, and how well each block by itself explains v.
 
-    Off the grid the columns themselves are taken, for the few blocks that were moved there.
+    Blocks that were moved off the grid and left the support are looked at where they are now;
+    those of the support explain nothing that is left.
     """
     scores = np.zeros(len(places.moved))
     for block in range(len(scores)):
-        for path in range(matrix.norms.shape[1]):
-            place = matrix.grid_index[block, path]
-            value = filtered[place % len(filtered), place // len(filtered)]
+        for path in range(matrix.windows.shape[1]):
+            value = filtered[matrix.phases[block, path], matrix.windows[block, path]]
             # What would need a negative coefficient cannot explain anything.
             size = max(value.real, 0.0) if non_negative else np.sqrt(value.real**2 + value.imag**2)
-            scores[block] += matrix.weights[block, path] * size / matrix.norms[block, path]
+            scores[block] += matrix.proxy_weights[block, path] * size
+    scores[fit.support] = 0.0
     one = np.empty(1, np.int64)
     for block in range(len(scores)):
-        if not places.moved[block]:
+        if not places.moved[block] or scores[block] == 0.0:
             continue
         one[0], scores[block] = block, 0.0
         columns = columns_of(matrix, places, one)
         for number in range(len(columns.first)):
-            begin, path = columns.first[number], columns.paths[number]
-            value = 0.0j
+            begin, value = columns.first[number], 0.0j
             for tap in range(columns.values.shape[1]):
-                value += np.conj(columns.values[number, tap]) * residual[begin + tap]
+                value += np.conj(columns.values[number, tap]) * fit.residual[begin + tap]
             size = max(value.real, 0.0) if non_negative else abs(value)
-            scores[block] += matrix.weights[block, path] * size / matrix.norms[block, path]
+            scores[block] += matrix.proxy_weights[block, columns.paths[number]] * size
     return scores
 
 

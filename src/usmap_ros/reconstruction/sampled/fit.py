@@ -124,8 +124,7 @@ def strengths(matrix: SampledMatrix, fit: Fit) -> FloatArray:
     found = np.zeros(len(fit.support))
     for number, block in enumerate(fit.support):
         for path in range(fit.coefficients.shape[1]):
-            share = matrix.weights[block, path] * matrix.norms[block, path]
-            found[number] += share * abs(fit.coefficients[number, path])
+            found[number] += matrix.echo_weights[block, path] * abs(fit.coefficients[number, path])
     return found
 
 

@@ -23,15 +23,15 @@ class SampledMatrix(NamedTuple):
     ----------
     polyphase : (oversampling, taps) array
         The pulse at every delay between two samples.
-    grid_index : (blocks, paths) integer array
-        Where each path of a block is on the grid of delays: number of the sample with which its
-        window begins, times the oversampling, plus the number of the delay between samples.
+    windows, phases : (blocks, paths) integer arrays
+        Where each path of a block is on the grid of delays: the sample with which its window
+        begins, and the number of the delay between samples.
     path_delays_s : (blocks, paths) array
         Delays of the paths, on the grid.
     ranges_m : (blocks,) array
         Ranges of the blocks, on the grid.
-    weights, norms : (blocks, paths) arrays
-        Share of a block's echo that each path carries, and norm of its column.
+    proxy_weights, echo_weights : (blocks, paths) arrays
+        What a block's score has of each path's product with a signal, and of its coefficient.
     values, slopes : (points,) arrays
         The pulse and its derivative (1/s), from its start to its end.
     duration_s : float
@@ -50,11 +50,12 @@ class SampledMatrix(NamedTuple):
     """
 
     polyphase: Signal
-    grid_index: IndexArray
+    windows: IndexArray
+    phases: IndexArray
     path_delays_s: FloatArray
     ranges_m: FloatArray
-    weights: FloatArray
-    norms: FloatArray
+    proxy_weights: FloatArray
+    echo_weights: FloatArray
     values: Signal
     slopes: Signal
     duration_s: float

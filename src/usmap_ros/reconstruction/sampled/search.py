@@ -9,7 +9,7 @@ import numpy as np
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.compiled import compiled
 from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
-from usmap_ros.reconstruction.sampled.fit import delay_step, strengths
+from usmap_ros.reconstruction.sampled.fit import delay_step, least_squares, strengths
 from usmap_ros.reconstruction.sampled.matrix import (
     SampledMatrix,
     margin,
@@ -103,11 +103,12 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     refilter(matrix, np.zeros_like(padded), padded, filtered)
     # Of either sign; not written as a literal, for which all would be compiled once more.
     rectified = how.non_negative & False
-    scores = signal_proxy(matrix, places, filtered, padded, rectified)
+    silent = least_squares(matrix, places, np.empty(0, np.int64), padded, rectified)
+    scores = signal_proxy(matrix, places, filtered, silent, rectified)
     thresholds = noise + how.model_error * loudness(scores, _pulse_blocks(matrix))
     heard = (padded, padded.copy(), filtered)
     limits = (how.sparsity, how.max_iterations, how.non_negative)
-    fit, iterations, halt = cosamp(matrix, places, heard, thresholds, np.empty(0, np.int64), limits)
+    fit, iterations, halt = cosamp(matrix, places, heard, thresholds, silent.support, limits)
     step_s, stds_s = np.zeros(len(fit.support)), np.zeros(len(fit.support))
     if how.refinements >= 0:
         step_s, stds_s = delay_step(matrix, places, fit)
@@ -136,7 +137,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         stds_s,
         strengths(matrix, fit),
         thresholds,
-        signal_proxy(matrix, places, filtered, fit.residual, rectified),
+        signal_proxy(matrix, places, filtered, fit, rectified),
         iterations,
         halt,
     )

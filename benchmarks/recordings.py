@@ -54,21 +54,27 @@ def _simulated(scenario: Scenario, parameters: ReconstructionParameters) -> Cone
 
 
 def _name(scenario: Scenario, parameters: ReconstructionParameters) -> str:
-    digest = hashlib.sha256(_code())
-    digest.update(scenario.model_dump_json().encode() + parameters.model_dump_json().encode())
-    if scenario.world.map is not None:
-        for part in sorted(
-            scenario.world.map.path.parent.glob(f"{scenario.world.map.path.stem}.*")
-        ):
-            digest.update(part.read_bytes())
+    digest = hashlib.sha256(code(_MAKERS) + world(scenario))
+    digest.update(parameters.model_dump_json().encode())
     return digest.hexdigest()[:24]
 
 
+def world(scenario: Scenario) -> bytes:
+    """A scenario with the contents of its map."""
+    content = scenario.model_dump_json().encode()
+    if scenario.world.map is not None:
+        path = scenario.world.map.path
+        content += b"".join(
+            part.read_bytes() for part in sorted(path.parent.glob(f"{path.stem}.*"))
+        )
+    return content
+
+
 @cache
-def _code() -> bytes:
-    """Digest of the code that makes cones."""
+def code(packages: tuple[str, ...]) -> bytes:
+    """Digest of the code of some packages of usmap_ros."""
     digest = hashlib.sha256()
-    for package in _MAKERS:
+    for package in packages:
         for file in sorted((Path(usmap_ros.__file__).parent / package).rglob("*.py")):
             digest.update(file.read_bytes())
     return digest.digest()

@@ -95,7 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=Path("bench_output/reliability.png"))
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS)
-    parser.add_argument("--cache", type=Path, help="folder to keep simulated cones in")
+    parser.add_argument("--cache", type=Path, help="folder to keep cones and scores in")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--page", type=Path, help="page to put the counts and the diagrams into")
     arguments = parser.parse_args()

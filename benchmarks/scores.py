@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept import KeptResults
 from methods import ABLATIONS, METHODS
 from pages import put, put_with_picture
 from recordings import cones
@@ -124,22 +125,28 @@ def results_of(
     methods : iterable of str
         As in `methods`.
     cache : path, optional
-        Folder where cones are kept.
+        Folder where cones and scores are kept.
     pictures : path, optional
-        Folder for a picture of all maps.
+        Folder for a picture of all maps; one that is there already is not drawn again.
     """
     world = scenario(case.scene, case.condition, case.seed, case.nav2_map)
+    kept = KeptResults(None if cache is None else cache / "scores")
+    picture = pictures and pictures / f"{case.scene}_{case.condition}_{case.seed}.png"
+    must_draw = picture is not None and not picture.exists()
     truth, found, maps = world.truth_map(), [], {}
     views = None
     for name in methods:
         method = METHODS[name]
-        recorded = cones(world, method.parameters().reconstruction, cache)
-        views = views or PingViews.of(cone for _, cone in recorded)
-        maps[method.shown] = method.map(recorded)
-        judged = score(maps[method.shown], truth, views)
-        found.append(Result(case, name, judged, reliability(maps[method.shown], truth)))
-    if pictures is not None and views is not None:
-        draw_maps(maps, truth, views, pictures / f"{case.scene}_{case.condition}_{case.seed}.png")
+        judged = None if must_draw else kept.get(world, method)
+        if judged is None:
+            recorded = cones(world, method.parameters().reconstruction, cache)
+            views = views or PingViews.of(cone for _, cone in recorded)
+            occupancy = maps[method.shown] = method.map(recorded)
+            judged = score(occupancy, truth, views), reliability(occupancy, truth)
+            kept.put(world, method, judged)
+        found.append(Result(case, name, *judged))
+    if must_draw and picture is not None and views is not None:
+        draw_maps(maps, truth, views, picture)
     return found
 
 
@@ -259,7 +266,7 @@ def _parsed() -> argparse.Namespace:
         "--ablations", action="store_true", help="also ours without each of its parts"
     )
     parser.add_argument("--nav2-map", nargs="+", type=Path, default=[], help="further worlds")
-    parser.add_argument("--cache", type=Path, help="folder to keep simulated cones in")
+    parser.add_argument("--cache", type=Path, help="folder to keep cones and scores in")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--readme", type=Path, help="page to put ours and range only into")
     parser.add_argument("--page", type=Path, help="page to put the table and its picture into")

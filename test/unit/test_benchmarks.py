@@ -102,10 +102,16 @@ def test_table_and_pictures_of_a_small_run(benchmark: ModuleType, tmp_path: Path
     benchmark.draw_scores(rows, tmp_path / "scores.png")
     assert [path.name for path in (tmp_path / "maps").iterdir()] == ["corners_tiny_1.png"]
 
-    # From what was kept, the same scores.
-    assert len(list((tmp_path / "cones").iterdir())) == 2
-    again = benchmark.all_results(todo, chosen, tmp_path / "cones")
+    # From what was kept, the same scores; without the scores, from the cones.
+    kept = sorted((tmp_path / "cones").iterdir())
+    assert [path.name for path in kept if not path.suffix][-1] == "scores"
+    assert len(kept) == 3
+    again = benchmark.all_results(todo, chosen, tmp_path / "cones", tmp_path / "maps")
     assert benchmark.summary(again) == rows
+    for path in (tmp_path / "cones" / "scores").iterdir():
+        path.unlink()
+    again = benchmark.all_results(todo, ["range_only"], tmp_path / "cones")
+    assert benchmark.summary(again) == [row for row in rows if row["method"] == "range_only"]
 
 
 def test_conditions_are_varied_on_some_scenes_only(benchmark: ModuleType) -> None:

@@ -1,0 +1,60 @@
+"""Results kept on disk, so that a run that was ended goes on where it was."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from methods import Method
+from recordings import code, world
+
+from usmap_ros.io.atomic import write_atomically
+from usmap_ros.mapping.reliability import Reliability
+from usmap_ros.mapping.scoring import Score
+from usmap_ros.simulation import Scenario
+
+#: Of the package: what a score depends on.
+_MAKERS = ("acoustics", "simulation", "reconstruction", "mapping")
+#: What a method made of a scene.
+Judged = tuple[Score, Reliability]
+
+
+class KeptResults:
+    """Scores of maps, by all that they depend on, the code as well.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Where they are; without one, nothing is kept.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+
+    def get(self, scenario: Scenario, method: Method) -> Judged | None:
+        """What was kept, if anything was."""
+        if self._folder is None or not (path := self._path(scenario, method)).exists():
+            return None
+        content = json.loads(path.read_text(encoding="utf-8"))
+        counts = {name: np.array(values) for name, values in content["reliability"].items()}
+        return Score(**content["score"]), Reliability(**counts)
+
+    def put(self, scenario: Scenario, method: Method, judged: Judged) -> None:
+        """Keep a result."""
+        if self._folder is None:
+            return
+        self._folder.mkdir(parents=True, exist_ok=True)
+        counts = {name: values.tolist() for name, values in asdict(judged[1]).items()}
+        content = {"score": asdict(judged[0]), "reliability": counts}
+        write_atomically(self._path(scenario, method), json.dumps(content).encode())
+
+    def _path(self, scenario: Scenario, method: Method) -> Path:
+        assert self._folder is not None
+        digest = hashlib.sha256(code(_MAKERS) + world(scenario))
+        digest.update((Path(__file__).parent / "methods.py").read_bytes())
+        digest.update(repr((method.fusion, method.trusts_poses)).encode())
+        digest.update(method.parameters().model_dump_json().encode())
+        return self._folder / f"{digest.hexdigest()[:24]}.json"

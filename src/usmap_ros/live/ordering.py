@@ -8,8 +8,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-#: Without any item for so many times the wait, nobody is waited for any more.
-QUIET_WAITS = 4.0
+#: Without any item from anybody for so many times the wait, and for so long, nobody is waited for
+#: any more.  It is long, because all may be busy at once; only the last items ever wait for it.
+QUIET_WAITS, QUIET_S = 4.0, 5.0
 
 _Item = TypeVar("_Item")
 
@@ -42,7 +43,7 @@ class StampOrder(Generic[_Item]):
     waited for again when it speaks.  It counts as silent when an item has waited for it for
     `wait_s`, and another source has sent one that is newer by as much: a receiver that has been
     busy, or a recording that is played fast, makes nobody silent.  If nothing comes from any
-    source for some times `wait_s`, what is held goes out as well.
+    source for some seconds, what is held goes out as well.
 
     Nothing here asks for the time: callers pass a clock reading that never runs backwards.
 
@@ -136,7 +137,8 @@ class StampOrder(Generic[_Item]):
         """Until when the item of this stamp waits for the others, if no more comes."""
         if self._newest_ns >= stamp_ns + round(self.wait_s * 1e9):
             return self._oldest_arrival_s() + self.wait_s
-        return self._last_push_s + QUIET_WAITS * self.wait_s
+        quiet_s = max(QUIET_WAITS * self.wait_s, QUIET_S) if self.wait_s else 0.0
+        return self._last_push_s + quiet_s
 
     def _all_are_past(self, stamp_ns: int) -> bool:
         return all(

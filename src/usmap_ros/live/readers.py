@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 #: Message time by which the oldest trace without its cone may lie behind the replay: little
 #: enough for cones of several robots to be put in order again, and for no queue to overflow.
 LAG_S = 0.1
-#: Nobody who is silent for so long, in real time, is waited for until he answers again.
-PATIENCE_S = 3.0
+#: Nobody who is silent for so long, in real time, is waited for until he answers again.  The first
+#: answer may take longer: programs are loaded and compiled for it.
+PATIENCE_S, FIRST_PATIENCE_S = 15.0, 60.0
 
 
 @dataclass
@@ -18,6 +19,7 @@ class _Reader:
 
     owed_ns: deque[int] = field(default_factory=deque)
     moved_s: float = 0.0
+    patience_s: float = FIRST_PATIENCE_S
     is_waited_for: bool = True
 
 
@@ -53,7 +55,7 @@ class Readers:
         reader = self._readers.get(topic)
         if reader is None:
             return
-        reader.moved_s, reader.is_waited_for = now_s, True
+        reader.moved_s, reader.patience_s, reader.is_waited_for = now_s, PATIENCE_S, True
         while reader.owed_ns and reader.owed_ns[0] <= stamp_ns:
             reader.owed_ns.popleft()
 
@@ -63,7 +65,7 @@ class Readers:
         for reader in self._readers.values():
             if not reader.owed_ns:
                 continue
-            if now_s - reader.moved_s > PATIENCE_S:
+            if now_s - reader.moved_s > reader.patience_s:
                 reader.is_waited_for = False
                 reader.owed_ns.clear()
             elif reader.is_waited_for:

@@ -1,6 +1,6 @@
 """A replay goes as far as its readers, and waits for none that will not answer."""
 
-from usmap_ros.live.readers import LAG_S, PATIENCE_S, Readers
+from usmap_ros.live.readers import FIRST_PATIENCE_S, LAG_S, PATIENCE_S, Readers
 
 MS = 1_000_000
 LAG_NS = LAG_S * 1e9
@@ -29,13 +29,14 @@ def test_nobody_is_waited_for_without_end() -> None:
     readers.add("a")
     readers.sent("a", 0, 0.0)
     readers.sent("a", MS, 2.0)
-    assert readers.limit_ns(PATIENCE_S) == LAG_NS
-    assert readers.limit_ns(PATIENCE_S + 0.1) == float("inf")
-    readers.sent("a", 2 * MS, 10.0)
-    assert readers.limit_ns(10.0) == float("inf")
-    readers.answered("a", 2 * MS, 10.0)
-    readers.sent("a", 3 * MS, 10.0)
-    assert readers.limit_ns(10.0) == 3 * MS + LAG_NS
+    assert readers.limit_ns(FIRST_PATIENCE_S) == LAG_NS
+    assert readers.limit_ns(FIRST_PATIENCE_S + 0.1) == float("inf")
+    readers.sent("a", 2 * MS, 90.0)
+    assert readers.limit_ns(90.0) == float("inf")
+    readers.answered("a", 2 * MS, 90.0)
+    readers.sent("a", 3 * MS, 90.0)
+    assert readers.limit_ns(90.0 + PATIENCE_S) == 3 * MS + LAG_NS
+    assert readers.limit_ns(90.1 + PATIENCE_S) == float("inf")
 
 
 def test_what_nobody_reads_holds_nothing_up() -> None:

@@ -148,6 +148,7 @@ def find_cells(look: Look, tiles: Tiles, alive: NDArray[np.float32], rays: Rays,
     bottom = math.floor((look.y_m + reach) / res)
     left = math.floor((look.x_m - reach) / res)
     right = math.floor((look.x_m + reach) / res)
+    wide = look.cos_half_angle * abs(look.cos_half_angle)
     nearest, farthest = look.least_range_m**2, reach**2
     # What stands in a quarter may be anywhere in it, and its range is not known exactly.
     blur = 3.0 * look.range_std_m * look.range_std_m
@@ -171,24 +172,27 @@ def find_cells(look: Look, tiles: Tiles, alive: NDArray[np.float32], rays: Rays,
                 squared = x * x + y * y + look.rise_m * look.rise_m
                 if squared <= nearest or squared >= farthest:
                     continue
-                distance = math.sqrt(squared)
                 ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
-                if ahead <= distance * look.cos_half_angle:
+                # Most cells are out of the cone: that takes no root to tell.
+                if ahead * abs(ahead) <= squared * wide:
                     continue
+                distance = math.sqrt(squared)
                 gain = power_gain(look, ahead / distance)
                 if gain < LEAST_POWER_GAIN:
                     continue
-                if count == capacity:
-                    return count
                 direction = math.atan2(y, x)
-                side = int((direction + math.pi) / (2.0 * math.pi) * SIDES)
-                seen.side[count] = min(max(side, 0), SIDES - 1)
                 bearing = direction - look.heading_rad
                 bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
-                seen.bearing[count] = bearing
                 ray = int((bearing + look.half_angle_rad) * rays_per_rad)
                 ray = min(max(ray, 0), ray_count - 1)
                 step = min(int(distance / rays.step_m), steps - 1)
+                if rays.in_sight[ray, step] == 0.0:
+                    continue
+                if count == capacity:
+                    return count
+                side = int((direction + math.pi) / (2.0 * math.pi) * SIDES)
+                seen.side[count] = min(max(side, 0), SIDES - 1)
+                seen.bearing[count] = bearing
                 heard = math.exp(-look.absorption_per_m * distance) / (squared * squared)
                 seen.weight[count] = gain * heard * rays.in_sight[ray, step]
                 seen.slot[count], seen.row[count], seen.column[count] = slot, row, column

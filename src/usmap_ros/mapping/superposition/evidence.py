@@ -126,7 +126,7 @@ def add_evidence(
         slot = seen.slot[cell]
         start = parts.first_bin[cell]
         gain, counts = 0.0, False
-        for column in range(CELL_BINS):
+        for column in range(max(0, -start), parts.columns[cell]):
             part, b = parts.parts[cell, column], start + column
             if part > 0.0 and part > LEAST_SHARE * bins.expected[b]:
                 gain += log_ratio_without(look, bins, b, part, bounds.of_a_bin)
@@ -173,7 +173,8 @@ def _sum_block(
                 continue
             neighbour = seen.place[slot]
             offset = parts.first_bin[neighbour] - start
-            for index in range(max(0, -offset), min(CELL_BINS, BLOCK_BINS - offset)):
+            last = min(parts.columns[neighbour], BLOCK_BINS - offset)
+            for index in range(max(0, -offset), last):
                 parts.block[offset + index] += parts.parts[neighbour, index]
 
 
@@ -203,14 +204,13 @@ def prove_rays(
     """
     for ray in range(len(proven_m)):
         proven_m[ray] = 0.0
-    bin_count = len(look.kind)
     for cell in range(count):
         if belief[seen.slot[cell]] < 0.0:
             continue
         start = parts.first_bin[cell]
-        for column in range(CELL_BINS):
+        for column in range(max(0, -start), parts.columns[cell]):
             b = start + column
-            if b < 0 or b >= bin_count or look.kind[b] != ECHO:
+            if look.kind[b] != ECHO:
                 continue
             if parts.parts[cell, column] > PROVING_SHARE * bins.expected[b]:
                 reach_m = look.least_range_m + (b + 0.5) * look.bin_m

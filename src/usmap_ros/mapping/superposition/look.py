@@ -57,6 +57,8 @@ class Look(NamedTuple):
         UNJUDGED, ECHO or SILENCE.
     power : (bins,) float32 array
         Of the echoes in each bin.
+    next_echo : (bins,) int32 array
+        First range bin from each on that has an echo; the number of bins if there is none.
     limit : (bins,) float32 array
         Power below which an echo may have gone unreported.
     bearing, bearing_weight : (bins,) float32 arrays
@@ -83,6 +85,7 @@ class Look(NamedTuple):
     power_gain: NDArray[np.float32]
     kind: NDArray[np.uint8]
     power: NDArray[np.float32]
+    next_echo: NDArray[np.int32]
     limit: NDArray[np.float32]
     bearing: NDArray[np.float32]
     bearing_weight: NDArray[np.float32]
@@ -129,6 +132,7 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
         ),
         kind=kind,
         power=power,
+        next_echo=_next_echo(kind),
         limit=limit,
         bearing=bearing,
         bearing_weight=bearing_weight,
@@ -160,6 +164,13 @@ def _binned(
     kind[place] = ECHO
     squared = np.minimum(limit, DEAF_AMPLITUDE) ** 2
     return kind, power.astype(np.float32), squared.astype(np.float32), max(noise, 1e-12)
+
+
+def _next_echo(kind: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """First range bin from each on that has an echo."""
+    place = np.where(kind == ECHO, np.arange(len(kind)), len(kind))
+    following: NDArray[np.int32] = np.minimum.accumulate(place[::-1])[::-1].astype(np.int32)
+    return following
 
 
 def _bearings(

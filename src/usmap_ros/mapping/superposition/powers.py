@@ -42,9 +42,7 @@ STEADINESS = 0.9
 #: if it is so many times as strong as expected.
 SEED_POWER, SEED_EXCESS = 0.05, 3.0
 #: What is weaker vanishes; nothing is stronger: a reflector of some square metres.
-LEAST_POWER, MOST_POWER = 3e-4, 6.0
-#: The k-th look at a cell counts k^−exponent in its averages.
-MEMORY_EXPONENT = 0.5
+LEAST_POWER, MOST_POWER = 2e-3, 6.0
 #: A silent bin is trusted no more than a Gamma distribution of this shape.
 MOST_SILENT_SHAPE = 4.0
 
@@ -79,6 +77,8 @@ class Contributions(NamedTuple):
     ----------
     first_bin : (cells,) integer array
         Range bin of the first column.
+    columns : (cells,) integer array
+        How many columns hold anything.
     parts : (cells, CELL_BINS) float32 array
         Contributions to λ.
     block : (BLOCK_BINS,) float64 array
@@ -86,6 +86,7 @@ class Contributions(NamedTuple):
     """
 
     first_bin: NDArray[np.int64]
+    columns: NDArray[np.int64]
     parts: NDArray[np.float32]
     block: NDArray[np.float64]
 
@@ -137,10 +138,8 @@ def narrowed(low: float, high: float, sharpness: float) -> tuple[float, float]:
 @compiled
 def hears_any(look: Look, low: float, high: float) -> bool:
     """Whether there is an echo in a stretch of range bins."""
-    for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, len(look.kind))):
-        if look.kind[b] == ECHO:
-            return True
-    return False
+    first = max(math.floor(low), 0)
+    return first < len(look.kind) and look.next_echo[first] <= math.floor(high)
 
 
 @compiled
@@ -167,6 +166,7 @@ def split_expected(
         slot = seen.slot[cell]
         start = math.floor(seen.low[cell].min())
         parts.first_bin[cell] = start
+        parts.columns[cell] = 0
         for column in range(CELL_BINS):
             parts.parts[cell, column] = 0.0
         for quarter in range(QUARTERS):
@@ -182,6 +182,7 @@ def split_expected(
             else:
                 low, high = narrowed(low, high, seen.sharpness[cell])
             last = min(math.floor(high) + 1, bin_count, start + CELL_BINS)
+            parts.columns[cell] = max(parts.columns[cell], last - start)
             for b in range(max(math.floor(low), 0), last):
                 if not (heard and look.kind[b] == SILENCE):
                     fit = bearing_fit(look, b, seen.bearing[cell])
@@ -197,7 +198,7 @@ def expect(look: Look, count: int, parts: Contributions, bins: Bins) -> None:
         bins.squares[b] = 0.0
     for cell in range(count):
         start = parts.first_bin[cell]
-        for column in range(max(0, -start), min(CELL_BINS, bin_count - start)):
+        for column in range(max(0, -start), parts.columns[cell]):
             part = parts.parts[cell, column]
             bins.expected[start + column] += part
             bins.squares[start + column] += part * part
@@ -213,10 +214,12 @@ def gamma_shape(squares: float, expected: float) -> float:
 def weigh_bins(look: Look, bins: Bins) -> None:
     """Set `pull` and `push` of each range bin from what was heard there."""
     for b in range(len(look.kind)):
-        expected = bins.expected[b]
-        shape = gamma_shape(bins.squares[b], expected)
         bins.pull[b] = 0.0
         bins.push[b] = 0.0
+        if bins.squares[b] == 0.0:
+            continue
+        expected = bins.expected[b]
+        shape = gamma_shape(bins.squares[b], expected)
         if look.kind[b] == ECHO:
             bins.pull[b] = shape * look.power[b] / (expected * expected)
             bins.push[b] = shape / expected
@@ -286,7 +289,8 @@ def learn_powers(
     A look's likelihood, as a function of one power v, is bounded by −(A / v + B v) + const with
     A = v₀² · pull and B = push at today's power v₀.  Averages of A and B over recent looks bound
     the likelihood of all of them, and √(A / B) is the best v: incremental
-    majorisation-minimisation ([3]_), which learns from a look what a full pass would teach.
+    majorisation-minimisation ([3]_), which learns from a look what a full pass would teach.  The
+    k-th look at a cell counts k^−½.
 
     Parameters
     ----------
@@ -306,10 +310,12 @@ def learn_powers(
         if weight <= 0.0:
             continue
         powers.looks[slot] += 1.0
-        news = max(powers.looks[slot] ** -MEMORY_EXPONENT, least_news)
+        news = max(1.0 / math.sqrt(powers.looks[slot]), least_news)
         any_left = False
         for quarter in range(QUARTERS):
             index = slot * QUARTERS + quarter
+            if powers.power[index] == 0.0:
+                continue
             low, high = seen.low[cell, quarter], seen.high[cell, quarter]
             sharpness = seen.sharpness[cell]
             if hears_any(look, low, high):

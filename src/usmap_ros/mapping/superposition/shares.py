@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.cells import Seen
 from usmap_ros.mapping.superposition.look import ECHO, Look
-from usmap_ros.mapping.superposition.powers import CELL_BINS, Bins, Contributions
+from usmap_ros.mapping.superposition.powers import Bins, Contributions
 
 
 class Shares(NamedTuple):
@@ -49,12 +49,12 @@ def add_shares(
     shares : Shares
         Added to.
     """
-    bin_count = len(look.kind)
     for cell in range(count):
         best = -1.0
-        for column in range(CELL_BINS):
-            part, b = parts.parts[cell, column], parts.first_bin[cell] + column
-            if part > 0.0 and 0 <= b < bin_count and look.kind[b] == ECHO:
+        start = parts.first_bin[cell]
+        for column in range(max(0, -start), parts.columns[cell]):
+            part, b = parts.parts[cell, column], start + column
+            if part > 0.0 and look.kind[b] == ECHO:
                 best = max(best, part / bins.expected[b])
         if best >= 0.0:
             slot = seen.slot[cell]

@@ -14,6 +14,8 @@ from usmap_ros.mapping.superposition.look import SILENCE, Look
 #: Visibility below which silence says nothing, and a ray is not followed any further.
 LEAST_SIGHT = 0.3
 LEAST_TRUST = 0.02
+#: Share of the sound below which none counts.
+HIDDEN = 1e-4
 #: Radius of the place that a robot itself takes up.
 PRESENCE_M = 0.12
 
@@ -40,14 +42,17 @@ def cast_rays(look: Look, tiles: Tiles, depth: NDArray[np.float32], rays: Rays) 
     for ray in range(ray_count):
         angle = look.heading_rad + ((ray + 0.5) / ray_count * 2.0 - 1.0) * look.half_angle_rad
         x_step, y_step = math.cos(angle) * rays.step_m, math.sin(angle) * rays.step_m
-        passed, last, before_last = 0.0, 0.0, 0.0
+        in_sight, last, before_last = 1.0, 0.0, 0.0
         for step in range(steps):
-            rays.in_sight[ray, step] = math.exp(-passed)
+            rays.in_sight[ray, step] = in_sight
             row = math.floor((look.y_m + (step + 0.5) * y_step) / res)
             column = math.floor((look.x_m + (step + 0.5) * x_step) / res)
             slot = slot_at(row, column, tiles)
             here = depth[slot] * rays.step_m / res if slot >= 0 else 0.0
-            passed += before_last
+            if before_last > 0.0:
+                in_sight *= math.exp(-before_last)
+                if in_sight < HIDDEN:
+                    in_sight = 0.0
             before_last, last = last, here
 
 
@@ -130,12 +135,13 @@ def deal_silence(
     ray_count, steps = rays.in_sight.shape
     res = tiles.resolution_m
     ray_width = 2.0 * look.half_angle_rad / ray_count
+    a_step = math.exp(-rays.step_m / trust_m)
     level = math.sqrt(look.axis_x * look.axis_x + look.axis_y * look.axis_y)
     for ray in range(ray_count):
         off_axis = ((ray + 0.5) / ray_count * 2.0 - 1.0) * look.half_angle_rad
         angle = look.heading_rad + off_axis
         x_step, y_step = math.cos(angle) * rays.step_m, math.sin(angle) * rays.step_m
-        unproven_m = 0.0
+        proven = 1.0
         for step in range(steps):
             distance = (step + 0.5) * rays.step_m
             if distance >= look.greatest_range_m:
@@ -146,8 +152,8 @@ def deal_silence(
             if slot < 0:
                 break
             if clear[slot] < proof:
-                unproven_m += rays.step_m
-            trust = rays.in_sight[ray, step] * math.exp(-unproven_m / trust_m)
+                proven *= a_step
+            trust = rays.in_sight[ray, step] * proven
             if trust < LEAST_TRUST:
                 break
             slant = math.sqrt(distance * distance + look.rise_m * look.rise_m)

@@ -67,7 +67,8 @@ def _seen(cells: int, place: NDArray[np.int32]) -> Seen:
 
 def _contributions(cells: int) -> Contributions:
     parts = np.empty((cells, CELL_BINS), np.float32)
-    return Contributions(np.empty(cells, np.int64), parts, np.empty(BLOCK_BINS))
+    first_bin, columns = (np.zeros(cells, np.int64) for _ in range(2))
+    return Contributions(first_bin, columns, parts, np.empty(BLOCK_BINS))
 
 
 def _bins(count: int) -> Bins:

@@ -26,3 +26,14 @@ def compiled(function: Function) -> Function:
     except RuntimeError:
         # Numba's word for: neither the package's folder nor the user's cache can be written.
         return cast("Function", numba.njit(error_model="numpy", fastmath=True)(function))
+
+
+def inlined(function: Function) -> Function:
+    """Let a small function be compiled into those that call it.
+
+    A call hands over every array of a named tuple by itself, which takes longer than what the
+    function does.
+    """
+    return cast(
+        "Function", numba.njit(inline="always", error_model="numpy", fastmath=True)(function)
+    )

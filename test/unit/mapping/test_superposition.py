@@ -14,12 +14,11 @@ from usmap_ros.mapping.superposition.evidence import Bounds, add_gain, log_likel
 from usmap_ros.mapping.superposition.look import ECHO, Look, look_of
 from usmap_ros.mapping.superposition.powers import (
     Powers,
-    add_up_bins,
     expect,
     learn_powers,
-    mean_between,
     split_expected,
     weigh_bins,
+    where_heard,
 )
 from usmap_ros.mapping.superposition.sight import cast_rays, deal_proof
 from usmap_ros.mapping.superposition.workspace import Workspace
@@ -74,7 +73,6 @@ class Area:
         seen, count = self.work.find(look, self.tiles, self.powers.alive, rays)
         bins = self.work.bins(look)
         weigh_bins(look, bins)
-        add_up_bins(look, bins)
         learn_powers(look, seen, count, bins, self.powers, 0.0, 0.5)
         forget(seen, count)
         return before
@@ -136,12 +134,16 @@ def test_all_of_an_objects_power_is_expected_around_its_range(
     assert not np.any((lit > 1.6) & (lit < 2.0))
 
 
-def test_the_mean_between_is_that_of_the_bins() -> None:
-    sums = np.concatenate([[0.0], np.cumsum([1.0, 3.0, 5.0])])
-    assert mean_between(sums, 0.0, 3.0, 3) == pytest.approx(3.0)
-    assert mean_between(sums, 0.5, 1.5, 3) == pytest.approx(2.0)
-    assert mean_between(sums, -1.0, 1.0, 3) == pytest.approx(0.5)
-    assert mean_between(sums, 5.0, 6.0, 3) == 0.0
+def test_a_blurred_quarter_belongs_where_there_is_an_echo(make_cone: MakeCone) -> None:
+    """Otherwise to its middle: silence at its rim says nothing of it."""
+    look = look_of(make_cone((1.5125, 0.2)), PARAMETERS)
+    echo = int(np.flatnonzero(look.kind == ECHO)[0])
+    assert where_heard(look, echo - 3.0, echo + 1.5, 0.5) == (
+        True, echo - 3.0, echo + 1.5, pytest.approx(1.0 / (4.5 * 0.5)),
+    )  # fmt: skip
+    assert where_heard(look, echo + 2.0, echo + 6.0, 0.5) == (
+        False, echo + 3.0, echo + 5.0, pytest.approx(0.5),
+    )  # fmt: skip
 
 
 def test_the_power_of_a_lone_reflector_is_learnt(area: Area, make_cone: MakeCone) -> None:

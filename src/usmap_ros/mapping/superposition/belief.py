@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.superposition.cells import SIDES, Tiles, slot_at
 
 #: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.
@@ -48,7 +48,7 @@ class Scale(NamedTuple):
     side_price: float
 
 
-@compiled
+@inlined
 def combined(slot: int, evidence: NDArray[np.float32], side_price: float) -> float:
     """Evidence of all sides together, or of the best one alone, whichever is more.
 

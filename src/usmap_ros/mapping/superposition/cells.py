@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE
 from usmap_ros.mapping.superposition.look import GAIN_STEPS, Look
 
@@ -97,7 +97,7 @@ class Seen(NamedTuple):
     place: NDArray[np.int32]
 
 
-@compiled
+@inlined
 def slot_at(row: int, column: int, tiles: Tiles) -> int:
     """Slot of a cell; -1 where there is no tile."""
     tile_row = row // TILE_SIDE - tiles.first_row
@@ -112,7 +112,26 @@ def slot_at(row: int, column: int, tiles: Tiles) -> int:
     return int(tile * TILE_CELLS + (row % TILE_SIDE) * TILE_SIDE + column % TILE_SIDE)
 
 
-@compiled
+@inlined
+def slot_beside(slot: int, row: int, column: int, rows: int, columns: int, tiles: Tiles) -> int:
+    """Slot of a cell so many rows and columns, one at the most, from another; -1 if there is none.
+
+    Parameters
+    ----------
+    slot, row, column : int
+        Of the other.
+    rows, columns : int
+        How far it is.
+    tiles : Tiles
+        The grid.
+    """
+    inside_row, inside_column = slot % TILE_CELLS // TILE_SIDE + rows, slot % TILE_SIDE + columns
+    if 0 <= inside_row < TILE_SIDE and 0 <= inside_column < TILE_SIDE:
+        return slot + rows * TILE_SIDE + columns
+    return slot_at(row + rows, column + columns, tiles)
+
+
+@inlined
 def power_gain(look: Look, cosine: float) -> float:
     """Two-way power gain at an angle off the beam axis, given by its cosine."""
     place = (1.0 - cosine) / (1.0 - look.cos_half_angle) * GAIN_STEPS

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
-from usmap_ros.mapping.superposition.cells import SIDES, Seen, Tiles, slot_at
+from usmap_ros.compiled import compiled, inlined
+from usmap_ros.mapping.superposition.cells import SIDES, Seen, Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import BLOCK_BINS, CELL_BINS, Bins, Contributions
 
@@ -137,7 +137,7 @@ def add_evidence(
         add_gain(evidence.own, slot, seen.side[cell], gain, bounds)
         gain = 0.0
         start -= (BLOCK_BINS - CELL_BINS) // 2
-        _sum_block(seen, parts, tiles, seen.row[cell], seen.column[cell], start)
+        _sum_block(seen, parts, tiles, cell, start)
         for column in range(BLOCK_BINS):
             part, b = parts.block[column], start + column
             if part > 0.0 and part > LEAST_SHARE * bins.expected[b]:
@@ -159,16 +159,15 @@ def add_gain(
     evidence[index] = min(max(evidence[index] + gain, least), most)
 
 
-@compiled
-def _sum_block(
-    seen: Seen, parts: Contributions, tiles: Tiles, row: int, column: int, start: int
-) -> None:
+@inlined
+def _sum_block(seen: Seen, parts: Contributions, tiles: Tiles, cell: int, start: int) -> None:
     """Contributions of a cell and its neighbours, from range bin `start` on."""
     for index in range(BLOCK_BINS):
         parts.block[index] = 0.0
-    for neighbour_row in range(row - 1, row + 2):
-        for neighbour_column in range(column - 1, column + 2):
-            slot = slot_at(neighbour_row, neighbour_column, tiles)
+    own, row, column = seen.slot[cell], seen.row[cell], seen.column[cell]
+    for rows in range(-1, 2):
+        for columns in range(-1, 2):
+            slot = slot_beside(own, row, column, rows, columns, tiles)
             if slot < 0 or seen.place[slot] < 0:
                 continue
             neighbour = seen.place[slot]

@@ -43,8 +43,11 @@ from usmap_ros.parameters import MappingParameters
 POWER_STEPS, POWER_SPREAD = 80, 3.2
 #: Density, per unit of the logarithm of power, of echoes that come from nowhere.
 CLUTTER_DENSITY = 3e-3
-#: Bounds of the logarithms of likelihoods: of an echo's power, and of silence.
-LEAST_LOG_DENSITY, LEAST_LOG_SILENCE = -12.0, -6.0
+#: Bounds of likelihoods: of an echo's power, and of silence.
+LEAST_LOG_DENSITY, LEAST_SILENCE = -12.0, 0.0025
+LEAST_DENSITY = math.exp(LEAST_LOG_DENSITY)
+#: A limit so many times the power that is returned is not exceeded.
+SURELY_SILENT = 12.0
 #: Silence against a cell outweighs an echo for it when it is so many times as frequent.
 SILENCE_COUNTS = 0.4
 #: Quarters, times looks, that are compared at the most.
@@ -163,20 +166,56 @@ def compare(
 
 
 @compiled
-def log_likelihood_of(
-    kind: int, level: float, returned: float, noise: float, fluctuation: float
-) -> float:
-    """Log-likelihood of what a look has of one object that returns a power all by itself."""
+def compare_powers(
+    kind: int,
+    level: float,
+    weight: float,
+    fluctuation: float,
+    noise: float,
+    log_powers: NDArray[np.float64],
+    likelihood: NDArray[np.float64],
+    total: NDArray[np.float64],
+) -> None:
+    """Likelihood of what a look has of one object, for each power that it may have.
+
+    Parameters
+    ----------
+    kind : int
+        ECHO, SILENCE or UNJUDGED.
+    level : float
+        Power of the echo, or below which one may have gone unreported.
+    weight : float
+        Power that is returned of power 1.
+    fluctuation : float
+        Variance of ln power from look to look.
+    noise : float
+        Power of the receiver's noise.
+    log_powers : (POWER_STEPS,) float64 array
+        The powers.
+    likelihood : (POWER_STEPS,) float64 array
+        Set.
+    total : (POWER_STEPS,) float64 array
+        The logarithms are added.
+    """
+    likelihood[:] = 1.0
     if kind == ECHO:
-        # The logarithm of the power of a steady object's echo, as it fluctuates and in noise.
-        variance = 4.0 * (fluctuation * fluctuation + 0.5 * noise / level)
-        off = math.log(level / (returned + noise))
-        density = -0.5 * (off * off / variance + math.log(2.0 * math.pi * variance))
-        return max(density, LEAST_LOG_DENSITY)
-    if kind == SILENCE:
-        ratio = max(level / max(returned, 1e-12), 1e-6)
-        return max(math.log1p(-math.exp(-ratio)), LEAST_LOG_SILENCE)
-    return 0.0
+        variance = fluctuation + 2.0 * noise / level
+        best = math.log(max(level - noise, 0.25 * level) / weight)
+        scale = -0.5 * math.log(2.0 * math.pi * variance)
+        for step in range(POWER_STEPS):
+            off = best - log_powers[step]
+            value = max(scale - 0.5 * off * off / variance, LEAST_LOG_DENSITY)
+            total[step] += value
+            likelihood[step] = LEAST_DENSITY
+            if value > LEAST_LOG_DENSITY:
+                likelihood[step] = math.exp(value)
+    elif kind == SILENCE:
+        ratio = level / weight * math.exp(-log_powers[0])
+        for step in range(POWER_STEPS):
+            if ratio < SURELY_SILENT:
+                likelihood[step] = max(-math.expm1(-ratio), LEAST_SILENCE)
+                total[step] += math.log(likelihood[step])
+            ratio *= math.exp(log_powers[0] - log_powers[1])
 
 
 @compiled
@@ -203,28 +242,33 @@ def judge_alone(
     power : (quarters,) float64 array
         Set to the mean of the power, if there is an object.
     """
-    looks_count, quarters = suspects.kind.shape
-    table = np.empty((looks_count, POWER_STEPS))
+    looks, quarters = suspects.kind.shape
+    likelihood = np.empty((looks, POWER_STEPS))
     total = np.empty(POWER_STEPS)
     for here in range(quarters):
         total[:] = log_prior
-        for index in range(looks_count):
-            kind, level = suspects.kind[index, here], suspects.level[index, here]
-            weight, noise = suspects.weight[index, here], suspects.noise[index]
+        for index in range(looks):
+            compare_powers(
+                suspects.kind[index, here],
+                suspects.level[index, here],
+                suspects.weight[index, here],
+                4.0 * fluctuation * fluctuation,
+                suspects.noise[index],
+                log_powers,
+                likelihood[index],
+                total,
+            )
+        total -= total.max()
+        with_it = 0.0
+        for step in range(POWER_STEPS):
+            total[step] = math.exp(total[step])
+            with_it += total[step]
+        for index in range(looks):
+            without = 0.0
             for step in range(POWER_STEPS):
-                returned = weight * math.exp(log_powers[step])
-                table[index, step] = log_likelihood_of(kind, level, returned, noise, fluctuation)
-                total[step] += table[index, step]
-        for index in range(looks_count):
-            with_it, without = 0.0, 0.0
-            most = (total - table[index]).max()
-            for step in range(POWER_STEPS):
-                others = math.exp(total[step] - table[index, step] - most)
-                without += others
-                with_it += others * math.exp(table[index, step])
+                without += total[step] / likelihood[index, step]
             density[index, here] = with_it / without * suspects.fit[index, here]
-        weights = np.exp(total - total.max())
-        power[here] = math.exp((weights * log_powers).sum() / weights.sum())
+        power[here] = math.exp((total * log_powers).sum() / with_it)
 
 
 @compiled

@@ -45,7 +45,6 @@ from usmap_ros.mapping.superposition.powers import (
     LEAST_POWER,
     Contributions,
     Powers,
-    add_up_bins,
     expect,
     learn_powers,
     seed_unexplained,
@@ -86,9 +85,9 @@ SEVERAL = {
 }
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
-MOST_PASSES, EARLY_VISITS = 40, 500
+MOST_PASSES, EARLY_VISITS = 40, 60
 #: Pings that are learnt from again at once with every new one.
-RECENT = 3
+RECENT = 1
 #: So few pings are explained from the start whenever there is one more, with so many passes to
 #: see what is free.  Later this is done less and less often: each time after this share more.
 FEW_PINGS, FIRST_PASSES, FRESH_STARTS = 6, 2, 0.3
@@ -253,7 +252,6 @@ class SuperpositionFusion(Fusion):
     def _learn_from(self, look: Look, seen: Seen, count: int) -> None:
         bins = self._work.bins(look)
         weigh_bins(look, bins)
-        add_up_bins(look, bins)
         names = (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE)
         powers = Powers(*(self._grid.layer(name) for name in names))
         least_news = 1.0 / (1 + len(self._window))

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.superposition.cells import QUARTERS, Seen
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 
@@ -113,13 +113,13 @@ class Powers(NamedTuple):
     alive: NDArray[np.float32]
 
 
-@compiled
-def share_in_bin(bin_index: int, low: float, high: float) -> float:
-    """Share h of what lies evenly between `low` and `high` that falls into a bin."""
-    return (min(high, bin_index + 1.0) - max(low, float(bin_index))) / (high - low)
+@inlined
+def overlap(b: int, low: float, high: float) -> float:
+    """How much of a stretch of range bins lies in one of them."""
+    return min(high, b + 1.0) - max(low, float(b))
 
 
-@compiled
+@inlined
 def bearing_fit(look: Look, b: int, bearing: float) -> float:
     """How well a direction fits what was measured of an echo's: 1 where that is not known."""
     weight = look.bearing_weight[b]
@@ -128,18 +128,42 @@ def bearing_fit(look: Look, b: int, bearing: float) -> float:
     return math.exp(-weight * (bearing - look.bearing[b]) ** 2)
 
 
-@compiled
-def narrowed(low: float, high: float, sharpness: float) -> tuple[float, float]:
-    """Middle part of a stretch of range bins."""
-    middle, half = 0.5 * (low + high), 0.5 * (high - low) * sharpness
-    return middle - half, middle + half
-
-
-@compiled
+@inlined
 def hears_any(look: Look, low: float, high: float) -> bool:
     """Whether there is an echo in a stretch of range bins."""
     first = max(math.floor(low), 0)
     return first < len(look.kind) and look.next_echo[first] <= math.floor(high)
+
+
+@inlined
+def where_heard(
+    look: Look, low: float, high: float, sharpness: float
+) -> tuple[bool, float, float, float]:
+    """Where a quarter's power belongs, whose range is blurred.
+
+    What stands in one place echoes at once: if there is an echo where it may come from, that is
+    it, and silence elsewhere in that range says nothing.
+
+    Parameters
+    ----------
+    look : Look
+        The ping.
+    low, high, sharpness : float
+        Of the quarter: see `usmap_ros.mapping.superposition.cells.Seen`.
+
+    Returns
+    -------
+    heard : bool
+        Whether it may have been heard: only bins count then that are not silent.
+    low, high : float
+        Range bins between which its power lies.
+    density : float
+        Share of the power in each bin that lies between.
+    """
+    if hears_any(look, low, high):
+        return True, low, high, 1.0 / ((high - low) * sharpness)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) * sharpness
+    return False, middle - half, middle + half, 0.5 / half
 
 
 @compiled
@@ -164,7 +188,9 @@ def split_expected(
     bin_count = len(look.kind)
     for cell in range(count):
         slot = seen.slot[cell]
-        start = math.floor(seen.low[cell].min())
+        start = math.floor(
+            min(seen.low[cell, 0], seen.low[cell, 1], seen.low[cell, 2], seen.low[cell, 3])
+        )
         parts.first_bin[cell] = start
         parts.columns[cell] = 0
         for column in range(CELL_BINS):
@@ -173,20 +199,16 @@ def split_expected(
             returned = seen.weight[cell] * power[slot * QUARTERS + quarter]
             if returned <= 0.0:
                 continue
-            low, high = seen.low[cell, quarter], seen.high[cell, quarter]
-            # What stands in one place echoes at once: if there is an echo where it may come from,
-            # silence elsewhere in that range says nothing.
-            heard = hears_any(look, low, high)
-            if heard:
-                returned /= seen.sharpness[cell]
-            else:
-                low, high = narrowed(low, high, seen.sharpness[cell])
+            heard, low, high, density = where_heard(
+                look, seen.low[cell, quarter], seen.high[cell, quarter], seen.sharpness[cell]
+            )
+            returned *= density
             last = min(math.floor(high) + 1, bin_count, start + CELL_BINS)
             parts.columns[cell] = max(parts.columns[cell], last - start)
             for b in range(max(math.floor(low), 0), last):
                 if not (heard and look.kind[b] == SILENCE):
                     fit = bearing_fit(look, b, seen.bearing[cell])
-                    parts.parts[cell, b - start] += returned * fit * share_in_bin(b, low, high)
+                    parts.parts[cell, b - start] += returned * fit * overlap(b, low, high)
 
 
 @compiled
@@ -204,7 +226,7 @@ def expect(look: Look, count: int, parts: Contributions, bins: Bins) -> None:
             bins.squares[start + column] += part * part
 
 
-@compiled
+@inlined
 def gamma_shape(squares: float, expected: float) -> float:
     """Shape of a power's distribution: 1 for speckle, more the more one contributor dominates."""
     return 1.0 / (1.0 - STEADINESS * min(1.0, squares / (expected * expected)))
@@ -235,46 +257,6 @@ def weigh_bins(look: Look, bins: Bins) -> None:
 
 
 @compiled
-def add_up_bins(look: Look, bins: Bins) -> None:
-    """Turn `pull` and `push` into their sums over all bins before each."""
-    pull, push = 0.0, 0.0
-    for b in range(len(look.kind)):
-        here = bins.pull[b]
-        bins.pull[b] = pull
-        pull += here
-        here = bins.push[b]
-        bins.push[b] = push
-        push += here
-    bins.pull[len(look.kind)] = pull
-    bins.push[len(look.kind)] = push
-
-
-@compiled
-def mean_between(sums: NDArray[np.float64], low: float, high: float, bin_count: int) -> float:
-    """Mean of a number over the range from `low` to `high`, from its sums over bins."""
-    first, last = max(low, 0.0), min(high, float(bin_count))
-    if last <= first:
-        return 0.0
-    b = min(int(first), bin_count - 1)
-    before = sums[b] + (first - b) * (sums[b + 1] - sums[b])
-    b = min(int(last), bin_count - 1)
-    after = sums[b] + (last - b) * (sums[b + 1] - sums[b])
-    return float((after - before) / (high - low))
-
-
-@compiled
-def mean_at_echoes(look: Look, bins: Bins, low: float, high: float) -> tuple[float, float]:
-    """`pull` and `push` over a stretch of range bins of which only those with an echo count."""
-    up, down = 0.0, 0.0
-    for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, len(look.kind))):
-        if look.kind[b] == ECHO:
-            share = share_in_bin(b, low, high)
-            up += share * (bins.pull[b + 1] - bins.pull[b])
-            down += share * (bins.push[b + 1] - bins.push[b])
-    return up, down
-
-
-@compiled
 def learn_powers(
     look: Look,
     seen: Seen,
@@ -295,7 +277,7 @@ def learn_powers(
     Parameters
     ----------
     look, seen, count, bins
-        After `weigh_bins` and `add_up_bins`.
+        After `weigh_bins`.
     powers : Powers
         Changed.
     price : float
@@ -316,15 +298,15 @@ def learn_powers(
             index = slot * QUARTERS + quarter
             if powers.power[index] == 0.0:
                 continue
-            low, high = seen.low[cell, quarter], seen.high[cell, quarter]
-            sharpness = seen.sharpness[cell]
-            if hears_any(look, low, high):
-                up, down = mean_at_echoes(look, bins, low, high)
-                up, down = up / sharpness, down / sharpness
-            else:
-                low, high = narrowed(low, high, sharpness)
-                up = mean_between(bins.pull, low, high, bin_count)
-                down = mean_between(bins.push, low, high, bin_count)
+            heard, low, high, density = where_heard(
+                look, seen.low[cell, quarter], seen.high[cell, quarter], seen.sharpness[cell]
+            )
+            up, down = 0.0, 0.0
+            for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, bin_count)):
+                if not (heard and look.kind[b] == SILENCE):
+                    up += overlap(b, low, high) * bins.pull[b]
+                    down += overlap(b, low, high) * bins.push[b]
+            up, down = density * up, density * down
             v = powers.power[index]
             powers.attraction[index] += news * (v * v * weight * up - powers.attraction[index])
             powers.pressure[index] += news * (weight * down - powers.pressure[index])

@@ -116,8 +116,9 @@ def test_transducers_that_ping_at_once_are_mapped_alike(tmp_path: Path) -> None:
 def test_dictionary_and_solver_change_the_map(maps: Path) -> None:
     default, *others = (command_line_map(maps, method, 1).log_odds.tobytes() for method in METHODS)
     assert default not in others
-    # Some solvers agree on some traces, as they should.
-    assert len(set(others)) >= 4
+    # Solvers that agree on the few echoes of so coarse a matrix give the same map, as they should;
+    # those with whole numbers find other cells.
+    assert len(set(others)) >= 2
 
 
 def test_the_picture_of_a_ping_shows_what_its_settings_find(

@@ -26,9 +26,9 @@ RecordedTrace = tuple[str, EchoTrace]
 Outcome = tuple[str, int, EchoCone | MalformedMessageError]
 
 #: Soundings that are handed to a worker at once, so that the handing over does not count.
-BATCH = 8
+BATCH = 16
 #: Batches under way for each worker: enough to keep it busy, and memory flat.
-BATCHES_AHEAD = 3
+BATCHES_AHEAD = 2
 
 
 def available_cores() -> int:

@@ -12,7 +12,6 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.signal import fftconvolve
 
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
@@ -131,6 +130,9 @@ def resonant_profile(
     exp(-(π f / Q) t), turning by f less the carrier (Kinsler, Frey, Coppens & Sanders, Fundamentals
     of Acoustics, 4th ed., sections 1.6 and 1.10).
     """
+    # Takes longer to import than all else together, and few pulses have a resonance.
+    from scipy.signal import fftconvolve
+
     decays_hz = [np.pi * frequency / quality for frequency, quality in resonances]
     rate_hz = _POINTS_PER_CONSTANT * max(*decays_hz, 1.0 / duration_s)
     # Equal resonators in a row ring on as t exp(-t/τ), which takes a little longer.

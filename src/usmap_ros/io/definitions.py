@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -40,15 +41,21 @@ def check_definition(path: Path, recorded: RecordedTopic) -> None:
 def _parse(path: Path, recorded: RecordedTopic) -> dict[str, Any]:
     """Fields by message type, of all types in the topic's definition."""
     try:
-        if recorded.definition_format == "ros2idl":
-            types = get_types_from_idl(recorded.definition)
-        else:
-            types = get_types_from_msg(recorded.definition, recorded.message_type)
+        return _fields(recorded.definition_format, recorded.definition, recorded.message_type)
     # Its parser fails in other ways, too, on text that is no definition at all.
     except (TypesysError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise BagError(
             path, f"topic {recorded.name} has a definition that cannot be parsed"
         ) from error
+
+
+@lru_cache(maxsize=64)
+def _fields(definition_format: str, definition: str, message_type: str) -> dict[str, Any]:
+    """Parse a definition once, however many robots have it."""
+    if definition_format == "ros2idl":
+        types = get_types_from_idl(definition)
+    else:
+        types = get_types_from_msg(definition, message_type)
     return {name: fields for name, (_, fields) in types.items()}
 
 

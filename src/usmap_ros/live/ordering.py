@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -52,7 +52,8 @@ class StampOrder(Generic[_Item]):
     wait_s : float
         How long an item is held back, in real time and in that of the stamps.
     capacity : int
-        Items held at most; beyond it the oldest is dropped.
+        Items held at most; beyond it the oldest is dropped of the source that has most of them, so
+        that one which floods takes the room of nobody else.
 
     Attributes
     ----------
@@ -69,6 +70,9 @@ class StampOrder(Generic[_Item]):
         self.dropped = 0
         self.late = 0
         self._heap: list[_Entry[_Item]] = []
+        # Of each source: its items in the heap, oldest stamp first, and how many are not out yet.
+        self._held: dict[str, list[_Entry[_Item]]] = {}
+        self._counts: Counter[str] = Counter()
         self._arrivals: deque[_Entry[_Item]] = deque()
         self._sources: dict[str, _Source] = {}
         self._released_ns: int | None = None
@@ -78,7 +82,7 @@ class StampOrder(Generic[_Item]):
 
     def __len__(self) -> int:
         """Count the items held."""
-        return len(self._heap)
+        return self._counts.total()
 
     def add_source(self, source: str) -> None:
         """Wait for a source from now on, even before it has sent anything."""
@@ -100,12 +104,14 @@ class StampOrder(Generic[_Item]):
         entry = _Entry(stamp_ns, source, next(self._numbers), item, now_s)
         heapq.heappush(self._heap, entry)
         self._arrivals.append(entry)
-        if len(self._heap) > self.capacity:
-            heapq.heappop(self._heap).is_out = True
-            self.dropped += 1
+        heapq.heappush(self._held.setdefault(source, []), entry)
+        self._counts[source] += 1
+        if len(self) > self.capacity:
+            self._drop()
 
     def pop(self, now_s: float) -> tuple[str, _Item] | None:
         """Release the next item and its source, or nothing if it must still wait."""
+        self._skip_dropped()
         if not self._heap:
             return None
         head = self._heap[0]
@@ -114,12 +120,13 @@ class StampOrder(Generic[_Item]):
                 return None
             self._give_up_on_those_before(head.stamp_ns)
         heapq.heappop(self._heap)
-        head.is_out = True
+        self._take_out(head)
         self._released_ns = head.stamp_ns
         return head.source, head.item
 
     def due_in_s(self, now_s: float) -> float | None:
         """How long until `pop` gives an item even if no more come; None: nothing is held."""
+        self._skip_dropped()
         if not self._heap:
             return None
         if self._all_are_past(self._heap[0].stamp_ns):
@@ -129,9 +136,29 @@ class StampOrder(Generic[_Item]):
     def clear(self) -> None:
         """Forget all items, and what was released; sources stay."""
         self._heap.clear()
+        self._held.clear()
+        self._counts.clear()
         self._arrivals.clear()
         self._released_ns = None
         self._newest_ns = 0
+
+    def _drop(self) -> None:
+        """Drop the oldest item of the source that holds most."""
+        greediest = max(self._counts, key=lambda source: (self._counts[source], source))
+        self._take_out(heapq.heappop(self._held[greediest]))
+        self.dropped += 1
+
+    def _take_out(self, entry: _Entry[_Item]) -> None:
+        """Note that an item is held no longer; the heaps let go of it when it comes to the top."""
+        entry.is_out = True
+        self._counts[entry.source] -= 1
+        held = self._held[entry.source]
+        while held and held[0].is_out:
+            heapq.heappop(held)
+
+    def _skip_dropped(self) -> None:
+        while self._heap and self._heap[0].is_out:
+            heapq.heappop(self._heap)
 
     def _patience_ends_s(self, stamp_ns: int) -> float:
         """Until when the item of this stamp waits for the others, if no more comes."""

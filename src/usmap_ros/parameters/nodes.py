@@ -100,7 +100,10 @@ def _check_pattern(pattern: str) -> str:
 class ConeReconstructorParameters(NodeParameters):
     """Of cone_reconstructor."""
 
-    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {"transducers"}
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {
+        "transducers",
+        "reconstruction.known_walls",
+    }
 
     transducers: list[str] = quantity(
         [""],
@@ -123,12 +126,16 @@ class ConeReconstructorParameters(NodeParameters):
 class MapFusionParameters(NodeParameters):
     """Of map_fusion."""
 
-    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {"autostart"}
+    #: Paths among them: nobody on the network is to choose what files are overwritten.
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {
+        "autostart",
+        "checkpoint_path",
+        "save_path",
+    }
     #: Taken over when the node is configured.
     fixed_while_configured: ClassVar[frozenset[str]] = frozenset(
         {
             "cone_topics",
-            "checkpoint_path",
             "frame_id",
             "mapping",
             "publish_updates",

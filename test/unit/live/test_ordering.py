@@ -97,6 +97,20 @@ def test_the_oldest_is_dropped_when_there_are_too_many() -> None:
     assert _drain(order, QUIET_S) == ["a20", "a30"]
 
 
+def test_one_who_floods_takes_the_room_of_nobody_else() -> None:
+    order = _order(capacity=10)
+    for stamp in range(3):
+        order.push("a", stamp, f"a{stamp}", 0.0)
+    for stamp in range(500):
+        order.push("b", stamp, f"b{stamp}", 0.0)
+    assert len(order) == 10
+    assert order.dropped == 493
+    released = _drain(order, QUIET_S)
+    assert [item for item in released if item[0] == "a"] == ["a0", "a1", "a2"]
+    assert released[-1] == "b499"
+    assert len(order) == 0
+
+
 def test_a_clock_that_is_set_back_does_not_stop_a_source() -> None:
     order = _order()
     order.push("a", 1000, "a1000", 0.0)

@@ -70,6 +70,8 @@ class MapSession:
         self._checkpoint = Checkpoint(now.checkpoint_path)
         if now.resume and self._checkpoint.restore(self.fusion):
             node.get_logger().info(f"resumed the map in {now.checkpoint_path}")
+        if self._checkpoint.trouble:
+            health.problem("set aside", self._checkpoint.trouble)
         self._node = node
         self._parameters = parameters
         self._health = health

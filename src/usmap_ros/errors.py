@@ -52,6 +52,10 @@ class ConfigurationError(FileError):
     """A YAML file with an unknown key or a value out of range."""
 
 
+class MapSizeError(UsmapError):
+    """A map whose rectangle would take too much memory."""
+
+
 class MalformedMessageError(UsmapError):
     """A message whose content no physical sensor could have produced.
 

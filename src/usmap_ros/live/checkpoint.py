@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from usmap_ros.errors import MapFileError
+from usmap_ros.errors import MapFileError, MapSizeError
 from usmap_ros.io.map_files import GRID_FILE, load_map, map_folder, save_map
 from usmap_ros.live.live_fusion import LiveFusion
 
@@ -82,5 +82,9 @@ class Checkpoint:
         """
         version = fusion.version
         if self._path is not None and version != self._kept_version:
-            save_map(self._path, fusion.occupancy_map())
+            try:
+                occupancy = fusion.occupancy_map()
+            except MapSizeError as error:
+                raise MapFileError(self._path, str(error)) from error
+            save_map(self._path, occupancy)
             self._kept_version = version

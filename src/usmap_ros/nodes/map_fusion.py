@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from usmap_ros.errors import MapFileError, UsmapError
+from usmap_ros.errors import MapFileError, MapSizeError, UsmapError
 from usmap_ros.io.map_files import map_folder, save_map
 from usmap_ros.live.health import Finding, Level
 from usmap_ros.live.interfaces import GET_MAP, MAP_FUSION, PAUSE, RESET, SAVE_MAP
@@ -214,7 +214,7 @@ class MapFusion(LifecycleNode):
         try:
             with map_folder(path):
                 save_map(path, self.session.fusion.occupancy_map())
-        except MapFileError as error:
+        except (MapFileError, MapSizeError) as error:
             response.message = str(error)
         else:
             response.success, response.message = True, str((path / "map.yaml").absolute())

@@ -6,7 +6,7 @@ import traceback
 from typing import Any
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.errors import MalformedMessageError, MapFileError
+from usmap_ros.errors import MalformedMessageError, MapFileError, MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions import cone_from_message
 from usmap_ros.live.checkpoint import Checkpoint
@@ -178,25 +178,25 @@ class MapSession:
         version = self.fusion.version
         if version == self._published_version:
             return
-        occupancy = self.fusion.occupancy_map()
-        if not occupancy.frame_id:
-            return
         self._published_version = version
         try:
+            occupancy = self.fusion.occupancy_map()
+            if not occupancy.frame_id:
+                return
             self._publisher.publish(occupancy)
-        except MalformedMessageError as error:
+        except (MalformedMessageError, MapSizeError) as error:
             self._health.problem("unpublished", f"map: {error}", is_error=True)
         else:
             self._health.count("published")
 
     def message(self) -> Any | None:
         """``nav_msgs/OccupancyGrid`` of the map as it is now; None while it has no frame."""
-        occupancy: OccupancyMap = self.fusion.occupancy_map()
-        if not occupancy.frame_id:
-            return None
         try:
+            occupancy: OccupancyMap = self.fusion.occupancy_map()
+            if not occupancy.frame_id:
+                return None
             return self._publisher.message(occupancy)
-        except MalformedMessageError as error:
+        except (MalformedMessageError, MapSizeError) as error:
             self._health.problem("unpublished", f"map: {error}", is_error=True)
             return None
 

@@ -4,6 +4,9 @@ The paper's way is to build the sensing matrix, dense and complex, and to run te
 CoSaMP on it, as they are defined: every sample of every column, and Φ q with the whole of Φ.
 Both run on one core, turn by turn, and what counts is the processor's time, so that whatever
 else the machine does changes little.
+
+`by_scene` has the time a ping by encoding and number of echoes, and how many times longer the same
+search takes by NumPy alone.
 """
 
 from __future__ import annotations
@@ -16,14 +19,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.listening import listened
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cells import reconstruct_cells
 from usmap_ros.reconstruction.cone_cells import ConeCells
+from usmap_ros.reconstruction.delay_search import compiled_search, operator_search
+from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.trace import EchoTrace
 
-SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
+SCENARIOS = Path(__file__).parents[1] / "config/scenarios"
+SCENARIO = SCENARIOS / "poles.yaml"
+#: Few echoes, many, and few of three paths each; by encoding, with the rate of its samples.
+SCENES = ("poles", "room", "floor")
+RATES_HZ = {"iq": 25_000.0, "envelope": 25_000.0, "raw": 250_000.0}
 CELL_M = 0.05
 ITERATIONS = 10
 SPARSITY = 15
@@ -58,7 +68,54 @@ def run(pings: int = 60, dense_pings: int = 5) -> dict[str, Any]:
         "dense_cosamp_ms": float(np.median(solve)),
         "sparse_cells_ms": float(np.median(cells)),
         "times_faster_than_dense": theirs / ours,
+        **by_scene(pings),
     }
+
+
+def by_scene(pings: int) -> dict[str, float]:
+    """Milliseconds a ping by scene and encoding, echoes in it, and how much longer NumPy takes."""
+    figures = {}
+    parameters = ReconstructionParameters()
+    for scene in SCENES:
+        for encoding in RATES_HZ:
+            traces = [trace for _, trace in islice(simulate(received(scene, encoding)), pings)]
+            reconstruct(traces[0], parameters)
+            # The median of three, of each ping: what else runs on the machine comes and goes.
+            turns = [
+                [
+                    _milliseconds(lambda trace=trace: reconstruct(trace, parameters))
+                    for trace in traces
+                ]
+                for _ in range(3)
+            ]
+            spent = np.median(turns, axis=0)
+            found = [reconstruct_delays(listened(trace), parameters) for trace in traces]
+            pairs = [
+                (
+                    _milliseconds(lambda one=one: operator_search(*one, parameters)),
+                    _milliseconds(lambda one=one: compiled_search(*one, parameters)),
+                )
+                for one in ((one.operator, one.baseband) for one in found)
+            ]
+            by_numpy, compiled = np.sum(pairs, axis=0)
+            echoes = [len(one.cone.ranges_m) for one in found]
+            most = np.array(echoes) >= np.quantile(echoes, 0.9)
+            name = f"{scene}_{encoding}"
+            figures[f"{name}_echoes"] = float(np.mean(echoes))
+            figures[f"{name}_ms"] = float(spent.mean())
+            figures[f"{name}_most_echoes"] = float(np.mean(np.array(echoes)[most]))
+            figures[f"{name}_most_echoes_ms"] = float(spent[most].mean())
+            figures[f"{name}_search_times_longer_by_numpy"] = float(by_numpy / compiled)
+    return figures
+
+
+def received(scene: str, encoding: str) -> Scenario:
+    """A scenario whose transducers all hand out one encoding."""
+    content = Scenario.load(SCENARIOS / f"{scene}.yaml").model_dump()
+    for robot in content["robots"]:
+        for transducer in robot["transducers"]:
+            transducer["receiver"].update(encoding=encoding, sample_rate_hz=RATES_HZ[encoding])
+    return Scenario.from_mapping(content, scene)
 
 
 def paper(trace: EchoTrace) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.arrays import FloatArray, median
 from usmap_ros.trace import EchoTrace
 
 #: Samples in a segment, at least, and segments of a trace, at least.
@@ -76,7 +76,7 @@ def _rung_out(trace: EchoTrace, magnitude: FloatArray) -> int:
     loudest = float(magnitude[start : start + emitting].max())
     segment = max(2, emitting // 2)
     first, longest = start + emitting, int(_LONGEST_RINGING * len(magnitude))
-    heard, quiet = loudest, _OVER_QUIET * float(np.median(magnitude))
+    heard, quiet = loudest, _OVER_QUIET * median(magnitude)
     while first < longest:
         now = float(magnitude[first : first + segment].max())
         # It is over when it is no longer heard, or something else begins.
@@ -92,7 +92,7 @@ def _ringing_from(magnitude: FloatArray, emitting: int, latest: int) -> int | No
 
     With a trigger that comes late it begins late; then it has to clip, as no echo does so early.
     """
-    loud = max(_RINGING_OVER_LOUDEST * magnitude.max(), _RINGING_OVER_USUAL * np.median(magnitude))
+    loud = max(_RINGING_OVER_LOUDEST * magnitude.max(), _RINGING_OVER_USUAL * median(magnitude))
     if magnitude[:emitting].max() >= loud:
         return 0
     early = magnitude[: emitting + latest]

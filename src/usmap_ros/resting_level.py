@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.arrays import FloatArray, median
 from usmap_ros.trace import EchoTrace, Encoding
 
 #: Quantiles of a magnitude's quiet part, and where those of Rayleigh noise put zero: so many times
@@ -24,21 +24,21 @@ def at_rest_zero(trace: EchoTrace) -> EchoTrace:
     """
     samples = np.asarray(trace.samples, dtype=np.float64)
     if trace.encoding is Encoding.IQ:
-        levels = np.array([_median_level(samples[0::2]), _median_level(samples[1::2])])
-        level = np.tile(levels, len(samples) // 2)
+        level = np.array([_median_level(samples[0::2]), _median_level(samples[1::2])])
     elif trace.encoding is Encoding.RAW and trace.transducer.pulse.has_carrier:
         level = np.array([_median_level(samples)])
     else:
         level = np.array([_least_level(samples)])
     if not level.any():
         return trace
-    return replace(trace, samples=(samples - level).astype(np.float32))
+    rested = samples.reshape(-1, len(level)) - level
+    return replace(trace, samples=rested.reshape(-1).astype(np.float32))
 
 
 def _median_level(samples: FloatArray) -> float:
     """Level of samples of either sign; 0 unless it is beyond doubt."""
-    level = float(np.median(samples))
-    if abs(level) <= _SPREADS * float(np.median(np.abs(samples - level))):
+    level = median(samples)
+    if abs(level) <= _SPREADS * median(np.abs(samples - level)):
         return 0.0
     return level
 

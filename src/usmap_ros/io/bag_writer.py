@@ -175,7 +175,7 @@ class BagWriter:
             definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
             type_hash = typestore().hash_rihs01(message_type)
             is_latched = message_type == TRANSDUCER_ARRAY
-            qos = [recorded_qos(_QUEUE_DEPTHS[message_type], is_latched=is_latched)]
+            qos = [qos_to_record(_QUEUE_DEPTHS[message_type], is_latched=is_latched)]
             self.add_topic(topic, message_type, definition, type_hash, qos)
         payload = typestore().serialize_cdr(message, message_type)
         self._append(self._topics[topic, message_type], stamp_ns, bytes(payload))
@@ -228,7 +228,7 @@ class BagWriter:
         }
 
 
-def recorded_qos(
+def qos_to_record(
     depth: int, *, is_reliable: bool = True, is_latched: bool = False
 ) -> dict[str, Any]:
     """QoS of a publisher, in the form that Jazzy's rosbag2 records."""

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from usmap_ros.errors import BagError, ConfigurationError
-from usmap_ros.io.bag_writer import BagWriter, recorded_qos
+from usmap_ros.io.bag_writer import BagWriter, qos_to_record
 from usmap_ros.live.interfaces import BAG_RECORDER, Qos
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import every, qos_profile
@@ -76,7 +76,7 @@ class BagRecorder(Node):
         is_reliable = [p.reliability == ReliabilityPolicy.RELIABLE for p in offered]
         is_latched = [p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered]
         profiles = [
-            recorded_qos(profile.depth, is_reliable=reliable, is_latched=latched)
+            qos_to_record(profile.depth, is_reliable=reliable, is_latched=latched)
             for profile, reliable, latched in zip(offered, is_reliable, is_latched, strict=True)
         ]
         self._writer.add_topic(topic, message_type, definition, type_hash, profiles)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -20,12 +23,14 @@ def compiled(function: Function) -> Function:
     the compiler; where there is no folder to keep it in, every run does.
     """
     try:
-        return cast(
-            "Function", numba.njit(cache=True, error_model="numpy", fastmath=True)(function)
-        )
+        kept = numba.njit(cache=True, error_model="numpy", fastmath=True)(function)
     except RuntimeError:
         # Numba's word for: neither the package's folder nor the user's cache can be written.
         return cast("Function", numba.njit(error_model="numpy", fastmath=True)(function))
+    # Numba may keep its caches otherwise in another version; then they are as it makes them.
+    with suppress(AttributeError, OSError):
+        _renew_with_helpers(kept, function)
+    return cast("Function", kept)
 
 
 def inlined(function: Function) -> Function:
@@ -37,3 +42,28 @@ def inlined(function: Function) -> Function:
     return cast(
         "Function", numba.njit(inline="always", error_model="numpy", fastmath=True)(function)
     )
+
+
+def _renew_with_helpers(kept: Any, function: Callable[..., Any]) -> None:
+    """Make what is kept of a function stale, too, when a function that it may call has changed.
+
+    Numba looks at the file of the function only, but the machine code has its helpers in it.  All
+    compiled functions that its module has imported count, for those that stand below it in its
+    file may call them, too.
+    """
+    known = function.__globals__
+    helpers = [known[name] for name in sorted(known) if hasattr(known[name], "py_func")]
+    own = kept._cache._cache_file
+    own._source_stamp = _digest([repr(own._source_stamp), *map(_stamp, helpers)])
+
+
+def _stamp(helper: Any) -> str:
+    """What changes with a compiled function and, where it is kept itself, with its own helpers."""
+    file = getattr(helper._cache, "_cache_file", None)
+    if file is not None:
+        return str(file._source_stamp)
+    return _digest([Path(helper.py_func.__code__.co_filename).read_text(encoding="utf-8")])
+
+
+def _digest(parts: list[str]) -> str:
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -1,0 +1,65 @@
+"""What is kept of compiled functions is as new as what they call."""
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from usmap_ros.compiled import IS_COMPILED, compiled
+
+HELPER = """
+from usmap_ros.compiled import compiled
+@compiled
+def helper(x):
+    return x + {}
+"""
+CALLER = """
+from usmap_ros.compiled import compiled
+from helper_of_kept import helper
+@compiled
+def caller(x):
+    return below(x)
+@compiled
+def below(x):
+    return 2 * helper(x)
+"""
+pytestmark = pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "caller_of_kept.py").write_text(CALLER)
+    return tmp_path
+
+
+def imported(folder: Path, added: int) -> ModuleType:
+    (folder / "helper_of_kept.py").write_text(HELPER.format(added))
+    for name in ("helper_of_kept", "caller_of_kept"):
+        sys.modules.pop(name, None)
+    importlib.invalidate_caches()
+    return importlib.import_module("caller_of_kept")
+
+
+def stamp(module: ModuleType) -> str:
+    return str(module.caller._cache._cache_file._source_stamp)
+
+
+def test_a_changed_helper_makes_its_callers_stale(folder: Path) -> None:
+    first, changed = stamp(imported(folder, 1)), stamp(imported(folder, 100))
+    assert first != changed
+
+
+def test_without_a_folder_to_keep_it_in_a_function_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    import numba
+
+    def njit(**options: bool) -> object:
+        if "cache" in options:
+            raise RuntimeError("cannot cache function: no locator available")
+        return lambda function: function
+
+    monkeypatch.setattr(numba, "njit", njit)
+    assert compiled(abs)(-2) == 2

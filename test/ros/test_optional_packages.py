@@ -174,9 +174,9 @@ def test_a_driver_that_needs_tf_says_so(live: Any, request: Any) -> None:
         live.add(EchoDriver, scenario=scenario, pose_source="tf")
 
 
-def test_updates_are_the_part_of_the_map_that_changed(
-    monkeypatch: pytest.MonkeyPatch, cones: Cones
-) -> None:
+@pytest.fixture
+def published(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
+    """Give what a publisher of maps says by topic, with map_msgs installed."""
     published: dict[str, list[Any]] = {}
 
     def advertise(node: Any, topic: Any, name: str | None = None) -> Any:
@@ -187,6 +187,28 @@ def test_updates_are_the_part_of_the_map_that_changed(
     real = ros_types.interface_class
     fake = {"map_msgs/msg/OccupancyGridUpdate": SimpleNamespace}
     monkeypatch.setattr(ros_types, "interface_class", lambda name: fake.get(name) or real(name))
+    return published
+
+
+def test_whole_maps_are_rare_where_updates_are_enough(
+    published: dict[str, list[Any]], cones: Cones
+) -> None:
+    times_s = iter(range(100))
+    publisher = MapPublisher(None, True, whole_period_s=5.0, clock=lambda: next(times_s))
+    pipeline = Pipeline()
+    for _, cone in cones[:12]:
+        pipeline.fuse(cone)
+    # From now on the extent is the same.
+    for _, cone in [*cones[:12], *cones[:12]]:
+        pipeline.fuse(cone)
+        publisher.publish(pipeline.occupancy_map())
+    assert len(published["map"]) == len(published["map_probability"]) == 5
+    assert published["map_updates"]
+
+
+def test_updates_are_the_part_of_the_map_that_changed(
+    published: dict[str, list[Any]], cones: Cones
+) -> None:
     publisher, pipeline = MapPublisher(None, with_updates=True), Pipeline()
     for _, cone in cones[:12]:
         pipeline.fuse(cone)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import time
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from usmap_ros.cli import console
+from usmap_ros.cli.elapsed import seconds_since_start
 from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
 
 
@@ -44,16 +45,22 @@ def map_bags(
             min=0, max=100, help="Further looks at the recent pings (mapping.window) at the end."
         ),
     ] = 0,
+    force: Annotated[
+        bool, typer.Option("--force", "-f", help="Replace a map that is there, without asking.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Turn recorded bags into a map: for nav2, as log-odds, and a summary."""
     from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
+    from usmap_ros.io.map_files import GRID_FILE, RobotPaths, map_folder, save_map, save_summary
     from usmap_ros.offline import map_bag, resume_map
     from usmap_ros.parallel import available_cores, reconstructors
     from usmap_ros.pipeline import Pipeline
 
-    started = time.perf_counter()
+    is_continued = resume is not None and resume.resolve() == output.resolve()
+    # Programs are not asked: whoever writes one says what it replaces.
+    if (output / GRID_FILE).exists() and sys.stdin.isatty() and not (force or is_continued):
+        typer.confirm(f"{output}: holds a map already; replace it?", abort=True, err=True)
     parameters = pipeline_parameters(parameters_file, settings, resolution)
     if resume is None:
         pipeline, paths = Pipeline(parameters), RobotPaths()
@@ -69,7 +76,7 @@ def map_bags(
         pipeline.refine(passes)
         occupancy = pipeline.occupancy_map()
         save_map(output, occupancy, paths)
-        summary = run.summary(occupancy, time.perf_counter() - started)
+        summary = run.summary(occupancy, seconds_since_start())
         save_summary(output, summary)
     for topic, problem in run.suspects().items():
         typer.echo(f"usmap: warning: {topic}: {problem}; --without {topic} leaves it out", err=True)

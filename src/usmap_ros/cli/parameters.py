@@ -16,12 +16,24 @@ ParametersFile = Annotated[
         "--parameters", "-p", metavar="FILE.yaml", help="Parameters of reconstruction and mapping."
     ),
 ]
+
+
+def complete_setting(incomplete: str) -> list[str]:
+    """Parameters whose names begin like this, as a shell completes them."""
+    from usmap_ros.parameters import PipelineParameters
+    from usmap_ros.parameters.fields import flat_fields
+
+    names = (f"{name}=" for name, _ in flat_fields(PipelineParameters))
+    return [name for name in names if name.startswith(incomplete)]
+
+
 Settings = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
         help="Set one parameter, such as mapping.resolution_m=0.1; may be repeated.",
+        autocompletion=complete_setting,
     ),
 ]
 
@@ -58,13 +70,13 @@ def pipeline_parameters(
 
 def _apply(content: dict[str, Any], setting: str) -> None:
     """Put one ``group.key=value`` into the nested `content`."""
-    import yaml
+    from usmap_ros.io.yaml_text import YamlTextError, parse_yaml
 
     key, separator, text = setting.partition("=")
     *groups, name = key.strip().split(".")
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+        value = parse_yaml(text)
+    except YamlTextError as error:
         raise typer.BadParameter(f"{setting!r} has no value that could be read") from error
     if not separator or not name:
         raise typer.BadParameter(f"{setting!r} is not of the form KEY=VALUE")

@@ -140,6 +140,7 @@ class MapFusionParameters(NodeParameters):
             "mapping",
             "publish_updates",
             "resume",
+            "whole_map_period_s",
         }
     )
 
@@ -172,6 +173,14 @@ class MapFusionParameters(NodeParameters):
     )
     publish_updates: bool = quantity(
         False, "Whether changes go out on map_updates too, if map_msgs is there."
+    )
+    whole_map_period_s: float = quantity(
+        0.0,
+        "With publish_updates: time from one whole map to the next while its extent is the same;"
+        " 0: a whole map with every change.",
+        "s",
+        ge=0.0,
+        le=86_400.0,
     )
     order_wait_s: float = quantity(
         0.25, "How long a cone waits for older ones of other robots.", "s", ge=0.0, le=60.0

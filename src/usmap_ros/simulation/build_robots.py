@@ -20,6 +20,7 @@ from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import MountedTransducer
+from usmap_ros.trace import Encoding
 
 
 def build_robot(
@@ -138,6 +139,11 @@ def _check_sampling(mounted: MountedTransducer) -> None:
         raise UsmapError(
             f"receiver: takes {count} samples between {receiver.start_delay_s:g} s and"
             f" {mounted.listening_s:g} s, must be 2 to {MAX_SAMPLES}"
+        )
+    if receiver.encoding is Encoding.RAW and receiver.sample_rate_hz < 2.0 * pulse.carrier_hz:
+        raise UsmapError(
+            f"receiver.sample_rate_hz: raw samples at {receiver.sample_rate_hz:g} Hz cannot hold a"
+            f" carrier of {pulse.carrier_hz:g} Hz, which needs more than twice as many; take iq"
         )
     if receiver.sample_rate_hz * pulse.duration_s < 1.0:
         raise UsmapError(

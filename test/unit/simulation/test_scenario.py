@@ -56,6 +56,7 @@ def test_a_minimal_one_has_sensible_defaults():
         ({"world": {"points": [{"x_m": float("inf"), "y_m": 0}]}}, "x_m"),
         (robot(transducers=[{"receiver": {"noise_std": float("nan")}}]), "noise_std"),
         ({"medium": {"temperature_c": 300.0}}, "temperature_c"),
+        ({"medium": {"temperature_c": 30.0, "sound_speed_m_s": 343.0}}, "sound_speed_m_s"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(changes, named):

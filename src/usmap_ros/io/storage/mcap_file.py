@@ -8,6 +8,7 @@ the cut are read here too.
 from __future__ import annotations
 
 import io
+import logging
 import struct
 import zlib
 from collections import OrderedDict
@@ -24,6 +25,8 @@ from mcap.records import Schema as SchemaRecord
 from usmap_ros.errors import BagError
 from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, FORMATS, decompress
 from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
+
+logger = logging.getLogger(__name__)
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -130,6 +133,7 @@ class _Scan:
         self._total_bytes = file.seek(0, io.SEEK_END)
         self._schemas: dict[int, SchemaRecord] = {}
         self._topic_numbers: dict[int, int] = {}
+        self._unchecked = 0
 
     def run(self) -> None:
         """Fill `index` and `chunks`."""
@@ -141,6 +145,11 @@ class _Scan:
             raise BagError(self._path, "is not an MCAP file")
         try:
             self._read_records()
+            if self._unchecked:
+                logger.info(
+                    "%s: %d chunks carry no checksum: damage in them goes unseen",
+                    self._path, self._unchecked,
+                )  # fmt: skip
         except _CorruptError as error:
             self.index.damage = Damage(str(error), error.position, self._total_bytes)
 
@@ -192,6 +201,7 @@ class _Scan:
             raise _CorruptError(f"has a chunk with unknown compression {compression!r}", position)
         stored = body[start : start + stored_size]
         content = self._chunk_content(stored, compression, position)
+        self._unchecked += checksum == 0
         if whole and (len(content) != content_size or _differs(content, checksum)):
             raise _CorruptError("has a chunk that fails its checksum", position)
         if compression:

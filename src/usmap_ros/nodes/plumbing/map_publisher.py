@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -102,9 +104,19 @@ class MapPublisher:
         Whose topics they are; they are silent unless it is active.
     with_updates : bool
         Whether ``map_updates`` is published too, if ``map_msgs`` is installed.
+    whole_period_s : float
+        Where it is, and the extent is the same: how long only updates go out after a whole map.
+    clock : callable
+        Seconds of a clock that never runs backwards.
     """
 
-    def __init__(self, node: Any, with_updates: bool) -> None:
+    def __init__(
+        self,
+        node: Any,
+        with_updates: bool,
+        whole_period_s: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._node = node
         self._types = RosMessageTypes()
         self._map = advertise_managed(node, MAP)
@@ -113,6 +125,7 @@ class MapPublisher:
         self._ambiguity = advertise_managed(node, MAP_AMBIGUITY)
         self._metadata = advertise_managed(node, MAP_METADATA)
         self._updates = self._advertise_updates() if with_updates else None
+        self._whole_period_s, self._clock, self._whole_s = whole_period_s, clock, 0.0
         self._geometry: GridGeometry | None = None
         self._values: NDArray[np.int8] | None = None
 
@@ -126,6 +139,14 @@ class MapPublisher:
         """
         geometry = block_geometry(occupancy.geometry, self._geometry)
         values = placed(occupancy.trinary(), occupancy.geometry, geometry)
+        is_update = self._updates is not None and geometry == self._geometry
+        if is_update:
+            self._publish_update(values, occupancy)
+        self._geometry, self._values = geometry, values
+        now_s = self._clock()
+        if is_update and now_s < self._whole_s + self._whole_period_s:
+            return
+        self._whole_s = now_s
         percent = placed(occupancy.percent(), occupancy.geometry, geometry)
         frame_id, stamp_ns = occupancy.frame_id, occupancy.stamp_ns
         grid = grid_to_message(geometry, values, frame_id, stamp_ns, self._types)
@@ -141,9 +162,6 @@ class MapPublisher:
             points_to_message(normal_columns(occupancy), frame_id, stamp_ns, self._types)
         )
         self._metadata.publish(metadata_to_message(geometry, stamp_ns, self._types))
-        if self._updates is not None and geometry == self._geometry:
-            self._publish_update(values, occupancy)
-        self._geometry, self._values = geometry, values
 
     def message(self, occupancy: OccupancyMap) -> Any:
         """``nav_msgs/OccupancyGrid`` of a map, of the extent that it would be published with.

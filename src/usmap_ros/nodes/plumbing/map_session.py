@@ -76,7 +76,7 @@ class MapSession:
         self._parameters = parameters
         self._health = health
         self._foreign_cones = ForeignCones(transforms, health, self._hand_over)
-        self._publisher = MapPublisher(node, now.publish_updates)
+        self._publisher = MapPublisher(node, now.publish_updates, now.whole_map_period_s)
         self._published_version = 0
         self._noted = dict.fromkeys(_LOSSES, 0)
         self._without = frozenset[str]()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+from pydantic import model_validator
+
 from usmap_ros.acoustics.medium import Air
 from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.parameters import ParameterGroup, quantity
@@ -38,6 +40,13 @@ class MediumModel(ParameterGroup):
         ge=-1.0,
         le=1.0,
     )
+
+    @model_validator(mode="after")
+    def _speed_is_given_once(self) -> MediumModel:
+        usual_c = type(self).model_fields["temperature_c"].default
+        if self.sound_speed_m_s is not None and self.temperature_c != usual_c:
+            raise ValueError("sound_speed_m_s: follows from temperature_c, which is given as well")
+        return self
 
     @property
     def drift_m_s2(self) -> float:

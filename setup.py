@@ -26,7 +26,7 @@ ENTRY_POINTS = {
 
 TEST = [
     "hypothesis>=6.100",
-    "pytest>=8",
+    "pytest>=7.4",
     "pytest-timeout>=2.3",
     "pytest-xdist>=3.5",
 ]

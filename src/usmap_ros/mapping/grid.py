@@ -69,6 +69,10 @@ class TiledGrid:
         """Values of a layer by slot: a view, valid until `slots` adds tiles."""
         return self._pools[name].reshape(-1)
 
+    def exchange(self, one: str, other: str) -> None:
+        """Let two layers change their names: that moves no values."""
+        self._pools[one], self._pools[other] = self._pools[other], self._pools[one]
+
     def slots(self, rows: IndexArray, columns: IndexArray) -> IndexArray:
         """Slots of cells, adding the tiles that they need.
 

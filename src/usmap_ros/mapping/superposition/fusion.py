@@ -46,6 +46,7 @@ from usmap_ros.mapping.superposition.powers import (
     Contributions,
     Powers,
     expect,
+    is_explained,
     learn_powers,
     seed_unexplained,
     split_expected,
@@ -86,11 +87,9 @@ SEVERAL = {
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
 MOST_PASSES, EARLY_VISITS = 40, 60
-#: Pings that are learnt from again at once with every new one.
-RECENT = 1
 #: So few pings are explained from the start whenever there is one more, with so many passes to
 #: see what is free.  Later this is done less and less often: each time after this share more.
-FEW_PINGS, FIRST_PASSES, FRESH_STARTS = 6, 2, 0.3
+FEW_PINGS, FIRST_PASSES, FRESH_STARTS = 6, 2, 0.5
 #: More than a window can hold.
 MANY_PINGS = 1 << 30
 #: Of evidence that is not clamped: more would not fit a probability.
@@ -125,6 +124,8 @@ class SuperpositionFusion(Fusion):
         # Size of the window at which its pings are explained from the start again.
         self._fresh_start = 1
         self._are_few = False
+        # Whether there is any evidence of pings that have left the window.
+        self._retired = False
         self._work = Workspace()
         self._bounds = Bounds(
             of_a_bin=parameters.most_evidence_a_bin,
@@ -153,9 +154,7 @@ class SuperpositionFusion(Fusion):
             self._start_over()
         if self._are_few:
             return
-        for recent in range(max(0, len(self._window) - RECENT), len(self._window)):
-            self._learn(self._window[recent])
-        self._deal(look, SHOWN)
+        self._deal(look, SHOWN, learn=True)
         count = len(self._window)
         early = min(MOST_PASSES * count, EARLY_VISITS // count)
         for _ in range(max(self.parameters.revisits, early)):
@@ -173,11 +172,13 @@ class SuperpositionFusion(Fusion):
 
     def _suspect(self, look: Look) -> None:
         """Suspect every cell that may have returned an echo which nothing explains yet."""
-        power, alive = self._grid.layer(POWER), self._grid.layer(ALIVE)
-        seen, count, _ = self._expect(look, self._grid.layer(EVERYWHERE))
-        seed_unexplained(look, seen, count, self._work.bins(look), power)
-        slots = seen.slot[:count]
-        alive[slots] = power.reshape(-1, QUARTERS)[slots].any(axis=1)
+        layer, bins = self._grid.layer, self._work.bins(look)
+        seen, count, _ = self._expect(look, layer(ALIVE))
+        forget(seen, count)
+        if is_explained(look, bins):
+            return
+        seen, count = self._find(look, layer(EVERYWHERE))
+        seed_unexplained(look, seen, count, bins, layer(POWER), layer(ALIVE))
         forget(seen, count)
 
     def _start_over(self) -> None:
@@ -205,6 +206,7 @@ class SuperpositionFusion(Fusion):
     def _retire(self) -> None:
         """Let the oldest ping go, and what it said stay."""
         self._deal(self._window.popleft(), LASTING)
+        self._retired = True
         self._next = max(self._next - 1, 0)
 
     # ------------------------------------------------------------------ visits
@@ -214,7 +216,7 @@ class SuperpositionFusion(Fusion):
         layer = self._grid.layer
         if self._next == 0:
             for name in EVIDENCE:
-                layer(_of(GATHERED, name))[:] = layer(_of(LASTING, name))
+                layer(_of(GATHERED, name))[:] = layer(_of(LASTING, name)) if self._retired else 0.0
         self._deal(self._window[self._next], GATHERED, learn=not self._are_few)
         self._next += 1
         if self._next == len(self._window):
@@ -242,12 +244,6 @@ class SuperpositionFusion(Fusion):
         if self.parameters.occlusion:
             cast_rays(look, tiles, self._grid.layer(DEPTH), rays)
         return self._work.find(look, tiles, among, rays)
-
-    def _learn(self, look: Look) -> None:
-        """Move the powers in a ping's cone towards what explains it."""
-        seen, count, _ = self._expect(look, self._grid.layer(ALIVE))
-        self._learn_from(look, seen, count)
-        forget(seen, count)
 
     def _learn_from(self, look: Look, seen: Seen, count: int) -> None:
         bins = self._work.bins(look)
@@ -282,11 +278,14 @@ class SuperpositionFusion(Fusion):
         self._next = 0
         layer, tiles = self._grid.layer, self._tiles()
         for name in EVIDENCE:
-            layer(_of(SHOWN, name))[:] = layer(_of(GATHERED, name))
+            self._grid.exchange(_of(SHOWN, name), _of(GATHERED, name))
         alive = layer(ALIVE)
-        given_up = (alive > 0.0) & (layer(RELEVANT) == 0.0) & (layer(LOOKS) >= FAIR_LOOKS)
+        given_up = np.flatnonzero(
+            (alive > 0.0) & (layer(RELEVANT) == 0.0) & (layer(LOOKS) >= FAIR_LOOKS)
+        )
         # What pings found that have left the window stays, though none is left to say it again.
-        given_up &= layer(_of(LASTING, "block")).reshape(-1, SIDES).max(axis=1) <= 0.0
+        lasting = layer(_of(LASTING, "block")).reshape(-1, SIDES)[given_up].max(axis=1, initial=0.0)
+        given_up = given_up[lasting <= 0.0]
         layer(POWER).reshape(-1, QUARTERS)[given_up] = 0.0
         alive[given_up] = 0.0
         layer(LOOKS)[given_up] = 0.0
@@ -359,6 +358,7 @@ class SuperpositionFusion(Fusion):
         """
         super().resume(occupancy)
         self._fresh_start = MANY_PINGS
+        self._retired = True
         layer, scale = self._grid.layer, self._scale
         log_odds, known = layer(LOG_ODDS), layer(LOG_ODDS) != np.float32(scale.prior)
         # Silence that could make a cell so unlikely would have made it observed.

@@ -321,12 +321,22 @@ def learn_powers(
 
 
 @compiled
+def is_explained(look: Look, bins: Bins) -> bool:
+    """Whether no echo is much stronger than expected."""
+    for b in range(len(look.kind)):
+        if look.kind[b] == ECHO and look.power[b] > SEED_EXCESS * bins.expected[b]:
+            return False
+    return True
+
+
+@compiled
 def seed_unexplained(
     look: Look,
     seen: Seen,
     count: int,
     bins: Bins,
     power: NDArray[np.float32],
+    alive: NDArray[np.float32],
 ) -> None:
     """Give every quarter that may have returned an unexplained echo some power to start with.
 
@@ -336,6 +346,8 @@ def seed_unexplained(
         As in `expect`; here `seen` holds all cells of the cone.
     power : (slots * QUARTERS,) float32 array
         v; raised to `SEED_POWER` where it is lower.
+    alive : (slots,) float32 array
+        Set to 1 where there is any power now.
     """
     bin_count = len(look.kind)
     for cell in range(count):
@@ -347,3 +359,4 @@ def seed_unexplained(
                 if look.kind[b] == ECHO and fit * look.power[b] > SEED_EXCESS * bins.expected[b]:
                     index = slot * QUARTERS + quarter
                     power[index] = max(power[index], SEED_POWER)
+                    alive[slot] = 1.0

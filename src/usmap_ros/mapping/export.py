@@ -24,9 +24,16 @@ LEAST_NEWS = 0.05
 
 
 def as_map(
-    grid: TiledGrid, parameters: MappingParameters, frame_id: str, stamp_ns: int
+    grid: TiledGrid,
+    parameters: MappingParameters,
+    frame_id: str,
+    stamp_ns: int,
+    least_believed: float = FREE_PROBABILITY,
 ) -> OccupancyMap:
     """Rectangle around all cells of which evidence says anything.
+
+    Cells count as observed in which something would have been heard, or that are occupied with
+    more than the probability `least_believed`.
 
     Its origin is a multiple of the resolution, so that a map that grows never shifts.  Log-odds
     are there for every cell, also for those that count as unobserved because echoes could
@@ -40,8 +47,7 @@ def as_map(
     """
     log_odds, prior = grid.layer(LOG_ODDS), np.float32(logit(parameters.prior))
     observed = (log_odds != prior) & (
-        (grid.layer(EXPOSURE) >= parameters.observed_exposure)
-        | (log_odds > logit(FREE_PROBABILITY))
+        (grid.layer(EXPOSURE) >= parameters.observed_exposure) | (log_odds > logit(least_believed))
     )
     touched = observed | (np.abs(log_odds - prior) >= LEAST_NEWS)
     rows, columns, slots = grid.cells(touched)

@@ -291,7 +291,7 @@ class MappingParameters(ParameterGroup):
         le=1e3,
     )
     forgetting: float = quantity(
-        0.06,
+        0.08,
         "Share of what speaks for a cell that is forgotten with every ping that contradicts it.",
         ge=0.0,
         lt=1.0,
@@ -303,7 +303,7 @@ class MappingParameters(ParameterGroup):
         le=1e3,
     )
     silence_trust_m: float = quantity(
-        0.25,
+        0.15,
         "Way through unproven cells over which trust in silence falls by 1/e.",
         "m",
         gt=0.0,

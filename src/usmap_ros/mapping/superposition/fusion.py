@@ -12,19 +12,20 @@ from numpy.typing import NDArray
 from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import OccupancyMap
+from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.mapping.continuity import bridge_gaps
-from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
+from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.belief import (
     SILENT_LOOK,
     Scale,
-    evidence_of,
+    calibrated,
     find_hiding,
     judge,
     seen_free,
     set_depth,
+    uncalibrated,
 )
 from usmap_ros.mapping.superposition.cells import QUARTERS, SIDES, Seen, Tiles, forget
 from usmap_ros.mapping.superposition.evidence import (
@@ -87,6 +88,8 @@ SEVERAL = {
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
 MOST_PASSES, EARLY_VISITS = 40, 60
+#: Pings that are learnt from again at once when a new one cannot be explained.
+RECENT = 6
 #: So few pings are explained from the start whenever there is one more, with so many passes to
 #: see what is free.  Later this is done less and less often: each time after this share more.
 FEW_PINGS, FIRST_PASSES, FRESH_STARTS = 6, 2, 0.5
@@ -146,7 +149,7 @@ class SuperpositionFusion(Fusion):
     def _take_up(self, cone: EchoCone) -> None:
         look = look_of(cone, self.parameters)
         self._cover(look)
-        self._suspect(look)
+        explained = self._suspect(look)
         if len(self._window) == self.parameters.window:
             self._retire()
         self._window.append(look)
@@ -154,7 +157,10 @@ class SuperpositionFusion(Fusion):
             self._start_over()
         if self._are_few:
             return
-        self._deal(look, SHOWN, learn=True)
+        if not explained:
+            for recent in range(max(0, len(self._window) - RECENT), len(self._window)):
+                self._learn(self._window[recent])
+        self._deal(look, SHOWN, learn=explained)
         count = len(self._window)
         early = min(MOST_PASSES * count, EARLY_VISITS // count)
         for _ in range(max(self.parameters.revisits, early)):
@@ -170,16 +176,17 @@ class SuperpositionFusion(Fusion):
         grid = np.meshgrid(rows.astype(np.intp), columns.astype(np.intp), indexing="ij")
         self._grid.slots(grid[0].ravel() * TILE_SIDE, grid[1].ravel() * TILE_SIDE)
 
-    def _suspect(self, look: Look) -> None:
-        """Suspect every cell that may have returned an echo which nothing explains yet."""
+    def _suspect(self, look: Look) -> bool:
+        """Suspect every cell that may have returned an unexplained echo; whether there is none."""
         layer, bins = self._grid.layer, self._work.bins(look)
         seen, count, _ = self._expect(look, layer(ALIVE))
         forget(seen, count)
         if is_explained(look, bins):
-            return
+            return True
         seen, count = self._find(look, layer(EVERYWHERE))
         seed_unexplained(look, seen, count, bins, layer(POWER), layer(ALIVE))
         forget(seen, count)
+        return False
 
     def _start_over(self) -> None:
         """Explain the pings so far from the start, if they are few enough."""
@@ -244,6 +251,12 @@ class SuperpositionFusion(Fusion):
         if self.parameters.occlusion:
             cast_rays(look, tiles, self._grid.layer(DEPTH), rays)
         return self._work.find(look, tiles, among, rays)
+
+    def _learn(self, look: Look) -> None:
+        """Move the powers in a ping's cone towards what explains it."""
+        seen, count, _ = self._expect(look, self._grid.layer(ALIVE))
+        self._learn_from(look, seen, count)
+        forget(seen, count)
 
     def _learn_from(self, look: Look, seen: Seen, count: int) -> None:
         bins = self._work.bins(look)
@@ -343,8 +356,13 @@ class SuperpositionFusion(Fusion):
         self._judge(layer(LOG_ODDS), open_scale)
         slots = suspected[-1]
         log_odds = layer(LOG_ODDS)[slots]
-        layer(LOG_ODDS)[slots] = np.clip(log_odds, scale.least, scale.greatest)
-        occupancy = bridge_gaps(super().occupancy_map(), parameters.wall_gap_m)
+        believed = log_odds if self._are_few else calibrated(log_odds, scale)
+        layer(LOG_ODDS)[slots] = np.clip(believed, scale.least, scale.greatest)
+        # What is as likely there as not is unknown, and not observed, unless sound went through.
+        occupancy = as_map(
+            self._grid, parameters, self.frame_id, self.stamp_ns, OCCUPIED_PROBABILITY
+        )
+        occupancy = bridge_gaps(occupancy, parameters.wall_gap_m)
         shares = Shares(*(layer(_of(SHOWN, name)) for name in Shares._fields))
         return replace(occupancy, layers=map_layers(occupancy, suspected, log_odds, block, shares))
 
@@ -365,7 +383,7 @@ class SuperpositionFusion(Fusion):
         in_doubt = (layer(EXPOSURE) == 0.0) & (log_odds < scale.prior - SILENT_LOOK)
         suspected = known & ((log_odds > scale.prior) | in_doubt)
         free = known & ~suspected
-        evidence = np.where(suspected, evidence_of(log_odds, scale), 0.0)
+        evidence = np.where(suspected, uncalibrated(log_odds, scale), 0.0)
         proof = layer(EXPOSURE) * (self.parameters.proof_rays / self.parameters.observed_exposure)
         silence = np.where(free, (scale.prior - log_odds) / SILENT_LOOK, 0.0)
         by_side = (evidence[:, None] * shares_of_sides(self._grid, occupancy)).reshape(-1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import logging
 import sys
 from collections import Counter
@@ -186,8 +187,14 @@ def _cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoC
     """Cones of a recording: reconstructed from traces, or else as recorded.
 
     Never both, because a recorded cone most often stems from a recorded trace, and evidence must
-    not count twice.
+    not count twice.  Readings of robots that measure ranges only come in between.
     """
+    yield from heapq.merge(
+        _traced_cones(bag, workers), bag.range_cones(), key=lambda entry: entry[1].stamp_ns
+    )
+
+
+def _traced_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
     if not bag.trace_count:
         yield from bag.cones()
         return

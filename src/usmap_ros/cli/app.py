@@ -15,6 +15,7 @@ from usmap_ros.cli import (
     demo,
     evaluate,
     fleet,
+    import_,
     info,
     map,
     paper,
@@ -38,6 +39,7 @@ app = typer.Typer(
 )
 app.command("demo")(demo.demo)
 app.command("simulate")(simulate.simulate)
+app.command("import")(import_.import_files)
 app.command("calibrate")(calibrate.calibrate)
 app.command("map")(map.map_bags)
 app.command("evaluate")(evaluate.evaluate)

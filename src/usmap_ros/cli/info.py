@@ -29,7 +29,7 @@ def info(
 
     with (
         BagReader(bags) as bag,
-        console.progress("reading", bag.trace_count + bag.cone_count) as step,
+        console.progress("reading", bag.trace_count + bag.cone_count + bag.range_count) as step,
     ):
         survey = AmplitudeSurvey(Pipeline())
 

@@ -71,7 +71,9 @@ def map_bags(
         BagReader(bags) as bag,
         map_folder(output),
     ):
-        with console.progress("mapping", bag.trace_count or bag.cone_count) as step:
+        with console.progress(
+            "mapping", (bag.trace_count or bag.cone_count) + bag.range_count
+        ) as step:
             run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, without or ())
         pipeline.refine(passes)
         occupancy = pipeline.occupancy_map()

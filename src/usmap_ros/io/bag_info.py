@@ -70,7 +70,9 @@ def describe_bag(bag: BagReader, on_ping: PingCallback) -> dict[str, Any]:
     topics: dict[str, _Topic] = {}
     frames: set[str] = set()
     lowest, highest = np.full(2, np.inf), np.full(2, -np.inf)
-    pings: Iterator[tuple[str, EchoTrace | EchoCone]] = chain(bag.traces(), bag.cones())
+    pings: Iterator[tuple[str, EchoTrace | EchoCone]] = chain(
+        bag.traces(), bag.cones(), bag.range_cones()
+    )
     for topic, ping in pings:
         if topic not in topics:
             topics[topic] = _Topic(topic, ping)

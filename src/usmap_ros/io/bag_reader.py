@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import struct
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -16,9 +17,23 @@ from rosbags.serde import SerdeError
 from usmap_ros.arrays import IntArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError
-from usmap_ros.io.conversions import array_from_message, cone_from_message, trace_from_message
+from usmap_ros.io.conversions import (
+    array_from_message,
+    cone_from_message,
+    range_from_message,
+    trace_from_message,
+)
 from usmap_ros.io.definitions import check_definition
-from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, TRANSDUCER_ARRAY, typestore
+from usmap_ros.io.message_types import (
+    ECHO_CONE,
+    ECHO_TRACE,
+    ODOMETRY,
+    RANGE,
+    TRANSDUCER_ARRAY,
+    TRANSFORMS,
+    typestore,
+)
+from usmap_ros.io.recorded_poses import RecordedPoses
 from usmap_ros.io.skipped import SkippedMessages
 from usmap_ros.io.storage import MessageIndex, RecordedTopic, Storage, open_storage
 from usmap_ros.soundings import TransducerArrays
@@ -28,6 +43,8 @@ logger = logging.getLogger(__name__)
 
 #: Types of messages that mapping reads.
 MAPPED_TYPES = (ECHO_TRACE, ECHO_CONE, TRANSDUCER_ARRAY)
+#: Types of messages that are read where robots measure ranges only.
+RANGE_TYPES = (RANGE, ODOMETRY, TRANSFORMS)
 
 _Content = TypeVar("_Content")
 
@@ -85,9 +102,10 @@ class BagReader:
             self.close()
             raise
         self._tables = {
-            message_type: _merge(self._indexes, message_type) for message_type in MAPPED_TYPES
+            message_type: _merge(self._indexes, message_type)
+            for message_type in MAPPED_TYPES + RANGE_TYPES
         }
-        if not self.trace_count and not self.cone_count:
+        if not self.trace_count and not self.cone_count and not self.range_count:
             self.close()
             raise BagError(", ".join(map(str, self.paths)), self._why_nothing())
         self._warn_of_damage()
@@ -121,6 +139,16 @@ class BagReader:
         """Number of echo cones, malformed ones included."""
         return len(self._tables[ECHO_CONE])
 
+    @property
+    def range_count(self) -> int:
+        """Number of readings of robots that measure ranges only, malformed ones included."""
+        if not len(self._tables[RANGE]):
+            return 0
+        return sum(
+            self._is_alone(self._indexes[number].topics[self._indexes[number].topic[row]].name)
+            for number, row in self._tables[RANGE]
+        )
+
     def traces(self) -> Iterator[tuple[str, EchoTrace]]:
         """Yield topic and content of every well-formed echo trace.
 
@@ -137,6 +165,40 @@ class BagReader:
     def cones(self) -> Iterator[tuple[str, EchoCone]]:
         """Yield topic and content of every well-formed echo cone."""
         return self._contents(ECHO_CONE, cone_from_message)
+
+    def range_cones(self) -> Iterator[tuple[str, EchoCone]]:
+        """Yield topic and cone of every reading of robots that measure ranges only.
+
+        Where they were, odometry and TF of the recording say.  Ranges of robots that have traces
+        or cones, too, are left out: they come of the same echoes.
+        """
+        if not self.range_count:
+            return
+        poses = RecordedPoses()
+        for topic, message in self._contents(ODOMETRY, lambda message: message):
+            poses.add_odometry(topic, message)
+        for topic, message in self._contents(TRANSFORMS, lambda message: message):
+            poses.add_transforms(message, is_static=topic.endswith("tf_static"))
+        for topic, reading in self._contents(RANGE, range_from_message):
+            if not self._is_alone(topic):
+                continue
+            try:
+                place, world = poses.pose(topic, reading.frame_id, reading.stamp_ns)
+                yield topic, reading.cone(place, world)
+            except MalformedMessageError as error:
+                self.skipped.add(f"{topic} at {reading.stamp_ns / 1e9:.6f} s", error)
+
+    def _is_alone(self, topic: str) -> bool:
+        """Whether a topic's robot, or transducer, has no traces or cones beside it."""
+        return topic.rpartition("/")[0] not in self._told_namespaces
+
+    @cached_property
+    def _told_namespaces(self) -> frozenset[str]:
+        return frozenset(
+            recorded.name.rpartition("/")[0]
+            for recorded in self.topics
+            if recorded.message_type in (ECHO_TRACE, ECHO_CONE) and recorded.count
+        )
 
     def _contents(
         self, message_type: str, convert: Callable[[Any], _Content]
@@ -180,7 +242,7 @@ class BagReader:
                 storages = open_storage(path, self._scratch)
                 for storage in storages:
                     self._storages.append(storage)
-                    index = storage.scan(MAPPED_TYPES)
+                    index = storage.scan(MAPPED_TYPES + RANGE_TYPES)
                     storage.close()
                     self._check(storage, index)
                     indexes.append(index)

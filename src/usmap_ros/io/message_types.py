@@ -14,6 +14,9 @@ from rosbags.typesys.store import Typestore
 ECHO_TRACE = "usmap_msgs/msg/EchoTrace"
 ECHO_CONE = "usmap_msgs/msg/EchoCone"
 TRANSDUCER_ARRAY = "usmap_msgs/msg/TransducerArray"
+RANGE = "sensor_msgs/msg/Range"
+ODOMETRY = "nav_msgs/msg/Odometry"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 _MESSAGE_NAMES = ("Transducer", "EchoTrace", "EchoCone", "ArrayElement", "TransducerArray")
 

@@ -102,6 +102,20 @@ ODOM = Topic(
     "True pose of the robot's base in the scenario's frame.",
     "pose_source is odometry",
 )
+READING = Topic(
+    "range",
+    "sensor_msgs/msg/Range",
+    SENSOR_DATA,
+    "Readings of a sensor that measures ranges only, each of which becomes a cone with one echo.",
+    "input is range",
+)
+BASE_ODOM = Topic(
+    "odom",
+    "nav_msgs/msg/Odometry",
+    Qos(depth=10),
+    "Pose of a robot whose sensors measure ranges only, in the frame world_frame.",
+    "input is range and pose_source is odometry",
+)
 CONE = Topic(
     "cone",
     "usmap_msgs/msg/EchoCone",
@@ -173,7 +187,7 @@ CONE_RECONSTRUCTOR = NodeInterface(
     "Recovers the echoes in each trace.",
     ConeReconstructorParameters,
     publishes=(CONE, CONE_CELLS, DIAGNOSTICS),
-    subscribes=(ECHO, TRANSDUCERS),
+    subscribes=(ECHO, TRANSDUCERS, READING, BASE_ODOM),
 )
 MAP_FUSION = NodeInterface(
     "map_fusion",

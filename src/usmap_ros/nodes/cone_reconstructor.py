@@ -20,11 +20,20 @@ from usmap_ros.io.conversions import (
     points_to_message,
     trace_from_message,
 )
-from usmap_ros.live.interfaces import CONE, CONE_CELLS, CONE_RECONSTRUCTOR, ECHO, TRANSDUCERS
+from usmap_ros.live.interfaces import (
+    CONE,
+    CONE_CELLS,
+    CONE_RECONSTRUCTOR,
+    ECHO,
+    READING,
+    TRANSDUCERS,
+)
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
+from usmap_ros.nodes.plumbing.pose_sources import NoPoseError
+from usmap_ros.nodes.plumbing.range_input import RangeInput
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.nodes.plumbing.worker import Worker
@@ -69,7 +78,16 @@ class ConeReconstructor(Node):
         self.health = NodeHealth(
             self,
             self.parameters.value.diagnostics_period_s,
-            ("received", "published", "unheard", "malformed", "implausible", "dropped", "failed"),
+            (
+                "received",
+                "published",
+                "unheard",
+                "malformed",
+                "implausible",
+                "without pose",
+                "dropped",
+                "failed",
+            ),
         )
         self.health.watch(lambda: self.health.silence("no trace has come on echo"))
         self.health.watch(lambda: self.health.slowness(self.parameters.value.latency_limit_s))
@@ -79,6 +97,8 @@ class ConeReconstructor(Node):
         subscribe(self, TRANSDUCERS, self._learn)
         self._queue: deque[_Job] = deque()
         self._worker = Worker(self, self._step)
+        parameters = self.parameters.value
+        self._ranges = RangeInput(self, self.health, parameters) if self._has_ranges else None
         names = self.parameters.value.transducers or [""]
         self._outputs = [self._connect(transducer) for transducer in names]
         self.health.tell("listeners", self._fewest_listeners)
@@ -93,10 +113,15 @@ class ConeReconstructor(Node):
             cells=advertise(self, CONE_CELLS, within(transducer, CONE_CELLS)),
             scale=AmplitudeScale(),
         )
+        topic = READING if self._has_ranges else ECHO
         subscribe(
-            self, ECHO, lambda message: self._receive(outputs, message), within(transducer, ECHO)
+            self, topic, lambda message: self._receive(outputs, message), within(transducer, topic)
         )
         return outputs
+
+    @property
+    def _has_ranges(self) -> bool:
+        return self.parameters.value.input == "range"
 
     def _learn(self, message: Any) -> None:
         """Take up what traces do not say of their transducers."""
@@ -132,9 +157,14 @@ class ConeReconstructor(Node):
             return None
         cones: list[tuple[_Job, EchoCone]] = []
         try:
-            trace = self._arrays.complete(trace_from_message(job.message))
-            for sounding in self._collector.add(job, trace):
-                cones += self._reconstruct(sounding)
+            if self._ranges is not None:
+                cones.append((job, self._ranges.cone(job.message)))
+            else:
+                trace = self._arrays.complete(trace_from_message(job.message))
+                for sounding in self._collector.add(job, trace):
+                    cones += self._reconstruct(sounding)
+        except NoPoseError as error:
+            self.health.problem("without pose", str(error))
         except MalformedMessageError as error:
             self.health.problem("malformed", str(error))
         except Exception as error:  # One odd message must not end the others' mapping.

@@ -101,10 +101,26 @@ class ConeReconstructorParameters(NodeParameters):
     """Of cone_reconstructor."""
 
     fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | {
+        "input",
+        "pose_source",
+        "pose_timeout_s",
         "transducers",
         "reconstruction.known_walls",
+        "world_frame",
     }
 
+    input: Literal["echo", "range"] = quantity(
+        "echo", "What it is given: traces, or the readings of sensors that measure ranges only."
+    )
+    pose_source: Literal["odometry", "tf"] = quantity(
+        "odometry",
+        "Where range sensors are: where the topic odom says their robot is, or where TF has their"
+        " frames.",
+    )
+    pose_timeout_s: float = quantity(
+        0.5, "Age from which on an odometry is too old for a reading.", "s", gt=0.0, le=1e6
+    )
+    world_frame: str = quantity("map", "Frame of those poses.", min_length=1)
     transducers: list[str] = quantity(
         [""],
         "For robots with several transducers: the namespace of each, such as left for left/echo"

@@ -26,6 +26,7 @@ from usmap_ros.io.conversions.odometry import (
 from usmap_ros.io.conversions.sensors import (
     points_from_message,
     points_to_message,
+    range_from_message,
     range_to_message,
 )
 from usmap_ros.io.conversions.trace import trace_from_message, trace_to_message
@@ -44,6 +45,7 @@ __all__ = [
     "odometry_to_message",
     "points_from_message",
     "points_to_message",
+    "range_from_message",
     "range_to_message",
     "trace_from_message",
     "trace_to_message",

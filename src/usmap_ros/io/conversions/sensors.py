@@ -16,6 +16,7 @@ from usmap_ros.io.conversions.common import (
     header_to_message,
     stamp_from_header,
 )
+from usmap_ros.range_cones import RangeReading
 
 _ULTRASOUND = 0
 _FLOAT32 = 7
@@ -35,6 +36,19 @@ def range_to_message(cone: EchoCone, types: MessageTypes) -> Any:
         max_range=float(transducer.max_range_m),
         range=min(first_m, float(transducer.max_range_m)),
         variance=float(cone.range_stds_m[0]) ** 2 if heard else 0.0,
+    )
+
+
+def range_from_message(message: Any) -> RangeReading:
+    """Reading of a ``sensor_msgs/Range``, not yet validated."""
+    return RangeReading(
+        stamp_ns=stamp_from_header(message.header),
+        frame_id=str(message.header.frame_id),
+        field_of_view_rad=float(message.field_of_view),
+        min_range_m=float(message.min_range),
+        max_range_m=float(message.max_range),
+        range_m=float(message.range),
+        variance_m2=float(getattr(message, "variance", 0.0)),
     )
 
 

@@ -1,0 +1,165 @@
+"""Arrays from files: samples with a row a ping, and poses by name."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import wavfile
+
+from usmap_ros.arrays import FloatArray
+from usmap_ros.errors import FileError
+
+#: Names of poses' columns; those that need not be there have a value for all pings.
+COLUMNS = ("time_s", "x_m", "y_m", "z_m", "yaw_rad")
+OPTIONAL = {"z_m": 0.0}
+
+
+@dataclass(frozen=True)
+class ReadSamples:
+    """Samples as files hold them.
+
+    Parameters
+    ----------
+    rows : sequence of (n,) arrays
+        A ping each, or all pings one after another in a single one.
+    rate_hz : float
+        As a file states it; 0: none does.
+    is_continuous : bool
+        Whether the one row holds all pings.
+    """
+
+    rows: Sequence[NDArray[Any]]
+    rate_hz: float = 0.0
+    is_continuous: bool = False
+
+
+def read_samples(folder: Path, path: str, name: str) -> ReadSamples:
+    """Samples of the files that a description names; see `SamplesModel`.
+
+    Raises
+    ------
+    FileError
+        If they cannot be read, or hold something else.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".wav":
+        return _read_waves(folder, path)
+    file = folder / path
+    if suffix == ".npz":
+        rows = _array_of(file, name)
+    elif suffix == ".npy":
+        rows = _loaded(file)
+    elif suffix == ".csv":
+        rows = _read_table(file)
+    else:
+        raise FileError(file, "must be a .npz, .npy, .csv or .wav file")
+    if not isinstance(rows, np.ndarray) or rows.ndim != 2 or rows.dtype.kind not in "iufc":
+        raise FileError(file, "must hold numbers in two dimensions, a row a ping")
+    return ReadSamples(list(rows))
+
+
+def read_poses(folder: Path, path: str, samples_path: str) -> dict[str, FloatArray]:
+    """Columns of poses by name; see `PosesModel`.
+
+    Raises
+    ------
+    FileError
+        If they cannot be read, or one is missing.
+    """
+    file = folder / (path or samples_path)
+    columns: dict[str, FloatArray] = {}
+    if path:
+        columns = _read_columns(file)
+    elif file.suffix.lower() == ".npz":
+        archive = _loaded(file)
+        columns = {name: _numbers(file, name, archive[name]) for name in COLUMNS if name in archive}
+    missing = [name for name in COLUMNS if name not in columns and name not in OPTIONAL]
+    if missing:
+        raise FileError(file, f"has no {', '.join(missing)} of the poses")
+    count = len(columns["time_s"])
+    for name, value in OPTIONAL.items():
+        columns.setdefault(name, np.full(count, value))
+    if any(len(column) != count for column in columns.values()):
+        raise FileError(file, "has columns of poses of different lengths")
+    return columns
+
+
+def _loaded(file: Path) -> Any:
+    try:
+        return np.load(file, allow_pickle=False)
+    except FileNotFoundError as error:
+        raise FileError(file, "does not exist") from error
+    except (OSError, ValueError, EOFError) as error:
+        raise FileError(file, "is not a NumPy file, or damaged") from error
+
+
+def _array_of(file: Path, name: str) -> Any:
+    archive = _loaded(file)
+    if name not in archive:
+        raise FileError(file, f"has no array {name!r}, only {', '.join(archive)}")
+    return archive[name]
+
+
+def _read_table(file: Path) -> FloatArray:
+    try:
+        return np.loadtxt(file, delimiter=",", ndmin=2)
+    except FileNotFoundError as error:
+        raise FileError(file, "does not exist") from error
+    except (OSError, ValueError) as error:
+        raise FileError(file, "is not a table of numbers with as many in each row") from error
+
+
+def _read_columns(file: Path) -> dict[str, FloatArray]:
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            header, *rows = list(csv.reader(stream)) or [[]]
+    except FileNotFoundError as error:
+        raise FileError(file, "does not exist") from error
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FileError(file, "is not a text file with columns") from error
+    names = [name.strip() for name in header]
+    unknown = [name for name in names if name not in COLUMNS]
+    if unknown:
+        raise FileError(file, f"has a column {unknown[0]!r}; known are {', '.join(COLUMNS)}")
+    if any(len(row) != len(names) for row in rows):
+        raise FileError(file, "has rows of another length than its header")
+    return {
+        name: _numbers(file, name, [row[number] for row in rows])
+        for number, name in enumerate(names)
+    }
+
+
+def _numbers(file: Path, name: str, values: Any) -> FloatArray:
+    try:
+        numbers = np.asarray(values, dtype=float)
+    except ValueError as error:
+        raise FileError(file, f"{name}: is not all numbers") from error
+    if numbers.ndim != 1 or not np.all(np.isfinite(numbers)):
+        raise FileError(file, f"{name}: must be finite, and one number a ping")
+    return numbers
+
+
+def _read_waves(folder: Path, path: str) -> ReadSamples:
+    files = sorted(folder.glob(path))
+    if not files:
+        raise FileError(folder / path, "does not exist")
+    rows, rates = [], set()
+    for file in files:
+        try:
+            rate_hz, values = wavfile.read(file)
+        except (OSError, ValueError) as error:
+            raise FileError(file, "is not a WAV file, or damaged") from error
+        if values.ndim > 1:
+            # Two channels are I and Q; of a mono recording on two, either would do.
+            values = values[:, 0] + 1j * values[:, 1]
+        rows.append(values)
+        rates.add(float(rate_hz))
+    if len(rates) > 1:
+        raise FileError(folder / path, "are files of different sample rates")
+    return ReadSamples(rows, rates.pop(), is_continuous=len(files) == 1)

@@ -19,7 +19,7 @@ from usmap_ros.geometry import Pose
 
 #: Reflectivity that an object is taken to have, standard deviation of what it has relative to
 #: it, and the least that the sensor is taken to hear.
-_USUAL, _SPREAD, _FAINTEST = 0.5, 0.8, 0.2
+_USUAL, _SPREAD, _FAINTEST = 0.5, 2.0, 0.2
 #: Standard deviation of a range whose variance is not stated: a share of it, and a least one.
 _RANGE_SHARE, _RANGE_STD_M = 0.01, 0.01
 #: Nothing is heard behind an echo: a limit that nothing exceeds.

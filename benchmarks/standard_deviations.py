@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.received_pulse import driven_resonators
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.trace import EchoTrace, Encoding
@@ -32,6 +33,10 @@ TONE = Pulse(PulseShape.TONE_BURST, 50_000.0, 0.00032)
 ODD_TONE = Pulse(PulseShape.TONE_BURST, 40_000.0, 0.000413)
 HANN = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
 CHIRP = Pulse(PulseShape.CHIRP, 60_000.0, 0.002, 40_000.0)
+#: A burst behind two resonators, and told to be that.
+RESONANT = replace(
+    ODD_TONE, profile=driven_resonators(ODD_TONE, ((40_000.0, 20.0), (40_500.0, 25.0)))
+)
 #: Name, encoding, pulse and sample rates.
 RECEPTIONS: list[tuple[str, Encoding, Pulse, tuple[float, ...]]] = [
     ("raw square", Encoding.RAW, SQUARE, (25e3, 122e3)),
@@ -43,6 +48,9 @@ RECEPTIONS: list[tuple[str, Encoding, Pulse, tuple[float, ...]]] = [
     ("I/Q odd tone burst", Encoding.IQ, ODD_TONE, (50e3,)),
     ("I/Q Hann burst", Encoding.IQ, HANN, (25e3, 50e3)),
     ("I/Q chirp", Encoding.IQ, CHIRP, (100e3,)),
+    ("raw resonant burst", Encoding.RAW, RESONANT, (200e3,)),
+    ("I/Q resonant burst", Encoding.IQ, RESONANT, (25e3,)),
+    ("envelope resonant burst", Encoding.ENVELOPE, RESONANT, (25e3,)),
     ("envelope square", Encoding.ENVELOPE, SQUARE, (25e3,)),
     ("envelope tone burst", Encoding.ENVELOPE, TONE, (25e3, 50e3)),
     ("envelope Hann burst", Encoding.ENVELOPE, HANN, (25e3, 50e3)),
@@ -114,8 +122,8 @@ def traces(
     beam = BeamPattern.linear()
     transducer = Transducer(pulse, beam, 0.2, 2.5)
     channel = Channel(SPEED_M_S)
-    energy = pulse.window(np.linspace(0.0, pulse.duration_s, 1001)) ** 2
-    samples = float(np.mean(energy)) * pulse.duration_s * rate_hz
+    energy = pulse.window(np.linspace(0.0, pulse.length_s, 1001)) ** 2
+    samples = float(np.mean(energy)) * pulse.length_s * rate_hz
     if encoding is Encoding.RAW and pulse.has_carrier:
         # Half of the power of a carrier's modulation is in it, and half of the complex noise.
         samples *= 0.5
@@ -126,7 +134,7 @@ def traces(
         amplitude = float(channel.amplitudes(np.array(range_m))[0])
         noise_std = amplitude * np.sqrt(samples * share) * 10.0 ** (-ratio_db / 20.0)
         receiver = Receiver(encoding, rate_hz, 0.0, noise_std)
-        duration_s = 2.0 * 2.5 / SPEED_M_S + 2.0 * pulse.duration_s
+        duration_s = 2.0 * 2.5 / SPEED_M_S + 2.0 * pulse.length_s
         heard = receiver.receive(
             [Arrivals(pulse, np.array([2.0 * range_m / SPEED_M_S]), np.array([amplitude]))],
             pulse,

@@ -49,7 +49,7 @@ def test_it_gets_around_inside_all_the_same(demo: DemoMap) -> None:
     reached_m = demo.reached_m()
     # On either side of the partition.
     for x_m, y_m in [(1.5, 1.0), (1.0, 4.8), (3.5, 4.8), (6.8, 1.0), (6.0, 5.2)]:
-        assert np.hypot(*(reached_m - [x_m, y_m]).T).min() < 0.1, (x_m, y_m)
+        assert np.hypot(*(reached_m - [x_m, y_m]).T).min() < 0.2, (x_m, y_m)
     area_m2 = len(reached_m) * demo.maps.geometry.resolution_m**2
     # The room has 47 m², of which the walls take 4 m² from its centre, the things in it 2 m².
-    assert area_m2 > 25.0
+    assert area_m2 > 20.0

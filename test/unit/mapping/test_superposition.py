@@ -4,11 +4,18 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.special import logit
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
-from usmap_ros.mapping.superposition.belief import combined
+from usmap_ros.mapping.superposition.belief import (
+    Scale,
+    calibrated,
+    combined,
+    evidence_of,
+    uncalibrated,
+)
 from usmap_ros.mapping.superposition.cells import QUARTERS, SIDES, Tiles, forget, slot_at
 from usmap_ros.mapping.superposition.evidence import Bounds, add_gain, log_likelihood
 from usmap_ros.mapping.superposition.look import ECHO, Look, look_of
@@ -242,3 +249,13 @@ def test_proof_ends_a_cell_before_what_the_sound_came_back_from(
     assert clear[area.slot(1.53, 0.03)] == 0.0
     assert clear.sum() == pytest.approx(29, abs=2)
     assert clear.max() == 1.0
+
+
+def test_calibration_keeps_the_order_and_can_be_undone() -> None:
+    scale = Scale(16.0, 0.5, -10.0, 2.5, -5.3, 10.0)
+    raw = np.linspace(-8.0, 40.0, 400).astype(np.float32)
+    shown = calibrated(raw, scale)
+    assert np.all(np.diff(shown) > 0.0)
+    np.testing.assert_allclose(uncalibrated(shown, scale), evidence_of(raw, scale), atol=0.02)
+    # A little below the threshold a cell is not yet occupied; beyond it, it is.
+    assert shown[raw < -0.5].max() < logit(0.65) < shown[raw > 0.5].min()

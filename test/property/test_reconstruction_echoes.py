@@ -36,7 +36,7 @@ def heard(ranges_m, strengths, encoding, floor_m, noise_std=0.0, seed=0):
     receiver = Receiver(encoding, RATES_HZ[encoding], 0.0, noise_std)
     samples = receiver.receive(
         [Arrivals(TRANSDUCER.pulse, channel.delays_s(ranges_m).ravel(), amplitudes.ravel())],
-        TRANSDUCER.pulse.carrier_hz,
+        TRANSDUCER.pulse,
         receiver.sample_count(0.027),
         np.random.default_rng(seed),
     )

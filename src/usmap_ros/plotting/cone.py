@@ -84,7 +84,7 @@ def draw_cone(
         f"Cone of {cone.child_frame_id}: {style.counted(len(cone.ranges_m), 'echo', 'echoes')}"
     )
     # Below the axis and its label, however tall the plan is.
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), borderaxespad=4.5, ncols=3)
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), borderaxespad=4.5, ncols=2)
     return image
 
 

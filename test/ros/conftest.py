@@ -22,6 +22,7 @@ import pytest
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_to_message, trace_to_message
+from usmap_ros.live.supervisor import PARENT_VARIABLE
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, Scenario, simulate
 from usmap_ros.trace import EchoTrace
@@ -185,9 +186,12 @@ class Processes:
         command += ["-r", f"__ns:=/{namespace}"]
         for name, value in parameters.items():
             command += ["-p", f"{name.replace('__', '.')}:={value}"]
-        return self.run(command, f"{node}_{namespace}")
+        # So that no node outlives tests that are ended by force.
+        return self.run(command, f"{node}_{namespace}", {PARENT_VARIABLE: str(os.getpid())})
 
-    def run(self, command: list[str], name: str) -> subprocess.Popen[bytes]:
+    def run(
+        self, command: list[str], name: str, variables: dict[str, str] | None = None
+    ) -> subprocess.Popen[bytes]:
         """Start a program; its output goes into a file of this name."""
         log = self._folder / f"{name}_{len(self._all)}.log"
         with log.open("wb") as file:
@@ -196,6 +200,7 @@ class Processes:
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 cwd=self._folder,
+                env=os.environ | (variables or {}),
                 start_new_session=True,
             )
         process.log = log  # type: ignore[attr-defined]

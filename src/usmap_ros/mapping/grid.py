@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import IndexArray as IndexArray  # noqa: PLC0414  others take it from here
+from usmap_ros.arrays import IndexArray
 
 #: Cells along the side of a tile.
 TILE_SIDE = 64

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve, maximum_filter
 from scipy.special import entr, expit
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, OccupancyMap
 from usmap_ros.mapping.export import LOG_ODDS, on_map
-from usmap_ros.mapping.grid import IndexArray, TiledGrid
+from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.superposition.cells import SIDES
 from usmap_ros.mapping.superposition.shares import Shares

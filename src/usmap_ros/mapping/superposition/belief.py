@@ -127,6 +127,8 @@ def judge(
         by_itself = combined(slot, own, scale.side_price)
         if by_itself < OWN_SHARE * strongest:
             evidence = min(evidence, by_itself)
+        else:
+            evidence = max(evidence, by_itself)
         value = log_odds_of(evidence, scale)
         log_odds[slot] = min(max(value, scale.least), scale.greatest)
 
@@ -149,10 +151,11 @@ def find_hiding(
     for index in range(len(slots)):
         slot = slots[index]
         hiding[slot] = 0.0
-        if combined(slot, own, scale.side_price) > HIDING_SHARE * strongest_neighbour(
+        by_itself = combined(slot, own, scale.side_price)
+        if by_itself > HIDING_SHARE * strongest_neighbour(
             rows[index], columns[index], tiles, own, scale.side_price
         ):
-            evidence = combined(slot, block, scale.side_price)
+            evidence = max(by_itself, combined(slot, block, scale.side_price))
             exponent = min(max(scale.slope * (evidence - scale.threshold), -30.0), 30.0)
             hiding[slot] = 1.0 / (1.0 + math.exp(-exponent))
 

@@ -210,7 +210,7 @@ def test_integration_files_name_topics_that_there_are() -> None:
     nav2 = yaml.safe_load((ROOT / "config/nav2/costmaps.yaml").read_text(encoding="utf-8"))
     static = nav2["global_costmap"]["global_costmap"]["ros__parameters"]["static_layer"]
     local = nav2["local_costmap"]["local_costmap"]["ros__parameters"]
-    topics += [static["map_topic"], *local["range_layer"]["topics"]]
-    topics += [local["obstacle_layer"]["cone_cells"]["topic"]]
+    topics += [static["map_topic"], local["static_layer"]["map_topic"]]
+    topics += local["range_layer"]["topics"]
     assert static["map_subscribe_transient_local"]
     assert {topic.rpartition("/")[2] for topic in topics} <= names

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from usmap_ros.arrays import FloatArray
-from usmap_ros.errors import MapFileError
+from usmap_ros.errors import MapFileError, shortened
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.yaml_text import read_yaml
@@ -26,6 +26,8 @@ MAX_PIXELS = 2**25
 _OCCUPIED_SHADE, _FREE_SHADE, _UNKNOWN_SHADE = 0, 254, 205
 #: Just below the 0.19608 that the shade of an unknown cell stands for; nav2's default frees it.
 _FREE_THRESHOLD = 0.196
+#: Most characters of a wrong value that are quoted.
+_QUOTED = 60
 _MODES = ("trinary", "scale", "raw")
 
 
@@ -199,7 +201,8 @@ class _Description:
         try:
             number = float(text)
         except (TypeError, ValueError, OverflowError) as error:
-            raise MapFileError(self.path, f"{key} is no number that could be used") from error
+            value = shortened(repr(text), _QUOTED)
+            raise MapFileError(self.path, f"{key} is {value}, must be a number") from error
         if not math.isfinite(number):
             raise MapFileError(self.path, f"{key} is {number}, must be finite")
         return number
@@ -210,8 +213,9 @@ class _Description:
         try:
             x, y, yaw = (float(value) for value in origin or ())
         except (TypeError, ValueError, OverflowError) as error:
+            value = shortened(repr(origin), _QUOTED)
             raise MapFileError(
-                self.path, "origin is not a list of three numbers: x, y and yaw"
+                self.path, f"origin is {value}, must be a list of x, y and yaw"
             ) from error
         if not (math.isfinite(x) and math.isfinite(y)):
             raise MapFileError(self.path, f"origin is {x}, {y}, must be finite")

@@ -32,14 +32,23 @@ def decompress(data: bytes | memoryview, compression: str) -> bytes:
         If it is more than `MAX_CONTENT_BYTES`.
     """
     if compression == "lz4":
-        decompressor = lz4.frame.LZ4FrameDecompressor()
-        content: bytes = decompressor.decompress(data, max_length=MAX_CONTENT_BYTES)
-        if not decompressor.eof and not decompressor.needs_input:
-            raise ValueError("unpacks to more than is believed")
-        return content
+        return _decompress_lz4(data)
     if compression == "zstd":
         return _decompress_zstd(data)
     return bytes(data)
+
+
+def _decompress_lz4(data: bytes | memoryview) -> bytes:
+    # In pieces: room for the longest result would be taken at once.
+    decompressor = lz4.frame.LZ4FrameDecompressor()
+    pieces = [decompressor.decompress(data, max_length=_PIECE_BYTES)]
+    size = len(pieces[0])
+    while not decompressor.eof and not decompressor.needs_input:
+        pieces.append(decompressor.decompress(b"", max_length=_PIECE_BYTES))
+        size += len(pieces[-1])
+        if size > MAX_CONTENT_BYTES:
+            raise ValueError("unpacks to more than is believed")
+    return b"".join(pieces)
 
 
 def _decompress_zstd(data: bytes | memoryview) -> bytes:

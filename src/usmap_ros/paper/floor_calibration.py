@@ -55,7 +55,11 @@ def mismatched_floor() -> Part:
     explained = {name: _explained(traces, channel) for name, channel in channels.items()}
     numbers: dict[str, Any] = {"carpet_for_concrete": carpet}
     for name, channel in channels.items():
-        numbers[name] = {**asdict(channel), **explained[name]}
+        numbers[name] = {
+            **asdict(channel),
+            "floor_model": channel.floor_model.value,
+            **explained[name],
+        }
     numbers["error_before"] = _errors(STATED)
     numbers["error_after"] = _errors(calibrated)
     with styled():

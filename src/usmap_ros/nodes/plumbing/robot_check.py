@@ -58,7 +58,8 @@ class RobotCheck:
         self._worker.stop()
 
     def wake(self) -> None:
-        """Check now."""
+        """Check now, though the map may be the one of the last check."""
+        self._checked_version = -1
         self._worker.wake()
 
     def suspects(self) -> health.Finding | None:

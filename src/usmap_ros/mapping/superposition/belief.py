@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled, inlined
-from usmap_ros.mapping.superposition.cells import SIDES, Tiles, slot_at
+from usmap_ros.mapping.superposition.cells import SIDES, Tiles, slot_beside
 
 #: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.
 OWN_SHARE = 0.25
@@ -71,15 +71,15 @@ def combined(slot: int, evidence: NDArray[np.float32], side_price: float) -> flo
 
 @compiled
 def strongest_neighbour(
-    row: int, column: int, tiles: Tiles, own: NDArray[np.float32], side_price: float
+    slot: int, row: int, column: int, tiles: Tiles, own: NDArray[np.float32], side_price: float
 ) -> float:
     """Greatest evidence of a cell by itself among a cell and its eight neighbours."""
     strongest = 0.0
-    for neighbour_row in range(row - 1, row + 2):
-        for neighbour_column in range(column - 1, column + 2):
-            slot = slot_at(neighbour_row, neighbour_column, tiles)
-            if slot >= 0:
-                strongest = max(strongest, combined(slot, own, side_price))
+    for rows in range(-1, 2):
+        for columns in range(-1, 2):
+            neighbour = slot_beside(slot, row, column, rows, columns, tiles)
+            if neighbour >= 0:
+                strongest = max(strongest, combined(neighbour, own, side_price))
     return strongest
 
 
@@ -122,7 +122,9 @@ def judge(
     """
     for index in range(len(slots)):
         slot = slots[index]
-        strongest = strongest_neighbour(rows[index], columns[index], tiles, own, scale.side_price)
+        strongest = strongest_neighbour(
+            slot, rows[index], columns[index], tiles, own, scale.side_price
+        )
         evidence = combined(slot, block, scale.side_price)
         by_itself = combined(slot, own, scale.side_price)
         if by_itself < OWN_SHARE * strongest:
@@ -153,7 +155,7 @@ def find_hiding(
         hiding[slot] = 0.0
         by_itself = combined(slot, own, scale.side_price)
         if by_itself > HIDING_SHARE * strongest_neighbour(
-            rows[index], columns[index], tiles, own, scale.side_price
+            slot, rows[index], columns[index], tiles, own, scale.side_price
         ):
             evidence = max(by_itself, combined(slot, block, scale.side_price))
             exponent = min(max(scale.slope * (evidence - scale.threshold), -30.0), 30.0)
@@ -177,9 +179,9 @@ def set_depth(
     for index in range(len(slots)):
         slot = slots[index]
         around = -hiding[slot]
-        for row in range(rows[index] - 1, rows[index] + 2):
-            for column in range(columns[index] - 1, columns[index] + 2):
-                neighbour = slot_at(row, column, tiles)
+        for up in range(-1, 2):
+            for right in range(-1, 2):
+                neighbour = slot_beside(slot, rows[index], columns[index], up, right, tiles)
                 if neighbour >= 0:
                     around += hiding[neighbour]
         cover = hiding[slot] * min(1.0, LONE_COVER + 0.5 * around)

@@ -33,7 +33,7 @@ from usmap_ros.mapping.superposition.cells import (
     Tiles,
     forget,
     power_gain,
-    slot_at,
+    slot_beside,
 )
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import bearing_fit
@@ -211,11 +211,12 @@ def compare_powers(
                 likelihood[step] = math.exp(value)
     elif kind == SILENCE:
         ratio = level / weight * math.exp(-log_powers[0])
+        factor = math.exp(log_powers[0] - log_powers[1])
         for step in range(POWER_STEPS):
             if ratio < SURELY_SILENT:
                 likelihood[step] = max(-math.expm1(-ratio), LEAST_SILENCE)
                 total[step] += math.log(likelihood[step])
-            ratio *= math.exp(log_powers[0] - log_powers[1])
+            ratio *= factor
 
 
 @compiled
@@ -428,18 +429,19 @@ def judge_first(
         Set.
     """
     for index in range(len(slots)):
-        own, strongest, block = vacancy[slots[index]], 0.0, 0.0
-        for row in range(rows[index] - 1, rows[index] + 2):
-            for column in range(columns[index] - 1, columns[index] + 2):
-                slot = slot_at(row, column, tiles)
-                if slot >= 0:
-                    strongest = min(strongest, vacancy[slot])
-                    block += vacancy[slot]
+        slot = slots[index]
+        own, strongest, block = vacancy[slot], 0.0, 0.0
+        for up in range(-1, 2):
+            for right in range(-1, 2):
+                neighbour = slot_beside(slot, rows[index], columns[index], up, right, tiles)
+                if neighbour >= 0:
+                    strongest = min(strongest, vacancy[neighbour])
+                    block += vacancy[neighbour]
         if math.expm1(own) > OWN_SHARE * math.expm1(strongest):
             block = own
         value = math.log(max(-math.expm1(block), 1e-30)) - block
         if value > scale.prior:
-            log_odds[slots[index]] = min(max(value, scale.least), scale.greatest)
+            log_odds[slot] = min(max(value, scale.least), scale.greatest)
 
 
 def _no_suspects(slots: NDArray[np.intp], cells: int, looks: int) -> Suspects:

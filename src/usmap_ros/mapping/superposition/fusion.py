@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logit
 
+from usmap_ros.arrays import IndexArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.mapping.continuity import bridge_gaps
@@ -306,17 +307,22 @@ class SuperpositionFusion(Fusion):
         layer(BELIEF)[:] = self._scale.least
         layer(HIDING)[:] = 0.0
         layer(DEPTH)[:] = 0.0
-        rows, columns, slots = self._grid.cells(alive > 0.0)
+        suspected = rows, columns, slots = self._grid.cells(alive > 0.0)
         evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")), self._scale)
-        self._judge(layer(BELIEF), self._scale)
+        self._judge(suspected, self._scale, layer(BELIEF))
         find_hiding(slots, rows, columns, tiles, *evidence, layer(HIDING))
         opacity = self.parameters.opacity
         set_depth(slots, rows, columns, tiles, layer(HIDING), opacity, layer(DEPTH))
 
-    def _judge(self, log_odds: NDArray[np.float32], scale: Scale) -> None:
+    def _judge(
+        self,
+        suspected: tuple[IndexArray, IndexArray, IndexArray],
+        scale: Scale,
+        log_odds: NDArray[np.float32],
+    ) -> None:
         """Set the log-odds of suspected cells by the evidence that is shown."""
         layer = self._grid.layer
-        rows, columns, slots = self._grid.cells(layer(ALIVE) > 0.0)
+        rows, columns, slots = suspected
         if self._are_few:
             judge_first(slots, rows, columns, self._tiles(), layer(VACANCY), scale, log_odds)
             return
@@ -353,7 +359,7 @@ class SuperpositionFusion(Fusion):
         suspected = self._grid.cells(layer(ALIVE) > 0.0)
         block = layer(_of(SHOWN, "block"))
         open_scale = scale._replace(least=-MOST_LOG_ODDS, greatest=MOST_LOG_ODDS)
-        self._judge(layer(LOG_ODDS), open_scale)
+        self._judge(suspected, open_scale, layer(LOG_ODDS))
         slots = suspected[-1]
         log_odds = layer(LOG_ODDS)[slots]
         believed = log_odds if self._are_few else calibrated(log_odds, scale)

@@ -285,6 +285,16 @@ def test_an_object_that_went_away_is_forgotten(cone_of_objects: MakeCone, window
     assert probability_at(gone, *staying[:2]) > 0.8
 
 
+def test_a_window_of_few_pings_slides(cone_of_objects: MakeCone) -> None:
+    """Pings that come when it is full count as much as those that filled it."""
+    staying, later = OBJECTS
+    fusion = SuperpositionFusion(MappingParameters(window=4))
+    fused(fusion, [cone_of_objects(staying, **view) for view in VIEWS[:4]])
+    after = fused(fusion, [cone_of_objects(staying, later, **view) for view in VIEWS * 4])
+    assert probability_at(after, *staying[:2]) > 0.65
+    assert probability_at(after, *later[:2]) > 0.65
+
+
 def test_an_object_too_weak_to_be_heard_again_is_not_freed(cone_of_objects: MakeCone) -> None:
     """Its power is known from close by, so silence from afar says nothing of it."""
     weak = (1.025, 0.175, 0.05)

@@ -128,8 +128,8 @@ class SuperpositionFusion(Fusion):
         # Size of the window at which its pings are explained from the start again.
         self._fresh_start = 1
         self._are_few = False
-        # Whether there is any evidence of pings that have left the window.
-        self._retired = False
+        # Whether there is evidence of pings that are not in the window, to explain them from.
+        self._has_lasting = False
         self._work = Workspace()
         self._bounds = Bounds(
             of_a_bin=parameters.most_evidence_a_bin,
@@ -154,7 +154,7 @@ class SuperpositionFusion(Fusion):
         if len(self._window) == self.parameters.window:
             self._retire()
         self._window.append(look)
-        if len(self._window) >= self._fresh_start:
+        if not self._has_lasting and len(self._window) >= self._fresh_start:
             self._start_over()
         if self._are_few:
             return
@@ -214,7 +214,7 @@ class SuperpositionFusion(Fusion):
     def _retire(self) -> None:
         """Let the oldest ping go, and what it said stay."""
         self._deal(self._window.popleft(), LASTING)
-        self._retired = True
+        self._has_lasting, self._are_few = True, False
         self._next = max(self._next - 1, 0)
 
     # ------------------------------------------------------------------ visits
@@ -224,7 +224,9 @@ class SuperpositionFusion(Fusion):
         layer = self._grid.layer
         if self._next == 0:
             for name in EVIDENCE:
-                layer(_of(GATHERED, name))[:] = layer(_of(LASTING, name)) if self._retired else 0.0
+                layer(_of(GATHERED, name))[:] = (
+                    layer(_of(LASTING, name)) if self._has_lasting else 0.0
+                )
         self._deal(self._window[self._next], GATHERED, learn=not self._are_few)
         self._next += 1
         if self._next == len(self._window):
@@ -381,8 +383,7 @@ class SuperpositionFusion(Fusion):
             If its resolution or origin does not fit this grid.
         """
         super().resume(occupancy)
-        self._fresh_start = MANY_PINGS
-        self._retired = True
+        self._has_lasting = True
         layer, scale = self._grid.layer, self._scale
         log_odds, known = layer(LOG_ODDS), layer(LOG_ODDS) != np.float32(scale.prior)
         # Silence that could make a cell so unlikely would have made it observed.

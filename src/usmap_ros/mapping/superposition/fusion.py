@@ -47,16 +47,13 @@ from usmap_ros.mapping.superposition.powers import (
     LEAST_POWER,
     Contributions,
     Powers,
-    expect,
     is_explained,
     learn_powers,
     seed_unexplained,
-    split_expected,
     weigh_bins,
 )
 from usmap_ros.mapping.superposition.shares import Shares, add_shares
 from usmap_ros.mapping.superposition.sight import (
-    cast_rays,
     deal_presence,
     deal_proof,
     deal_silence,
@@ -131,6 +128,8 @@ class SuperpositionFusion(Fusion):
         # Whether there is evidence of pings that are not in the window, to explain them from.
         self._has_lasting = False
         self._work = Workspace()
+        # Without occlusion everything is transparent.
+        self._opacity = parameters.opacity if parameters.occlusion else 0.0
         self._bounds = Bounds(
             of_a_bin=parameters.most_evidence_a_bin,
             of_all=parameters.most_evidence,
@@ -240,20 +239,12 @@ class SuperpositionFusion(Fusion):
 
     def _expect(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int, Contributions]:
         """Work out what the map expects of a ping, from the cells that are not 0 in `among`."""
-        layer, bins = self._grid.layer, self._work.bins(look)
-        seen, count = self._find(look, among)
-        parts = self._work.parts(count)
-        split_expected(look, seen, count, layer(POWER), parts)
-        expect(look, count, parts, bins)
-        return seen, count, parts
+        layer = self._grid.layer
+        return self._work.expect(look, self._tiles(), layer(DEPTH), among, layer(POWER))
 
     def _find(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int]:
         """Find the cells that a ping sees, of those that are not 0 in `among`."""
-        tiles = self._tiles()
-        rays = self._work.rays(look, tiles)
-        if self.parameters.occlusion:
-            cast_rays(look, tiles, self._grid.layer(DEPTH), rays)
-        return self._work.find(look, tiles, among, rays)
+        return self._work.see(look, self._tiles(), self._grid.layer(DEPTH), among)
 
     def _learn(self, look: Look) -> None:
         """Move the powers in a ping's cone towards what explains it."""
@@ -313,8 +304,7 @@ class SuperpositionFusion(Fusion):
         evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")), self._scale)
         self._judge(suspected, self._scale, layer(BELIEF))
         find_hiding(slots, rows, columns, tiles, *evidence, layer(HIDING))
-        opacity = self.parameters.opacity
-        set_depth(slots, rows, columns, tiles, layer(HIDING), opacity, layer(DEPTH))
+        set_depth(slots, rows, columns, tiles, layer(HIDING), self._opacity, layer(DEPTH))
 
     def _judge(
         self,
@@ -343,7 +333,7 @@ class SuperpositionFusion(Fusion):
         layer, parameters = self._grid.layer, self.parameters
         by_others = MapByOthers(
             self._grid, self._tiles(), self._work, (layer(POWER), layer(ALIVE), layer(DEPTH)),
-            self._scale, self._bounds, parameters.opacity,
+            self._scale, self._bounds, self._opacity,
         )  # fmt: skip
         return by_others.expected(
             {robot: [look_of(cone, parameters) for cone in own] for robot, own in cones.items()}

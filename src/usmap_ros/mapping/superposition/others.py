@@ -14,8 +14,6 @@ from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, se
 from usmap_ros.mapping.superposition.cells import SIDES, Tiles, forget
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_evidence, prepare_bins
 from usmap_ros.mapping.superposition.look import Look
-from usmap_ros.mapping.superposition.powers import expect, split_expected
-from usmap_ros.mapping.superposition.sight import cast_rays
 from usmap_ros.mapping.superposition.workspace import Workspace
 
 #: Evidence at which the others are believed to have seen something, relative to that at which the
@@ -103,13 +101,10 @@ class MapByOthers:
         clear, silent, relevant = (np.zeros(cells, np.float32) for _ in range(3))
         evidence = Evidence(own, block, clear, silent, relevant)
         for look in looks:
+            seen, count, parts = self._work.expect(
+                look, self._tiles, self._depth, self._alive, self._power
+            )
             bins = self._work.bins(look)
-            rays = self._work.rays(look, self._tiles)
-            cast_rays(look, self._tiles, self._depth, rays)
-            seen, count = self._work.find(look, self._tiles, self._alive, rays)
-            parts = self._work.parts(count)
-            split_expected(look, seen, count, self._power, parts)
-            expect(look, count, parts, bins)
             prepare_bins(look, bins)
             add_evidence(look, seen, count, bins, parts, self._tiles, self._bounds, evidence)
             forget(seen, count)
@@ -130,11 +125,6 @@ class MapByOthers:
     def _expected(
         self, look: Look, among: NDArray[np.float32], depth: NDArray[np.float32]
     ) -> Expected:
-        bins, rays = self._work.bins(look), self._work.rays(look, self._tiles)
-        cast_rays(look, self._tiles, depth, rays)
-        seen, count = self._work.find(look, self._tiles, among, rays)
-        parts = self._work.parts(count)
-        split_expected(look, seen, count, self._power, parts)
-        expect(look, count, parts, bins)
+        seen, count, _ = self._work.expect(look, self._tiles, depth, among, self._power)
         forget(seen, count)
-        return Expected(look, bins.expected[: len(look.kind)].copy())
+        return Expected(look, self._work.bins(look).expected[: len(look.kind)].copy())

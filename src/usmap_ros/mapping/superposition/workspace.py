@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS, Rays, Seen, Tiles, find_cells, forget
 from usmap_ros.mapping.superposition.look import Look
-from usmap_ros.mapping.superposition.powers import BLOCK_BINS, CELL_BINS, Bins, Contributions
+from usmap_ros.mapping.superposition.powers import (
+    BLOCK_BINS,
+    CELL_BINS,
+    Bins,
+    Contributions,
+    expect,
+    split_expected,
+)
+from usmap_ros.mapping.superposition.sight import cast_rays
 
 #: Rays into which a beam is divided.
 RAYS = 64
@@ -50,6 +58,29 @@ class Workspace:
             self._seen = _seen(2 * count, self._seen.place)
             count = find_cells(look, tiles, alive, rays, self._seen)
         return self._seen, count
+
+    def see(
+        self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
+    ) -> tuple[Seen, int]:
+        """Cells that a look sees past what is in the way, of those that are not 0 in `among`."""
+        rays = self.rays(look, tiles)
+        cast_rays(look, tiles, depth, rays)
+        return self.find(look, tiles, among, rays)
+
+    def expect(
+        self,
+        look: Look,
+        tiles: Tiles,
+        depth: NDArray[np.float32],
+        among: NDArray[np.float32],
+        power: NDArray[np.float32],
+    ) -> tuple[Seen, int, Contributions]:
+        """Set what a look is expected to hear of the cells that it sees, in `bins`."""
+        seen, count = self.see(look, tiles, depth, among)
+        parts = self.parts(count)
+        split_expected(look, seen, count, power, parts)
+        expect(look, count, parts, self.bins(look))
+        return seen, count, parts
 
     def parts(self, count: int) -> Contributions:
         """Room for the contributions of so many cells."""

@@ -8,7 +8,7 @@ FOLDERS = ["/ho" + "me/", "/ro" + "ot/", "/wo" + "rk/", "/Us" + "ers/", "/tm" + 
 
 
 def test_no_file_names_a_registry_host_or_a_path_of_one_machine(root, sources):
-    # A path is one only where it starts: "frame/work/" is none.
+    # A path is one only where it starts: the same letters further down another path are none.
     hosts = "|".join(re.escape(host) for host in HOSTS)
     folders = "|".join(re.escape(folder) for folder in FOLDERS)
     forbidden = re.compile(rf"({hosts}|(?<![\w.$}}{{)/*-])(?:{folders})\w)".encode())

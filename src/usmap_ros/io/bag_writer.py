@@ -161,6 +161,7 @@ class BagWriter:
 
     def finish(self) -> None:
         """Complete the file and write ``metadata.yaml``."""
+        # mcap gives this method no types.
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
         text = yaml.dump(self._metadata(), Dumper=_PlainDumper, sort_keys=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from usmap_ros.paper.drawing import (
@@ -137,10 +138,9 @@ def _amplitudes(trace: EchoTrace) -> list[float]:
     return [float(value) for value in trace.signal()[index]]
 
 
-def _name_echoes(axes: object, trace: EchoTrace) -> None:
-    write = axes.annotate  # type: ignore[attr-defined]
+def _name_echoes(axes: Axes, trace: EchoTrace) -> None:
     for name, delay_s, amplitude in zip(NAMES, _delays_s(trace), _amplitudes(trace), strict=True):
-        write(
+        axes.annotate(
             name,
             (1e3 * delay_s + 0.5, amplitude),
             (0, 6),

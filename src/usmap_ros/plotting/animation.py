@@ -151,7 +151,8 @@ class _MovingMap:
             behind = self._paths.positions_m[topic][: frame.positions[topic]]
             self._trails[topic].set_data(*np.transpose(behind))
             self._beams[topic].set_xy(_cone_outline(cone))
-        # Taking the pixels from the canvas spares the detour over a compressed picture.
+        # Taking the pixels from the canvas spares the detour over a compressed picture; that it is
+        # Agg's, which has them, matplotlib's types do not say.
         self._figure.canvas.draw()
         pixels = np.asarray(self._figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
         return Image.fromarray(pixels[..., :3])

@@ -32,8 +32,9 @@ MAX_ECHOES = 1000
 MAX_BINS, MAX_BEAM_ANGLES, MAX_ELEMENTS = 20_000, 1000, 256
 #: Characters of a frame's name.
 MAX_NAME = 256
-#: Cells in reach of one ping: a beam of 80° and 60 m in cells of 5 cm.
-MAX_CONE_CELLS = 1_000_000
+#: Cells of the square that one ping reaches: 35 m around in cells of 5 cm.  Fusion keeps some 300
+#: bytes of each.
+MAX_REACHED_CELLS = 2_000_000
 #: Decibels that sound loses in air to the greatest range and back: what is heard at -600 dB is
 #: not there, and amplitudes beyond that are no numbers any more.
 MAX_LOSS_DB = 600.0

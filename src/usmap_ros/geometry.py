@@ -131,7 +131,8 @@ class Pose:
         bounds.check("pose.position.z", float(self.position_m[2]), bounds.HEIGHT)
         if not np.all(np.isfinite(self.orientation)):
             raise MalformedMessageError("pose.orientation", "is not finite")
-        norm = float(np.linalg.norm(self.orientation))
+        # Of numbers that are larger than any of a unit, none could be taken.
+        norm = float(np.linalg.norm(np.clip(self.orientation, -1e3, 1e3)))
         if abs(norm - 1.0) > QUATERNION_TOLERANCE:
             raise MalformedMessageError("pose.orientation", f"has norm {norm:.3g} instead of 1")
         if not np.all(np.isfinite(self.covariance)):

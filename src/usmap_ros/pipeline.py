@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 
-from usmap_ros.bounds import MAX_CONE_CELLS
+import numpy as np
+
+from usmap_ros.bounds import MAX_REACHED_CELLS
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
@@ -20,6 +23,8 @@ from usmap_ros.reconstruction.reconstructor import (
 )
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.trace import EchoTrace
+
+logger = logging.getLogger(__name__)
 
 #: Ways of fusing, by the name that the parameter ``method`` has for them.
 FUSIONS: dict[str, type[Fusion]] = {
@@ -92,10 +97,17 @@ class Pipeline:
         Raises
         ------
         MalformedMessageError
-            If the cone's frame is not the map's, or it reaches more cells than memory is for.
+            If the cone's frame is not the map's, it reaches more cells than memory is for, or
+            the map's numbers would not be finite any more: it stays out of the map then.
         """
         _check_reach(cone, self.parameters.mapping.resolution_m)
         self.fusion.fuse(cone)
+        if cells := self.fusion.mend(cone):
+            raise MalformedMessageError(
+                "amplitudes",
+                f"would leave numbers in {cells} cells of the map that are not finite; the ping is"
+                " left out, and these cells are unknown again",
+            )
 
     def process(self, trace: EchoTrace) -> EchoCone:
         """Reconstruct a trace and take its cone up into the map."""
@@ -124,17 +136,28 @@ class Pipeline:
         self.fusion.refine(passes)
 
     def occupancy_map(self) -> OccupancyMap:
-        """Return the map so far."""
-        return self.fusion.occupancy_map()
+        """Return the map so far; its log-odds are finite.
+
+        Cells that the fusion holds no finite number of are unknown again, and a warning says so:
+        what is written to disk or published must never keep a map from being used.
+        """
+        occupancy = self.fusion.occupancy_map()
+        if not np.isfinite(occupancy.log_odds).all():
+            logger.warning(
+                "%d cells of the map held numbers that are not finite; they are unknown again",
+                self.fusion.mend(),
+            )
+            occupancy = self.fusion.occupancy_map()
+        return occupancy
 
 
 def _check_reach(cone: EchoCone, resolution_m: float) -> None:
     """Refuse a cone of so many cells that one ping would take gigabytes and minutes."""
     reach_m = cone.transducer.max_range_m
-    cells = cone.transducer.beam.half_angle_rad * (reach_m / resolution_m) ** 2
-    if cells > MAX_CONE_CELLS:
+    cells = (2.0 * reach_m / resolution_m) ** 2
+    if cells > MAX_REACHED_CELLS:
         raise MalformedMessageError(
             "transducer.max_range",
-            f"of {reach_m:g} m covers {cells:.2g} cells of {resolution_m:g} m, one ping may cover"
-            f" {MAX_CONE_CELLS:g}",
+            f"of {reach_m:g} m reaches {cells:.2g} cells of {resolution_m:g} m, one ping may reach"
+            f" {MAX_REACHED_CELLS:.2g}",
         )

@@ -51,6 +51,7 @@ def echoes(count: int, amplitude: float = 1.0) -> dict[str, np.ndarray]:
     [
         ({"pose": high(1e30)}, "pose.position"),
         ({"pose": high(1e5)}, "pose.position.z"),
+        ({"pose": Pose(np.zeros(3), np.array([0.0, 0.0, 1e300, 1.0]))}, "pose.orientation"),
         ({"pose": spread(1e15)}, "pose.covariance"),
         ({"pose": spread(1.0, 2.0)}, "pose.covariance"),
         ({"transducer": replace(TRANSDUCER, max_range_m=1e3)}, "transducer.max_range"),
@@ -115,6 +116,6 @@ def test_no_ping_covers_more_cells_than_memory_is_for() -> None:
     far = replace(CONE, transducer=replace(TRANSDUCER, max_range_m=190.0))
     far.validate()
     pipeline = Pipeline()
-    with pytest.raises(MalformedMessageError, match=r"covers 1e\+07 cells of 0\.05 m"):
+    with pytest.raises(MalformedMessageError, match=r"reaches 5\.8e\+07 cells of 0\.05 m"):
         pipeline.fuse(far)
     pipeline.fuse(CONE)

@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from usmap_ros.cone import EchoCone
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.parameters import MappingParameters, PipelineParameters, ReconstructionParameters
 from usmap_ros.pipeline import FUSIONS, Pipeline
 from usmap_ros.simulation import Scenario, simulate
@@ -70,3 +73,50 @@ def test_a_pipeline_resumes_the_map_that_another_one_left(traces: list[EchoTrace
     again, exported = second.occupancy_map(), first.occupancy_map()
     np.testing.assert_array_equal(again.observed, exported.observed)
     np.testing.assert_allclose(again.log_odds, exported.log_odds, atol=1e-5)
+
+
+def spoil(fusion: Fusion, layer: str) -> None:
+    """Leave numbers in two cells that are none."""
+    slots = fusion._grid.slots(np.array([60, 60]), np.array([60, 61]))
+    values = fusion._grid.layer(layer).reshape(len(fusion._grid.layer("log_odds")), -1)
+    values[slots] = [[np.inf], [np.nan]]
+
+
+@pytest.mark.parametrize(
+    ("method", "layer"), [("superposition", "power"), ("additive", "log_odds")]
+)
+def test_a_ping_that_would_poison_the_map_is_left_out(
+    method: str, layer: str, traces: list[EchoTrace], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipeline = Pipeline(PipelineParameters(mapping=MappingParameters(method=method)))
+    cones = [pipeline.reconstruct(trace) for trace in traces[:12]]
+    for cone in cones[:6]:
+        pipeline.fuse(cone)
+    take_up = pipeline.fusion._take_up
+
+    def take_up_badly(cone: EchoCone) -> None:
+        take_up(cone)
+        spoil(pipeline.fusion, layer)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(pipeline.fusion, "_take_up", take_up_badly)
+        with pytest.raises(MalformedMessageError, match=r"amplitudes: .* in 2 cells .* not finite"):
+            pipeline.fuse(cones[6])
+    for cone in cones[7:]:
+        pipeline.fuse(cone)
+    occupancy = pipeline.occupancy_map()
+    assert np.isfinite(occupancy.log_odds).all()
+    assert np.count_nonzero(occupancy.observed) > 100
+
+
+def test_no_number_that_is_not_finite_leaves_the_pipeline(
+    traces: list[EchoTrace], caplog: pytest.LogCaptureFixture
+) -> None:
+    pipeline = Pipeline(PipelineParameters(mapping=MappingParameters(method="additive")))
+    pipeline.process(traces[0])
+    spoil(pipeline.fusion, "log_odds")
+    assert np.isfinite(pipeline.occupancy_map().log_odds).all()
+    assert "2 cells of the map held numbers that are not finite" in caplog.text
+    caplog.clear()
+    pipeline.occupancy_map()
+    assert not caplog.text

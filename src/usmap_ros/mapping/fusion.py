@@ -39,6 +39,9 @@ class Fusion(ABC):
         Stamp of the newest cone in the map.
     """
 
+    #: Layers that last from ping to ping, and from which all others are worked out.
+    LASTING_LAYERS: tuple[str, ...] = (LOG_ODDS, EXPOSURE)
+
     def __init__(
         self,
         parameters: MappingParameters,
@@ -79,6 +82,32 @@ class Fusion(ABC):
     @abstractmethod
     def _take_up(self, cone: EchoCone) -> None:
         """Change the grid by what a cone says."""
+
+    def mend(self, cone: EchoCone | None = None) -> int:
+        """Make cells unknown again of which the grid holds numbers that are not finite.
+
+        Parameters
+        ----------
+        cone : EchoCone, optional
+            The newest one: only where it reaches, and only what lasts is looked at, and nothing
+            else is kept of it if there is anything.
+
+        Returns
+        -------
+        cells : int
+            How many there were.
+        """
+        if cone is None:
+            return self._grid.mend()
+        x_m, y_m = map(float, cone.pose.position_m[:2])
+        tiles = self._grid.tiles_around(x_m, y_m, cone.transducer.max_range_m)
+        if self._grid.is_finite(self.LASTING_LAYERS, tiles):
+            return 0
+        self._forget_newest()
+        return self._grid.mend()
+
+    def _forget_newest(self) -> None:  # noqa: B027 - most keep nothing of a cone but cells
+        """Keep nothing of the newest cone but what is in the grid."""
 
     def expected_by_others(
         self, cones: Mapping[str, Sequence[EchoCone]]

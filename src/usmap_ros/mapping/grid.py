@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +109,42 @@ class TiledGrid:
         rows = row_of[tile] + inside // TILE_SIDE
         columns = column_of[tile] + inside % TILE_SIDE
         return rows, columns, slots
+
+    def tiles_around(self, x_m: float, y_m: float, reach_m: float) -> IndexArray:
+        """Numbers of the tiles that there are within a square of half the side `reach_m`."""
+        side_m = TILE_SIDE * self.resolution_m
+        (top, bottom), (left, right) = (
+            (
+                max(math.floor((middle_m - reach_m) / side_m) - first, 0),
+                max(math.floor((middle_m + reach_m) / side_m) - first + 1, 0),
+            )
+            for middle_m, first in zip((y_m, x_m), self._directory_origin, strict=True)
+        )
+        within = self._directory[top:bottom, left:right]
+        tiles: IndexArray = within[within >= 0]
+        return tiles
+
+    def is_finite(self, names: Iterable[str], tiles: IndexArray) -> bool:
+        """Whether some layers of some tiles hold finite numbers only."""
+        return all(np.isfinite(self._pools[name][tiles]).all() for name in names)
+
+    def mend(self) -> int:
+        """Make cells unknown, in all layers, of which any holds a number that is not finite.
+
+        Returns
+        -------
+        cells : int
+            How many there were.
+        """
+        broken = np.zeros(self._tile_count * TILE_CELLS, dtype=np.bool_)
+        for pool in self._pools.values():
+            by_cell = pool[: self._tile_count].reshape(len(broken), -1)
+            broken |= ~np.isfinite(by_cell).all(axis=1)
+        if broken.any():
+            for name, pool in self._pools.items():
+                by_cell = pool[: self._tile_count].reshape(len(broken), -1)
+                by_cell[broken] = self._defaults[name]
+        return int(np.count_nonzero(broken))
 
     def _cover(self, tile_rows: IndexArray, tile_columns: IndexArray) -> None:
         """Add the tiles at these places that do not exist yet."""

@@ -114,6 +114,8 @@ class SuperpositionFusion(Fusion):
         Of the model.
     """
 
+    LASTING_LAYERS = (POWER,)
+
     def __init__(self, parameters: MappingParameters) -> None:
         names = [POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, BELIEF, HIDING, DEPTH, RELEVANT]
         names += [VACANCY]
@@ -215,6 +217,11 @@ class SuperpositionFusion(Fusion):
         self._deal(self._window.popleft(), LASTING)
         self._has_lasting, self._are_few = True, False
         self._next = max(self._next - 1, 0)
+
+    def _forget_newest(self) -> None:
+        """Let the newest ping go, and begin the pass anew."""
+        self._window.pop()
+        self._next = 0
 
     # ------------------------------------------------------------------ visits
 

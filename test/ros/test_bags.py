@@ -10,12 +10,14 @@ import pytest
 from rclpy.qos import qos_profile_sensor_data
 from rosbags.rosbag2 import Reader
 
+from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_from_message, trace_to_message
 from usmap_ros.nodes.bag_recorder import BagRecorder
 from usmap_ros.nodes.bag_replay import BagReplay
+from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.trace import EchoTrace
 
@@ -50,6 +52,19 @@ def test_everything_is_published_in_order_with_its_clock(
     assert times == sorted(times)
     first, last = traces[0][1].stamp_ns / 1e9, traces[-1][1].stamp_ns / 1e9
     assert first <= times[0] < times[-1] <= last + 1e-6
+
+
+def test_a_replay_leaves_room_in_the_queue_of_who_fuses(
+    live: Any, cones: list[tuple[str, EchoCone]], tmp_path: Path
+) -> None:
+    with new_bag(tmp_path / "cones") as writer:
+        for topic, cone in cones:
+            writer.write_cone(topic, cone)
+    fusion = live.add(MapFusion, queue_depth=10, diagnostics_period_s=0.1)
+    live.add(BagReplay, bag=str(tmp_path / "cones"), rate=1000.0, wait_s=300.0)
+    live.until(lambda: fusion.health.total("received") == len(cones))
+    live.until(lambda: fusion.health.total("fused") + fusion.health.total("dropped") == len(cones))
+    assert fusion.health.total("dropped") == 0
 
 
 def test_publishers_have_the_recorded_qos(live: Any, bag: Path) -> None:

@@ -82,7 +82,7 @@ def test_live_nodes_have_the_topics_of_the_reference(
     # Those of the robots in its recording.
     space = "/robot1/" if interface.name == "bag_replay" else ""
     declared = {
-        (node.resolve_topic_name(space + t.name), t.message_type)
+        (node.resolve_topic_name(t.name if t.name[0] == "/" else space + t.name), t.message_type)
         for t in interface.subscribes
         if not t.condition.startswith("input is range")
     }

@@ -211,7 +211,7 @@ BAG_REPLAY = NodeInterface(
     "Publishes a recording: its topics, with their own QoS.",
     BagReplayParameters,
     publishes=(CLOCK, DIAGNOSTICS),
-    subscribes=(CONE,),
+    subscribes=(CONE, DIAGNOSTICS),
     services=(PAUSE,),
 )
 BAG_RECORDER = NodeInterface(

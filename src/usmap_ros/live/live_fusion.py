@@ -105,6 +105,11 @@ class LiveFusion:
         return self._order.dropped
 
     @property
+    def waiting(self) -> int:
+        """Cones that wait to be fused."""
+        return len(self._order)
+
+    @property
     def late(self) -> int:
         """Cones that came after a newer one had been fused."""
         return self._order.late

@@ -16,23 +16,35 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from usmap_ros.errors import BagError, ConfigurationError
-from usmap_ros.io.message_types import ECHO_TRACE
+from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.storage import RecordedTopic
 from usmap_ros.io.storage.index import header_stamp_ns
-from usmap_ros.live.interfaces import BAG_REPLAY, CLOCK, CONE, ECHO, NODES, PAUSE, Qos
+from usmap_ros.live.backlog import Backlog
+from usmap_ros.live.interfaces import (
+    BAG_REPLAY,
+    CLOCK,
+    CONE,
+    DIAGNOSTICS,
+    ECHO,
+    NODES,
+    PAUSE,
+    Qos,
+)
 from usmap_ros.live.readers import LAG_S, Readers
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, every, qos_profile, serve, subscribe
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import run_node
+from usmap_ros.nodes.plumbing.status import report_of
 from usmap_ros.parameters.nodes import BagReplayParameters
 
 #: Longest wait for subscribers to have what was published; one that hangs must not stop all.
 _ACKNOWLEDGEMENT = Duration(seconds=1.0)
-#: From when all that is needed has been seen until the start: others see it at another time.
-_SETTLING_S = 0.5
+#: From when all that is needed has been seen until the start: others see it at another time, and
+#: who fuses cones reports every second how many wait.
+_SETTLING_S, _FIRST_REPORT_S = 0.5, 2.0
 _USUAL_QOS = {
     topic.message_type: topic.qos for node in NODES for topic in (*node.publishes, *node.subscribes)
 }
@@ -45,13 +57,15 @@ class _Output:
     publisher: Any
     depth: int
     room: int
+    is_of_cones: bool
 
 
 class BagReplay(Node):
     """Publishes every topic of a recording, and ``/clock``.
 
-    Where traces are reconstructed while they are played, the cones tell how far their readers are:
-    time stands still for the slowest of them, whatever rate is asked for.
+    Where traces are reconstructed while they are played, the cones tell how far their readers are,
+    and diagnostics tell how many cones wait to be fused: time stands still for the slowest of
+    them, whatever rate is asked for.
 
     Other keyword arguments are those of `rclpy.node.Node`.
 
@@ -84,12 +98,15 @@ class BagReplay(Node):
         except BagError:
             self._bag.close()
             raise
-        self._readers = Readers()
+        self._readers, self._backlog = Readers(), Backlog()
         self._cone_topics = self._listen_to_readers()
+        subscribe(self, DIAGNOSTICS, self._hear_reports)
         self._clock_publisher = advertise(self, CLOCK) if parameters.clock else None
         serve(self, PAUSE, self._pause)
         self._is_paused = parameters.start_paused
         self._give_up_waiting_s: float | None = time.monotonic() + parameters.wait_s
+        self._settled_s: float | None = None
+        self._report_due_s = 0.0
         self._rewind()
         self._timer = every(self, 1.0 / parameters.clock_rate_hz, self._tick)
 
@@ -112,7 +129,8 @@ class BagReplay(Node):
                 continue
             qos = _qos_of(recorded)
             publisher = self.create_publisher(message_class, recorded.name, qos_profile(qos))
-            outputs[recorded.name] = _Output(publisher, qos.depth, qos.depth)
+            is_of_cones = recorded.message_type == ECHO_CONE
+            outputs[recorded.name] = _Output(publisher, qos.depth, qos.depth, is_of_cones)
         if not outputs:
             raise BagError(self._bag.path, "holds no topic that could be published")
         return outputs
@@ -132,6 +150,11 @@ class BagReplay(Node):
     def _answered(self, topic: str, payload: bytes) -> None:
         stamp_ns = header_stamp_ns(memoryview(payload), 0)
         self._readers.answered(topic, stamp_ns, time.monotonic())
+        self._backlog.sent()
+
+    def _hear_reports(self, message: Any) -> None:
+        for status in message.status:
+            self._backlog.reported(status.name, report_of(status).facts, time.monotonic())
 
     def _rewind(self) -> None:
         self._readers.forget()
@@ -147,12 +170,12 @@ class BagReplay(Node):
         if self._give_up_waiting_s is not None:
             self._is_anybody_missing(now_s)
             return
-        if not self._is_paused:
+        if not self._is_held(now_s):
             self._pass_time(passed_s)
         if self._clock_publisher is not None:
             stamp = Time(nanoseconds=min(round(self._now_ns), self._bag.end_ns)).to_msg()
             self._clock_publisher.publish(interface_class(CLOCK.message_type)(clock=stamp))
-        while not self._is_paused and self._next[1] <= self._now_ns:
+        while not self._is_held(now_s) and self._next[1] <= self._now_ns:
             topic, _, payload = self._next
             if topic in self._outputs:
                 self._publish(self._outputs[topic], payload)
@@ -163,10 +186,14 @@ class BagReplay(Node):
                 self._end()
                 return
 
+    def _is_held(self, now_s: float) -> bool:
+        """Whether nothing is published for now."""
+        return self._is_paused or self._backlog.is_full(now_s)
+
     def _pass_time(self, passed_s: float) -> None:
         """Let the recording's time pass, but no farther than its readers have come."""
         now_ns = self._now_ns + passed_s * self.parameters.value.rate * 1e9
-        if len(self._readers):
+        if len(self._readers) or len(self._backlog):
             # A long step would be over before anybody could ask for a pause.
             now_ns = min(now_ns, self._now_ns + LAG_S * 1e9)
         limit_ns = self._readers.limit_ns(self._last_tick_s)
@@ -185,15 +212,23 @@ class BagReplay(Node):
         assert self._give_up_waiting_s is not None
         if missing and now_s < self._give_up_waiting_s:
             return
-        if read and not self._readers:
+        if self._settled_s is None:
             for topic in read:
                 self._readers.add(topic)
-            self._give_up_waiting_s = now_s + _SETTLING_S
-        if self._readers and now_s < self._give_up_waiting_s:
+            self._settled_s = now_s + (_SETTLING_S if read else 0.0)
+            self._report_due_s = now_s + (_FIRST_REPORT_S if self._has_cones(read) else 0.0)
+        if now_s < self._settled_s or (not self._backlog and now_s < self._report_due_s):
             return
         self._give_up_waiting_s = None
         if missing:
             self.get_logger().info(f"nobody listens to {', '.join(missing)}")
+
+    def _has_cones(self, read: dict[str, str]) -> bool:
+        """Whether somebody hears cones of the recording, or cones made of its traces."""
+        return bool(read) or any(
+            output.is_of_cones and output.publisher.get_subscription_count()
+            for output in self._outputs.values()
+        )
 
     def _publish(self, output: _Output, payload: bytes) -> None:
         # Whatever does not fit a queue is lost in silence, reliable or not: wait for subscribers
@@ -204,6 +239,8 @@ class BagReplay(Node):
         output.publisher.publish(payload)
         output.room -= 1
         self.health.work("published")
+        if output.is_of_cones:
+            self._backlog.sent()
 
     def _end(self) -> None:
         for output in self._outputs.values():

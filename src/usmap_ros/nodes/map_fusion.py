@@ -11,6 +11,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from usmap_ros.errors import MapFileError, MapSizeError, UsmapError
 from usmap_ros.io.map_files import map_folder, save_map
+from usmap_ros.live.backlog import ROOM, WAITING
 from usmap_ros.live.health import Finding, Level
 from usmap_ros.live.interfaces import GET_MAP, MAP_FUSION, PAUSE, RESET, SAVE_MAP
 from usmap_ros.nodes.plumbing.cone_topics import ConeTopics
@@ -57,6 +58,8 @@ class MapFusion(LifecycleNode):
         self.health.watch(self._slowness)
         self.health.watch(self._liars)
         self.health.tell("robots", lambda: self.session.check.summary() if self.session else "")
+        self.health.tell(WAITING, lambda: self.session.fusion.waiting if self.session else 0)
+        self.health.tell(ROOM, lambda: self.parameters.value.queue_depth)
         self._transforms = Transforms(
             self, "cones must be in the map's frame, as the pose in each message is"
         )

@@ -69,14 +69,24 @@ def progress(description: str, total: int | None = None) -> Iterator[Callable[[]
 def print_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, captions: bool = True
 ) -> None:
-    """Print a table on standard output; all columns but the first are aligned right."""
+    """Print a table on standard output; all columns but the first are aligned right.
+
+    Where the terminal is too narrow, the first column is folded, and the others never are.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE, show_header=captions)
+    table = Table(
+        title=title, title_justify="left", box=box.SIMPLE, pad_edge=False, show_header=captions
+    )
     for number, column in enumerate(columns):
-        table.add_column(column, justify="right" if number else "left", overflow="fold")
+        table.add_column(
+            column,
+            justify="right" if number else "left",
+            overflow="fold",
+            no_wrap=number > 0,
+        )
     for row in rows:
         table.add_row(*row)
     # A file or a pipe has no width: there nothing is folded.

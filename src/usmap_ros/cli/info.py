@@ -44,7 +44,7 @@ def info(
         return
     console.print_facts(", ".join(map(str, bags)), _facts(description))
     console.print_table(
-        "", ["topic", "pings", "rate", "encoding", "sample rate", "pulse", "range"],
+        "", ["topic", "pings", "rate", "encoding", "samples", "range"],
         [_row(topic) for topic in description["topics"]],
     )  # fmt: skip
 
@@ -55,6 +55,7 @@ def _facts(description: dict[str, Any]) -> dict[str, str]:
         "pings": str(description["pings"]),
         "duration": f"{description['seconds']:.1f} s",
         "frames": ", ".join(description["frames"]),
+        "pulse": _pulses(description["topics"]),
         "positions": f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m",
         "saturated": _saturated(description),
         "amplitudes": "; ".join(
@@ -75,8 +76,18 @@ def _saturated(description: dict[str, Any]) -> str:
 def _row(topic: dict[str, Any]) -> list[str]:
     rate = f"{topic['rate_hz']:.1f} Hz" if topic["rate_hz"] else "–"
     sampling = f"{topic['sample_rate_hz'] / 1e3:g} kS/s" if topic["sample_rate_hz"] else "–"
-    pulse = f"{topic['pulse']}, {topic['pulse_duration_s'] * 1e3:g} ms"
-    if topic["carrier_hz"]:
-        pulse += f", {topic['carrier_hz'] / 1e3:g} kHz"
     reach = f"{topic['min_range_m']:g} to {topic['max_range_m']:g} m"
-    return [topic["topic"], str(topic["pings"]), rate, topic["encoding"], sampling, pulse, reach]
+    return [topic["topic"], str(topic["pings"]), rate, topic["encoding"], sampling, reach]
+
+
+def _pulses(topics: list[dict[str, Any]]) -> str:
+    """Pulse of all topics, or which of them have which."""
+    users: dict[str, list[str]] = {}
+    for topic in topics:
+        pulse = f"{topic['pulse']}, {topic['pulse_duration_s'] * 1e3:g} ms"
+        if topic["carrier_hz"]:
+            pulse += f", {topic['carrier_hz'] / 1e3:g} kHz"
+        users.setdefault(pulse, []).append(topic["topic"])
+    if len(users) == 1:
+        return next(iter(users))
+    return "; ".join(f"{pulse} ({', '.join(names)})" for pulse, names in users.items())

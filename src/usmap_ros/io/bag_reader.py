@@ -16,7 +16,7 @@ from rosbags.serde import SerdeError
 
 from usmap_ros.arrays import IntArray
 from usmap_ros.cone import EchoCone
-from usmap_ros.errors import BagError, MalformedMessageError
+from usmap_ros.errors import BagError, MalformedMessageError, UsmapError
 from usmap_ros.io.conversions import (
     array_from_message,
     cone_from_message,
@@ -90,8 +90,9 @@ class BagReader:
     """
 
     def __init__(self, paths: Sequence[str | Path]) -> None:
-        self.paths = [Path(path) for path in paths]
+        self.paths = _each_once(paths)
         self.skipped = SkippedMessages()
+        self._read_count = 0
         self.topics: list[RecordedTopic] = []
         self._storages: list[Storage] = []
         self._open_storages: list[Storage] = []
@@ -120,8 +121,10 @@ class BagReader:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close all files."""
+        """Close all files, and say how many messages could not be used."""
         self.close()
+        if kind is None or issubclass(kind, UsmapError):
+            self.skipped.log_total(self._read_count)
 
     def close(self) -> None:
         """Close all files."""
@@ -204,6 +207,7 @@ class BagReader:
         self, message_type: str, convert: Callable[[Any], _Content]
     ) -> Iterator[tuple[str, _Content]]:
         for storage_number, row in self._tables[message_type]:
+            self._read_count += 1
             index = self._indexes[storage_number]
             topic = index.topics[index.topic[row]].name
             try:
@@ -212,7 +216,6 @@ class BagReader:
                 stamp_s = index.stamp_ns[row] / 1e9
                 path = self._storages[storage_number].path
                 self.skipped.add(f"{path}: {topic} at {stamp_s:.6f} s", error)
-        self.skipped.log_total(len(self._tables[message_type]))
 
     def _message(self, storage_number: int, row: int, message_type: str) -> Any:
         storage, index = self._storages[storage_number], self._indexes[storage_number]
@@ -274,6 +277,16 @@ class BagReader:
         types = sorted({recorded.message_type for recorded in self.topics})
         others = f", only {', '.join(types)}" if types else ""
         return f"holds no {ECHO_TRACE} messages{others}"
+
+
+def _each_once(paths: Sequence[str | Path]) -> list[Path]:
+    """Give recordings as they were named, those left out that were named before."""
+    once: dict[Path, Path] = {}
+    for path in map(Path, paths):
+        if path.resolve() in once:
+            logger.warning("%s: is given more than once, and read once", path)
+        once.setdefault(path.resolve(), path)
+    return list(once.values())
 
 
 class _Table:

@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -109,6 +110,37 @@ def test_info(usmap: Run, recorded: Path) -> None:
     assert "/robot1/echo" in shown
     assert "25 kS/s" in shown
     assert "saturated" not in shown
+
+
+def test_info_fits_a_terminal_of_80_columns(usmap: Run, workspace: Path) -> None:
+    with BagReader([workspace / "bag"]) as bag, new_bag(workspace / "two") as writer:
+        for _, trace in bag.traces():
+            writer.write_trace("/insect_07/front_left/echo", trace)
+            slower = replace(
+                trace.transducer, pulse=replace(trace.transducer.pulse, duration_s=1e-3)
+            )
+            writer.write_trace("/insect_08/echo", replace(trace, transducer=slower))
+    shown = usmap("info", "two", cwd=workspace).stdout
+    table = shown[shown.index("topic") :]
+    assert max(map(len, table.splitlines())) <= 80
+    assert "hann burst, 0.3 ms, 50 kHz (/insect_07/front_left/echo); hann burst, 1 ms" in shown
+    assert "/insect_07/front_left/echo " in table
+
+
+def test_pings_that_are_left_out_are_counted_alike_everywhere(usmap: Run, workspace: Path) -> None:
+    shutil.copytree(workspace / "bag", workspace / "copy")
+    done = usmap("map", "bag", "copy", "-o", "both", "--json", cwd=workspace)
+    assert json.loads(done.stdout)["skipped"] == {"header.stamp": 10}
+    assert done.stderr.splitlines()[-1] == (
+        "usmap: warning: skipped 10 of 20 messages, by field: header.stamp (10)"
+    )
+
+
+def test_a_bag_that_is_named_twice_is_read_once(usmap: Run, workspace: Path) -> None:
+    done = usmap("map", "bag", "../work/bag", "-o", "once", "--json", cwd=workspace)
+    assert done.stderr == "usmap: warning: ../work/bag: is given more than once, and read once\n"
+    summary = json.loads(done.stdout)
+    assert (summary["pings"], summary["skipped"]) == (10, {})
 
 
 def test_info_tells_of_saturated_pings(usmap: Run, workspace: Path) -> None:

@@ -148,12 +148,12 @@ def test_a_cloud_has_every_normal_of_a_map() -> None:
 
 def test_nothing_is_published_while_nothing_changes(live: Any, cones: Cones, nav2_qos: Any) -> None:
     node = live.add(MapFusion, publish_rate_hz=50.0)
-    node.session.publish_if_changed()
+    node.session._publish_if_changed()
     assert node.health.total("published") == 0
     send(live, cones)
     live.until(lambda: node.session._published_version == node.session.fusion.version)
     count = node.health.total("published")
-    node.session.publish_if_changed()
+    node.session._publish_if_changed()
     assert node.health.total("published") == count
 
 

@@ -172,9 +172,10 @@ class LiveFusion:
             return self._order.due_in_s(self._clock())
 
     def occupancy_map(self) -> OccupancyMap:
-        """The map so far."""
+        """The map so far; cones are fused while it is made."""
         with self._map_lock:
-            return self._pipeline.occupancy_map()
+            make = self._pipeline.fusion.snapshot()
+        return make()
 
     def findings(self, between: Callable[[], None]) -> dict[str, Finding]:
         """Judge the robots by the pings of late; cones are fused meanwhile.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,13 +124,21 @@ class Fusion(ABC):
         """
         return {}
 
+    def snapshot(self) -> Callable[[], OccupancyMap]:
+        """What makes the map as it is now, in its own time and in any thread.
+
+        Taking it is quick, so that the map need not stand still while it is made into a rectangle.
+        """
+        grid = self._grid.copied({LOG_ODDS: LOG_ODDS, EXPOSURE: EXPOSURE})
+        return partial(as_map, grid, self.parameters, self.frame_id, self.stamp_ns)
+
     def occupancy_map(self) -> OccupancyMap:
-        """Return the map so far.
+        """Return the map so far; nothing changes by asking for it.
 
         A cell counts as observed if an object in it would probably have been heard, or if it
         is not believed to be free.  A cell that echoes could neither fill nor free is not.
         """
-        return as_map(self._grid, self.parameters, self.frame_id, self.stamp_ns)
+        return self.snapshot()()
 
     def refine(self, passes: int) -> None:
         """Look at the recent cones again.

@@ -74,6 +74,22 @@ class TiledGrid:
         """Let two layers change their names: that moves no values."""
         self._pools[one], self._pools[other] = self._pools[other], self._pools[one]
 
+    def copied(self, layers: Mapping[str, str]) -> TiledGrid:
+        """The same cells with copies of some layers, which stay as they are now.
+
+        Parameters
+        ----------
+        layers : mapping of str to str
+            Name in the copy, and name here, of layers with one value a cell.
+        """
+        copy = TiledGrid(
+            self.resolution_m, {name: self._defaults[here] for name, here in layers.items()}
+        )
+        count = copy._tile_count = self._tile_count
+        copy._pools = {name: self._pools[here][:count].copy() for name, here in layers.items()}
+        copy._directory, copy._directory_origin = self._directory.copy(), self._directory_origin
+        return copy
+
     def slots(self, rows: IndexArray, columns: IndexArray) -> IndexArray:
         """Slots of cells, adding the tiles that they need.
 

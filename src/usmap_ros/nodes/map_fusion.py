@@ -100,7 +100,7 @@ class MapFusion(LifecycleNode):
         look = partial(self._look_for_robots, session, topics)
         callbacks: tuple[Callable[[], None], ...] = (
             look,
-            session.publish_if_changed,
+            session.publish,
             session.keep,
             session.retry_transforms,
         )
@@ -111,7 +111,7 @@ class MapFusion(LifecycleNode):
         result = super().on_activate(state)
         look()
         # A map that was resumed is there for everybody at once.
-        session.publish_if_changed()
+        session.publish_again()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -47,6 +47,17 @@ def fused(fusion: Fusion, cones: list[EchoCone]) -> OccupancyMap:
     return fusion.occupancy_map()
 
 
+def test_a_snapshot_stays_as_it_was_while_cones_are_fused(
+    kind: type[Fusion], views: list[EchoCone]
+) -> None:
+    fusion = kind(MappingParameters())
+    before = fused(fusion, views[:5])
+    make = fusion.snapshot()
+    after = fused(fusion, views[5:])
+    assert not np.array_equal(after.observed, before.observed)
+    assert_same(make(), before)
+
+
 def probability_at(occupancy: OccupancyMap, x_m: float, y_m: float) -> float:
     resolution_m, (left_m, bottom_m) = occupancy.geometry.resolution_m, occupancy.geometry.origin_m
     row, column = int((y_m - bottom_m) // resolution_m), int((x_m - left_m) // resolution_m)

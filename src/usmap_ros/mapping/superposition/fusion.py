@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,8 @@ from scipy.special import logit
 
 from usmap_ros.arrays import IndexArray
 from usmap_ros.cone import EchoCone
-from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
-from usmap_ros.mapping.continuity import bridge_gaps
-from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.belief import (
@@ -24,7 +22,6 @@ from usmap_ros.mapping.superposition.belief import (
     calibrated,
     find_hiding,
     judge,
-    seen_free,
     set_depth,
     uncalibrated,
 )
@@ -40,7 +37,7 @@ from usmap_ros.mapping.superposition.few import (
     explain,
     judge_first,
 )
-from usmap_ros.mapping.superposition.layers import map_layers, shares_of_sides
+from usmap_ros.mapping.superposition.layers import Suspects, shares_of_sides
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.others import Expected, MapByOthers
 from usmap_ros.mapping.superposition.powers import (
@@ -58,6 +55,7 @@ from usmap_ros.mapping.superposition.sight import (
     deal_proof,
     deal_silence,
 )
+from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 
@@ -74,7 +72,7 @@ VACANCY = "vacancy"
 EVERYWHERE = "everywhere"
 #: Evidence: of cells by themselves, of blocks, of rays that passed, of silence; and the cells'
 #: shares in what was heard.
-EVIDENCE = ("own", "block", "clear", "silent", *Shares._fields)
+EVIDENCE = ("own", "block", CLEAR, SILENT, *Shares._fields)
 #: It is kept thrice: what the map shows, what the pass under way has gathered so far, and what
 #: pings have left behind that are no longer in the window.
 SHOWN, GATHERED, LASTING = "shown", "gathered", "lasting"
@@ -348,28 +346,23 @@ class SuperpositionFusion(Fusion):
 
     # ------------------------------------------------------------------ maps
 
-    def occupancy_map(self) -> OccupancyMap:
-        """Return the map so far; nothing changes by asking for it."""
-        layer, scale, parameters = self._grid.layer, self._scale, self.parameters
-        clear, silent = layer(_of(SHOWN, "clear")), layer(_of(SHOWN, "silent"))
-        exposure = seen_free(clear, silent, parameters.proof_rays, parameters.observed_exposure)
-        layer(EXPOSURE)[:] = exposure
-        layer(LOG_ODDS)[:] = np.maximum(scale.prior - SILENT_LOOK * exposure, scale.least)
+    def snapshot(self) -> Callable[[], OccupancyMap]:
+        """What makes the map as it is now, in its own time and in any thread."""
+        layer, scale = self._grid.layer, self._scale
         suspected = self._grid.cells(layer(ALIVE) > 0.0)
-        block = layer(_of(SHOWN, "block"))
         open_scale = scale._replace(least=-MOST_LOG_ODDS, greatest=MOST_LOG_ODDS)
+        # The layer is of no other use here: what is kept is the evidence.
         self._judge(suspected, open_scale, layer(LOG_ODDS))
         slots = suspected[-1]
         log_odds = layer(LOG_ODDS)[slots]
-        believed = log_odds if self._are_few else calibrated(log_odds, scale)
-        layer(LOG_ODDS)[slots] = np.clip(believed, scale.least, scale.greatest)
-        # What is as likely there as not is unknown, and not observed, unless sound went through.
-        occupancy = as_map(
-            self._grid, parameters, self.frame_id, self.stamp_ns, OCCUPIED_PROBABILITY
-        )
-        occupancy = bridge_gaps(occupancy, parameters.wall_gap_m)
-        shares = Shares(*(layer(_of(SHOWN, name)) for name in Shares._fields))
-        return replace(occupancy, layers=map_layers(occupancy, suspected, log_odds, block, shares))
+        block = layer(_of(SHOWN, "block")).reshape(-1, SIDES)[slots]
+        shares = Shares(*(layer(_of(SHOWN, name))[slots] for name in Shares._fields))
+        return Snapshot(
+            self._grid.copied({CLEAR: _of(SHOWN, CLEAR), SILENT: _of(SHOWN, SILENT)}),
+            Suspects(*suspected, log_odds, block, shares),
+            log_odds if self._are_few else calibrated(log_odds, scale),
+            scale, self.parameters, self.frame_id, self.stamp_ns,
+        ).occupancy_map  # fmt: skip
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from a map that was exported before.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve, maximum_filter
@@ -16,41 +18,45 @@ from usmap_ros.mapping.superposition.cells import SIDES
 from usmap_ros.mapping.superposition.shares import Shares
 
 
-def map_layers(
-    occupancy: OccupancyMap,
-    suspected: tuple[IndexArray, IndexArray, IndexArray],
-    log_odds: NDArray[np.float32],
-    block: NDArray[np.float32],
-    shares: Shares,
-) -> dict[str, NDArray[np.float32]]:
-    """All layers of a map.
+class Suspects(NamedTuple):
+    """The cells that may hold something, and what is known of them.
 
     Parameters
     ----------
-    occupancy : OccupancyMap
-        The map.
-    suspected : three (n,) integer arrays
-        Rows, columns and slots of the cells that may hold something.
+    rows, columns, slots : (n,) integer arrays
+        The cells.
     log_odds : (n,) float32 array
-        Of them, not clamped.
-    block : (slots * SIDES,) float32 array
+        By their evidence, not clamped.
+    block : (n, SIDES) float32 array
         Evidence of cells with their neighbours, by the side from which they were seen.
-    shares : Shares
-        Of the cells in what was heard.
+    shares : Shares of (n,) float32 arrays
+        In what was heard.
     """
-    rows, columns, slots = suspected
+
+    rows: IndexArray
+    columns: IndexArray
+    slots: IndexArray
+    log_odds: NDArray[np.float32]
+    block: NDArray[np.float32]
+    shares: Shares
+
+
+def map_layers(occupancy: OccupancyMap, suspects: Suspects) -> dict[str, NDArray[np.float32]]:
+    """All layers of a map."""
+    shares = suspects.shares
 
     def placed(values: NDArray[np.float32]) -> NDArray[np.float32]:
-        return on_map(occupancy.geometry, rows, columns, values)
+        return on_map(occupancy.geometry, suspects.rows, suspects.columns, values)
 
-    looks: NDArray[np.float32] = np.maximum(shares.heard[slots], np.float32(1.0))
-    explained = _around(placed(shares.explained[slots] / looks))
-    heard: NDArray[np.float32] = np.maximum(_around(placed(shares.heard[slots])), np.float32(1.0))
+    looks: NDArray[np.float32] = np.maximum(shares.heard, np.float32(1.0))
+    explained = _around(placed(shares.explained / looks))
+    heard: NDArray[np.float32] = np.maximum(_around(placed(shares.heard)), np.float32(1.0))
+    belief = maximum_filter(placed(expit(suspects.log_odds)), 3)
     return {
-        NORMAL: map_normals(occupancy, rows, columns, slots, block),
-        AMBIGUITY: undecided(explained, maximum_filter(placed(expit(log_odds)), 3)),
-        LOOKS_COS: _around(placed(shares.axis_cos[slots])) / heard,
-        LOOKS_SIN: _around(placed(shares.axis_sin[slots])) / heard,
+        NORMAL: map_normals(occupancy, suspects),
+        AMBIGUITY: undecided(explained, belief),
+        LOOKS_COS: _around(placed(shares.axis_cos)) / heard,
+        LOOKS_SIN: _around(placed(shares.axis_sin)) / heard,
     }
 
 
@@ -89,27 +95,13 @@ def directions_of_sides() -> FloatArray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def map_normals(
-    occupancy: OccupancyMap,
-    rows: IndexArray,
-    columns: IndexArray,
-    slots: IndexArray,
-    block: NDArray[np.float32],
-) -> NDArray[np.float32]:
-    """Layer `usmap_ros.grids.NORMAL` of a map.
-
-    Parameters
-    ----------
-    occupancy : OccupancyMap
-        The map.
-    rows, columns, slots : (n,) integer arrays
-        Its suspected cells.
-    block : (slots * SIDES,) float32 array
-        Evidence of cells with their neighbours, by the side from which they were seen.
-    """
-    heard = np.maximum(block.reshape(-1, SIDES)[slots], 0.0) @ directions_of_sides()
+def map_normals(occupancy: OccupancyMap, suspects: Suspects) -> NDArray[np.float32]:
+    """Layer `usmap_ros.grids.NORMAL` of a map."""
+    heard = np.maximum(suspects.block, 0.0) @ directions_of_sides()
     heard_from = [
-        on_map(occupancy.geometry, rows, columns, heard[:, axis].astype(np.float32))
+        on_map(
+            occupancy.geometry, suspects.rows, suspects.columns, heard[:, axis].astype(np.float32)
+        )
         for axis in (0, 1)
     ]
     believed = occupancy.predicted()

@@ -32,7 +32,8 @@ _LOSSES = {
 class MapSession:
     """A map from the node's configuration to its clean-up.
 
-    Cones are taken in the executor's thread and fused in a worker's.
+    Cones are taken in the executor's thread and fused in a worker's; another worker publishes and
+    keeps the map, so that neither waits for large messages or for a disk.
 
     Parameters
     ----------
@@ -81,14 +82,18 @@ class MapSession:
         self._noted = dict.fromkeys(_LOSSES, 0)
         self._without = frozenset[str]()
         self._leave_out(now.without)
+        self._is_to_be_published = self._is_to_be_kept = False
+        self._is_unpublished = self._was_reset = False
         self._worker = Worker(node, self._step)
+        self._bringer = Worker(node, self._bring_out)
         self.check = RobotCheck(node, self.fusion, parameters, health)
 
     def close(self) -> None:
         """End the work, keep the map on disk, and take its topics back."""
         self.check.stop()
         self._worker.stop()
-        self.keep()
+        self._bringer.stop()
+        self._keep()
         self._publisher.destroy()
 
     def take_over_parameters(self) -> None:
@@ -173,21 +178,46 @@ class MapSession:
 
     # ---- maps
 
-    def publish_if_changed(self) -> None:
-        """Publish the map, if it has changed since the last time."""
+    def publish(self) -> None:
+        """Have the map published, if it has changed since the last time."""
+        self._is_to_be_published = True
+        self._bringer.wake()
+
+    def publish_again(self) -> None:
+        """Have the map published, whether it has changed or not."""
+        self._is_unpublished = True
+        self.publish()
+
+    def keep(self) -> None:
+        """Have the checkpoint written, if the map has changed since the last time."""
+        self._is_to_be_kept = True
+        self._bringer.wake()
+
+    def _bring_out(self) -> None:
+        """Publish and keep the map as asked for; runs in a thread of its own."""
+        if self._is_to_be_published:
+            self._is_to_be_published = False
+            self._publish_if_changed()
+        if self._is_to_be_kept:
+            self._is_to_be_kept = False
+            self._keep()
+
+    def _publish_if_changed(self) -> None:
         version = self.fusion.version
-        if version == self._published_version:
+        if version == self._published_version and not self._is_unpublished:
             return
-        self._published_version = version
+        self._is_unpublished = False
+        if self._was_reset:
+            self._was_reset = False
+            self._publisher.forget_extent()
         try:
             occupancy = self.fusion.occupancy_map()
-            if not occupancy.frame_id:
-                return
-            self._publisher.publish(occupancy)
+            if occupancy.frame_id:
+                self._publisher.publish(occupancy)
+                self._health.count("published")
         except (MalformedMessageError, MapSizeError) as error:
             self._health.problem("unpublished", f"map: {error}", is_error=True)
-        else:
-            self._health.count("published")
+        self._published_version = version
 
     def message(self) -> Any | None:
         """``nav_msgs/OccupancyGrid`` of the map as it is now; None while it has no frame."""
@@ -204,10 +234,11 @@ class MapSession:
         """Forget the map."""
         self.fusion.reset()
         self.check.wake()
+        # And once more before the next map: one of before may just be going out.
         self._publisher.forget_extent()
+        self._was_reset = self._is_unpublished = True
 
-    def keep(self) -> None:
-        """Write the checkpoint, if the map has changed since the last time."""
+    def _keep(self) -> None:
         try:
             self._checkpoint.keep(self.fusion)
         except MapFileError as error:

@@ -1,0 +1,63 @@
+"""The map at one instant, made into a rectangle while the fusion goes on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
+from usmap_ros.mapping.continuity import bridge_gaps
+from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map
+from usmap_ros.mapping.grid import TiledGrid
+from usmap_ros.mapping.superposition.belief import SILENT_LOOK, Scale, seen_free
+from usmap_ros.mapping.superposition.layers import Suspects, map_layers
+from usmap_ros.parameters import MappingParameters
+
+#: Layers of `Snapshot.cells`: rays that are known to have passed, and trusted silence.
+CLEAR, SILENT = "clear", "silent"
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """All that a map by superposition is made of, copied.
+
+    Parameters
+    ----------
+    cells : TiledGrid
+        Layers `CLEAR` and `SILENT`.
+    suspects : Suspects
+        Cells that may hold something.
+    believed : (n,) float32 array
+        Their log-odds as the map is to show them, not clamped.
+    scale : Scale
+        Of log-odds.
+    parameters : MappingParameters
+        Of the map.
+    frame_id, stamp_ns
+        Of the map.
+    """
+
+    cells: TiledGrid
+    suspects: Suspects
+    believed: NDArray[np.float32]
+    scale: Scale
+    parameters: MappingParameters
+    frame_id: str
+    stamp_ns: int
+
+    def occupancy_map(self) -> OccupancyMap:
+        """Make the map."""
+        scale, parameters = self.scale, self.parameters
+        grid = self.cells.copied({EXPOSURE: CLEAR, LOG_ODDS: SILENT})
+        clear, silent = self.cells.layer(CLEAR), self.cells.layer(SILENT)
+        exposure = seen_free(clear, silent, parameters.proof_rays, parameters.observed_exposure)
+        grid.layer(EXPOSURE)[:] = exposure
+        log_odds = grid.layer(LOG_ODDS)
+        log_odds[:] = np.maximum(scale.prior - SILENT_LOOK * exposure, scale.least)
+        log_odds[self.suspects.slots] = np.clip(self.believed, scale.least, scale.greatest)
+        # What is as likely there as not is unknown, and not observed, unless sound went through.
+        occupancy = as_map(grid, parameters, self.frame_id, self.stamp_ns, OCCUPIED_PROBABILITY)
+        occupancy = bridge_gaps(occupancy, parameters.wall_gap_m)
+        return replace(occupancy, layers=map_layers(occupancy, self.suspects))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from recordings import Cones
@@ -12,7 +12,6 @@ from recordings import Cones
 from usmap_ros.cone import EchoCone
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.yaml_files import validated
-from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 
@@ -27,16 +26,16 @@ class Method:
         In words.
     settings : dict
         Parameters other than their defaults, such as ``{"mapping.occlusion": False}``.
-    fusion : {"pipeline", "range_only", "max_merging"}
-        The product's own; nav2's range model on first echoes; the product's for each robot alone,
-        and of their maps the cells that are surest to be occupied.
+    merges_by_maximum : bool
+        Whether each robot has a map of its own, and of their maps the cells count that are surest
+        to be occupied.
     trusts_poses : bool
         Whether poses are taken to have no error, whatever their covariance says.
     """
 
     shown: str
     settings: dict[str, Any] = field(default_factory=dict)
-    fusion: Literal["pipeline", "range_only", "max_merging"] = "pipeline"
+    merges_by_maximum: bool = False
     trusts_poses: bool = False
 
     def parameters(self) -> PipelineParameters:
@@ -58,12 +57,7 @@ class Method:
         parameters = self.parameters()
         if self.trusts_poses:
             cones = [(topic, _certain(cone)) for topic, cone in cones]
-        if self.fusion == "range_only":
-            range_only = RangeSensorFusion(parameters.mapping)
-            for _, cone in cones:
-                range_only.fuse(cone)
-            return range_only.occupancy_map()
-        if self.fusion == "max_merging":
+        if self.merges_by_maximum:
             topics = sorted({topic for topic, _ in cones})
             return _max_merged(
                 [_fused([c for t, c in cones if t == topic], parameters) for topic in topics]
@@ -87,8 +81,8 @@ METHODS = {
     "ours": Method("ours"),
     **ABLATIONS,
     "additive": Method("additive log-odds", {"mapping.method": "additive"}),
-    "range_only": Method("range only (nav2's model)", fusion="range_only"),
-    "max_merging": Method("robots' maps merged by maximum", fusion="max_merging"),
+    "range_only": Method("range only (nav2's model)", {"mapping.method": "range_only"}),
+    "max_merging": Method("robots' maps merged by maximum", merges_by_maximum=True),
     "paper": Method(
         "the paper's cells, additive",
         {"reconstruction.dictionary": "cells", "mapping.method": "additive"},

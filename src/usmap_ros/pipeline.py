@@ -14,6 +14,7 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.wall_files import load_walls
 from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.reconstruction.reconstructor import (
@@ -30,6 +31,7 @@ logger = logging.getLogger(__name__)
 FUSIONS: dict[str, type[Fusion]] = {
     "superposition": SuperpositionFusion,
     "additive": AdditiveFusion,
+    "range_only": RangeSensorFusion,
 }
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.parameters import MappingParameters, PipelineParameters, ReconstructionParameters
 from usmap_ros.pipeline import FUSIONS, Pipeline
@@ -73,6 +74,23 @@ def test_a_pipeline_resumes_the_map_that_another_one_left(traces: list[EchoTrace
     again, exported = second.occupancy_map(), first.occupancy_map()
     np.testing.assert_array_equal(again.observed, exported.observed)
     np.testing.assert_allclose(again.log_odds, exported.log_odds, atol=1e-5)
+
+
+def test_sides_of_cells_that_nothing_is_known_of_are_not_resumed(traces: list[EchoTrace]) -> None:
+    exported = Pipeline().occupancy_map()
+    shape, unknown = (200, 200), np.float32(exported.log_odds[0, 0])
+    observed = np.zeros(shape, dtype=bool)
+    observed[:5, :5] = True
+    blank = OccupancyMap(
+        GridGeometry(exported.geometry.resolution_m, (0.0, 0.0), shape),
+        np.where(observed, np.float32(-5.0), unknown),
+        observed,
+        "map",
+        layers={NORMAL: np.full(shape, 1.0, np.float32)},
+    )
+    resumed = Pipeline()
+    resumed.resume(blank)
+    np.testing.assert_array_equal(resumed.occupancy_map().observed, observed[:5, :5])
 
 
 def spoil(fusion: Fusion, layer: str) -> None:

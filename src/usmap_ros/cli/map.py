@@ -14,6 +14,13 @@ from usmap_ros.cli.elapsed import seconds_since_start
 from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
 
 
+def _methods() -> list[str]:
+    """Ways of fusing, as a shell completes them."""
+    from usmap_ros.pipeline import FUSIONS
+
+    return list(FUSIONS)
+
+
 def map_bags(
     bags: Annotated[
         list[Path], typer.Argument(metavar="BAG...", help="rosbag2 folders, .mcap or .db3 files.")
@@ -23,6 +30,15 @@ def map_bags(
     ],
     resolution: Annotated[
         float | None, typer.Option(metavar="M", help="Side of a map cell in metres.")
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Short for --set mapping.method=NAME: superposition, additive, or range_only to"
+            " see what a sensor that measures ranges only would make of the same pings.",
+            autocompletion=_methods,
+        ),
     ] = None,
     parameters_file: ParametersFile = None,
     settings: Settings = None,
@@ -61,7 +77,8 @@ def map_bags(
     # Programs are not asked: whoever writes one says what it replaces.
     if (output / GRID_FILE).exists() and sys.stdin.isatty() and not (force or is_continued):
         typer.confirm(f"{output}: holds a map already; replace it?", abort=True, err=True)
-    parameters = pipeline_parameters(parameters_file, settings, resolution)
+    chosen = [f"mapping.method={method}"] if method else []
+    parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
     if resume is None:
         pipeline, paths = Pipeline(parameters), RobotPaths()
     else:

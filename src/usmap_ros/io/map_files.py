@@ -53,6 +53,8 @@ _ARRAYS = (
 )
 #: Sides of cells that are believed, m, and how far from the frame's origin a map may lie.
 _RESOLUTIONS_M, _FARTHEST_M = (1e-4, 1e3), 2e7
+#: Layers hold angles in rad, cosines and shares.
+_GREATEST_LAYER = 10.0
 
 
 @dataclass
@@ -269,6 +271,9 @@ def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
     for name, layer in layers.items():
         if layer.shape != log_odds.shape:
             raise ValueError(f"log_odds is {log_odds.shape} and {name} {layer.shape}")
+        # Where a layer says nothing it has NaN.
+        if np.any(np.abs(layer) > _GREATEST_LAYER):
+            raise ValueError(f"{name} is up to {np.nanmax(np.abs(layer)):g}")
     rows, columns = log_odds.shape
     return OccupancyMap(
         geometry=GridGeometry(resolution, (x, y), (rows, columns)),

@@ -65,15 +65,10 @@ def score(occupancy: OccupancyMap, truth: TruthMap, views: PingViews | None = No
     occupancy : OccupancyMap
         The map.
     truth : TruthMap
-        What is there.
+        What is there; on cells of another size, see `usmap_ros.mapping.alignment.align`.
     views : PingViews, optional
         What the pings that made the map looked at; without them it is not known whether one
         can drive by it.
-
-    Raises
-    ------
-    ValueError
-        If the two have different resolutions, or origins that are not whole cells apart.
     """
     maps = align(occupancy, truth)
     probability, observed, occupied = maps.probability, maps.observed, maps.occupied

@@ -232,10 +232,11 @@ class ReconstructionParameters(ParameterGroup):
 class MappingParameters(ParameterGroup):
     """How cones become a map."""
 
-    method: Literal["superposition", "additive"] = quantity(
+    method: Literal["superposition", "additive", "range_only"] = quantity(
         "superposition",
-        "How pings become a map: all echoes explained together by the powers of cells, or each"
-        " echo's evidence added to every cell of its ring.",
+        "How pings become a map: all echoes explained together by the powers of cells; each"
+        " echo's evidence added to every cell of its ring; or, to compare with, what nav2's model"
+        " of range sensors makes of each first echo.",
     )
     resolution_m: float = quantity(0.05, "Side of a map cell.", "m", ge=0.005, le=2.0)
     prior: float = quantity(

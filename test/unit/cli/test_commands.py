@@ -60,6 +60,22 @@ def test_map_finds_the_poles(usmap: Run, recorded: Path) -> None:
     assert score["leak"] < 0.25
 
 
+def test_a_map_is_scored_against_a_truth_of_other_cells(usmap: Run, workspace: Path) -> None:
+    usmap("map", "bag", "-o", "coarse", "--resolution", "0.1", cwd=workspace)
+    done = usmap("evaluate", "coarse", "--truth", "truth.yaml", "--json", cwd=workspace)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["precision"] == 1.0
+
+
+def test_maps_of_ranges_only_are_made_to_compare_with(usmap: Run, workspace: Path) -> None:
+    usmap("map", "bag", "-o", "first", "--method", "range_only", cwd=workspace)
+    score = usmap("evaluate", "first", "--truth", "truth.yaml", "--json", cwd=workspace).stdout
+    ours = usmap("evaluate", "map", "--truth", "truth.yaml", "--json", cwd=workspace).stdout
+    assert json.loads(score)["precision"] < json.loads(ours)["precision"]
+    usmap("map", "bag", "-o", "set", "--set", "mapping.method=range_only", cwd=workspace)
+    assert files(workspace / "first")["map.npz"] == files(workspace / "set")["map.npz"]
+
+
 def test_a_score_for_people(usmap: Run, recorded: Path) -> None:
     lines = usmap("evaluate", "map", "--truth", "truth.yaml", cwd=recorded).stdout.splitlines()
     assert lines[0] == "map against truth.yaml"

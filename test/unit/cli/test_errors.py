@@ -165,15 +165,6 @@ def test_other_unusable_files(
     assert_refused(usmap(*arguments, cwd=recorded), message)
 
 
-def test_a_truth_with_other_cells(usmap: Run, workspace: Path) -> None:
-    usmap("map", "bag", "-o", "coarse", "--resolution", "0.1", cwd=workspace)
-    done = usmap("evaluate", "coarse", "--truth", "truth.yaml", cwd=workspace)
-    assert_refused(
-        done,
-        "truth.yaml: does not fit coarse: the map's cells are 0.1 m and the truth's 0.05 m",
-    )
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -183,6 +174,7 @@ def test_a_truth_with_other_cells(usmap: Run, workspace: Path) -> None:
         ["map", "bag"],
         ["map", "bag", "-o", "m", "--resolution", "coarse"],
         ["map", "bag", "-o", "m", "--resolution", "-1"],
+        ["map", "bag", "-o", "m", "--method", "guess"],
         ["map", "bag", "-o", "m", "--set", "resolution"],
         ["map", "bag", "-o", "m", "--set", "mapping.resolution=0.1"],
         ["evaluate", "map"],

@@ -56,6 +56,15 @@ def test_a_layer_that_does_not_fit_is_refused(occupancy: OccupancyMap, tmp_path:
         load_map(tmp_path)
 
 
+def test_a_layer_of_numbers_that_cannot_be_is_refused(
+    occupancy: OccupancyMap, tmp_path: Path
+) -> None:
+    normal_rad = np.array([[np.nan, 1.5, np.inf], [0.0, np.nan, -3.0]], dtype=np.float32)
+    save_map(tmp_path, replace(occupancy, layers={NORMAL: normal_rad}))
+    with pytest.raises(MapFileError, match="normal_rad is up to inf"):
+        load_map(tmp_path)
+
+
 def test_views_need_every_beam_or_a_range() -> None:
     paths = RobotPaths({"/b": [(0.0, 1.0)]})
     paths.add("/a", 4.0, 5.0, Beam(-0.5, 0.75, 5.0))

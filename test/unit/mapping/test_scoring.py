@@ -1,10 +1,14 @@
 """Every figure of the score, on maps small enough to work out by hand."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from scipy.special import logit
 
+from usmap_ros.errors import MapSizeError
 from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
+from usmap_ros.mapping.alignment import align
 from usmap_ros.mapping.scoring import score
 
 RESOLUTION_M = 0.5
@@ -130,12 +134,41 @@ def test_being_certain_and_wrong_costs_much_but_not_everything() -> None:
     assert result.log_loss == pytest.approx(-np.log(1e-6))
 
 
-def test_another_resolution_is_refused() -> None:
-    truth = make_truth((2, 2), resolution_m=0.25)
-    with pytest.raises(ValueError, match=r"0\.5 m and the truth's 0\.25 m"):
-        score(make_map(np.full((2, 2), 0.5)), truth)
+@pytest.mark.parametrize(
+    ("resolution_m", "shape", "standing"),
+    [
+        (0.25, (8, 8), [(2, 4), (3, 5)]),  # Finer: both lie in the same cell.
+        (1.0, (2, 2), [(0, 1)]),  # Coarser: fills four cells.
+        (0.3, (7, 7), [(3, 3)]),  # Neither way round: some of the cells that it touches.
+    ],
+)
+def test_a_truth_of_other_cells_is_brought_to_those_of_the_map(
+    resolution_m: float, shape: tuple[int, int], standing: list[tuple[int, int]]
+) -> None:
+    maps = align(
+        make_map(np.full((4, 4), 0.1)), make_truth(shape, *standing, resolution_m=resolution_m)
+    )
+    found = {(int(row), int(column)) for row, column in np.argwhere(maps.occupied)}
+    expected = {0.25: {(1, 2)}, 1.0: {(0, 2), (0, 3), (1, 2), (1, 3)}, 0.3: {(2, 2)}}
+    assert found == expected[resolution_m]
+    assert maps.geometry.resolution_m == RESOLUTION_M
 
 
-def test_origins_that_are_not_whole_cells_apart_are_refused() -> None:
-    with pytest.raises(ValueError, match="whole cells"):
-        score(make_map(np.full((2, 2), 0.5)), make_truth((2, 2), origin_m=(0.2, 0.0)))
+def test_a_truth_that_lies_between_the_cells_is_scored() -> None:
+    truth = make_truth((3, 3), (1, 1), origin_m=(0.2, -0.2))
+    result = score(make_map(with_peaks((3, 3), (0, 1))), truth)
+    assert (result.precision, result.recall) == (1.0, 1.0)
+
+
+def test_scores_hardly_change_with_the_cells_of_the_truth() -> None:
+    walls = np.zeros((40, 40), dtype=bool)
+    walls[4, 4:36] = walls[4:36, 4] = walls[20, 8:20] = True
+    occupancy = make_map(np.where(walls, 0.9, 0.1))
+    same = score(occupancy, TruthMap(GridGeometry(0.5, (0.0, 0.0), walls.shape), walls))
+    finer = TruthMap(GridGeometry(0.25, (0.0, 0.0), (80, 80)), np.kron(walls, np.ones((2, 2))) > 0)
+    np.testing.assert_equal(asdict(score(occupancy, finer)), asdict(same))
+
+
+def test_a_truth_at_the_other_end_of_the_world_is_refused() -> None:
+    with pytest.raises(MapSizeError, match="may have 1e"):
+        score(make_map(np.full((2, 2), 0.5)), make_truth((2, 2), origin_m=(1e6, 1e6)))

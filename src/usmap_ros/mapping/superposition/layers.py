@@ -126,8 +126,10 @@ def shares_of_sides(grid: TiledGrid, occupancy: OccupancyMap) -> NDArray[np.floa
     shares = np.full((len(grid.layer(LOG_ODDS)), SIDES), 1.0 / SIDES, np.float32)
     if NORMAL in occupancy.layers:
         normal_rad = occupancy.layers[NORMAL]
-        rows, columns = np.nonzero(np.isfinite(normal_rad))
         left, top = occupancy.geometry.first_cell
+        # Of cells that nothing is known of there is no side either.
+        known = np.isfinite(normal_rad) & occupancy.observed
+        rows, columns = np.nonzero(known)
         slots = grid.slots(rows + top, columns + left)
         side = np.floor(normal_rad[rows, columns] / (2.0 * np.pi) * SIDES).astype(np.intp)
         shares[slots] = np.eye(SIDES, dtype=np.float32)[side % SIDES]

@@ -21,6 +21,7 @@ from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import RobotPaths, load_map
 from usmap_ros.mapping.consistency import Consistency, is_of
+from usmap_ros.mapping.extent import Extent
 from usmap_ros.mapping.finding import Finding
 from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
@@ -115,8 +116,12 @@ def map_bag(
     ------
     BagError
         If not a single ping could be used.
+    MapSizeError
+        If pings are so far apart that the map would be too large.
     """
     run, seen = MappingRun(), SeenPings()
+    # What is certain to become too large is refused before the work is done.
+    extent = Extent(pipeline.parameters.mapping, with_reach=False)
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
@@ -126,6 +131,7 @@ def map_bag(
             continue
         try:
             seen.add(cone)
+            extent.add(cone)
             pipeline.fuse(cone)
         except MalformedMessageError as error:
             bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)

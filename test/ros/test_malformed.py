@@ -115,7 +115,7 @@ def test_no_malformed_cone_stops_the_fusion(live: Any, cone_message: Any) -> Non
     cone_message.pose.pose.position.x = 1e6
     publisher.publish(cone_message)
     live.until(lambda: node.health.total("malformed") == len(OF_CONES) + 1)
-    assert "more than a map may hold" in node.health.reason("malformed")
+    assert "mapping.most_cells" in node.health.reason("malformed")
 
 
 def test_time_that_jumps_back_is_counted_and_mapping_goes_on(live: Any, cone_message: Any) -> None:

@@ -56,7 +56,7 @@ class Checkpoint:
             return False
         try:
             fusion.resume(occupancy)
-        except ValueError as error:
+        except (ValueError, MapSizeError) as error:
             raise MapFileError(self._path, f"cannot be resumed: {error}") from error
         self._kept_version = fusion.version
         return True

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
-from usmap_ros.errors import MalformedMessageError
+from usmap_ros.errors import MalformedMessageError, MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions.grid import MAX_SIDE
 from usmap_ros.live.ordering import StampOrder
 from usmap_ros.mapping.consistency import Consistency
+from usmap_ros.mapping.extent import Extent
 from usmap_ros.mapping.finding import Finding
 from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters, PipelineParameters
@@ -90,7 +90,7 @@ class LiveFusion:
         # Two locks, so that cones go on being received while one is fused.
         self._map_lock = threading.Lock()
         self._order_lock = threading.Lock()
-        self._middle_m: FloatArray | None = None
+        self._extent = Extent(parameters, MAX_SIDE)
         self._seen = SeenPings()
         self.version = 0
 
@@ -207,13 +207,14 @@ class LiveFusion:
         ------
         ValueError
             If its resolution, origin or frame does not fit.
+        MapSizeError
+            If it is larger than a map may be.
         """
         if self.frame_id and occupancy.frame_id and occupancy.frame_id != self.frame_id:
             raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self.frame_id}'")
         with self._map_lock:
             self._pipeline.resume(occupancy)
-            west, east, south, north = occupancy.geometry.extent_m
-            self._middle_m = np.array([0.5 * (west + east), 0.5 * (south + north)])
+            self._extent.cover(occupancy.geometry)
             self.version += 1
 
     def _check_reach(self, cone: EchoCone) -> None:
@@ -228,13 +229,10 @@ class LiveFusion:
             raise MalformedMessageError(
                 "pose.position", f"is {np.abs(position_m).max():g} m from the frame's origin"
             )
-        if self._middle_m is None:
-            self._middle_m = position_m
-        distance_m = float(np.linalg.norm(position_m - self._middle_m))
-        if distance_m + reach_m > limit_m:
-            raise MalformedMessageError(
-                "pose.position", f"is {distance_m:g} m from the first one, more than a map may hold"
-            )
+        try:
+            self._extent.add(cone)
+        except MapSizeError as error:
+            raise MalformedMessageError("pose.position", str(error)) from error
 
     def reset(self) -> None:
         """Forget the map and the cones that wait; frame and stamp stay."""
@@ -245,6 +243,6 @@ class LiveFusion:
             self._pipeline.fusion.stamp_ns = before.stamp_ns
             self._consistency = Consistency(self._parameters.mapping)
             self._order.clear()
-            self._middle_m = None
+            self._extent = Extent(self._parameters.mapping, MAX_SIDE)
             self._seen = SeenPings()
             self.version += 1

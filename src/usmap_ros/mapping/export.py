@@ -7,17 +7,13 @@ from numpy.typing import NDArray
 from scipy.special import logit
 
 from usmap_ros.arrays import IndexArray
-from usmap_ros.errors import MapSizeError
 from usmap_ros.grids import FREE_PROBABILITY, GridGeometry, OccupancyMap
+from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.parameters import MappingParameters
 
 #: Layers that every map has: log-odds, and how often an object would have been heard.
 LOG_ODDS, EXPOSURE = "log_odds", "exposure"
-
-#: Cells that a map's rectangle may have: 500 m by 500 m of 5 cm, which take 500 MB and, to be
-#: written, three times as much.
-MOST_CELLS = 100_000_000
 
 #: Evidence that shifts log-odds by less than this, as at the rim of a beam, says nothing.
 LEAST_NEWS = 0.05
@@ -43,7 +39,7 @@ def as_map(
     Raises
     ------
     MapSizeError
-        If the rectangle would have more than `MOST_CELLS` cells.
+        If the rectangle would have more cells than `parameters.most_cells`.
     """
     log_odds, prior = grid.layer(LOG_ODDS), np.float32(logit(parameters.prior))
     observed = (log_odds != prior) & (
@@ -55,7 +51,7 @@ def as_map(
         rows = columns = np.zeros(1, dtype=np.intp)
     top, left = int(rows.min()), int(columns.min())
     shape = (int(rows.max()) - top + 1, int(columns.max()) - left + 1)
-    _check_size(shape, grid.resolution_m, len(slots))
+    check_size(*shape, parameters)
     values = np.full(shape, prior, dtype=np.float32)
     mask = np.zeros(shape, dtype=np.bool_)
     if len(slots):
@@ -64,17 +60,6 @@ def as_map(
     resolution_m = grid.resolution_m
     geometry = GridGeometry(resolution_m, (left * resolution_m, top * resolution_m), shape)
     return OccupancyMap(geometry, values, mask, frame_id, stamp_ns)
-
-
-def _check_size(shape: tuple[int, int], resolution_m: float, touched: int) -> None:
-    rows, columns = shape
-    if rows * columns > MOST_CELLS:
-        raise MapSizeError(
-            f"the map's rectangle of {columns * resolution_m:.0f} m x {rows * resolution_m:.0f} m"
-            f" would have {rows * columns:.3g} cells, of which {touched} have been looked at, and"
-            f" may have {MOST_CELLS:.3g}: map robots that are so far apart by themselves, or with"
-            " larger cells"
-        )
 
 
 def on_map(

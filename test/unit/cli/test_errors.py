@@ -57,6 +57,22 @@ def test_a_truncated_bag_is_kept_up_to_the_cut(usmap: Run, workspace: Path) -> N
     assert (workspace / "cut" / "map.yaml").exists()
 
 
+def test_robots_that_are_too_far_apart(usmap: Run, workspace: Path) -> None:
+    scenario = (workspace / "scenario.yaml").read_text()
+    robots = scenario[scenario.index("  - name") :]
+    far = robots.replace("robot1", "robot2").replace(
+        "[[0.0, -1.0], [0.0, 1.0]]", "[[3000.0, 3000.0], [3000.0, 3001.0]]"
+    )
+    (workspace / "apart.yaml").write_text(scenario + far)
+    assert usmap("simulate", "apart.yaml", "-o", "apart", cwd=workspace).returncode == 0
+    done = usmap("map", "apart", "-o", "far", cwd=workspace)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert "3000 m x 3001 m would have 3.6e+09 cells and may have 2.5e+07" in line
+    assert "(mapping.most_cells): map robots that are so far apart by themselves" in line
+    assert not (workspace / "far").exists()
+
+
 def test_a_bag_cut_before_its_first_trace(usmap: Run, workspace: Path) -> None:
     content = (workspace / "bag" / "bag.mcap").read_bytes()
     (workspace / "cut.mcap").write_bytes(content[:100])

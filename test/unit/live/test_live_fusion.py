@@ -96,12 +96,31 @@ def test_a_map_is_resumed_in_its_frame_only(clock: Any, cones: list[EchoCone]) -
         other.resume(kept)
 
 
-def test_a_cone_beyond_what_a_map_may_hold_is_refused(
-    fusion: LiveFusion, cones: list[EchoCone]
+def test_a_cone_that_would_make_the_map_too_large_is_refused_and_the_map_stays(
+    cones: list[EchoCone], clock: Any
 ) -> None:
+    # 250 m by 250 m of cells of 0.2 m.
+    parameters = MappingParameters(resolution_m=0.2, most_cells=1_562_500)
+    fusion = LiveFusion(parameters, 0.0, capacity=3, clock=clock)
+
+    def moved(cone: EchoCone, distance_m: float) -> EchoCone:
+        away = np.array([distance_m, distance_m, 0.0])
+        return replace(cone, pose=replace(cone.pose, position_m=cone.pose.position_m + away))
+
     fusion.receive("a", cones[0])
-    far = replace(cones[1].pose, position_m=np.array([1e5, 0.0, 0.0]))
-    with pytest.raises(MalformedMessageError, match="more than a map may hold"):
+    with pytest.raises(MalformedMessageError, match=r"mapping.most_cells\): map robots .* apart"):
+        fusion.receive("b", moved(cones[1], 260.0))
+    fusion.receive("b", moved(cones[1], 200.0))
+    while fusion.fuse_next() is not None:
+        pass
+    west, east, _, _ = fusion.occupancy_map().geometry.extent_m
+    assert 190.0 < east - west < 250.0
+
+
+def test_no_map_is_longer_than_nav2_takes(fusion: LiveFusion, cones: list[EchoCone]) -> None:
+    fusion.receive("a", cones[0])
+    far = replace(cones[1].pose, position_m=np.array([7000.0, 0.0, 0.0]))
+    with pytest.raises(MalformedMessageError, match="32767 cells, which nav2 does not take"):
         fusion.receive("a", replace(cones[1], pose=far))
 
 

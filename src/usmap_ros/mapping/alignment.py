@@ -15,8 +15,9 @@ from usmap_ros.grids import (
     OccupancyMap,
     TruthMap,
 )
-from usmap_ros.mapping.export import MOST_CELLS
 
+#: Cells that map and truth may have together; comparing them takes about 2 GB then.
+MOST_CELLS = 100_000_000
 #: Origins that are whole cells apart to this share of a cell, and cells of sizes that differ by
 #: this share, are those of the same grid.
 _SAME, _SAME_SIZE = 0.01, 1e-6

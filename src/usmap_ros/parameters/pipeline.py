@@ -241,8 +241,8 @@ class MappingParameters(ParameterGroup):
     resolution_m: float = quantity(0.05, "Side of a map cell.", "m", ge=0.005, le=2.0)
     most_cells: int = quantity(
         25_000_000,
-        "Cells that the rectangle of a map may have, however few of them are known: 250 m x 250 m of"
-        " 5 cm. `usmap map` ends where it would be larger, and map_fusion refuses the ping.",
+        "Cells that the rectangle of a map may have, however few of them are known: 250 m x 250 m"
+        " of 5 cm. `usmap map` ends where it would be larger, and map_fusion refuses the ping.",
         ge=1,
         le=4_000_000_000,
     )

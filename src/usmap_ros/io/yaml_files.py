@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,8 @@ from usmap_ros.io.yaml_text import read_yaml
 from usmap_ros.parameters.fields import constraints_of, unit_of
 
 _Model = TypeVar("_Model", bound=BaseModel)
+
+_BEGINS_WITH_KEY = re.compile(r"[a-z]\w*(\.\w+)*: ")
 
 #: Width of the lines that are written.
 LINE = 100
@@ -78,22 +81,75 @@ def dump_yaml(model: BaseModel) -> str:
     return "\n".join(_lines(model, indent="")) + "\n"
 
 
+#: What pydantic says of some errors, by its name for them, in words for people; their context and
+#: the value fill in the blanks.
+_IN_WORDS = {
+    "missing": "is missing",
+    "union_tag_not_found": "is missing",
+    "union_tag_invalid": "should be one of {expected_tags} (is '{tag}')",
+    "string_pattern_mismatch": "should begin with a letter, and be letters, digits and _ only",
+    "too_short": "should have at least {min_length} entries, has {actual_length}",
+    "too_long": "should have at most {max_length} entries, has {actual_length}",
+    "list_type": "should be a list",
+    "tuple_type": "should be a list",
+    "model_type": "should be keys with values",
+    "model_attributes_type": "should be keys with values",
+    "dict_type": "should be keys with values",
+    "float_type": "should be a number",
+    "float_parsing": "should be a number",
+    "int_type": "should be a whole number",
+    "int_parsing": "should be a whole number",
+    "int_from_float": "should be a whole number",
+    "bool_type": "should be true or false",
+    "bool_parsing": "should be true or false",
+    "string_type": "should be a text",
+    "path_type": "should be the path of a file",
+}
+
+
 def _cause(error: Any, model: type[BaseModel]) -> str:
     """One clause for an error of pydantic, with the field in dots."""
-    where = ".".join(shortened(str(part), 40) for part in error["loc"])
+    location = _keys(error, model)
+    where = ".".join(shortened(str(part), 40) for part in location)
     if error["type"] == "extra_forbidden":
         nearest = difflib.get_close_matches(
-            str(error["loc"][-1]), _known_keys(model, error["loc"][:-1]), n=1
+            str(location[-1]), _known_keys(model, location[:-1]), n=1
         )
         return f"{where}: unknown key" + (f", did you mean {nearest[0]!r}?" if nearest else "")
-    if error["type"] == "missing":
-        return f"{where}: is missing"
-    reason = error["msg"].removeprefix("Input ").removeprefix("Value error, ")
+    if error["type"] == "missing" and isinstance(location[-1], int):
+        group = ".".join(map(str, location[:-1]))
+        return f"{group}: should have more entries, has {location[-1]}"
+    if error["type"] in _IN_WORDS:
+        words = {key: shortened(str(part), 200) for key, part in error.get("ctx", {}).items()}
+        reason = _IN_WORDS[error["type"]].format(**words)
+    else:
+        reason = error["msg"].removeprefix("Input ").removeprefix("Value error, ")
     given = error["input"]
     shown = ""
     if isinstance(given, str | int | float | bool | None):
         shown = f" (is {_quoted(given)})"
-    return f"{where}: {reason}{shown}" if where else f"{reason}{shown}"
+    if not where:
+        return f"{reason}{shown}"
+    # What a group checks as a whole names the key itself.
+    between = "." if error["type"] == "value_error" and _BEGINS_WITH_KEY.match(reason) else ": "
+    return f"{where}{between}{reason}{shown}"
+
+
+def _keys(error: Any, model: type[BaseModel]) -> tuple[int | str, ...]:
+    """Keys and positions that lead to an error, without the kinds that pydantic puts in."""
+    location = error["loc"]
+    last = len(location) - 1
+    is_named = error["type"] in ("extra_forbidden", "missing")
+    keys = tuple(
+        part
+        for place, part in enumerate(location)
+        if isinstance(part, int)
+        or (place == last and is_named)
+        or part in _known_keys(model, location[:place])
+    )
+    # Which kind of group it is, a key of the group itself says.
+    kind = error.get("ctx", {}).get("discriminator")
+    return (*keys, kind.strip("'")) if kind else keys
 
 
 def _quoted(given: str | int | float | bool | None) -> str:

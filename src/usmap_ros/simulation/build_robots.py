@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
 from usmap_ros.arrays import FloatArray
@@ -55,28 +58,60 @@ def build_robot(
     Raises
     ------
     UsmapError
-        If its path is blocked, or a transducer cannot exist.
+        Naming the key, if its path is blocked, or a transducer cannot exist.
     """
     count = len(model.transducers)
     interval_s = 1.0 / model.ping_rate_hz
     turns = [0] * count if model.simultaneous else range(count)
     seeds = noise_seed.spawn(count + 1)
+    with _errors_name("motion: "):
+        motion = _motion(model, scene, area, np.random.default_rng(motion_seed))
+    transducers = []
+    for number, transducer in enumerate(model.transducers):
+        with _errors_name(f"transducers.{number}."):
+            transducers.append(_mounted(model, transducer, medium, stated))
+    return SimulatedRobot(
+        name=model.name,
+        motion=motion,
+        transducers=transducers,
+        first_ping_s=[first_ping_s + turn * interval_s / count for turn in turns],
+        ping_interval_s=interval_s,
+        noise_seeds=seeds[:-1],
+        simultaneous=model.simultaneous,
+        moves_during_ping=model.moves_during_ping,
+        error_seed=seeds[-1],
+    )
+
+
+@contextmanager
+def _errors_name(key: str) -> Iterator[None]:
+    """Put a key of the scenario before what errors say, which may begin with one of its own."""
     try:
-        return SimulatedRobot(
-            name=model.name,
-            motion=_motion(model, scene, area, np.random.default_rng(motion_seed)),
-            transducers=[
-                _mounted(model, transducer, medium, stated) for transducer in model.transducers
-            ],
-            first_ping_s=[first_ping_s + turn * interval_s / count for turn in turns],
-            ping_interval_s=interval_s,
-            noise_seeds=seeds[:-1],
-            simultaneous=model.simultaneous,
-            moves_during_ping=model.moves_during_ping,
-            error_seed=seeds[-1],
-        )
+        yield
     except UsmapError as error:
-        raise UsmapError(f"robot {model.name!r}: {error}") from error
+        raise UsmapError(f"{key}{error}") from error
+
+
+def check_is_within(model: RobotModel, area: Bounds) -> None:
+    """Refuse a robot that is to be outside of its world.
+
+    Raises
+    ------
+    UsmapError
+        Naming the key and the first place that is.
+    """
+    motion = model.motion
+    if isinstance(motion, WaypointModel):
+        key, places = "waypoints_m", list(motion.waypoints_m)
+    else:
+        key, places = "start", [] if motion.start is None else [motion.start[:2]]
+    x_min, x_max, y_min, y_max = area
+    for x_m, y_m in places:
+        if not (x_min <= x_m <= x_max and y_min <= y_m <= y_max):
+            raise UsmapError(
+                f"motion.{key}: ({x_m:g}, {y_m:g}) is outside of the world, which is"
+                f" x {x_min:g} to {x_max:g} m and y {y_min:g} to {y_max:g} m"
+            )
 
 
 def _motion(model: RobotModel, scene: Scene, area: Bounds, rng: np.random.Generator) -> Motion:

@@ -16,11 +16,12 @@ from usmap_ros.grids import TruthMap
 from usmap_ros.io.nav2_map import Nav2Map, load_nav2_map
 from usmap_ros.io.yaml_files import read_mapping, validated
 from usmap_ros.parameters import ParameterGroup, quantity
-from usmap_ros.simulation.build_robots import build_robot
+from usmap_ros.simulation.build_robots import build_robot, check_is_within
 from usmap_ros.simulation.build_world import build_scene, world_bounds
 from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import RobotModel, check_names_differ
 from usmap_ros.simulation.models.world import WorldModel
+from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.robot import SimulatedRobot, ping_count
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import NANOSECONDS
@@ -138,23 +139,30 @@ class Scenario(ParameterGroup):
         Raises
         ------
         ConfigurationError
-            If a path is blocked, or a transducer cannot exist.
+            If a path is blocked or leaves the world, or a transducer cannot exist.
         """
         with self._errors_name_source():
             area = world_bounds(self.world, self._plan)
-            return [
-                build_robot(
-                    model,
-                    scene=scene,
-                    area=area,
-                    medium=self.medium,
-                    stated=self.stated,
-                    first_ping_s=index * self.robot_offset_s,
-                    motion_seed=self._seed(_MOTION_STREAM, index),
-                    noise_seed=self._seed(_NOISE_STREAM, index),
-                )
-                for index, model in enumerate(self.robots)
-            ]
+            return [self._robot(index, scene, area) for index in range(len(self.robots))]
+
+    def _robot(self, index: int, scene: Scene, area: Bounds) -> SimulatedRobot:
+        model = self.robots[index]
+        try:
+            # A world of which nobody says how far it goes has no outside.
+            if self.world.area_m is not None or self.world.map is not None:
+                check_is_within(model, area)
+            return build_robot(
+                model,
+                scene=scene,
+                area=area,
+                medium=self.medium,
+                stated=self.stated,
+                first_ping_s=index * self.robot_offset_s,
+                motion_seed=self._seed(_MOTION_STREAM, index),
+                noise_seed=self._seed(_NOISE_STREAM, index),
+            )
+        except UsmapError as error:
+            raise UsmapError(f"robots.{index}.{error} (robot {model.name!r})") from error
 
     def heard_by(self, robot: SimulatedRobot, fleet: list[SimulatedRobot]) -> list[SimulatedRobot]:
         """Those of `fleet` whose pulses a robot hears: all others, if there is crosstalk."""

@@ -1,5 +1,7 @@
 """Scenario files: what they accept, what they refuse and how they say so."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -46,7 +48,7 @@ def test_a_minimal_one_has_sensible_defaults():
             robot(
                 transducers=[{"beam": {"kind": "table", "angles_rad": [0, 1], "gains": [1, -1]}}]
             ),
-            "beam_gains",
+            "beam.gains: must be 0 or more",
         ),
         (robot(motion={"kind": "waypoints", "waypoints_m": []}), "waypoints_m"),
         ({"world": {"area_m": [1, 0, 0, 1]}}, "area_m"),
@@ -56,7 +58,9 @@ def test_a_minimal_one_has_sensible_defaults():
         ({"world": {"points": [{"x_m": float("inf"), "y_m": 0}]}}, "x_m"),
         (robot(transducers=[{"receiver": {"noise_std": float("nan")}}]), "noise_std"),
         ({"medium": {"temperature_c": 300.0}}, "temperature_c"),
-        ({"medium": {"temperature_c": 30.0, "sound_speed_m_s": 343.0}}, "sound_speed_m_s"),
+        ({"medium": {"temperature_c": 30.0, "sound_speed_m_s": 343.0}}, "medium.sound_speed_m_s: "),
+        # Also if it says no more than what it would be without a word.
+        ({"medium": {"temperature_c": 20.0, "sound_speed_m_s": 343.0}}, "medium.sound_speed_m_s: "),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(changes, named):
@@ -71,9 +75,21 @@ def test_what_cannot_be_is_refused_in_one_line(changes, named):
     [
         (
             robot(motion={"kind": "waypoints", "waypoints_m": [[0, 2], [3, 2]]}),
-            "robot1.*waypoint 0",
+            "robots.0.motion: .*waypoint 0.*robot1",
         ),
-        (robot(motion={"kind": "random_walk", "start": [50, 50, 0]}), "robot1.*no room"),
+        (robot(motion={"kind": "random_walk", "start": [1, 2, 0]}), "motion: there is no room"),
+        (
+            robot(motion={"kind": "random_walk", "start": [50, 50, 0]}),
+            r"robots.0.motion.start: \(50, 50\) is outside of the world",
+        ),
+        (
+            robot(motion={"kind": "waypoints", "waypoints_m": [[5, 5], [5, -1]]}),
+            r"robots.0.motion.waypoints_m: \(5, -1\) is outside of the world",
+        ),
+        (
+            robot(transducers=[{"receiver": {"encoding": "raw", "sample_rate_hz": 6e4}}]),
+            "robots.0.transducers.0.receiver.sample_rate_hz: raw samples at 60000 Hz",
+        ),
         ({"world": {}}, "area_m"),
         (robot(transducers=[{"receiver": {"start_delay_s": 1.0}}]), "receiver"),
         (robot(transducers=[{"receiver": {"sample_rate_hz": 1e8}, "max_range_m": 50}]), "samples"),
@@ -88,6 +104,40 @@ def test_what_has_no_place_is_refused_in_one_line(changes, named):
     with pytest.raises(ConfigurationError, match=named) as refusal:
         next(simulate(scenario(**changes)))
     assert str(refusal.value).startswith("file.yaml: ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            robot(motion={"kind": "walk"}),
+            "robots.0.motion.kind: should be one of 'waypoints', 'ran",
+        ),
+        (robot(motion={"waypoints_m": [[1, 2]]}), "robots.0.motion.kind: is missing"),
+        (
+            robot(motion={"kind": "random_walk", "start": [5, 5]}),
+            "robots.0.motion.start: should have more entries, has 2",
+        ),
+        (
+            {"world": {"walls": [{"corners_m": [[0, 0]]}]}},
+            "world.walls.0.corners_m: should have at least 2 entries, has 1",
+        ),
+        (robot(name="a/b"), "robots.0.name: should begin with a letter, and be letters, digits"),
+        ({"robots": {"name": "a"}}, "robots: should be a list"),
+        (robot(transducers=[{"mount": 3}]), "robots.0.transducers.0.mount: should be keys with"),
+        (robot(transducers=[{"min_range_m": 6.0}]), "transducers.0.max_range_m: is 5 m, must be"),
+        ({"crosstalk": "maybe"}, "crosstalk: should be true or false (is 'maybe')"),
+        ({"seed": 1.5}, "seed: should be a whole number (is 1.5)"),
+    ],
+)
+def test_mistakes_are_told_in_words_for_people(changes, told):
+    with pytest.raises(ConfigurationError, match=re.escape(told)):
+        scenario(**changes)
+
+
+def test_a_world_without_an_edge_has_no_outside():
+    far = robot(motion={"kind": "waypoints", "waypoints_m": [[50, 50], [60, 60]]})
+    next(simulate(scenario(world={"points": [{"x_m": 1, "y_m": 2}]}, **far)))
 
 
 def test_a_missing_map_is_named(tmp_path):

@@ -11,11 +11,15 @@ from usmap_ros.acoustics.medium import Air
 from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.parameters import ParameterGroup, quantity
 
+_USUAL_C = 20.0
+
 
 class MediumModel(ParameterGroup):
     """The air and the floor."""
 
-    temperature_c: float = quantity(20.0, "Of the air.", "°C", ge=-20.0, le=50.0)
+    temperature_c: float | None = quantity(
+        None, "Of the air; None: 20 °C. Not beside sound_speed_m_s.", "°C", ge=-20.0, le=50.0
+    )
     relative_humidity: float = quantity(0.5, "0 to 1.", ge=0.0, le=1.0)
     pressure_pa: float = quantity(101_325.0, "Of the air.", "Pa", ge=60_000.0, le=110_000.0)
     sound_speed_m_s: float | None = quantity(
@@ -43,23 +47,26 @@ class MediumModel(ParameterGroup):
 
     @model_validator(mode="after")
     def _speed_is_given_once(self) -> MediumModel:
-        usual_c = type(self).model_fields["temperature_c"].default
-        if self.sound_speed_m_s is not None and self.temperature_c != usual_c:
+        if self.sound_speed_m_s is not None and self.temperature_c is not None:
             raise ValueError("sound_speed_m_s: follows from temperature_c, which is given as well")
         return self
 
     @property
+    def _air(self) -> Air:
+        temperature_c = _USUAL_C if self.temperature_c is None else self.temperature_c
+        return Air(temperature_c, self.relative_humidity, self.pressure_pa)
+
+    @property
     def drift_m_s2(self) -> float:
         """How fast the speed of sound changes: it goes with the root of the temperature."""
-        air = Air(self.temperature_c, self.relative_humidity, self.pressure_pa)
+        air = self._air
         speed_m_s = self.sound_speed_m_s or air.sound_speed_m_s()
         return 0.5 * speed_m_s * self.temperature_drift_c_s / air.temperature_k
 
     def channel(self, carrier_hz: float, height_m: float) -> Channel:
         """What a transducer at `height_m` above the floor sounds through."""
-        air = Air(self.temperature_c, self.relative_humidity, self.pressure_pa)
         floor_height_m = height_m if self.floor_reflectivity > 0.0 else 0.0
-        channel = air.channel(carrier_hz, floor_height_m, self.floor_reflectivity)
+        channel = self._air.channel(carrier_hz, floor_height_m, self.floor_reflectivity)
         stated = self.model_dump(include={"sound_speed_m_s", "attenuation_db_m"}, exclude_none=True)
         return replace(channel, floor_model=FloorModel(self.floor_model), **stated)
 

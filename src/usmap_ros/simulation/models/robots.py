@@ -278,8 +278,20 @@ class TransducerModel(ParameterGroup):
         try:
             self.build().validate()
         except MalformedMessageError as error:
-            raise ValueError(str(error)) from error
+            raise ValueError(f"{_KEYS.get(error.field, error.field)}: {error.cause}") from error
         return self
+
+
+#: Keys of a transducer, by the fields of messages that they set.
+_KEYS = {
+    "transducer.min_range": "min_range_m",
+    "transducer.max_range": "max_range_m",
+    "transducer.pulse_duration": "pulse.duration_s",
+    "transducer.carrier_frequency": "pulse.carrier_hz",
+    "transducer.sweep": "pulse.sweep_hz",
+    "transducer.beam_angles": "beam.angles_rad",
+    "transducer.beam_gains": "beam.gains",
+}
 
 
 class PoseErrorModel(ParameterGroup):

@@ -1,0 +1,63 @@
+"""Try how the live side ends: fleets that are started and stopped, nodes that are killed.
+
+    python tools/trials fleets [--count 50] [--at-once 3] [--robots 4]
+    python tools/trials kills [--count 100]
+
+Exit status 1 if anything was lost, hung, unreadable, or ended in a traceback.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from fleets import try_fleets
+from kills import try_kills
+
+
+def main() -> None:
+    """Run the trial that the command line asks for, and print its figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    trials = parser.add_subparsers(dest="trial", required=True)
+    fleets = trials.add_parser("fleets", help="start and stop 'usmap fleet'")
+    fleets.add_argument("--count", type=int, default=50, help="fleets in all")
+    fleets.add_argument("--at-once", type=int, default=3)
+    fleets.add_argument("--robots", type=int, default=4, help="of each fleet")
+    kills = trials.add_parser("kills", help="kill -9 map_fusion and bag_recorder")
+    kills.add_argument("--count", type=int, default=100)
+    for trial in (fleets, kills):
+        trial.add_argument("--seed", type=int, default=1)
+        trial.add_argument(
+            "--patience",
+            type=float,
+            default=10.0,
+            metavar="S",
+            help="longest that an ending may take, and a tenth of it what may be lost beyond an"
+            " interval; more on a machine that has other things to do",
+        )
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        if arguments.trial == "fleets":
+            figures, troubles = try_fleets(
+                Path(folder),
+                arguments.count,
+                arguments.at_once,
+                arguments.robots,
+                arguments.seed,
+                arguments.patience,
+            )
+        else:
+            figures, troubles = try_kills(
+                Path(folder), arguments.count, arguments.seed, 0.1 * arguments.patience
+            )
+    for name, value in figures.items():
+        print(f"{name}: {value}")
+    for trouble in troubles:
+        print(f"TROUBLE {trouble}")
+    sys.exit(1 if troubles else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -31,6 +31,9 @@ TEST = [
     "pytest-xdist>=3.5",
 ]
 
+LINT = ["mypy>=1.13", "pre-commit>=3.7", "ruff>=0.8", "scipy-stubs", "types-PyYAML"]
+DASK = ["distributed>=2024.1"]
+
 
 class DistributionWithData(Distribution):
     """A distribution whose data files are installed by ``pip install --editable`` too.
@@ -156,9 +159,19 @@ setup(
         "zstandard>=0.22",
     ],
     extras_require={
+        # usmap map --scheduler
+        "dask": DASK,
         # colcon runs pytest only for a package whose "test" extra names it.
         "test": TEST,
-        "dev": [*TEST, "mypy>=1.13", "pre-commit>=3.7", "ruff>=0.8", "scipy-stubs", "types-PyYAML"],
+        "dev": [
+            *TEST,
+            *DASK,
+            "mypy>=1.13",
+            "pre-commit>=3.7",
+            "ruff>=0.8",
+            "scipy-stubs",
+            "types-PyYAML",
+        ],
         "ros": ["ros-jazzy-common-interfaces", "ros-jazzy-rclpy[fastrtps]"],
     },
     entry_points={

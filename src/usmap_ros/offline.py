@@ -125,7 +125,7 @@ def map_bag(
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
-    for topic, cone in _cones(bag, workers):
+    for topic, cone in recorded_cones(bag, workers):
         if is_of(topic, without):
             left_out.add(topic)
             continue
@@ -150,13 +150,18 @@ def map_bag(
     if not run.pings:
         if left_out:
             raise BagError(", ".join(map(str, bag.paths)), "all of its robots are left out")
-        causes = ", ".join(f"{field} ({n})" for field, n in bag.skipped.by_field.most_common())
-        raise BagError(
-            ", ".join(map(str, bag.paths)),
-            f"none of its {bag.skipped.total} pings can be used, by field: {causes}",
-        )
+        raise nothing_usable(bag)
     run.robots = consistency.findings(pipeline.fusion.expected_by_others)
     return run
+
+
+def nothing_usable(bag: BagReader) -> BagError:
+    """Error of a recording of which every ping was skipped."""
+    causes = ", ".join(f"{field} ({n})" for field, n in bag.skipped.by_field.most_common())
+    return BagError(
+        ", ".join(map(str, bag.paths)),
+        f"none of its {bag.skipped.total} pings can be used, by field: {causes}",
+    )
 
 
 class AmplitudeSurvey:
@@ -189,7 +194,7 @@ class AmplitudeSurvey:
         return self._scales.problems()
 
 
-def _cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
+def recorded_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
     """Cones of a recording: reconstructed from traces, or else as recorded.
 
     Never both, because a recorded cone most often stems from a recorded trace, and evidence must

@@ -34,7 +34,7 @@ LAYERS = [
     {"calibration", "importing", "pipeline"},
     {"parallel", "plotting"},
     {"offline", "trial"},
-    {"demo", "live", "paper"},
+    {"collection", "demo", "live", "paper"},
     {"nodes"},
     {"cli"},
 ]

@@ -18,6 +18,7 @@ from usmap_ros.cli import (
     import_,
     info,
     map,
+    merge,
     paper,
     plan,
     plot,
@@ -42,6 +43,7 @@ app.command("simulate")(simulate.simulate)
 app.command("import")(import_.import_files)
 app.command("calibrate")(calibrate.calibrate)
 app.command("map")(map.map_bags)
+app.command("merge")(merge.merge)
 app.command("evaluate")(evaluate.evaluate)
 app.command("walls")(walls.walls)
 app.command("plot")(plot.plot)

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from usmap_ros.cli import console
 from usmap_ros.cli.elapsed import seconds_since_start
 from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
+
+if TYPE_CHECKING:
+    from usmap_ros.offline import MappingRun
+    from usmap_ros.parameters import PipelineParameters
 
 
 def _methods() -> list[str]:
@@ -23,7 +28,11 @@ def _methods() -> list[str]:
 
 def map_bags(
     bags: Annotated[
-        list[Path], typer.Argument(metavar="BAG...", help="rosbag2 folders, .mcap or .db3 files.")
+        list[Path],
+        typer.Argument(
+            metavar="BAG...",
+            help="rosbag2 folders, .mcap or .db3 files, or folders with many of them inside.",
+        ),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the map's files.")
@@ -55,6 +64,14 @@ def map_bags(
             "--jobs", "-j", min=0, help="Processes that reconstruct; 0: one for each core."
         ),
     ] = 0,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Have a Dask cluster do it: its scheduler, such as tcp://10.0.0.1:8786, or 'local'"
+            " for one of --jobs processes. Its workers need the bags and DIR under the same names.",
+        ),
+    ] = None,
     passes: Annotated[
         int,
         typer.Option(
@@ -67,11 +84,8 @@ def map_bags(
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Turn recorded bags into a map: for nav2, as log-odds, and a summary."""
-    from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.io.map_files import GRID_FILE, RobotPaths, map_folder, save_map, save_summary
-    from usmap_ros.offline import map_bag, resume_map
-    from usmap_ros.parallel import available_cores, reconstructors
-    from usmap_ros.pipeline import Pipeline
+    from usmap_ros.collection import find_recordings
+    from usmap_ros.io.map_files import GRID_FILE
 
     is_continued = resume is not None and resume.resolve() == output.resolve()
     # Programs are not asked: whoever writes one says what it replaces.
@@ -79,24 +93,90 @@ def map_bags(
         typer.confirm(f"{output}: holds a map already; replace it?", abort=True, err=True)
     chosen = [f"mapping.method={method}"] if method else []
     parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
-    if resume is None:
-        pipeline, paths = Pipeline(parameters), RobotPaths()
+    order = _Order(output, parameters, jobs, passes, without or [])
+    recordings = find_recordings(bags, besides=output)
+    if scheduler is None and set(recordings) == set(bags):
+        _map_together(order, bags, resume, as_json=as_json)
+    elif resume is not None:
+        raise typer.BadParameter("--resume goes with single recordings, on this machine")
     else:
-        pipeline, paths = resume_map(resume, parameters)
+        _map_collection(order, recordings, scheduler, as_json=as_json)
+
+
+@dataclass(frozen=True)
+class _Order:
+    """What is wanted, wherever the pings come from."""
+
+    output: Path
+    parameters: PipelineParameters
+    jobs: int
+    passes: int
+    without: list[str]
+
+
+def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_json: bool) -> None:
+    """Map recordings as if they were one."""
+    from usmap_ros.io.bag_reader import BagReader
+    from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
+    from usmap_ros.offline import map_bag, resume_map
+    from usmap_ros.parallel import available_cores, reconstructors
+    from usmap_ros.pipeline import Pipeline
+
+    if resume is None:
+        pipeline, paths = Pipeline(order.parameters), RobotPaths()
+    else:
+        pipeline, paths = resume_map(resume, order.parameters)
     with (
-        reconstructors(pipeline, jobs or available_cores()) as workers,
+        reconstructors(pipeline, order.jobs or available_cores()) as workers,
         BagReader(bags) as bag,
-        map_folder(output),
+        map_folder(order.output),
     ):
         with console.progress(
             "mapping", (bag.trace_count or bag.cone_count) + bag.range_count
         ) as step:
-            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, without or ())
-        pipeline.refine(passes)
+            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
+        pipeline.refine(order.passes)
         occupancy = pipeline.occupancy_map()
-        save_map(output, occupancy, paths)
+        save_map(order.output, occupancy, paths)
         summary = run.summary(occupancy, seconds_since_start())
-        save_summary(output, summary)
+        save_summary(order.output, summary)
+    _tell(order.output, run, summary, as_json=as_json)
+
+
+def _map_collection(
+    order: _Order, recordings: list[Path], scheduler: str | None, *, as_json: bool
+) -> None:
+    """Map many recordings, each by itself as far as that goes; a second run takes up the first."""
+    from usmap_ros.collection import map_collection
+    from usmap_ros.errors import UsmapError
+    from usmap_ros.io.map_files import map_folder, save_map, save_summary
+    from usmap_ros.parallel import available_cores, cluster, worker_processes
+
+    with map_folder(order.output):
+        pass
+    jobs = order.jobs or available_cores()
+    with (
+        cluster(scheduler, jobs) if scheduler else worker_processes(jobs) as executor,
+        console.progress("mapping", 2 * len(recordings)) as step,
+    ):
+        done = map_collection(
+            recordings, order.output, order.parameters, executor,
+            passes=order.passes, without=order.without, step=step,
+        )  # fmt: skip
+    save_map(order.output, done.occupancy, done.paths)
+    summary = done.summary(seconds_since_start())
+    save_summary(order.output, summary)
+    for text in [*done.warnings, *(f"{name}: {cause}" for name, cause in done.failed.items())]:
+        typer.echo(f"usmap: warning: {text}", err=True)
+    _tell(order.output, done.run, summary, as_json=as_json)
+    if done.failed:
+        raise UsmapError(
+            f"{len(done.failed)} of {len(recordings)} recordings could not be used; the map is of"
+            " the others"
+        )
+
+
+def _tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: bool) -> None:
     for topic, problem in run.suspects().items():
         typer.echo(f"usmap: warning: {topic}: {problem}; --without {topic} leaves it out", err=True)
     if as_json:

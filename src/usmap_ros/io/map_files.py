@@ -83,6 +83,12 @@ class RobotPaths:
         self.positions_m.setdefault(topic, []).append((x_m, y_m))
         self.beams.setdefault(topic, []).append(beam)
 
+    def extend(self, other: RobotPaths) -> None:
+        """Append the pings of other paths."""
+        for topic, positions in other.positions_m.items():
+            for (x_m, y_m), beam in zip(positions, other.beams[topic], strict=True):
+                self.add(topic, x_m, y_m, beam)
+
     def views(self, max_range_m: float | None = None) -> PingViews | None:
         """What the pings of all topics looked at; None if that is not known of all of them.
 

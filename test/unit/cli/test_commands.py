@@ -105,6 +105,21 @@ def test_resume_goes_on_where_the_map_was_left(usmap: Run, workspace: Path) -> N
         assert np.count_nonzero(twice["observed"]) >= np.count_nonzero(once["observed"])
 
 
+def test_maps_of_several_fusions_are_joined(usmap: Run, workspace: Path) -> None:
+    done = usmap("merge", "map", "map", "-o", "whole", cwd=workspace)
+    assert done.returncode == 0, done.stderr
+    one, paths = load_map(workspace / "map")
+    whole, whole_paths = load_map(workspace / "whole")
+    np.testing.assert_array_equal(whole.log_odds, one.log_odds)
+    assert whole_paths.positions_m == paths.positions_m
+    shutil.copytree(workspace / "map", workspace / "twin")
+    assert usmap("merge", "map", "twin", "-o", "whole", cwd=workspace).returncode == 0
+    doubled = load_map(workspace / "whole")[0]
+    free = one.observed & ~one.predicted()
+    assert free.any()
+    assert np.all(doubled.log_odds[free] < one.log_odds[free])
+
+
 def test_the_resolution_can_be_chosen(usmap: Run, workspace: Path) -> None:
     for number, choice in enumerate(
         (["--resolution", "0.1"], ["--set", "mapping.resolution_m=0.1"])

@@ -1,5 +1,7 @@
 """Whatever is wrong with the input: one line that names it, status 1, nothing half-written."""
 
+import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +12,7 @@ import pytest
 
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.map_files import load_map
 
 Run = Callable[..., Any]
 
@@ -71,6 +74,32 @@ def test_robots_that_are_too_far_apart(usmap: Run, workspace: Path) -> None:
     assert "3000 m x 3001 m would have 3.6e+09 cells and may have 2.5e+07" in line
     assert "(mapping.most_cells): map robots that are so far apart by themselves" in line
     assert not (workspace / "far").exists()
+
+
+def test_unusable_recordings_among_many_are_named_and_the_others_mapped(
+    usmap: Run, workspace: Path
+) -> None:
+    for name in ("good", "empty"):
+        shutil.copytree(workspace / "bag", workspace / "bags" / name)
+    (mcap,) = (workspace / "bags" / "empty").glob("*.mcap")
+    mcap.write_bytes(b"")
+    done = usmap("map", "bags", "-o", "all", "-j", "1", "--json", cwd=workspace)
+    assert done.returncode == 1
+    warning, error = done.stderr.splitlines()
+    assert warning == "usmap: warning: bags/empty: is empty"
+    assert error.startswith("usmap: error: 1 of 2 recordings could not be used")
+    summary = json.loads(done.stdout)
+    assert summary["failed"] == {"bags/empty": "is empty"}
+    assert (summary["recordings"], summary["areas"]) == (2, 1)
+    alone = load_map(workspace / "map")[0]
+    np.testing.assert_array_equal(load_map(workspace / "all")[0].log_odds, alone.log_odds)
+
+
+def test_a_folder_without_recordings(usmap: Run, tmp_path: Path) -> None:
+    (tmp_path / "bags" / "notes").mkdir(parents=True)
+    done = usmap("map", "bags", "-o", "map", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "bags: is not a recording" in done.stderr
 
 
 def test_a_bag_cut_before_its_first_trace(usmap: Run, workspace: Path) -> None:

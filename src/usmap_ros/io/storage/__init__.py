@@ -6,7 +6,7 @@ whatever order is wanted.  So messages come in exact stamp order, however the re
 interleaved robots, from a memory that does not grow with the size of the recording.
 """
 
-from usmap_ros.io.storage.files import open_storage
+from usmap_ros.io.storage.files import is_recording, open_storage
 from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, Storage
 
-__all__ = ["Damage", "MessageIndex", "RecordedTopic", "Storage", "open_storage"]
+__all__ = ["Damage", "MessageIndex", "RecordedTopic", "Storage", "is_recording", "open_storage"]

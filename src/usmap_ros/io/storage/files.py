@@ -56,6 +56,16 @@ def open_storage(path: Path, scratch: TemporaryDirectory[str]) -> list[Storage]:
     ]
 
 
+def is_recording(path: Path) -> bool:
+    """Whether something is a recording by its name, or by the files in it."""
+    if not path.is_dir():
+        return _is_storage(path)
+    try:
+        return any(entry.name == "metadata.yaml" or _is_storage(entry) for entry in path.iterdir())
+    except OSError:
+        return False
+
+
 def _read_folder(folder: Path) -> _Recording:
     metadata = folder / "metadata.yaml"
     try:

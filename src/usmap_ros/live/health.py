@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -50,7 +50,7 @@ class Health:
     counted : sequence of str
         What is counted; all of it is reported, from the start.
     warn : callable
-        Gets the first occurrence of each problem.
+        Gets the first occurrence of each problem, and what is found from then on that it is.
     clock : callable
         Seconds of a clock that never runs backwards.
     """
@@ -72,6 +72,8 @@ class Health:
         self._started_s = clock()
         self._watches: list[Callable[[], Finding | None]] = []
         self._told: dict[str, Callable[[], object]] = {}
+        # What each watch found last, by the first word of it: figures in it change.
+        self._found: dict[int, str] = {}
 
     def watch(self, look: Callable[[], Finding | None]) -> None:
         """Ask `look`, with each report, whether there is something that an operator should know."""
@@ -140,7 +142,9 @@ class Health:
     def report(self) -> Report:
         """How the node is, now."""
         # Not under the lock: they may look at figures themselves.
-        watched = [finding for look in self._watches if (finding := look()) is not None]
+        looks = [look() for look in self._watches]
+        self._warn_of_news(looks)
+        watched = [finding for finding in looks if finding is not None]
         told = {what: str(look()) for what, look in self._told.items()}
         with self._lock:
             findings = [*watched, *self._recent_problems()]
@@ -152,6 +156,14 @@ class Health:
             "; ".join(finding.text for finding in findings) or "all is well",
             facts,
         )
+
+    def _warn_of_news(self, looks: Sequence[Finding | None]) -> None:
+        """Say what was not so at the last report, for those who look at a terminal only."""
+        for number, finding in enumerate(looks):
+            kind = finding.text.split()[0] if finding else ""
+            if finding is not None and self._found.get(number) != kind:
+                self._warn(finding.text)
+            self._found[number] = kind
 
     def _recent_problems(self) -> Iterator[Finding]:
         for what, (when_s, level) in self._problems.items():

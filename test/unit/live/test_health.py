@@ -103,3 +103,18 @@ def test_what_is_watched_is_asked_for_each_report(health: Health) -> None:
     health.watch(lambda: findings.pop(0))
     assert health.report().level == Level.ERROR
     assert health.report().level == Level.OK
+
+
+def test_what_is_found_is_logged_when_it_begins(
+    health: Health, clock: Any, warnings: list[str]
+) -> None:
+    health.watch(lambda: health.silence("no trace has come"))
+    for _ in range(3):
+        clock.pass_time(11.0)
+        health.report()
+    assert warnings == ["silent for 11 s: no trace has come"]
+    health.work("received")
+    health.report()
+    clock.pass_time(20.0)
+    health.report()
+    assert warnings[1:] == ["silent for 20 s: no trace has come"]

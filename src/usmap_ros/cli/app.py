@@ -88,15 +88,24 @@ def _end(number: int, frame: object) -> None:
 def main() -> None:
     """Run the command line; the only place where errors of usmap_ros are caught for good.
 
-    Exit status 1: the data or a file was unusable. 2: wrong usage, which typer sees to. 143: the
-    process was asked to end by SIGTERM.
+    Exit status 1: the data or a file was unusable. 2: wrong usage, which typer sees to. 130 and
+    143: the process was asked to end by SIGINT or SIGTERM.
     """
     keep_linear_algebra_to_one_core()
+    is_program = signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+    if is_program:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     before = signal.signal(signal.SIGTERM, _end)
     try:
         app()
     except UsmapError as error:
         console.print_error(str(error))
         sys.exit(1)
+    except KeyboardInterrupt:
+        # Before a command had begun, or after it.
+        sys.exit(128 + signal.SIGINT)
     finally:
         signal.signal(signal.SIGTERM, before)
+        if is_program:
+            # All is done; asked to end while it ends, Python would have something to say.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -140,3 +140,30 @@ main()
     _, said = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, said) == (143, "")
     assert list(tmp_path.iterdir()) == []
+
+
+def answers_ctrl_c(process: Any) -> bool:
+    """Whether a process has a handler of SIGINT, which Python has from its start."""
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    return bool(int(status.partition("SigCgt:")[2].split()[0], 16) >> (signal.SIGINT - 1) & 1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux how far the process is")
+def test_ctrl_c_while_the_program_is_loaded_prints_nothing(tmp_path: Path) -> None:
+    # As the executable that pip makes of the entry point.
+    program = tmp_path / "usmap"
+    program.write_text("from usmap_ros.cli import main\nmain()\n")
+    process = subprocess.Popen(
+        [sys.executable, str(program), "--help"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    end_s = time.monotonic() + DEADLINE_S
+    for has_begun in (True, False):
+        while answers_ctrl_c(process) is not has_begun:
+            assert time.monotonic() < end_s
+            time.sleep(0.001)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, said) == (-signal.SIGINT, "")

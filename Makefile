@@ -31,7 +31,7 @@ demo: $(OFFLINE) ## simulate robots, map what they hear, draw it: into demo_outp
 # Tests run even where the linters complain: one run shows everything there is to mend.  They begin
 # with the folders whose tests take longest, so that no process is left with those at the end.
 test: $(FULL) ## run linters and all tests, those on ROS 2 included
-	@$(BIN)/python test/compile_loops.py & \
+	@$(BIN)/usmap compile & \
 	$(MAKE) --no-print-directory lint; lint=$$?; wait; \
 	echo "Running the tests"; \
 	$(BIN)/python -m pytest -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder --timeout=600 \

@@ -1,4 +1,8 @@
-"""Compilation of the loops that NumPy cannot express, by Numba."""
+"""Compilation of the loops that NumPy cannot express, by Numba.
+
+Where there is no Numba, or NUMBA_DISABLE_JIT is set, as a debugger needs it, they run as the Python
+that they are written in.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,22 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-#: Whether functions are compiled; not so where NUMBA_DISABLE_JIT is set, as a debugger needs it.
-IS_COMPILED = not vars(numba.config)["DISABLE_JIT"]
+try:
+    import numba
+    from numba.core.registry import CPUDispatcher
+except ImportError:
+    IS_COMPILED = False
+else:
+    #: Whether functions are compiled.
+    IS_COMPILED = not vars(numba.config)["DISABLE_JIT"]
+
+#: How all functions are compiled.  Nobody calls one from C, and what C would call takes a tenth of
+#: the compiler's time.
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True, "no_cfunc_wrapper": True}
+#: All functions whose machine code is kept on disk.
+COMPILED: list[Any] = []
 
 
 def compiled(function: Function) -> Function:
@@ -22,26 +36,58 @@ def compiled(function: Function) -> Function:
     The machine code is kept on disk, so that only the first run ever on a machine waits for
     the compiler; where there is no folder to keep it in, every run does.
     """
-    try:
-        kept = numba.njit(cache=True, error_model="numpy", fastmath=True)(function)
-    except RuntimeError:
-        # Numba's word for: neither the package's folder nor the user's cache can be written.
-        return cast("Function", numba.njit(error_model="numpy", fastmath=True)(function))
-    # Numba may keep its caches otherwise in another version; then they are as it makes them.
-    with suppress(AttributeError, OSError):
-        _renew_with_helpers(kept, function)
-    return cast("Function", kept)
+    if not IS_COMPILED:
+        return function
+    return _kept(numba.njit(**OPTIONS)(function), function)
+
+
+def compiled_within(function: Function) -> Function:
+    """Compile a function that only compiled functions call: from Python it runs as Python.
+
+    To take arguments apart for a call from Python, and to put results together, is as much code as
+    many a function, most of all with named tuples of arrays; here it is left out.
+    """
+    if not IS_COMPILED:
+        return function
+
+    class Within(CPUDispatcher):
+        def __call__(self, *arguments: Any, **named: Any) -> Any:
+            return function(*arguments, **named)
+
+    options = {"nopython": True, "no_cpython_wrapper": True, **OPTIONS}
+    return _kept(Within(function, targetoptions=options), function)
 
 
 def inlined(function: Function) -> Function:
-    """Let a small function be compiled into those that call it.
+    """Let a small function, or one with one caller, be compiled into those that call it.
 
     A call hands over every array of a named tuple by itself, which takes longer than what the
-    function does.
+    function does; and the compiler has less to do.
     """
-    return cast(
-        "Function", numba.njit(inline="always", error_model="numpy", fastmath=True)(function)
-    )
+    if not IS_COMPILED:
+        return function
+    return cast("Function", numba.njit(inline="always", **OPTIONS)(function))
+
+
+def compiler_version() -> str:
+    """Everything but the code that machine code depends on: Numba, processor, options."""
+    from llvmlite import binding
+
+    chosen = [vars(numba.config)[name] for name in ("CPU_NAME", "CPU_FEATURES", "OPT")]
+    found = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
+    return repr([numba.__version__, *map(str, chosen), *found])
+
+
+def _kept(dispatcher: Any, function: Function) -> Function:
+    """Keep the machine code of a function on disk, where there is a folder for it."""
+    # Numba's word for: neither the package's folder nor the user's cache can be written.
+    with suppress(RuntimeError):
+        dispatcher.enable_caching()
+        # Numba may keep its caches otherwise in another version; then they are as it makes them.
+        with suppress(AttributeError, OSError):
+            _renew_with_helpers(dispatcher, function)
+    COMPILED.append(dispatcher)
+    return cast("Function", dispatcher)
 
 
 def _renew_with_helpers(kept: Any, function: Callable[..., Any]) -> None:

@@ -33,7 +33,7 @@ LAYERS = [
     {"simulation", "reconstruction", "mapping"},
     {"calibration", "importing", "pipeline"},
     {"parallel", "plotting"},
-    {"offline", "trial"},
+    {"compilation", "offline", "trial"},
     {"collection", "demo", "live", "paper"},
     {"nodes"},
     {"cli"},

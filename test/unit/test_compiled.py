@@ -7,6 +7,7 @@ from types import ModuleType
 
 import pytest
 
+import usmap_ros.compiled
 from usmap_ros.compiled import IS_COMPILED, compiled
 
 HELPER = """
@@ -32,6 +33,8 @@ pytestmark = pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    # What is compiled here is nobody else's business.
+    monkeypatch.setattr(usmap_ros.compiled, "COMPILED", [])
     (tmp_path / "caller_of_kept.py").write_text(CALLER)
     return tmp_path
 
@@ -54,12 +57,14 @@ def test_a_changed_helper_makes_its_callers_stale(folder: Path) -> None:
 
 
 def test_without_a_folder_to_keep_it_in_a_function_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    import numba
+    from numba.core.registry import CPUDispatcher
 
-    def njit(**options: bool) -> object:
-        if "cache" in options:
-            raise RuntimeError("cannot cache function: no locator available")
-        return lambda function: function
+    def enable_caching(dispatcher: CPUDispatcher) -> None:
+        raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(numba, "njit", njit)
-    assert compiled(abs)(-2) == 2
+    def negative(x: int) -> int:
+        return -x
+
+    monkeypatch.setattr(CPUDispatcher, "enable_caching", enable_caching)
+    monkeypatch.setattr(usmap_ros.compiled, "COMPILED", [])
+    assert compiled(negative)(-2) == 2

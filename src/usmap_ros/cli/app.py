@@ -11,6 +11,7 @@ import typer
 import usmap_ros
 from usmap_ros.cli import (
     calibrate,
+    compile,
     console,
     demo,
     evaluate,
@@ -54,6 +55,7 @@ app.command("fleet")(fleet.fleet)
 app.command("status")(status.status)
 app.command("replay")(replay.replay)
 app.command("record")(record.record)
+app.command("compile")(compile.compile_loops)
 
 
 def _print_version(wanted: bool) -> None:

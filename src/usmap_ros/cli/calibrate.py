@@ -61,6 +61,7 @@ def calibrate(
     from usmap_ros.io.yaml_files import read_mapping
 
     parameters = pipeline_parameters(parameters_file, settings)
+    console.compile_loops()
     found = calibrated(_traces(bags, topic), parameters, _target(target))
     name = ", ".join(map(str, bags))
     _check_told(name, found)

@@ -34,6 +34,20 @@ def _print_line(kind: str, message: str) -> None:
     print(f"usmap: {kind}: {' '.join(message.split())}", file=sys.stderr)
 
 
+def compile_loops(*, everything: bool = False) -> None:
+    """Compile the inner loops if that was not done before, and say so.
+
+    Parameters
+    ----------
+    everything : bool
+        Also those that few need.
+    """
+    from usmap_ros.compilation import ALL, SESSION, compile_if_needed
+
+    parts = ALL if everything else SESSION
+    compile_if_needed(lambda line: print(f"usmap: {line}", file=sys.stderr), parts)
+
+
 @contextmanager
 def progress(description: str, total: int | None = None) -> Iterator[Callable[[], None]]:
     """Show a progress bar if somebody is watching; gives the function that advances it.

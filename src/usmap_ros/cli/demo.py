@@ -22,6 +22,7 @@ def demo(
     """Simulate several robots, record them, map the recording, score it and draw it all."""
     from usmap_ros.demo import run_demo
 
+    console.compile_loops()
     _report(run_demo(output, console.progress))
 
 

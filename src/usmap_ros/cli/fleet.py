@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from usmap_ros.cli import console
 from usmap_ros.live.requirements import require_ros
 
 #: Time that the nodes get to start before the robots set off, s.
@@ -45,6 +46,8 @@ def fleet(
 
     if parameters_file is not None and not parameters_file.is_file():
         raise FileError(parameters_file, "does not exist")
+    # Before it is settled when the robots set off: the nodes would miss that.
+    console.compile_loops()
     nodes = fleet_nodes(
         scenario_file,
         start_time_s=time.time() + _HEAD_START_S,

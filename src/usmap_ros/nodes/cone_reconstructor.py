@@ -214,7 +214,7 @@ class ConeReconstructor(Node):
 
 def main() -> None:
     """Run the node."""
-    run_node(ConeReconstructor)
+    run_node(ConeReconstructor, has_loops=True)
 
 
 if __name__ == "__main__":

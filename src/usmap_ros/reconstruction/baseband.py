@@ -165,16 +165,16 @@ def _mixed_down(
     way, and then mixing what is left: so the exponential is of the decimated samples only.
     """
     band = 2.0 * taps * np.exp(2j * np.pi * carrier_per_sample * np.arange(len(taps)))
-    filtered = _decimated(samples, np.array([band.real, band.imag]), decimation)
+    # Of one kind, whoever owns the memory: for each kind all would be compiled once more.
+    doubles = samples.astype(np.float64)
+    filtered = _decimated(doubles, np.array([band.real, band.imag]), decimation)
     at = start_samples + decimation * np.arange(len(filtered))
     mixed: NDArray[np.complex128] = filtered * np.exp(-2j * np.pi * carrier_per_sample * at)
     return mixed
 
 
 @compiled
-def _decimated(
-    samples: NDArray[np.floating], taps: FloatArray, decimation: int
-) -> NDArray[np.complex128]:
+def _decimated(samples: FloatArray, taps: FloatArray, decimation: int) -> NDArray[np.complex128]:
     """Every so many samples of the convolution with complex taps, given as (2, taps) array."""
     count, length = taps.shape[1], len(samples) + taps.shape[1] - 1
     filtered = np.empty((length + decimation - 1) // decimation, np.complex128)

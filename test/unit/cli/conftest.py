@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from usmap_ros.cli import main
+from usmap_ros.compilation import compile_if_needed
 
 SCENARIO = """\
 seed: 3
@@ -41,6 +42,8 @@ class Done:
 @pytest.fixture(scope="session")
 def usmap() -> Callable[..., Done]:
     """Give a function that runs the program, in this process because that is much faster."""
+    # Or the first command would, and say so.
+    compile_if_needed(lambda line: None)
 
     def run(*arguments: str, cwd: Path) -> Done:
         output, errors = io.StringIO(), io.StringIO()

@@ -46,7 +46,8 @@ def test_map_writes_what_the_contract_names(recorded: Path) -> None:
     assert summary["echoes"] >= 10
     assert summary["pings_per_second"] == pytest.approx(10 / summary["seconds"])
     assert summary["cells_observed"] > 100
-    assert 10 < summary["peak_memory_mb"] < 700
+    # Of this process, with all that ran in it before; test_compilation.py asks a new one.
+    assert summary["peak_memory_mb"] > 10
     assert summary["skipped"] == {}
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, inlined
+from usmap_ros.compiled import compiled, compiled_within, inlined
 from usmap_ros.mapping.superposition.cells import SIDES, Tiles, slot_beside
 
 #: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.
@@ -69,7 +69,7 @@ def combined(slot: int, evidence: NDArray[np.float32], side_price: float) -> flo
     return max(total, best - side_price)
 
 
-@compiled
+@compiled_within
 def strongest_neighbour(
     slot: int, row: int, column: int, tiles: Tiles, own: NDArray[np.float32], side_price: float
 ) -> float:
@@ -83,7 +83,7 @@ def strongest_neighbour(
     return strongest
 
 
-@compiled
+@compiled_within
 def log_odds_of(evidence: float, scale: Scale) -> float:
     """Log-odds of a cell by its evidence: the prior without any, 0 at the threshold."""
     if evidence > scale.threshold:

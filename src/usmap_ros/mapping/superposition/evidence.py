@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, inlined
+from usmap_ros.compiled import compiled, compiled_within, inlined
 from usmap_ros.mapping.superposition.cells import SIDES, Seen, Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import BLOCK_BINS, CELL_BINS, Bins, Contributions
@@ -72,7 +72,7 @@ def prepare_bins(look: Look, bins: Bins) -> None:
         bins.log_likelihood[b] = log_likelihood(look, b, bins.expected[b])
 
 
-@compiled
+@compiled_within
 def log_likelihood(look: Look, b: int, expected: float) -> float:
     """Log-likelihood of an echo's power, or of silence up to a limit, with an expected power."""
     if look.kind[b] == ECHO:
@@ -82,7 +82,7 @@ def log_likelihood(look: Look, b: int, expected: float) -> float:
     return 0.0
 
 
-@compiled
+@compiled_within
 def log_ratio_without(look: Look, bins: Bins, b: int, part: float, most: float) -> float:
     """Log-likelihood ratio of a bin with a contribution to one without it, bounded by `most`.
 
@@ -145,7 +145,7 @@ def add_evidence(
         add_gain(evidence.block, slot, seen.side[cell], gain, bounds)
 
 
-@compiled
+@compiled_within
 def add_gain(
     evidence: NDArray[np.float32], slot: int, side: int, gain: float, bounds: Bounds
 ) -> None:
@@ -216,7 +216,7 @@ def prove_rays(
                 _widen(look, reach_m, seen.ray[cell], tiles.resolution_m, proven_m)
 
 
-@compiled
+@compiled_within
 def _widen(look: Look, reach_m: float, ray: int, res: float, proven_m: NDArray[np.float32]) -> None:
     """Prove the rays that a cell at some range covers."""
     width = 2.0 * look.half_angle_rad / len(proven_m)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.cells import (
     LEAST_POWER_GAIN,
@@ -103,7 +103,10 @@ def tally(
     """
     for cell in range(count):
         slot = seen.slot[cell]
-        low, high = seen.low[cell].min(), seen.high[cell].max()
+        low, high = seen.low[cell, 0], seen.high[cell, 0]
+        for quarter in range(1, QUARTERS):
+            low = min(low, seen.low[cell, quarter])
+            high = max(high, seen.high[cell, quarter])
         b = min(max(math.floor(0.5 * (low + high)), 0), len(look.kind) - 1)
         if nearest_echo(look, low, high) >= 0:
             sums[slot] += 1.0
@@ -111,7 +114,7 @@ def tally(
             sums[slot] -= SILENCE_COUNTS
 
 
-@compiled
+@compiled_within
 def nearest_echo(look: Look, low: float, high: float) -> int:
     """Range bin of the echo that is nearest to the middle of a stretch; -1 if there is none."""
     best, middle = -1, 0.5 * (low + high)
@@ -122,7 +125,7 @@ def nearest_echo(look: Look, low: float, high: float) -> int:
     return best
 
 
-@compiled
+@compiled_within
 def returned_from(look: Look, x: float, y: float) -> float:
     """Power returned from a place, relative to the transducer, if it scatters with power 1."""
     squared = x * x + y * y + look.rise_m * look.rise_m
@@ -165,7 +168,7 @@ def compare(
             suspects.weight[index, here] = in_sight * returned
 
 
-@compiled
+@compiled_within
 def compare_powers(
     kind: int,
     level: float,
@@ -247,7 +250,8 @@ def judge_alone(
     likelihood = np.empty((looks, POWER_STEPS))
     total = np.empty(POWER_STEPS)
     for here in range(quarters):
-        total[:] = log_prior
+        for step in range(POWER_STEPS):
+            total[step] = log_prior[step]
         for index in range(looks):
             compare_powers(
                 suspects.kind[index, here],
@@ -259,17 +263,20 @@ def judge_alone(
                 likelihood[index],
                 total,
             )
-        total -= total.max()
-        with_it = 0.0
+        greatest = total[0]
+        for step in range(1, POWER_STEPS):
+            greatest = max(greatest, total[step])
+        with_it, log_power = 0.0, 0.0
         for step in range(POWER_STEPS):
-            total[step] = math.exp(total[step])
+            total[step] = math.exp(total[step] - greatest)
             with_it += total[step]
+            log_power += total[step] * log_powers[step]
         for index in range(looks):
             without = 0.0
             for step in range(POWER_STEPS):
                 without += total[step] / likelihood[index, step]
             density[index, here] = with_it / without * suspects.fit[index, here]
-        power[here] = math.exp((total * log_powers).sum() / with_it)
+        power[here] = math.exp(log_power / with_it)
 
 
 @compiled

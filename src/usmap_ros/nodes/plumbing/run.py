@@ -15,6 +15,7 @@ from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from usmap_ros.compilation import compile_if_needed
 from usmap_ros.errors import UsmapError
 from usmap_ros.nodes.plumbing.signals import EndRequest
 
@@ -30,7 +31,9 @@ def prepare_environment() -> None:
     os.environ.setdefault("HOME", tempfile.gettempdir())
 
 
-def run_node(create: Callable[[], Any], arguments: list[str] | None = None) -> None:
+def run_node(
+    create: Callable[[], Any], arguments: list[str] | None = None, *, has_loops: bool = False
+) -> None:
     """Run a node until SIGINT or SIGTERM; the main function of every executable.
 
     Its ``close`` finishes what must not be lost, however often the process is asked to end
@@ -42,15 +45,20 @@ def run_node(create: Callable[[], Any], arguments: list[str] | None = None) -> N
         Makes the node.
     arguments : list of str, optional
         For ROS; by default those of the command line.
+    has_loops : bool
+        Whether it needs inner loops compiled, and waits for that before it listens to anything.
     """
     prepare_environment()
+    name = os.path.basename(sys.argv[0])
+    if has_loops:
+        compile_if_needed(lambda line: print(f"{name}: {line}", file=sys.stderr, flush=True))
     end = EndRequest()
     try:
         _begin_ros(arguments)
         node = create()
     except (UsmapError, NameValidationException) as error:
         cause = " ".join(str(error).split())
-        print(f"{os.path.basename(sys.argv[0])}: error: {cause}", file=sys.stderr)
+        print(f"{name}: error: {cause}", file=sys.stderr)
         end.ignore_more()
         _end_soon()
         rclpy.try_shutdown()

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled_within, inlined
 
 
-@compiled
+@compiled_within
 def factorise(gram: Signal, begins: IndexArray, ridge: float) -> Signal:
     """Cholesky factor L of a matrix plus a ridge, L Lᴴ = M + ridge · diag(M).
 
@@ -51,7 +51,7 @@ def factorise(gram: Signal, begins: IndexArray, ridge: float) -> Signal:
     return factor
 
 
-@compiled
+@compiled_within
 def solve(factor: Signal, begins: IndexArray, right: Signal) -> None:
     """Put the solution of L Lᴴ x = b into the place of b."""
     half_solve(factor, begins, right)
@@ -63,7 +63,7 @@ def solve(factor: Signal, begins: IndexArray, right: Signal) -> None:
             right[column] -= np.conj(factor[row, column]) * value
 
 
-@compiled
+@compiled_within
 def half_solve(factor: Signal, begins: IndexArray, right: Signal) -> None:
     """Put the solution of L x = b into the place of b."""
     start = 0
@@ -77,7 +77,7 @@ def half_solve(factor: Signal, begins: IndexArray, right: Signal) -> None:
         right[row] = total / diagonal if diagonal > 0.0 else 0.0 * total
 
 
-@compiled
+@compiled_within
 def without_negatives(gram: FloatArray, begins: IndexArray, right: FloatArray) -> FloatArray:
     """Least squares with coefficients that are not negative: Lawson & Hanson's active sets.
 
@@ -112,7 +112,7 @@ def without_negatives(gram: FloatArray, begins: IndexArray, right: FloatArray) -
     return found
 
 
-@compiled
+@inlined
 def _step_inside(
     gram: FloatArray, begins: IndexArray, right: FloatArray, free: BoolArray, found: FloatArray
 ) -> None:
@@ -133,7 +133,7 @@ def _step_inside(
         free[first], found[first] = False, 0.0
 
 
-@compiled
+@inlined
 def _solved_for(
     gram: FloatArray, begins: IndexArray, right: FloatArray, free: BoolArray
 ) -> FloatArray:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled
-from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, strengths
+from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, replace, strengths
 from usmap_ros.reconstruction.sampled.matrix import (
     Places,
     SampledMatrix,
@@ -24,7 +24,7 @@ from usmap_ros.reconstruction.sampled.matrix import (
 NOISE_LEVEL, NOTHING_LEFT, STABLE_SUPPORT, NO_PROGRESS, ITERATIONS = 0, 1, 2, 3, 4
 
 
-@compiled
+@compiled_within
 def cosamp(
     matrix: SampledMatrix,
     places: Places,
@@ -69,7 +69,7 @@ def cosamp(
         if best.power <= 0.0:
             return best, done, NOISE_LEVEL
         refilter(matrix, unexplained, best.residual, filtered)
-        unexplained[:] = best.residual
+        replace(unexplained, best.residual)
         scores = signal_proxy(matrix, places, filtered, best, non_negative)
         identified = _identification(matrix, scores, thresholds, best.support, 2 * sparsity)
         if len(identified) == 0:
@@ -88,7 +88,7 @@ def cosamp(
     return best, done, ITERATIONS
 
 
-@compiled
+@compiled_within
 def signal_proxy(
     matrix: SampledMatrix, places: Places, filtered: Signal, fit: Fit, non_negative: bool
 ) -> FloatArray:
@@ -104,7 +104,8 @@ def signal_proxy(
             # What would need a negative coefficient cannot explain anything.
             size = max(value.real, 0.0) if non_negative else np.sqrt(value.real**2 + value.imag**2)
             scores[block] += matrix.proxy_weights[block, path] * size
-    scores[fit.support] = 0.0
+    for block in fit.support:
+        scores[block] = 0.0
     one = np.empty(1, np.int64)
     for block in range(len(scores)):
         if not places.moved[block] or scores[block] == 0.0:
@@ -120,7 +121,7 @@ def signal_proxy(
     return scores
 
 
-@compiled
+@inlined
 def _identification(
     matrix: SampledMatrix,
     scores: FloatArray,
@@ -150,7 +151,7 @@ def _identification(
     return chosen
 
 
-@compiled
+@inlined
 def _support_merger(support: IndexArray, identified: IndexArray) -> IndexArray:
     """Merge supports: T is Ω and supp(a^(k−1)), which share nothing."""
     merged = np.empty(len(support) + len(identified), np.int64)
@@ -165,7 +166,7 @@ def _support_merger(support: IndexArray, identified: IndexArray) -> IndexArray:
     return merged
 
 
-@compiled
+@inlined
 def _drop_rivals(
     matrix: SampledMatrix, candidates: IndexArray, free: BoolArray, chosen: int
 ) -> None:
@@ -179,7 +180,7 @@ def _drop_rivals(
                     free[block] = False
 
 
-@compiled
+@compiled_within
 def _pruning(matrix: SampledMatrix, estimate: Fit, limits: FloatArray, sparsity: int) -> IndexArray:
     """Prune to obtain next approximation: the support of b_s, less what is below its limit."""
     found = strengths(matrix, estimate)
@@ -199,7 +200,10 @@ def _pruning(matrix: SampledMatrix, estimate: Fit, limits: FloatArray, sparsity:
     return kept[:last]
 
 
-@compiled
+@compiled_within
 def same(one: IndexArray, other: IndexArray) -> bool:
     """Whether two supports are the same."""
-    return len(one) == len(other) and not np.any(one != other)
+    differ = len(one) != len(other)
+    for place in range(min(len(one), len(other))):
+        differ = differ or one[place] != other[place]
+    return not differ

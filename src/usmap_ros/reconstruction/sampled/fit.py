@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.band import (
     factorise,
     half_solve,
@@ -61,7 +61,7 @@ class Fit(NamedTuple):
     power: float
 
 
-@compiled
+@compiled_within
 def least_squares(
     matrix: SampledMatrix, places: Places, support: IndexArray, signal: Signal, non_negative: bool
 ) -> Fit:
@@ -102,7 +102,7 @@ def least_squares(
     return Fit(support, columns, begins, factor, fitted, coefficients, residual, power)
 
 
-@compiled
+@inlined
 def _make_non_negative(gram: Signal, begins: IndexArray, factor: Signal, right: Signal) -> None:
     """Put real coefficients that are not negative into the place of the right side."""
     real_gram, real_right = np.empty(gram.shape), np.empty(len(right))
@@ -114,11 +114,18 @@ def _make_non_negative(gram: Signal, begins: IndexArray, factor: Signal, right: 
     solve(factor, begins, right)
     for row in range(len(right)):
         if right[row].real < 0.0:
-            right[:] = without_negatives(real_gram, begins, real_right)
+            replace(right, without_negatives(real_gram, begins, real_right))
             return
 
 
-@compiled
+@inlined
+def replace(old: Signal, new: Signal) -> None:
+    """Put numbers into the place of others; with a slice, messages for misfits are compiled too."""
+    for place in range(len(old)):
+        old[place] = new[place]
+
+
+@compiled_within
 def strengths(matrix: SampledMatrix, fit: Fit) -> FloatArray:
     """Scores that the echoes of a fit have by themselves."""
     found = np.zeros(len(fit.support))
@@ -128,7 +135,7 @@ def strengths(matrix: SampledMatrix, fit: Fit) -> FloatArray:
     return found
 
 
-@compiled
+@compiled_within
 def delay_step(matrix: SampledMatrix, places: Places, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """One Gauss-Newton step on the delays of all echoes together; see `refinement.delay_step`.
 
@@ -157,7 +164,7 @@ def delay_step(matrix: SampledMatrix, places: Places, fit: Fit) -> tuple[FloatAr
     return _solved_steps(information, gradient, matrix.delay_step_s)
 
 
-@compiled
+@inlined
 def _solved_steps(
     information: FloatArray, gradient: FloatArray, limit_s: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -191,7 +198,7 @@ def _solved_steps(
     return gradient, stds_s
 
 
-@compiled
+@inlined
 def _information(fit: Fit, slopes: Signal, explained: Signal) -> FloatArray:
     """Re(Fᴴ F), F being what the coefficients cannot explain of the slopes D.
 
@@ -222,7 +229,7 @@ def _information(fit: Fit, slopes: Signal, explained: Signal) -> FloatArray:
     return information
 
 
-@compiled
+@inlined
 def _slopes(matrix: SampledMatrix, places: Places, fit: Fit) -> Signal:
     """Derivatives of the echoes with respect to the delays of their blocks' direct paths."""
     columns, beside = fit.columns, margin(matrix)
@@ -242,7 +249,7 @@ def _slopes(matrix: SampledMatrix, places: Places, fit: Fit) -> Signal:
     return slopes
 
 
-@compiled
+@inlined
 def _by_block(fit: Fit, values: Signal, slopes: Signal) -> Signal:
     """Φ_Tᴴ D, transposed: the slopes of a block's paths added up, shape (blocks, columns)."""
     columns, taps = fit.columns, slopes.shape[1]
@@ -260,7 +267,7 @@ def _by_block(fit: Fit, values: Signal, slopes: Signal) -> Signal:
     return products
 
 
-@compiled
+@inlined
 def _first_neighbours(columns: Columns) -> IndexArray:
     """First of the columns before each that it overlaps with, or itself."""
     begins = np.empty(len(columns.first), np.int64)
@@ -272,7 +279,7 @@ def _first_neighbours(columns: Columns) -> IndexArray:
     return begins
 
 
-@compiled
+@inlined
 def _gram(columns: Columns, begins: IndexArray) -> Signal:
     """Products of all columns with one another."""
     count, taps = columns.values.shape
@@ -289,7 +296,7 @@ def _gram(columns: Columns, begins: IndexArray) -> Signal:
     return gram
 
 
-@compiled
+@compiled_within
 def _correlations(columns: Columns, signal: Signal) -> Signal:
     """Φ_Tᴴ u."""
     products = np.zeros(len(columns.first), np.complex128)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled_within, inlined
 
 #: Points at which a pulse is tabulated, and further ones a cycle of its phase.  Linear between
 #: them, a Hann window is known to 1.5e-7 of its peak.
@@ -108,29 +108,30 @@ class Columns(NamedTuple):
     ages_s: FloatArray
 
 
-@compiled
+@inlined
 def margin(matrix: SampledMatrix) -> int:
     """Samples of silence on either side of a signal, so that no echo reaches beyond them."""
     return int(matrix.polyphase.shape[1])
 
 
-@compiled
+@inlined
 def with_margin(matrix: SampledMatrix, signal: Signal) -> Signal:
     """Signal between its margins."""
     beside = margin(matrix)
     padded = np.zeros(matrix.sample_count + 2 * beside, np.complex128)
-    padded[beside : beside + matrix.sample_count] = signal
+    for sample in range(matrix.sample_count):
+        padded[beside + sample] = signal[sample]
     return padded
 
 
-@compiled
+@inlined
 def on_grid(matrix: SampledMatrix) -> Places:
     """All blocks where the grid has them."""
     moved = np.zeros(len(matrix.ranges_m), np.bool_)
     return Places(matrix.ranges_m.copy(), matrix.path_delays_s.copy(), moved)
 
 
-@compiled
+@compiled_within
 def move(matrix: SampledMatrix, places: Places, support: IndexArray, steps_s: FloatArray) -> None:
     """Make the direct paths of `support` later by `steps_s`, and the others with them."""
     speed = matrix.sound_speed_m_s
@@ -145,7 +146,7 @@ def move(matrix: SampledMatrix, places: Places, support: IndexArray, steps_s: Fl
         places.moved[block] = True
 
 
-@compiled
+@compiled_within
 def looked_up(table: Signal, matrix: SampledMatrix, age_s: float) -> Any:
     """Value of `matrix.values` or `matrix.slopes` at a time after the pulse's start."""
     if age_s < 0.0 or age_s > matrix.duration_s:
@@ -156,7 +157,7 @@ def looked_up(table: Signal, matrix: SampledMatrix, age_s: float) -> Any:
     return (1.0 - share) * table[before] + share * table[before + 1]
 
 
-@compiled
+@compiled_within
 def columns_of(matrix: SampledMatrix, places: Places, support: IndexArray) -> Columns:
     """Columns of all paths of the blocks of a support."""
     beside = margin(matrix)
@@ -185,7 +186,7 @@ def columns_of(matrix: SampledMatrix, places: Places, support: IndexArray) -> Co
     return Columns(blocks, paths, first, values, ages_s)
 
 
-@compiled
+@compiled_within
 def matched_filter(
     matrix: SampledMatrix, signal: Signal, filtered: Signal, begin: int, end: int
 ) -> None:
@@ -203,7 +204,7 @@ def matched_filter(
                 row[window] += factor * heard[window]
 
 
-@compiled
+@compiled_within
 def refilter(matrix: SampledMatrix, before: Signal, after: Signal, filtered: Signal) -> None:
     """Bring a matched filter's output up to date where a signal has changed."""
     end, place, taps = len(after), 0, margin(matrix)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled, compiled_within, inlined
 from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
 from usmap_ros.reconstruction.sampled.fit import delay_step, least_squares, strengths
 from usmap_ros.reconstruction.sampled.matrix import (
@@ -100,7 +100,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     padded, places = with_margin(matrix, signal), on_grid(matrix)
     rows, taps = matrix.polyphase.shape
     filtered = np.zeros((rows, matrix.sample_count + taps - 1), np.complex128)
-    refilter(matrix, np.zeros_like(padded), padded, filtered)
+    refilter(matrix, np.zeros(len(padded), np.complex128), padded, filtered)
     # Of either sign; not written as a literal, for which all would be compiled once more.
     rectified = how.non_negative & False
     silent = least_squares(matrix, places, np.empty(0, np.int64), padded, rectified)
@@ -128,12 +128,14 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     # The last step is worth taking, but not worth another fit.
     move(matrix, places, fit.support, step_s)
     refilter(matrix, heard[1], fit.residual, filtered)
-    beside = margin(matrix)
+    beside, ranges_m = margin(matrix), np.empty(len(fit.support))
+    for number, block in enumerate(fit.support):
+        ranges_m[number] = places.ranges_m[block]
     return Found(
         fit.support,
         fit.coefficients,
         fit.residual[beside : beside + matrix.sample_count].copy(),
-        places.ranges_m[fit.support],
+        ranges_m,
         stds_s,
         strengths(matrix, fit),
         thresholds,
@@ -143,7 +145,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     )
 
 
-@compiled
+@compiled_within
 def loudness(scores: FloatArray, reach: int) -> FloatArray:
     """Loudest score within `reach` blocks of each."""
     count = len(scores)
@@ -165,7 +167,7 @@ def loudness(scores: FloatArray, reach: int) -> FloatArray:
     return loudest
 
 
-@compiled
+@inlined
 def _pulse_blocks(matrix: SampledMatrix) -> int:
     """Blocks that a pulse spans."""
     return int(np.ceil(matrix.duration_s / matrix.delay_step_s))

@@ -114,6 +114,11 @@ class LiveFusion:
         """Cones that came after a newer one had been fused."""
         return self._order.late
 
+    @property
+    def last_late(self) -> str:
+        """Topic of the last of them, and how far behind it was."""
+        return self._order.last_late
+
     def set_limits(self, order_wait_s: float, capacity: int) -> None:
         """Change how long and how many cones may wait."""
         with self._order_lock:

@@ -8,6 +8,8 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
+#: A source whose stamps lie so far behind the newest ones, s, has another clock, or is gone.
+OTHER_TIME_S = 60.0
 #: Without any item from anybody for so many times the wait, and for so long, nobody is waited for
 #: any more.  It is long, because all may be busy at once; only the last items ever wait for it.
 QUIET_WAITS, QUIET_S = 4.0, 5.0
@@ -62,6 +64,8 @@ class StampOrder(Generic[_Item]):
     late : int
         Items older than one that had been released before they came; they are released all the
         same.
+    last_late : str
+        Source of the last of them, and how far behind it was.
     """
 
     def __init__(self, wait_s: float, capacity: int) -> None:
@@ -69,6 +73,7 @@ class StampOrder(Generic[_Item]):
         self.capacity = capacity
         self.dropped = 0
         self.late = 0
+        self.last_late = ""
         self._heap: list[_Entry[_Item]] = []
         # Of each source: its items in the heap, oldest stamp first, and how many are not out yet.
         self._held: dict[str, list[_Entry[_Item]]] = {}
@@ -99,6 +104,7 @@ class StampOrder(Generic[_Item]):
         known.latest_ns, known.is_waited_for = stamp_ns, True
         if self._released_ns is not None and stamp_ns < self._released_ns:
             self.late += 1
+            self.last_late = f"{source}, {(self._released_ns - stamp_ns) / 1e9:.3g} s behind"
         self._newest_ns = max(self._newest_ns, stamp_ns)
         self._last_push_s = now_s
         entry = _Entry(stamp_ns, source, next(self._numbers), item, now_s)
@@ -168,8 +174,11 @@ class StampOrder(Generic[_Item]):
         return self._last_push_s + quiet_s
 
     def _all_are_past(self, stamp_ns: int) -> bool:
+        latest = [s.latest_ns for s in self._sources.values() if s.latest_ns is not None]
+        of_this_time_ns = max(latest, default=0) - round(OTHER_TIME_S * 1e9)
         return all(
-            source.latest_ns is not None and source.latest_ns >= stamp_ns
+            source.latest_ns is not None
+            and (source.latest_ns >= stamp_ns or source.latest_ns < of_this_time_ns)
             for source in self._sources.values()
             if source.is_waited_for
         )

@@ -111,6 +111,19 @@ def test_one_who_floods_takes_the_room_of_nobody_else() -> None:
     assert len(order) == 0
 
 
+def test_a_clock_of_1970_holds_nobody_up_and_is_named() -> None:
+    order = _order()
+    now_ns = 1_700_000_000_000_000_000
+    for number in range(5):
+        order.push("odd", number, f"odd{number}", 0.0)
+        order.push("a", now_ns + number, f"a{number}", 0.0)
+        order.push("b", now_ns + number, f"b{number}", 0.0)
+        # At once, and not after the wait that a silent source is given.
+        assert _drain(order, 0.0) == [f"odd{number}", f"a{number}", f"b{number}"]
+    assert order.late == 4
+    assert order.last_late == "odd, 1.7e+09 s behind"
+
+
 def test_a_clock_that_is_set_back_does_not_stop_a_source() -> None:
     order = _order()
     order.push("a", 1000, "a1000", 0.0)

@@ -25,7 +25,8 @@ from usmap_ros.repeats import RepeatedPingError
 #: Why cones are lost, by what they are counted as.
 _LOSSES = {
     "dropped": "cones come faster than they are fused",
-    "late": "cones came after newer ones had been fused; order_wait_s may be too short",
+    "late": "cones came after newer ones had been fused; order_wait_s may be too short, or a"
+    " robot's clock wrong",
 }
 
 
@@ -173,7 +174,10 @@ class MapSession:
         now = {"dropped": self.fusion.dropped, "late": self.fusion.late}
         for what, number in now.items():
             if number > self._noted[what]:
-                self._health.problem(what, _LOSSES[what], number=number - self._noted[what])
+                reason = _LOSSES[what]
+                if what == "late":
+                    reason = f"{self.fusion.last_late}: {reason}"
+                self._health.problem(what, reason, number=number - self._noted[what])
         self._noted = now
 
     # ---- maps

@@ -43,6 +43,7 @@ ARGUMENTS = {
     "checkpoint": ("", "Folder in which the map is kept; empty: as the parameters say."),
     "pose_source": ("", "Where robots are: path, tf or odometry; empty: as the parameters say."),
     "use_sim_time": ("false", "Whether time is that of /clock."),
+    "discovery_server": ("", "Address and port of a Fast DDS discovery server; empty: multicast."),
     "rviz": ("false", "Whether to start RViz."),
 }
 #: Time that the nodes get to start before the robots set off, s.
@@ -76,6 +77,8 @@ def make_nodes(context: LaunchContext) -> list[Any]:
         robots=[name.strip() for name in given["robots"].split(",") if name.strip()],
         checkpoint=Path(given["checkpoint"]) if given["checkpoint"] else None,
     )
+    if given["discovery_server"]:
+        context.environment["ROS_DISCOVERY_SERVER"] = given["discovery_server"]
     common = {"use_sim_time": True} if use_sim_time else {}
     files = [given["parameters"]] if given["parameters"] else []
     actions = []

@@ -1,9 +1,10 @@
 """Two hosts: robots on one, fusion on the other, and a link that goes down for a while.
 
-The hosts are network namespaces joined by a veth pair.
+And four hosts, which a discovery server brings together.  All are network namespaces.
 """
 
 import itertools
+import json
 import os
 import shutil
 import subprocess
@@ -128,3 +129,21 @@ def test_mapping_resumes_by_itself_after_the_link_was_down(
     hosts.set_link("up")
     wait_for_stamp(folder, last_s + 2.0)
     assert all(process.poll() is None for process in (fusion, *robots))
+
+
+def test_a_discovery_server_brings_four_hosts_together(hosts: TwoHosts) -> None:
+    server = Path(sys.executable).parent / "fast-discovery-server"
+    if not server.exists() and shutil.which(server.name) is None:
+        pytest.skip("there is no fast-discovery-server")
+    path = os.pathsep.join([str(server.parent), os.environ["PATH"]])
+    command = [sys.executable, "benchmarks/hosts.py", "--robots", "3", "--seconds", "2"]
+    done = subprocess.run(
+        command, cwd=ROOT, env=os.environ | {"PATH": path}, capture_output=True, text=True,
+        check=False, timeout=DEADLINE_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["hosts"] == 4
+    assert told["cones_fused"] > 0
+    # A cone is about 1 kB, with what its packets and the diagnostics add; its trace is 6 kB.
+    assert 0.5 < told["kilobytes_a_cone"] < 4.0

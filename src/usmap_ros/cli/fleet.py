@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from pathlib import Path
@@ -31,6 +32,13 @@ def fleet(
         list[str] | None,
         typer.Option("--robot", metavar="NAME", help="Only this robot; may be repeated."),
     ] = None,
+    discovery_server: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Find nodes on other hosts by this Fast DDS discovery server, not by multicast.",
+        ),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="End after so many seconds.")
     ] = None,
@@ -54,6 +62,8 @@ def fleet(
         robots=robots or [],
         checkpoint=checkpoint,
     )
+    if discovery_server is not None:
+        os.environ["ROS_DISCOVERY_SERVER"] = discovery_server
     tasks = [fleet_task(node, parameters_file) for node in nodes]
     supervisor = Supervisor(tasks, lambda line: print(line, flush=True))
     for number in (signal.SIGINT, signal.SIGTERM):

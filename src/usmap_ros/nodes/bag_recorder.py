@@ -116,7 +116,7 @@ def _start_recording(folder: Path) -> BagWriter:
 
 def main() -> None:
     """Run the node."""
-    run_node(BagRecorder)
+    run_node(BagRecorder, looks_for_topics=True)
 
 
 if __name__ == "__main__":

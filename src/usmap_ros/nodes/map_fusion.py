@@ -237,7 +237,7 @@ class MapFusion(LifecycleNode):
 
 def main() -> None:
     """Run the node."""
-    run_node(MapFusion, has_loops=True)
+    run_node(MapFusion, has_loops=True, looks_for_topics=True)
 
 
 if __name__ == "__main__":

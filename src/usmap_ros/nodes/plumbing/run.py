@@ -32,7 +32,11 @@ def prepare_environment() -> None:
 
 
 def run_node(
-    create: Callable[[], Any], arguments: list[str] | None = None, *, has_loops: bool = False
+    create: Callable[[], Any],
+    arguments: list[str] | None = None,
+    *,
+    has_loops: bool = False,
+    looks_for_topics: bool = False,
 ) -> None:
     """Run a node until SIGINT or SIGTERM; the main function of every executable.
 
@@ -47,11 +51,16 @@ def run_node(
         For ROS; by default those of the command line.
     has_loops : bool
         Whether it needs inner loops compiled, and waits for that before it listens to anything.
+    looks_for_topics : bool
+        Whether it looks for topics that it was not told of.
     """
     prepare_environment()
     name = os.path.basename(sys.argv[0])
     if has_loops:
         compile_if_needed(lambda line: print(f"{name}: {line}", file=sys.stderr, flush=True))
+    if looks_for_topics:
+        # A discovery server tells others only of those whose topics they have already.
+        os.environ.setdefault("ROS_SUPER_CLIENT", "TRUE")
     end = EndRequest()
     try:
         _begin_ros(arguments)

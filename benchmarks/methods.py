@@ -72,8 +72,6 @@ ABLATIONS = {
     "no_forgetting": Method("ours, nothing forgotten", {"mapping.forgetting": 0.0}),
     "no_proof": Method("ours, silence trusted everywhere", {"mapping.silence_trust_m": 100.0}),
     "no_walls": Method("ours, gaps in walls left open", {"mapping.wall_gap_m": 0.0}),
-    "no_sides": Method("ours, all things answer to all sides", {"mapping.side_price": 1e3}),
-    "no_price": Method("ours, cells' powers free of charge", {"mapping.power_price": 0.0}),
     "no_covariance": Method("ours, poses' covariance ignored", trusts_poses=True),
 }
 

@@ -273,9 +273,6 @@ class MappingParameters(ParameterGroup):
         ge=0.0,
         le=10.0,
     )
-    power_price: float = quantity(
-        0.02, "Rate of the exponential prior of a cell's power.", ge=0.0, le=1e3
-    )
     evidence_threshold: float = quantity(
         16.0,
         "Log-likelihood ratio at which a cell is as likely occupied as free.",
@@ -289,14 +286,7 @@ class MappingParameters(ParameterGroup):
         8.0, "Bound of what a single echo or silence can say of a cell.", gt=0.0, le=100.0
     )
     most_evidence: float = quantity(
-        60.0, "Bound of what all pings together can say of a cell.", gt=0.0, le=1e4
-    )
-    side_price: float = quantity(
-        10.0,
-        "Evidence by which a thing that answers to one side only must exceed one that answers to"
-        " all sides.",
-        ge=0.0,
-        le=1e3,
+        100.0, "Bound of what all pings together can say of a cell.", gt=0.0, le=1e4
     )
     forgetting: float = quantity(
         0.08,

@@ -9,9 +9,10 @@ from scipy.special import expit, logit
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
 from usmap_ros.mapping.superposition import few
-from usmap_ros.mapping.superposition.cells import QUARTERS, Seen, Tiles
+from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
 from usmap_ros.mapping.superposition.few import Explained, Suspects, explain, weigh_sources
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, UNJUDGED, Look, look_of
+from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 

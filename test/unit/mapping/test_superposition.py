@@ -12,21 +12,20 @@ from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
 from usmap_ros.mapping.superposition.belief import (
     Scale,
     calibrated,
-    combined,
     evidence_of,
     uncalibrated,
 )
-from usmap_ros.mapping.superposition.cells import QUARTERS, SIDES, Tiles, forget, slot_at
+from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
 from usmap_ros.mapping.superposition.evidence import Bounds, add_gain, log_likelihood
-from usmap_ros.mapping.superposition.look import ECHO, Look, look_of
+from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look, look_of
 from usmap_ros.mapping.superposition.powers import (
     Powers,
-    expect,
+    find_unexplained,
+    gradient_between,
     learn_powers,
-    split_expected,
     weigh_bins,
-    where_heard,
 )
+from usmap_ros.mapping.superposition.seen import forget
 from usmap_ros.mapping.superposition.sight import cast_rays, deal_proof
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
@@ -64,14 +63,11 @@ class Area:
         return float(self.powers.power[slot * QUARTERS : (slot + 1) * QUARTERS].sum())
 
     def expected(self, look: Look) -> np.ndarray:
-        seen, count = self.work.find(
-            look, self.tiles, self.powers.alive, self.work.rays(look, self.tiles)
+        seen, count, _ = self.work.expect(
+            look, self.tiles, self.nothing, self.powers.alive, self.powers.power
         )
-        parts, bins = self.work.parts(count), self.work.bins(look)
-        split_expected(look, seen, count, self.powers.power, parts)
-        expect(look, count, parts, bins)
         forget(seen, count)
-        return bins.expected[: len(look.kind)].copy()
+        return self.work.bins(look).expected[: len(look.kind)].copy()
 
     def learn(self, look: Look) -> float:
         """Learn from a look; returns its log-likelihood before."""
@@ -80,7 +76,7 @@ class Area:
         seen, count = self.work.find(look, self.tiles, self.powers.alive, rays)
         bins = self.work.bins(look)
         weigh_bins(look, bins)
-        learn_powers(look, seen, count, bins, self.powers, 0.0, 0.5)
+        learn_powers(look, seen, count, bins, self.powers, 0.5)
         forget(seen, count)
         return before
 
@@ -141,16 +137,68 @@ def test_all_of_an_objects_power_is_expected_around_its_range(
     assert not np.any((lit > 1.6) & (lit < 2.0))
 
 
-def test_a_blurred_quarter_belongs_where_there_is_an_echo(make_cone: MakeCone) -> None:
+def test_a_blurred_quarter_belongs_where_there_is_an_echo(area: Area, make_cone: MakeCone) -> None:
     """Otherwise to its middle: silence at its rim says nothing of it."""
-    look = look_of(make_cone((1.5125, 0.2)), PARAMETERS)
-    echo = int(np.flatnonzero(look.kind == ECHO)[0])
-    assert where_heard(look, echo - 3.0, echo + 1.5, 0.5) == (
-        True, echo - 3.0, echo + 1.5, pytest.approx(1.0 / (4.5 * 0.5)),
-    )  # fmt: skip
-    assert where_heard(look, echo + 2.0, echo + 6.0, 0.5) == (
-        False, echo + 3.0, echo + 5.0, pytest.approx(0.5),
-    )  # fmt: skip
+    exact = look_of(make_cone((1.5125, 0.2)), PARAMETERS)
+    looks = [exact._replace(range_std_m=0.0), exact._replace(range_std_m=0.03)]
+    near, far = area.suspect(1.5375, 0.0125), area.suspect(2.5125, 0.0125)
+    width, heard, density = {}, {}, {}
+    for sharp, look in zip((True, False), looks, strict=True):
+        seen, _ = area.work.find(
+            look, area.tiles, area.powers.alive, area.work.rays(look, area.tiles)
+        )
+        for slot in (near, far):
+            place = seen.place[slot]
+            width[sharp, slot] = seen.high[place] - seen.low[place]
+            heard[sharp, slot] = seen.heard[place].copy()
+            density[sharp, slot] = seen.density[place]
+        forget(seen, 2)
+    assert np.all(heard[False, near])
+    assert not np.any(heard[False, far])
+    assert np.all(width[False, near] > 3.0 * width[True, near])
+    np.testing.assert_allclose(width[False, far], width[True, far], rtol=1e-5)
+    # In each bin it is expected as strong as without the blur: it stands in one place.
+    assert density[False, near] == density[True, near]
+
+
+def test_unexplained_echoes_are_those_much_stronger_than_expected(
+    area: Area, make_cone: MakeCone
+) -> None:
+    look = look_of(make_cone((1.0125, 0.2), (2.0125, 0.1)), PARAMETERS)
+    first, second = np.flatnonzero(look.kind == ECHO)
+    area.expected(look)
+    bins, following = area.work.bins(look), np.empty(len(look.kind) + 1, np.int32)
+    assert find_unexplained(look, bins, following)
+    assert list(following[[0, first, first + 1, second]]) == [first, first, second, second]
+    assert np.all(following[second + 1 :] == NEVER)
+    bins.expected[[first, second]] = 0.04, 0.01
+    assert not find_unexplained(look, bins, following)
+    bins.expected[second] = 0.001
+    assert find_unexplained(look, bins, following)
+    assert following[0] == second
+
+
+@pytest.mark.parametrize("heard", [False, True])
+@pytest.mark.parametrize(("low", "high"), [(3.2, 3.9), (3.2, 8.7), (-2.0, 4.5), (110.0, 900.0)])
+def test_gradients_are_summed_over_stretches_of_range_bins(
+    area: Area, make_cone: MakeCone, low: float, high: float, heard: bool
+) -> None:
+    """Beside silence, only if nothing was heard in the stretch."""
+    look = look_of(make_cone((0.15, 0.3), (1.5125, 0.2)), PARAMETERS)
+    for x_m in np.arange(0.1, 3.0, 0.05):
+        area.suspect(float(x_m), 0.0125, 0.3)
+    area.expected(look)
+    bins, count = area.work.bins(look), len(look.kind)
+    weigh_bins(look, bins)
+    raises, lowers = np.diff(bins.gradient[: count + 1, :2], axis=0).T
+    assert np.count_nonzero(raises) > 30
+    covered = np.clip(
+        np.minimum(np.arange(count) + 1, high) - np.maximum(np.arange(count), low), 0, 1
+    )
+    if heard:
+        covered[look.kind == SILENCE] = 0.0
+    found = gradient_between(bins, count, low, high, heard)
+    np.testing.assert_allclose(found, (covered @ raises, covered @ lowers), rtol=1e-6, atol=1e-9)
 
 
 def test_the_power_of_a_lone_reflector_is_learnt(area: Area, make_cone: MakeCone) -> None:
@@ -196,31 +244,22 @@ BOUNDS = Bounds(of_a_bin=8.0, of_all=60.0, forgetting=0.06)
 
 
 def test_evidence_stays_within_its_bounds_on_either_side() -> None:
-    sums = np.zeros(2 * SIDES, np.float32)
+    sums = np.zeros(3, np.float32)
     for _ in range(100):
-        add_gain(sums, 1, 2, 4.0, BOUNDS)
-    assert sums[SIDES + 2] == 60.0
+        add_gain(sums, 1, 4.0, BOUNDS)
+    assert sums[1] == 60.0
     assert np.count_nonzero(sums) == 1
     for _ in range(100):
-        add_gain(sums, 1, 2, -4.0, BOUNDS)
-    assert sums[SIDES + 2] == -15.0
+        add_gain(sums, 1, -4.0, BOUNDS)
+    assert sums[1] == -15.0
 
 
-def test_a_contradiction_from_one_side_makes_all_sides_forget() -> None:
-    sums = np.full(SIDES, 50.0, np.float32)
-    add_gain(sums, 0, 3, -1.0, BOUNDS)
-    assert np.delete(sums, 3) == pytest.approx(np.full(SIDES - 1, 47.0))
-    assert sums[3] == pytest.approx(46.0)
-    add_gain(sums, 0, 3, -0.1, BOUNDS)  # too little to be a contradiction
-    assert sums[0] == pytest.approx(47.0)
-
-
-@pytest.mark.parametrize(
-    ("sides", "expected"), [([3, 4, 5, 0, 0, 0], 12.0), ([30, -15, -15, -15, 0, 0], 20.0)]
-)
-def test_a_thing_answers_to_all_sides_or_to_one(sides: list[float], expected: float) -> None:
-    evidence = np.array([9.0] * SIDES + sides, np.float32)
-    assert combined(1, evidence, 10.0) == pytest.approx(expected)
+def test_a_contradiction_makes_a_cell_forget() -> None:
+    sums = np.full(1, 50.0, np.float32)
+    add_gain(sums, 0, -1.0, BOUNDS)
+    assert sums[0] == pytest.approx(46.0)
+    add_gain(sums, 0, -0.1, BOUNDS)  # too little to be a contradiction
+    assert sums[0] == pytest.approx(45.9)
 
 
 def test_rays_behind_an_opaque_wall_are_dark(area: Area, make_cone: MakeCone) -> None:
@@ -252,7 +291,7 @@ def test_proof_ends_a_cell_before_what_the_sound_came_back_from(
 
 
 def test_calibration_keeps_the_order_and_can_be_undone() -> None:
-    scale = Scale(16.0, 0.5, -10.0, 2.5, -5.3, 10.0)
+    scale = Scale(16.0, 0.5, -10.0, 2.5, -5.3)
     raw = np.linspace(-8.0, 40.0, 400).astype(np.float32)
     shown = calibrated(raw, scale)
     assert np.all(np.diff(shown) > 0.0)

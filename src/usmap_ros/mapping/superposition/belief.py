@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within, inlined
-from usmap_ros.mapping.superposition.cells import SIDES, Tiles, slot_beside
+from usmap_ros.compiled import compiled, compiled_within
+from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
 
 #: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.
 OWN_SHARE = 0.25
@@ -43,8 +43,6 @@ class Scale(NamedTuple):
         Clamps.
     prior : float
         Log-odds of a cell of which nothing is known.
-    side_price : float
-        Evidence by which a thing that answers to one side only must exceed one that answers to all.
     """
 
     threshold: float
@@ -52,26 +50,11 @@ class Scale(NamedTuple):
     least: float
     greatest: float
     prior: float
-    side_price: float
-
-
-@inlined
-def combined(slot: int, evidence: NDArray[np.float32], side_price: float) -> float:
-    """Evidence of all sides together, or of the best one alone, whichever is more.
-
-    A pole answers to all sides; a wall, or a pillar's curved front, only to the side that it
-    faces, and its silence to others says nothing.
-    """
-    total, best = 0.0, -1e9
-    for side in range(SIDES):
-        total += evidence[slot * SIDES + side]
-        best = max(best, evidence[slot * SIDES + side])
-    return max(total, best - side_price)
 
 
 @compiled_within
 def strongest_neighbour(
-    slot: int, row: int, column: int, tiles: Tiles, own: NDArray[np.float32], side_price: float
+    slot: int, row: int, column: int, tiles: Tiles, own: NDArray[np.float32]
 ) -> float:
     """Greatest evidence of a cell by itself among a cell and its eight neighbours."""
     strongest = 0.0
@@ -79,7 +62,7 @@ def strongest_neighbour(
         for columns in range(-1, 2):
             neighbour = slot_beside(slot, row, column, rows, columns, tiles)
             if neighbour >= 0:
-                strongest = max(strongest, combined(neighbour, own, side_price))
+                strongest = max(strongest, own[neighbour])
     return strongest
 
 
@@ -122,11 +105,8 @@ def judge(
     """
     for index in range(len(slots)):
         slot = slots[index]
-        strongest = strongest_neighbour(
-            slot, rows[index], columns[index], tiles, own, scale.side_price
-        )
-        evidence = combined(slot, block, scale.side_price)
-        by_itself = combined(slot, own, scale.side_price)
+        strongest = strongest_neighbour(slot, rows[index], columns[index], tiles, own)
+        evidence, by_itself = block[slot], own[slot]
         if by_itself < OWN_SHARE * strongest:
             evidence = min(evidence, by_itself)
         else:
@@ -153,11 +133,9 @@ def find_hiding(
     for index in range(len(slots)):
         slot = slots[index]
         hiding[slot] = 0.0
-        by_itself = combined(slot, own, scale.side_price)
-        if by_itself > HIDING_SHARE * strongest_neighbour(
-            slot, rows[index], columns[index], tiles, own, scale.side_price
-        ):
-            evidence = max(by_itself, combined(slot, block, scale.side_price))
+        strongest = strongest_neighbour(slot, rows[index], columns[index], tiles, own)
+        if own[slot] > HIDING_SHARE * strongest:
+            evidence = max(own[slot], block[slot])
             exponent = min(max(scale.slope * (evidence - scale.threshold), -30.0), 30.0)
             hiding[slot] = 1.0 / (1.0 + math.exp(-exponent))
 

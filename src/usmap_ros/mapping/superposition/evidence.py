@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within, inlined
-from usmap_ros.mapping.superposition.cells import SIDES, Seen, Tiles, slot_beside
+from usmap_ros.compiled import compiled, compiled_within
+from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import BLOCK_BINS, CELL_BINS, Bins, Contributions
+from usmap_ros.mapping.superposition.seen import Seen
 
 #: Share of an echo's expected power that must come from a cell to prove the way to it.
 PROVING_SHARE = 0.6
@@ -26,13 +27,13 @@ LEAST_SHARE = 0.05
 
 
 class Evidence(NamedTuple):
-    """Sums over looks of what they say; arrays of shape (slots,) if not stated.
+    """Sums over looks of what they say; (slots,) arrays.
 
     Parameters
     ----------
-    own : (slots * SIDES,) float32 array
-        Log-likelihood ratio of each cell by itself, by the side from which it was seen.
-    block : (slots * SIDES,) float32 array
+    own : float32 array
+        Log-likelihood ratio of each cell by itself.
+    block : float32 array
         The same of the cell with its eight neighbours.
     clear : float32 array
         Rays that are known to have passed.
@@ -55,7 +56,7 @@ class Bounds(NamedTuple):
     Parameters
     ----------
     of_a_bin, of_all : float
-        Bounds of a single bin's log-likelihood ratio, and of a side's sum.
+        Bounds of a single bin's log-likelihood ratio, and of a cell's sum.
     forgetting : float
         Share of the sums that is forgotten with every look that contradicts them.
     """
@@ -122,59 +123,54 @@ def add_evidence(
     evidence : Evidence
         `own` and `block` are added to, `relevant` is set to 1 for cells of which anything is said.
     """
+    expected, block, margin = bins.expected, parts.block, (BLOCK_BINS - CELL_BINS) // 2
     for cell in range(count):
-        slot = seen.slot[cell]
-        start = parts.first_bin[cell]
+        slot, start = seen.slot[cell], parts.first_bin[cell]
         gain, counts = 0.0, False
         for column in range(max(0, -start), parts.columns[cell]):
             part, b = parts.parts[cell, column], start + column
-            if part > 0.0 and part > LEAST_SHARE * bins.expected[b]:
+            if part > 0.0 and part > LEAST_SHARE * expected[b]:
                 gain += log_ratio_without(look, bins, b, part, bounds.of_a_bin)
                 counts = True
         if not counts:
             continue
         evidence.relevant[slot] = 1.0
-        add_gain(evidence.own, slot, seen.side[cell], gain, bounds)
+        add_gain(evidence.own, slot, gain, bounds)
+        _sum_block(seen, parts, tiles, cell, start - margin)
         gain = 0.0
-        start -= (BLOCK_BINS - CELL_BINS) // 2
-        _sum_block(seen, parts, tiles, cell, start)
-        for column in range(BLOCK_BINS):
-            part, b = parts.block[column], start + column
-            if part > 0.0 and part > LEAST_SHARE * bins.expected[b]:
+        for index in range(BLOCK_BINS):
+            part, b = block[index], start - margin + index
+            if part > 0.0 and part > LEAST_SHARE * expected[b]:
                 gain += log_ratio_without(look, bins, b, part, bounds.of_a_bin)
-        add_gain(evidence.block, slot, seen.side[cell], gain, bounds)
+        add_gain(evidence.block, slot, gain, bounds)
 
 
 @compiled_within
-def add_gain(
-    evidence: NDArray[np.float32], slot: int, side: int, gain: float, bounds: Bounds
-) -> None:
-    """Add what a look says to the evidence of a side, and forget of what it contradicts."""
-    if abs(gain) > CONTRADICTION:
-        for other in range(slot * SIDES, (slot + 1) * SIDES):
-            if evidence[other] * gain < 0.0:
-                evidence[other] *= 1.0 - bounds.forgetting
-    index = slot * SIDES + side
-    least, most = -MOST_AGAINST * bounds.of_all, bounds.of_all
-    evidence[index] = min(max(evidence[index] + gain, least), most)
-
-
-@inlined
 def _sum_block(seen: Seen, parts: Contributions, tiles: Tiles, cell: int, start: int) -> None:
     """Contributions of a cell and its neighbours, from range bin `start` on."""
-    for index in range(BLOCK_BINS):
-        parts.block[index] = 0.0
+    block, first_bin, columns = parts.block, parts.first_bin, parts.columns
     own, row, column = seen.slot[cell], seen.row[cell], seen.column[cell]
-    for rows in range(-1, 2):
-        for columns in range(-1, 2):
-            slot = slot_beside(own, row, column, rows, columns, tiles)
-            if slot < 0 or seen.place[slot] < 0:
-                continue
-            neighbour = seen.place[slot]
-            offset = parts.first_bin[neighbour] - start
-            last = min(parts.columns[neighbour], BLOCK_BINS - offset)
-            for index in range(max(0, -offset), last):
-                parts.block[offset + index] += parts.parts[neighbour, index]
+    for index in range(BLOCK_BINS):
+        block[index] = 0.0
+    for up in range(-1, 2):
+        for right in range(-1, 2):
+            slot = slot_beside(own, row, column, up, right, tiles)
+            neighbour = seen.place[slot] if slot >= 0 else -1
+            if neighbour >= 0:
+                offset = first_bin[neighbour] - start
+                last = min(columns[neighbour], BLOCK_BINS - offset)
+                for index in range(max(0, -offset), last):
+                    block[offset + index] += parts.parts[neighbour, index]
+
+
+@compiled_within
+def add_gain(evidence: NDArray[np.float32], slot: int, gain: float, bounds: Bounds) -> None:
+    """Add what a look says to the evidence of a cell, and forget of what it contradicts."""
+    total = evidence[slot]
+    if abs(gain) > CONTRADICTION and total * gain < 0.0:
+        total *= 1.0 - bounds.forgetting
+    least, most = -MOST_AGAINST * bounds.of_all, bounds.of_all
+    evidence[slot] = min(max(total + gain, least), most)
 
 
 @compiled

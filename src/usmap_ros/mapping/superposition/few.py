@@ -26,17 +26,10 @@ from scipy.special import expit, logit
 
 from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
-from usmap_ros.mapping.superposition.cells import (
-    LEAST_POWER_GAIN,
-    QUARTERS,
-    Seen,
-    Tiles,
-    forget,
-    power_gain,
-    slot_beside,
-)
+from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import bearing_fit
+from usmap_ros.mapping.superposition.seen import LEAST_POWER_GAIN, Seen, forget, power_gain
 from usmap_ros.parameters import MappingParameters
 
 #: Powers that an object may have, and how many standard deviations about the median they span.

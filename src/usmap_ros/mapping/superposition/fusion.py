@@ -25,7 +25,7 @@ from usmap_ros.mapping.superposition.belief import (
     set_depth,
     uncalibrated,
 )
-from usmap_ros.mapping.superposition.cells import QUARTERS, SIDES, Seen, Tiles, forget
+from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
 from usmap_ros.mapping.superposition.evidence import (
     Bounds,
     Evidence,
@@ -37,18 +37,18 @@ from usmap_ros.mapping.superposition.few import (
     explain,
     judge_first,
 )
-from usmap_ros.mapping.superposition.layers import Suspects, shares_of_sides
+from usmap_ros.mapping.superposition.layers import Suspects, directions_heard_from
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.others import Expected, MapByOthers
 from usmap_ros.mapping.superposition.powers import (
     LEAST_POWER,
     Contributions,
     Powers,
-    is_explained,
     learn_powers,
     seed_unexplained,
     weigh_bins,
 )
+from usmap_ros.mapping.superposition.seen import Seen, forget
 from usmap_ros.mapping.superposition.shares import Shares, add_shares
 from usmap_ros.mapping.superposition.sight import (
     deal_presence,
@@ -77,15 +77,12 @@ EVIDENCE = ("own", "block", CLEAR, SILENT, *Shares._fields)
 #: pings have left behind that are no longer in the window.
 SHOWN, GATHERED, LASTING = "shown", "gathered", "lasting"
 #: Layers with several values a cell.
-SEVERAL = {
-    **dict.fromkeys((POWER, ATTRACTION, PRESSURE), QUARTERS),
-    **{f"{kind} {name}": SIDES for kind in (SHOWN, GATHERED, LASTING) for name in EVIDENCE[:2]},
-}
+SEVERAL = dict.fromkeys((POWER, ATTRACTION, PRESSURE), QUARTERS)
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
 MOST_PASSES, EARLY_VISITS = 40, 60
-#: Pings that are learnt from again at once when a new one cannot be explained.
-RECENT = 6
+#: Earlier pings that are learnt from again at once when a new one cannot be explained.
+RECENT = 3
 #: So few pings are explained from the start whenever there is one more, with so many passes to
 #: see what is free.  Later this is done less and less often: each time after this share more.
 FEW_PINGS, FIRST_PASSES, FRESH_STARTS = 6, 2, 0.5
@@ -141,7 +138,6 @@ class SuperpositionFusion(Fusion):
             least=parameters.least_log_odds,
             greatest=parameters.greatest_log_odds,
             prior=float(logit(parameters.prior)),
-            side_price=parameters.side_price,
         )
 
     # ------------------------------------------------------------------ a new ping
@@ -158,9 +154,9 @@ class SuperpositionFusion(Fusion):
         if self._are_few:
             return
         if not explained:
-            for recent in range(max(0, len(self._window) - RECENT), len(self._window)):
+            for recent in range(max(0, len(self._window) - 1 - RECENT), len(self._window) - 1):
                 self._learn(self._window[recent])
-        self._deal(look, SHOWN, learn=explained)
+        self._deal(look, SHOWN, learn=True)
         count = len(self._window)
         early = min(MOST_PASSES * count, EARLY_VISITS // count)
         for _ in range(max(self.parameters.revisits, early)):
@@ -178,14 +174,14 @@ class SuperpositionFusion(Fusion):
 
     def _suspect(self, look: Look) -> bool:
         """Suspect every cell that may have returned an unexplained echo; whether there is none."""
-        layer, bins = self._grid.layer, self._work.bins(look)
+        layer = self._grid.layer
         seen, count, _ = self._expect(look, layer(ALIVE))
         forget(seen, count)
-        if is_explained(look, bins):
+        found = self._work.find_sources(look, self._tiles(), layer(EVERYWHERE))
+        if found is None:
             return True
-        seen, count = self._find(look, layer(EVERYWHERE))
-        seed_unexplained(look, seen, count, bins, layer(POWER), layer(ALIVE))
-        forget(seen, count)
+        seed_unexplained(look, *found, self._work.bins(look), layer(POWER), layer(ALIVE))
+        forget(*found)
         return False
 
     def _start_over(self) -> None:
@@ -263,7 +259,7 @@ class SuperpositionFusion(Fusion):
         names = (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE)
         powers = Powers(*(self._grid.layer(name) for name in names))
         least_news = 1.0 / (1 + len(self._window))
-        learn_powers(look, seen, count, bins, powers, self.parameters.power_price, least_news)
+        learn_powers(look, seen, count, bins, powers, least_news)
 
     def _deal(self, look: Look, kind: str, *, learn: bool = False) -> None:
         """Add what a ping says to the evidence of a kind; learn its powers too if asked to."""
@@ -296,8 +292,7 @@ class SuperpositionFusion(Fusion):
             (alive > 0.0) & (layer(RELEVANT) == 0.0) & (layer(LOOKS) >= FAIR_LOOKS)
         )
         # What pings found that have left the window stays, though none is left to say it again.
-        lasting = layer(_of(LASTING, "block")).reshape(-1, SIDES)[given_up].max(axis=1, initial=0.0)
-        given_up = given_up[lasting <= 0.0]
+        given_up = given_up[layer(_of(LASTING, "block"))[given_up] <= 0.0]
         layer(POWER).reshape(-1, QUARTERS)[given_up] = 0.0
         alive[given_up] = 0.0
         layer(LOOKS)[given_up] = 0.0
@@ -355,11 +350,10 @@ class SuperpositionFusion(Fusion):
         self._judge(suspected, open_scale, layer(LOG_ODDS))
         slots = suspected[-1]
         log_odds = layer(LOG_ODDS)[slots]
-        block = layer(_of(SHOWN, "block")).reshape(-1, SIDES)[slots]
         shares = Shares(*(layer(_of(SHOWN, name))[slots] for name in Shares._fields))
         return Snapshot(
             self._grid.copied({CLEAR: _of(SHOWN, CLEAR), SILENT: _of(SHOWN, SILENT)}),
-            Suspects(*suspected, log_odds, block, shares),
+            Suspects(*suspected, log_odds, shares),
             log_odds if self._are_few else calibrated(log_odds, scale),
             scale, self.parameters, self.frame_id, self.stamp_ns,
         ).occupancy_map  # fmt: skip
@@ -383,10 +377,11 @@ class SuperpositionFusion(Fusion):
         evidence = np.where(suspected, uncalibrated(log_odds, scale), 0.0)
         proof = layer(EXPOSURE) * (self.parameters.proof_rays / self.parameters.observed_exposure)
         silence = np.where(free, (scale.prior - log_odds) / SILENT_LOOK, 0.0)
-        by_side = (evidence[:, None] * shares_of_sides(self._grid, occupancy)).reshape(-1)
+        heard = directions_heard_from(self._grid, occupancy)
         for kind in (SHOWN, LASTING):
-            layer(_of(kind, "own"))[:] = by_side
-            layer(_of(kind, "block"))[:] = by_side
+            layer(_of(kind, "own"))[:] = evidence
+            layer(_of(kind, "block"))[:] = evidence
+            layer(_of(kind, "heard_x"))[:], layer(_of(kind, "heard_y"))[:] = heard
             layer(_of(kind, "clear"))[:] = proof
             layer(_of(kind, "silent"))[:] = silence
         layer(ALIVE)[:] = suspected

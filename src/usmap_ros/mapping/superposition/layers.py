@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve, maximum_filter
 from scipy.special import entr, expit
 
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.arrays import IndexArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, OccupancyMap
 from usmap_ros.mapping.export import LOG_ODDS, on_map
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.normals import surface_normals
-from usmap_ros.mapping.superposition.cells import SIDES
 from usmap_ros.mapping.superposition.shares import Shares
 
 
@@ -27,8 +26,6 @@ class Suspects(NamedTuple):
         The cells.
     log_odds : (n,) float32 array
         By their evidence, not clamped.
-    block : (n, SIDES) float32 array
-        Evidence of cells with their neighbours, by the side from which they were seen.
     shares : Shares of (n,) float32 arrays
         In what was heard.
     """
@@ -37,7 +34,6 @@ class Suspects(NamedTuple):
     columns: IndexArray
     slots: IndexArray
     log_odds: NDArray[np.float32]
-    block: NDArray[np.float32]
     shares: Shares
 
 
@@ -86,30 +82,18 @@ def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> ND
     return bits
 
 
-def directions_of_sides() -> FloatArray:
-    """Unit vectors from a cell to those who look at it from each side, shape (SIDES, 2).
-
-    Side 0 begins with looks that go along the negative x axis, and so come from the positive one.
-    """
-    angle = (np.arange(SIDES) + 0.5) * (2.0 * np.pi / SIDES)
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-
-
 def map_normals(occupancy: OccupancyMap, suspects: Suspects) -> NDArray[np.float32]:
     """Layer `usmap_ros.grids.NORMAL` of a map."""
-    heard = np.maximum(suspects.block, 0.0) @ directions_of_sides()
     heard_from = [
-        on_map(
-            occupancy.geometry, suspects.rows, suspects.columns, heard[:, axis].astype(np.float32)
-        )
-        for axis in (0, 1)
+        on_map(occupancy.geometry, suspects.rows, suspects.columns, heard)
+        for heard in (suspects.shares.heard_x, suspects.shares.heard_y)
     ]
     believed = occupancy.predicted()
     return surface_normals(believed, occupancy.probability(), np.stack(heard_from, axis=-1))
 
 
-def shares_of_sides(grid: TiledGrid, occupancy: OccupancyMap) -> NDArray[np.float32]:
-    """Shares of what is known of cells that the sides hold from which they were heard.
+def directions_heard_from(grid: TiledGrid, occupancy: OccupancyMap) -> NDArray[np.float32]:
+    """Vectors from the cells of a map to those who heard them, as far as its normals tell.
 
     Parameters
     ----------
@@ -120,10 +104,10 @@ def shares_of_sides(grid: TiledGrid, occupancy: OccupancyMap) -> NDArray[np.floa
 
     Returns
     -------
-    shares : (slots, SIDES) float32 array
-        All of it on the side that a surface faces; the same on all sides where that is not known.
+    heard : (2, slots) float32 array
+        Unit vectors; 0 where no normal is known.
     """
-    shares = np.full((len(grid.layer(LOG_ODDS)), SIDES), 1.0 / SIDES, np.float32)
+    heard = np.zeros((2, len(grid.layer(LOG_ODDS))), np.float32)
     if NORMAL in occupancy.layers:
         normal_rad = occupancy.layers[NORMAL]
         left, top = occupancy.geometry.first_cell
@@ -131,6 +115,5 @@ def shares_of_sides(grid: TiledGrid, occupancy: OccupancyMap) -> NDArray[np.floa
         known = np.isfinite(normal_rad) & occupancy.observed
         rows, columns = np.nonzero(known)
         slots = grid.slots(rows + top, columns + left)
-        side = np.floor(normal_rad[rows, columns] / (2.0 * np.pi) * SIDES).astype(np.intp)
-        shares[slots] = np.eye(SIDES, dtype=np.float32)[side % SIDES]
-    return shares
+        heard[:, slots] = np.cos(normal_rad[rows, columns]), np.sin(normal_rad[rows, columns])
+    return heard

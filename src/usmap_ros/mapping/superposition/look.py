@@ -15,6 +15,9 @@ from usmap_ros.parameters import MappingParameters
 #: What a range bin holds: nothing that could be judged, an echo, or silence up to a limit.
 UNJUDGED, ECHO, SILENCE = 0, 1, 2
 
+#: Number of a range bin that is beyond all.
+NEVER = 1 << 30
+
 #: Range bins along the side of a cell, and the finest bin: echoes are no better separated.
 BINS_PER_CELL = 4
 FINEST_BIN_M = 0.0125
@@ -57,8 +60,8 @@ class Look(NamedTuple):
         UNJUDGED, ECHO or SILENCE.
     power : (bins,) float32 array
         Of the echoes in each bin.
-    next_echo : (bins,) int32 array
-        First range bin from each on that has an echo; the number of bins if there is none.
+    next_echo : (bins + 1,) int32 array
+        First range bin from each on that has an echo; `NEVER` if there is none.
     limit : (bins,) float32 array
         Power below which an echo may have gone unreported.
     bearing, bearing_weight : (bins,) float32 arrays
@@ -168,7 +171,7 @@ def _binned(
 
 def _next_echo(kind: NDArray[np.uint8]) -> NDArray[np.int32]:
     """First range bin from each on that has an echo."""
-    place = np.where(kind == ECHO, np.arange(len(kind)), len(kind))
+    place = np.append(np.where(kind == ECHO, np.arange(len(kind)), NEVER), NEVER)
     following: NDArray[np.int32] = np.minimum.accumulate(place[::-1])[::-1].astype(np.int32)
     return following
 

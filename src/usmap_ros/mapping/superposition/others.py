@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from usmap_ros.arrays import FloatArray
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, set_depth
-from usmap_ros.mapping.superposition.cells import SIDES, Tiles, forget
+from usmap_ros.mapping.superposition.cells import Tiles
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_evidence, prepare_bins
 from usmap_ros.mapping.superposition.look import Look
+from usmap_ros.mapping.superposition.seen import forget
 from usmap_ros.mapping.superposition.workspace import Workspace
 
 #: Evidence at which the others are believed to have seen something, relative to that at which the
@@ -86,7 +87,7 @@ class MapByOthers:
         found = {}
         for robot, pings in looks.items():
             others = [said for other, said in evidence.items() if other != robot]
-            own, block = (np.zeros(len(self._alive) * SIDES, np.float32) for _ in range(2))
+            own, block = (np.zeros_like(self._alive) for _ in range(2))
             for said in others:
                 own += said.own
                 block += said.block
@@ -96,10 +97,7 @@ class MapByOthers:
 
     def _evidence(self, looks: Sequence[Look]) -> Evidence:
         """What some pings say of the cells of the map."""
-        cells = len(self._alive)
-        own, block = (np.zeros(cells * SIDES, np.float32) for _ in range(2))
-        clear, silent, relevant = (np.zeros(cells, np.float32) for _ in range(3))
-        evidence = Evidence(own, block, clear, silent, relevant)
+        evidence = Evidence(*(np.zeros_like(self._alive) for _ in Evidence._fields))
         for look in looks:
             seen, count, parts = self._work.expect(
                 look, self._tiles, self._depth, self._alive, self._power

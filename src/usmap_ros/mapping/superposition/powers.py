@@ -28,12 +28,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, inlined
-from usmap_ros.mapping.superposition.cells import QUARTERS, Seen
-from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
+from usmap_ros.compiled import compiled, compiled_within, inlined
+from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look
+from usmap_ros.mapping.superposition.seen import Seen
 
 #: Range bins that a cell can reach into, and a block of nine cells.
 CELL_BINS, BLOCK_BINS = 16, 48
+#: Columns of `Bins.gradient`.
+GRADIENTS = 4
 
 #: Share of the squared share of its strongest contributor by which a bin's power is steadier
 #: than speckle: a lone object's amplitude varies by a few per cent from look to look.
@@ -56,18 +59,18 @@ class Bins(NamedTuple):
         λ.
     squares : float64 array
         Sum of the squared contributions to λ.
-    pull, push : float64 arrays
-        What raises, and what lowers, the powers that contribute: the two parts of the
-        gradient of the log-likelihood with respect to λ.
     log_likelihood : float64 array
         Of what was heard.
+    gradient : (bins, GRADIENTS) float64 array
+        Sums over the bins before each, and in the last row over all, of the two parts of the
+        gradient of the log-likelihood with respect to λ: what raises the powers that
+        contribute, and what lowers them; then the same of bins that are not silent.
     """
 
     expected: NDArray[np.float64]
     squares: NDArray[np.float64]
-    pull: NDArray[np.float64]
-    push: NDArray[np.float64]
     log_likelihood: NDArray[np.float64]
+    gradient: NDArray[np.float64]
 
 
 class Contributions(NamedTuple):
@@ -128,49 +131,16 @@ def bearing_fit(look: Look, b: int, bearing: float) -> float:
     return math.exp(-weight * (bearing - look.bearing[b]) ** 2)
 
 
-@inlined
-def hears_any(look: Look, low: float, high: float) -> bool:
-    """Whether there is an echo in a stretch of range bins."""
-    first = max(math.floor(low), 0)
-    return first < len(look.kind) and look.next_echo[first] <= math.floor(high)
-
-
-@inlined
-def where_heard(
-    look: Look, low: float, high: float, sharpness: float
-) -> tuple[bool, float, float, float]:
-    """Where a quarter's power belongs, whose range is blurred.
-
-    What stands in one place echoes at once: if there is an echo where it may come from, that is
-    it, and silence elsewhere in that range says nothing.
-
-    Parameters
-    ----------
-    look : Look
-        The ping.
-    low, high, sharpness : float
-        Of the quarter: see `usmap_ros.mapping.superposition.cells.Seen`.
-
-    Returns
-    -------
-    heard : bool
-        Whether it may have been heard: only bins count then that are not silent.
-    low, high : float
-        Range bins between which its power lies.
-    density : float
-        Share of the power in each bin that lies between.
-    """
-    if hears_any(look, low, high):
-        return True, low, high, 1.0 / ((high - low) * sharpness)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low) * sharpness
-    return False, middle - half, middle + half, 0.5 / half
-
-
 @compiled
-def split_expected(
-    look: Look, seen: Seen, count: int, power: NDArray[np.float32], parts: Contributions
+def expect(
+    look: Look,
+    seen: Seen,
+    count: int,
+    power: NDArray[np.float32],
+    parts: Contributions,
+    bins: Bins,
 ) -> None:
-    """Work out the expected power of each cell by range bin.
+    """Work out the expected power of each range bin, and what each cell contributes to it.
 
     Parameters
     ----------
@@ -184,46 +154,48 @@ def split_expected(
         v of each quarter.
     parts : Contributions
         Set.
+    bins : Bins
+        `expected` and `squares` are set.
     """
-    bin_count = len(look.kind)
+    expected, squares, row = bins.expected, bins.squares, np.empty(CELL_BINS, np.float32)
+    for b in range(len(look.kind)):
+        expected[b], squares[b] = look.noise, 0.0
     for cell in range(count):
-        slot = seen.slot[cell]
-        start = math.floor(
-            min(seen.low[cell, 0], seen.low[cell, 1], seen.low[cell, 2], seen.low[cell, 3])
-        )
-        parts.first_bin[cell] = start
-        parts.columns[cell] = 0
+        low, columns = seen.low, 0
+        start = math.floor(min(low[cell, 0], low[cell, 1], low[cell, 2], low[cell, 3]))
         for column in range(CELL_BINS):
-            parts.parts[cell, column] = 0.0
+            row[column] = 0.0
         for quarter in range(QUARTERS):
-            returned = seen.weight[cell] * power[slot * QUARTERS + quarter]
-            if returned <= 0.0:
-                continue
-            heard, low, high, density = where_heard(
-                look, seen.low[cell, quarter], seen.high[cell, quarter], seen.sharpness[cell]
-            )
-            returned *= density
-            last = min(math.floor(high) + 1, bin_count, start + CELL_BINS)
-            parts.columns[cell] = max(parts.columns[cell], last - start)
-            for b in range(max(math.floor(low), 0), last):
-                if not (heard and look.kind[b] == SILENCE):
-                    fit = bearing_fit(look, b, seen.bearing[cell])
-                    parts.parts[cell, b - start] += returned * fit * overlap(b, low, high)
+            returned = seen.weight[cell] * power[seen.slot[cell] * QUARTERS + quarter]
+            if returned > 0.0:
+                last = _spread(look, seen, cell, quarter, returned * seen.density[cell], start, row)
+                columns = max(columns, last - start)
+        parts.first_bin[cell], parts.columns[cell] = start, columns
+        for column in range(CELL_BINS):
+            parts.parts[cell, column] = row[column]
+        for column in range(max(0, -start), columns):
+            expected[start + column] += row[column]
+            squares[start + column] += row[column] * row[column]
 
 
-@compiled
-def expect(look: Look, count: int, parts: Contributions, bins: Bins) -> None:
-    """Sum up the expected power of each range bin, and the squares of its cells' shares in it."""
-    bin_count = len(look.kind)
-    for b in range(bin_count):
-        bins.expected[b] = look.noise
-        bins.squares[b] = 0.0
-    for cell in range(count):
-        start = parts.first_bin[cell]
-        for column in range(max(0, -start), parts.columns[cell]):
-            part = parts.parts[cell, column]
-            bins.expected[start + column] += part
-            bins.squares[start + column] += part * part
+@compiled_within
+def _spread(
+    look: Look,
+    seen: Seen,
+    cell: int,
+    quarter: int,
+    density: float,
+    start: int,
+    row: NDArray[np.float32],
+) -> int:
+    """Add a quarter's power to the range bins from `start` on; returns the one after its last."""
+    heard, bearing = seen.heard[cell, quarter], seen.bearing[cell]
+    low, high = seen.low[cell, quarter], seen.high[cell, quarter]
+    last: int = min(math.floor(high) + 1, len(look.kind), start + CELL_BINS)
+    for b in range(max(math.floor(low), 0), last):
+        if not (heard and look.kind[b] == SILENCE):
+            row[b - start] += density * bearing_fit(look, b, bearing) * overlap(b, low, high)
+    return last
 
 
 @inlined
@@ -234,17 +206,20 @@ def gamma_shape(squares: float, expected: float) -> float:
 
 @compiled
 def weigh_bins(look: Look, bins: Bins) -> None:
-    """Set `pull` and `push` of each range bin from what was heard there."""
+    """Set `gradient` from what was heard in each range bin."""
+    sums = bins.gradient
+    sums[0] = 0.0
     for b in range(len(look.kind)):
-        bins.pull[b] = 0.0
-        bins.push[b] = 0.0
+        sums[b + 1] = sums[b]
         if bins.squares[b] == 0.0:
             continue
         expected = bins.expected[b]
         shape = gamma_shape(bins.squares[b], expected)
         if look.kind[b] == ECHO:
-            bins.pull[b] = shape * look.power[b] / (expected * expected)
-            bins.push[b] = shape / expected
+            sums[b + 1, 0] += shape * look.power[b] / (expected * expected)
+            sums[b + 1, 1] += shape / expected
+            sums[b + 1, 2] += shape * look.power[b] / (expected * expected)
+            sums[b + 1, 3] += shape / expected
         elif look.kind[b] == SILENCE:
             # Of the power of a silent bin it is known that it is below the limit: its mean then.
             ratio = look.limit[b] / expected
@@ -252,8 +227,38 @@ def weigh_bins(look: Look, bins: Bins) -> None:
             if ratio < 30.0:
                 mean = max(expected - look.limit[b] / math.expm1(ratio), 0.0)
             shape = min(shape, MOST_SILENT_SHAPE)
-            bins.pull[b] = shape * mean / (expected * expected)
-            bins.push[b] = shape / expected
+            sums[b + 1, 0] += shape * mean / (expected * expected)
+            sums[b + 1, 1] += shape / expected
+
+
+@inlined
+def gradient_between(
+    bins: Bins, bin_count: int, low: float, high: float, heard: bool
+) -> tuple[float, float]:
+    """Integrals over a stretch of range bins of both parts of the gradient.
+
+    Parameters
+    ----------
+    bins : Bins
+        After `weigh_bins`.
+    bin_count : int
+        How many there are.
+    low, high : float
+        Where the stretch begins and ends.
+    heard : bool
+        Whether silent bins are left out.
+    """
+    low, high = max(low, 0.0), min(high, float(bin_count))
+    first, last = int(low), min(int(high), bin_count - 1)
+    if low >= high:
+        return 0.0, 0.0
+    below, above, up = low - first, high - last, 2 if heard else 0
+    sums, down = bins.gradient, up + 1
+    raises = sums[last, up] + above * (sums[last + 1, up] - sums[last, up])
+    raises -= sums[first, up] + below * (sums[first + 1, up] - sums[first, up])
+    lowers = sums[last, down] + above * (sums[last + 1, down] - sums[last, down])
+    lowers -= sums[first, down] + below * (sums[first + 1, down] - sums[first, down])
+    return raises, lowers
 
 
 @compiled
@@ -263,14 +268,13 @@ def learn_powers(
     count: int,
     bins: Bins,
     powers: Powers,
-    price: float,
     least_news: float,
 ) -> None:
     """Move the powers in a look's cone towards the likeliest.
 
     A look's likelihood, as a function of one power v, is bounded by −(A / v + B v) + const with
-    A = v₀² · pull and B = push at today's power v₀.  Averages of A and B over recent looks bound
-    the likelihood of all of them, and √(A / B) is the best v: incremental
+    A = v₀² · (what raises it) and B = (what lowers it) at today's power v₀.  Averages of A and B
+    over recent looks bound the likelihood of all of them, and √(A / B) is the best v: incremental
     majorisation-minimisation ([3]_), which learns from a look what a full pass would teach.  The
     k-th look at a cell counts k^−½.
 
@@ -280,8 +284,6 @@ def learn_powers(
         After `weigh_bins`.
     powers : Powers
         Changed.
-    price : float
-        Of power: the rate of its exponential prior.
     least_news : float
         What a look counts at least in the averages: a few pings are visited many times.
     """
@@ -298,21 +300,16 @@ def learn_powers(
             index = slot * QUARTERS + quarter
             if powers.power[index] == 0.0:
                 continue
-            heard, low, high, density = where_heard(
-                look, seen.low[cell, quarter], seen.high[cell, quarter], seen.sharpness[cell]
-            )
-            up, down = 0.0, 0.0
-            for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, bin_count)):
-                if not (heard and look.kind[b] == SILENCE):
-                    up += overlap(b, low, high) * bins.pull[b]
-                    down += overlap(b, low, high) * bins.push[b]
-            up, down = density * up, density * down
+            low, high = seen.low[cell, quarter], seen.high[cell, quarter]
+            up, down = gradient_between(bins, bin_count, low, high, seen.heard[cell, quarter])
+            share = weight * seen.density[cell]
             v = powers.power[index]
-            powers.attraction[index] += news * (v * v * weight * up - powers.attraction[index])
-            powers.pressure[index] += news * (weight * down - powers.pressure[index])
+            # Sums over bins are rounded, and not even their differences may be negative.
+            up, down = max(v * v * share * up, 0.0), max(share * down, 0.0)
+            powers.attraction[index] += news * (up - powers.attraction[index])
+            powers.pressure[index] += news * (down - powers.pressure[index])
             if powers.pressure[index] > 0.0:
-                pressure = powers.pressure[index] + news * price
-                v = min(math.sqrt(powers.attraction[index] / pressure), MOST_POWER)
+                v = min(math.sqrt(powers.attraction[index] / powers.pressure[index]), MOST_POWER)
             powers.power[index] = v if v >= LEAST_POWER else 0.0
             any_left = any_left or powers.power[index] > 0.0
         if not any_left:
@@ -321,12 +318,24 @@ def learn_powers(
 
 
 @compiled
-def is_explained(look: Look, bins: Bins) -> bool:
-    """Whether no echo is much stronger than expected."""
-    for b in range(len(look.kind)):
+def find_unexplained(look: Look, bins: Bins, following: NDArray[np.int32]) -> bool:
+    """Whether an echo is much stronger than expected, and from each range bin on the first.
+
+    Parameters
+    ----------
+    look, bins
+        After `expect`.
+    following : (bins + 1,) int32 array
+        Set to the first range bin, from each on, that has such an echo, and beyond the last to
+        more bins than any cell reaches to.
+    """
+    bin_count = len(look.kind)
+    following[bin_count] = NEVER
+    for b in range(bin_count - 1, -1, -1):
+        following[b] = following[b + 1]
         if look.kind[b] == ECHO and look.power[b] > SEED_EXCESS * bins.expected[b]:
-            return False
-    return True
+            following[b] = b
+    return bool(following[0] != NEVER)
 
 
 @compiled
@@ -353,6 +362,8 @@ def seed_unexplained(
     for cell in range(count):
         slot = seen.slot[cell]
         for quarter in range(QUARTERS):
+            if not seen.heard[cell, quarter]:
+                continue
             low, high = seen.low[cell, quarter], seen.high[cell, quarter]
             for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, bin_count)):
                 fit = bearing_fit(look, b, seen.bearing[cell])

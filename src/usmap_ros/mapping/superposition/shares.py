@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled
-from usmap_ros.mapping.superposition.cells import Seen
 from usmap_ros.mapping.superposition.look import ECHO, Look
 from usmap_ros.mapping.superposition.powers import Bins, Contributions
+from usmap_ros.mapping.superposition.seen import Seen
 
 
 class Shares(NamedTuple):
@@ -26,12 +26,16 @@ class Shares(NamedTuple):
     axis_cos, axis_sin : float32 arrays
         Cosine and sine of twice the direction of the looks: a ring of candidates looks the same
         to a look from the opposite side.
+    heard_x, heard_y : float32 arrays
+        Unit vectors from the cell to those who heard it, by the share that it had.
     """
 
     explained: NDArray[np.float32]
     heard: NDArray[np.float32]
     axis_cos: NDArray[np.float32]
     axis_sin: NDArray[np.float32]
+    heard_x: NDArray[np.float32]
+    heard_y: NDArray[np.float32]
 
 
 @compiled
@@ -58,8 +62,11 @@ def add_shares(
                 best = max(best, part / bins.expected[b])
         if best >= 0.0:
             slot = seen.slot[cell]
-            twice = 2.0 * (look.heading_rad + seen.bearing[cell])
+            direction = look.heading_rad + seen.bearing[cell]
             shares.explained[slot] += best
             shares.heard[slot] += 1.0
-            shares.axis_cos[slot] += math.cos(twice)
-            shares.axis_sin[slot] += math.sin(twice)
+            cosine, sine = math.cos(direction), math.sin(direction)
+            shares.axis_cos[slot] += cosine * cosine - sine * sine
+            shares.axis_sin[slot] += 2.0 * cosine * sine
+            shares.heard_x[slot] -= best * cosine
+            shares.heard_y[slot] -= best * sine

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled
-from usmap_ros.mapping.superposition.cells import Rays, Tiles, power_gain, slot_at
+from usmap_ros.mapping.superposition.cells import Tiles, slot_at
 from usmap_ros.mapping.superposition.look import SILENCE, Look
+from usmap_ros.mapping.superposition.seen import Rays, power_gain
 
 #: Visibility below which silence says nothing, and a ray is not followed any further.
 LEAST_SIGHT = 0.3

@@ -1,0 +1,228 @@
+"""The cells of the map that may hold something, as one ping sees them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.compiled import compiled, inlined
+from usmap_ros.mapping.grid import TILE_SIDE
+from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
+from usmap_ros.mapping.superposition.look import GAIN_STEPS, Look
+
+#: Gain, in power, below which a cell at the rim of the beam is left out.
+LEAST_POWER_GAIN = 4e-4
+#: Range bins to either side over which a quarter is blurred at the most.
+MOST_BLUR_BINS = 6.0
+
+
+class Rays(NamedTuple):
+    """Rays of a look, sampled cell by cell.
+
+    Parameters
+    ----------
+    in_sight : (rays, steps) float32 array
+        Share of the sound that reaches each step unblocked.
+    proven_m : (rays,) float32 array
+        How far along each ray sound is known to have gone, because it came back.
+    step_m : float
+        Length of a step.
+    """
+
+    in_sight: NDArray[np.float32]
+    proven_m: NDArray[np.float32]
+    step_m: float
+
+
+class Seen(NamedTuple):
+    """Cells of a look that may hold something, and their quarters.
+
+    Parameters
+    ----------
+    slot : (cells,) integer array
+        Of each cell.
+    row, column : (cells,) integer arrays
+        Where it lies on the grid.
+    ray : (cells,) integer array
+        The ray of the look that it lies on.
+    bearing : (cells,) float32 array
+        Off the look's heading.
+    low, high : (cells, QUARTERS) float32 arrays
+        Range bins, with fractions, between which each quarter's power lies; see `place_cells`.
+    density : (cells,) float32 array
+        Share of a quarter's power in each bin that lies between.
+    heard : (cells, QUARTERS) bool array
+        Whether there is an echo between: only bins count then that are not silent.
+    weight : (cells,) float32 array
+        Power that each quarter would return if it scattered with power 1.
+    place : (slots,) int32 array
+        Row of each slot in the arrays above; -1 for all others.
+    """
+
+    slot: NDArray[np.int64]
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    ray: NDArray[np.int64]
+    bearing: NDArray[np.float32]
+    low: NDArray[np.float32]
+    high: NDArray[np.float32]
+    density: NDArray[np.float32]
+    heard: NDArray[np.bool_]
+    weight: NDArray[np.float32]
+    place: NDArray[np.int32]
+
+
+@inlined
+def power_gain(look: Look, cosine: float) -> float:
+    """Two-way power gain at an angle off the beam axis, given by its cosine."""
+    place = (1.0 - cosine) / (1.0 - look.cos_half_angle) * GAIN_STEPS
+    entry = min(max(int(place), 0), GAIN_STEPS - 1)
+    before, after = look.power_gain[entry], look.power_gain[entry + 1]
+    return float(before + (after - before) * (place - entry))
+
+
+@inlined
+def columns_in_cone(look: Look, y: float, res: float) -> tuple[int, int]:
+    """First column, and the one after the last, that a cone may reach at `y` from its apex."""
+    half = math.sqrt(max(look.greatest_range_m**2 - y * y, 0.0))
+    low, high = -half, half
+    if look.axis_z == 0.0 and look.cos_half_angle > 0.0:
+        for edge in (-1.0, 1.0):
+            # Inside are those that lie between the beam's two edges.
+            angle = look.heading_rad + edge * look.half_angle_rad
+            sine, cosine = edge * math.sin(angle), edge * math.cos(angle)
+            if sine > 1e-6:
+                low = max(low, cosine * y / sine)
+            elif sine < -1e-6:
+                high = min(high, cosine * y / sine)
+    return math.floor((look.x_m + low) / res - 0.5), math.ceil((look.x_m + high) / res + 0.5)
+
+
+@compiled
+def find_cells(look: Look, tiles: Tiles, among: NDArray[np.float32], seen: Seen) -> int:
+    """List the cells in a look's cone that may hold something; returns how many.
+
+    The list ends when `seen` is full.
+
+    Parameters
+    ----------
+    look : Look
+        The ping.
+    tiles : Tiles
+        The grid.
+    among : (slots,) float32 array
+        Above 0 for cells that may hold something, 0 for others.
+    seen : Seen
+        `slot`, `row` and `column` are set.
+    """
+    res, reach = tiles.resolution_m, look.greatest_range_m
+    top = math.floor((look.y_m - reach) / res)
+    bottom = math.floor((look.y_m + reach) / res)
+    slots, rows, columns, capacity, count = seen.slot, seen.row, seen.column, len(seen.slot), 0
+    for row in range(top, bottom + 1):
+        first, last = columns_in_cone(look, (row + 0.5) * res - look.y_m, res)
+        while first < last:
+            end = min(last, (first // TILE_SIDE + 1) * TILE_SIDE)
+            start, left, width = slot_at(row, first, tiles), first, end - first
+            first = end
+            if start < 0:
+                continue
+            total = 0.0
+            for slot in range(start, start + width):
+                total += among[slot]
+            if total == 0.0:
+                continue
+            for offset in range(width):
+                if among[start + offset] > 0.0:
+                    if count == capacity:
+                        return count
+                    slots[count], rows[count], columns[count] = start + offset, row, left + offset
+                    count += 1
+    return count
+
+
+@compiled
+def place_cells(
+    look: Look, res: float, next_wanted: NDArray[np.int32], rays: Rays, seen: Seen, listed: int
+) -> int:
+    """Work out how a look sees the cells that were found; returns how many it sees.
+
+    What stands in a quarter of a cell echoes at once, although its range is not known exactly: if
+    there is an echo where it may come from, that is it, and silence elsewhere in that range says
+    nothing.  If there is none, all of it was silent, and the rims of the range say nothing.
+
+    Parameters
+    ----------
+    look : Look
+        The ping.
+    res : float
+        Side of a cell, m.
+    next_wanted : (bins + 1,) int32 array
+        First range bin from each on of which cells are wanted.
+    rays : Rays
+        What of the look's sound reaches where.
+    seen : Seen
+        Is set, but for cells that the look does not see, which are taken out of its list.
+    listed : int
+        Number of the cells found.
+    """
+    ray_count, steps = rays.in_sight.shape
+    rays_per_rad = ray_count / (2.0 * look.half_angle_rad)
+    wide, bin_count = look.cos_half_angle * abs(look.cos_half_angle), len(look.kind)
+    blur = 3.0 * look.range_std_m * look.range_std_m
+    next_echo, count = look.next_echo, 0
+    for cell in range(listed):
+        slot, row, column = seen.slot[cell], seen.row[cell], seen.column[cell]
+        x, y = (column + 0.5) * res - look.x_m, (row + 0.5) * res - look.y_m
+        squared = x * x + y * y + look.rise_m * look.rise_m
+        ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
+        if ahead * abs(ahead) <= squared * wide:
+            continue
+        distance = math.sqrt(squared)
+        if distance <= look.least_range_m or distance >= look.greatest_range_m:
+            continue
+        # Half the depth of a quarter along the ray, what it is blurred to, and where its middle is.
+        along_x, along_y = 0.25 * res * x / distance, 0.25 * res * y / distance
+        depth = abs(along_x) + abs(along_y)
+        blurred = max(min(math.sqrt(depth * depth + blur), MOST_BLUR_BINS * look.bin_m), depth)
+        depth, blurred = depth / look.bin_m, blurred / look.bin_m
+        middle = (distance - look.least_range_m) / look.bin_m
+        first, last = int(max(middle - depth - blurred, 0.0)), int(middle + depth + blurred)
+        if next_wanted[min(first, bin_count)] > last:
+            continue
+        gain = power_gain(look, ahead / distance)
+        if gain < LEAST_POWER_GAIN:
+            continue
+        bearing = math.atan2(y, x) - look.heading_rad
+        bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
+        ray = min(max(int((bearing + look.half_angle_rad) * rays_per_rad), 0), ray_count - 1)
+        in_sight = rays.in_sight[ray, min(int(distance / rays.step_m), steps - 1)]
+        if in_sight == 0.0:
+            continue
+        seen.bearing[count], seen.ray[count] = bearing, ray
+        reaches = math.exp(-look.absorption_per_m * distance) / (squared * squared)
+        seen.weight[count] = gain * reaches * in_sight
+        seen.density[count] = 0.5 / depth
+        seen.slot[count], seen.row[count], seen.column[count] = slot, row, column
+        seen.place[slot] = count
+        along_x, along_y = along_x / look.bin_m, along_y / look.bin_m
+        for quarter in range(QUARTERS):
+            center = middle + (along_x if quarter & 1 else -along_x)
+            center += along_y if quarter & 2 else -along_y
+            first, last = int(max(center - blurred, 0.0)), math.floor(center + blurred)
+            heard = next_echo[min(first, bin_count)] <= last
+            half = blurred if heard else depth
+            seen.heard[count, quarter] = heard
+            seen.low[count, quarter], seen.high[count, quarter] = center - half, center + half
+        count += 1
+    return count
+
+
+@compiled
+def forget(seen: Seen, count: int) -> None:
+    """Clear `Seen.place` for the next look."""
+    for cell in range(count):
+        seen.place[seen.slot[cell]] = -1

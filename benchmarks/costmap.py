@@ -6,8 +6,9 @@ The costmap is that of ``config/nav2/costmaps.yaml``, fed as the nodes feed it. 
 ROS installation; here stand NumPy replicas of its layers, after nav2_costmap_2d (commit a3a97043):
 ``StaticLayer::interpretValue`` and ``updateCosts`` (static_layer.cpp, lines 282 and 441),
 ``RangeSensorLayer::gamma``, ``delta``, ``sensor_model``, ``update_cell`` and ``updateCosts``
-(range_sensor_layer.cpp, lines 164 to 540), and ``ObstacleLayer`` without clearing, which keeps
-what it has marked.
+(range_sensor_layer.cpp, lines 164 to 540), and ``ObstacleLayer::updateBounds`` and
+``raytraceFreespace`` (obstacle_layer.cpp), which keeps what it has marked until a ray clears it:
+without any ray, and with those of ``free_scan``.
 """
 
 from __future__ import annotations
@@ -19,16 +20,21 @@ from typing import Any
 
 import numpy as np
 import yaml
+from PIL import Image
 
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.io.conversions import range_to_message
 from usmap_ros.io.message_types import BagMessageTypes
 from usmap_ros.mapping.candidates import candidate_cells
+from usmap_ros.mapping.free_space import free_space
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[1]
 LETHAL, FREE, UNKNOWN = 254, 0, 255
+#: The costmap as it is shipped, and an obstacle layer that marks ``cone_cells``.
+SHIPPED, UNCLEARED = "as shipped", "marks that nobody clears"
+CLEARED = "marks that free_scan clears"
 #: Of the robot; a lethal cell as near as that boxes it in.
 ROBOT_RADIUS_M = 0.15
 
@@ -163,13 +169,13 @@ def layer_settings(file: Path = ROOT / "config/nav2/costmaps.yaml") -> dict[str,
 
 def drive(
     scenario: Scenario, settings: dict[str, Any], robot: str = "robot1"
-) -> tuple[Shares, Shares, Any, TruthMap]:
-    """Costmaps of one robot while the fleet maps: as shipped, and with marks that nobody clears.
+) -> tuple[dict[str, Shares], Any, TruthMap]:
+    """Costmaps of one robot while the fleet maps: as shipped, and with an obstacle layer.
 
     Returns
     -------
-    shipped, uncleared : Shares
-        Over time, at 5 Hz.
+    shares : dict of str to Shares
+        Over time, at 5 Hz: as shipped, with marks that nobody clears, and with marks that rays do.
     master : array
         The last costmap that is shipped.
     truth : TruthMap
@@ -180,8 +186,8 @@ def drive(
     truth = scenario.truth_map(resolution_m)
     origin_m = np.array(truth.geometry.origin_m)
     ranges = RangeLayer(truth.occupied.shape, resolution_m, settings["range_layer"])
-    marks = np.zeros(truth.occupied.shape, bool)
-    shipped, uncleared = Shares(), Shares()
+    marks = {name: np.zeros(truth.occupied.shape, bool) for name in (UNCLEARED, CLEARED)}
+    shares = {name: Shares() for name in (SHIPPED, UNCLEARED, CLEARED)}
     published: OccupancyMap | None = None
     next_map_ns = next_cycle_ns = scenario.start_ns
     master = np.full(truth.occupied.shape, UNKNOWN, np.uint8)
@@ -193,7 +199,9 @@ def drive(
             continue
         x_m, y_m = cone.pose.position_m[:2] - origin_m
         ranges.take(range_to_message(cone, types), x_m, y_m, cone.pose.yaw_rad)
-        _mark(marks, cone, pipeline, origin_m)
+        _clear(marks[CLEARED], cone, pipeline, origin_m)
+        for marked in marks.values():
+            _mark(marked, cone, pipeline, origin_m)
         if cone.stamp_ns < next_cycle_ns:
             continue
         next_cycle_ns = cone.stamp_ns + 2 * 10**8
@@ -201,11 +209,11 @@ def drive(
         master = np.full(truth.occupied.shape, UNKNOWN, np.uint8)
         static_layer(_moved(published, origin_m), master)
         ranges.apply(master)
-        shipped.add(second, master, truth, x_m, y_m)
-        old = np.full(truth.occupied.shape, FREE, np.uint8)
-        old[marks] = LETHAL
-        uncleared.add(second, old, truth, x_m, y_m)
-    return shipped, uncleared, master, truth
+        shares[SHIPPED].add(second, master, truth, x_m, y_m)
+        for name, marked in marks.items():
+            costs = np.where(marked, LETHAL, FREE).astype(np.uint8)
+            shares[name].add(second, costs, truth, x_m, y_m)
+    return shares, master, truth
 
 
 def _moved(occupancy: OccupancyMap | None, origin_m: Any) -> OccupancyMap | None:
@@ -227,37 +235,52 @@ def _mark(marks: Any, cone: Any, pipeline: Pipeline, origin_m: Any) -> None:
     marks[rows[inside], columns[inside]] = True
 
 
+def _clear(marks: Any, cone: Any, pipeline: Pipeline, origin_m: Any) -> None:
+    """``raytraceFreespace``: cells on the rays of ``free_scan`` are free."""
+    mapping = pipeline.parameters.mapping
+    angles_rad, ranges_m = free_space(cone, mapping)
+    x_m, y_m = cone.pose.position_m[:2] - origin_m
+    for angle_rad, range_m in zip(angles_rad + cone.pose.yaw_rad, ranges_m, strict=True):
+        along_m = np.arange(0.0, range_m, 0.5 * mapping.resolution_m)
+        columns = ((x_m + along_m * np.cos(angle_rad)) / mapping.resolution_m).astype(int)
+        rows = ((y_m + along_m * np.sin(angle_rad)) / mapping.resolution_m).astype(int)
+        inside = (rows >= 0) & (columns >= 0) & (rows < marks.shape[0]) & (columns < marks.shape[1])
+        marks[rows[inside], columns[inside]] = False
+
+
 def main() -> None:
     """Drive through the fleet's room, print the shares, and draw them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenario", type=Path, default=ROOT / "config/scenarios/room.yaml")
     parser.add_argument("-o", "--output", type=Path, default=None)
     arguments = parser.parse_args()
-    shipped, uncleared, master, truth = drive(Scenario.load(arguments.scenario), layer_settings())
-    for name, shares in (("as shipped", shipped), ("marks that nobody clears", uncleared)):
+    all_shares, master, truth = drive(Scenario.load(arguments.scenario), layer_settings())
+    for name, shares in all_shares.items():
         print(f"{name}: lethal {np.mean(shares.lethal):.1%}, of it where nothing stands"
               f" {np.mean(shares.false_lethal):.1%}, free {np.mean(shares.free):.1%},"
               f" truth called free {np.mean(shares.missed):.1%},"
               f" boxed in {np.mean(shares.boxed):.0%} of {len(shares.boxed)} cycles")  # fmt: skip
     if arguments.output is not None:
-        _draw(arguments.output, shipped, uncleared, master, truth)
+        _draw(arguments.output, all_shares, master, truth)
 
 
-def _draw(path: Path, shipped: Shares, uncleared: Shares, master: Any, truth: TruthMap) -> None:
+def _draw(path: Path, shares: dict[str, Shares], master: Any, truth: TruthMap) -> None:
     import matplotlib as mpl
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
+    shipped, uncleared, cleared = shares.values()
     left.plot(shipped.seconds, shipped.free, color="tab:green", label="free")
     left.plot(shipped.seconds, shipped.lethal, color="tab:red", label="lethal")
     left.plot(shipped.seconds, shipped.false_lethal, "k:", label="lethal where nothing stands")
     left.plot(
         uncleared.seconds, uncleared.lethal, "--", color="tab:gray", label="lethal, uncleared"
     )
+    left.plot(cleared.seconds, cleared.lethal, "-.", color="tab:gray", label="lethal, cleared")
     left.set(xlabel="time (s)", ylabel="share of the local costmap", ylim=(0.0, 1.0))
-    left.legend(fontsize="small")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=5)
     shades = np.select([master == LETHAL, master == FREE], [0, 255], 190)
     extent = truth.geometry.extent_m
     right.imshow(shades, cmap="gray", origin="lower", extent=extent, vmin=0, vmax=255)
@@ -265,6 +288,8 @@ def _draw(path: Path, shipped: Shares, uncleared: Shares, master: Any, truth: Tr
     right.plot(*truth.geometry.cell_centers_m(rows, columns).T, "r.", markersize=0.8)
     right.set(xlabel="x (m)", ylabel="y (m)", title="costmap at the end; red: what stands there")
     figure.savefig(path, dpi=110)
+    with Image.open(path) as image:
+        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 if __name__ == "__main__":

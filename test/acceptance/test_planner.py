@@ -9,7 +9,7 @@ import pytest
 from usmap_ros.mapping.alignment import AlignedMaps, align
 from usmap_ros.mapping.drivability import drivability, reachable
 from usmap_ros.simulation import Scenario
-from usmap_ros.trial import try_scenario
+from usmap_ros.trial import Trial, try_scenario
 from usmap_ros.views import PingViews
 
 pytestmark = pytest.mark.slow
@@ -21,6 +21,7 @@ ROOM_M = (0.0, 0.0), (8.0, 6.0)
 class DemoMap(NamedTuple):
     """The demo's map beside the truth, and what its pings looked at."""
 
+    trial: Trial
     maps: AlignedMaps
     views: PingViews
 
@@ -34,7 +35,7 @@ class DemoMap(NamedTuple):
 @pytest.fixture(scope="module")
 def demo(scenario_folder: Path) -> DemoMap:
     trial = try_scenario(Scenario.load(scenario_folder / "room.yaml"))
-    return DemoMap(align(trial.occupancy, trial.truth), trial.views)
+    return DemoMap(trial, align(trial.occupancy, trial.truth), trial.views)
 
 
 def test_no_path_of_a_small_robot_leads_out_of_the_room(demo: DemoMap) -> None:
@@ -53,3 +54,20 @@ def test_it_gets_around_inside_all_the_same(demo: DemoMap) -> None:
     area_m2 = len(reached_m) * demo.maps.geometry.resolution_m**2
     # The room has 47 m², of which the walls take 4 m² from its centre, the things in it 2 m².
     assert area_m2 > 20.0
+
+
+def test_a_planner_finds_its_way_round_the_partition(
+    demo: DemoMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    from planner import NoPathError, clearance_m, length_m, plan
+
+    path_m = plan(demo.trial.occupancy, (1.0, 4.8), (6.8, 5.0))
+    assert clearance_m(path_m, demo.trial.truth) > 0.15
+    # Straight through the partition it would be 5.8 m.
+    assert 7.0 < length_m(path_m) < 10.0
+    assert np.all((path_m > ROOM_M[0]) & (path_m < ROOM_M[1]))
+    standing = demo.trial.occupancy.predicted()
+    wall_m = demo.trial.occupancy.geometry.cell_centers_m(*np.argwhere(standing)[0])
+    with pytest.raises(NoPathError):
+        plan(demo.trial.occupancy, (1.0, 4.8), tuple(wall_m))

@@ -71,6 +71,22 @@ def test_candidate_cells_lie_on_the_rings_of_the_echoes(live: Any, traces: Trace
     assert columns["coefficient"].min() > 0.0
 
 
+def test_rays_through_free_space_go_out_as_a_scan(live: Any, traces: Traces) -> None:
+    live.add(ConeReconstructor)
+    scans = live.listen("sensor_msgs/msg/LaserScan", "/free_scan", qos_profile_sensor_data)
+    echo = live.publisher(ECHO, "/echo")
+    trace = traces[0][1]
+
+    def heard() -> Any:
+        echo.publish(trace_to_message(trace, TYPES))
+        return scans
+
+    live.until(heard)
+    assert scans[0].header.frame_id == trace.child_frame_id
+    assert max(scans[0].ranges) > trace.transducer.min_range_m
+    assert len(scans[0].ranges) > 10
+
+
 def test_several_transducers_have_topics_of_their_own(live: Any, traces: Traces) -> None:
     live.add(ConeReconstructor, namespace="robot1", transducers=["left", "right"])
     left = live.listen(CONE, "/robot1/left/cone", 50)

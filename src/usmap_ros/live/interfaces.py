@@ -128,6 +128,13 @@ CONE_CELLS = Topic(
     SENSOR_DATA,
     "x, y, z and coefficient of every cell that may have returned an echo, in the world frame.",
 )
+FREE_SCAN = Topic(
+    "free_scan",
+    "sensor_msgs/msg/LaserScan",
+    SENSOR_DATA,
+    "Rays through what the ping says is free, in the transducer's frame: they clear, and mark"
+    " nothing.",
+)
 MAP = Topic(
     "map", "nav_msgs/msg/OccupancyGrid", LATCHED, "The map: -1 unknown, 0 free, 100 occupied."
 )
@@ -186,7 +193,7 @@ CONE_RECONSTRUCTOR = NodeInterface(
     "cone_reconstructor",
     "Recovers the echoes in each trace.",
     ConeReconstructorParameters,
-    publishes=(CONE, CONE_CELLS, DIAGNOSTICS),
+    publishes=(CONE, CONE_CELLS, FREE_SCAN, DIAGNOSTICS),
     subscribes=(ECHO, TRANSDUCERS, READING, BASE_ODOM),
 )
 MAP_FUSION = NodeInterface(

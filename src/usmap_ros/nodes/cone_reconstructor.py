@@ -18,6 +18,7 @@ from usmap_ros.io.conversions import (
     array_from_message,
     cone_to_message,
     points_to_message,
+    scan_to_message,
     trace_from_message,
 )
 from usmap_ros.live.interfaces import (
@@ -25,10 +26,12 @@ from usmap_ros.live.interfaces import (
     CONE_CELLS,
     CONE_RECONSTRUCTOR,
     ECHO,
+    FREE_SCAN,
     READING,
     TRANSDUCERS,
 )
 from usmap_ros.mapping.candidates import candidate_cells
+from usmap_ros.mapping.free_space import free_space
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
@@ -50,6 +53,7 @@ class _Outputs:
 
     cone: Any
     cells: Any
+    scan: Any
     scale: AmplitudeScale
 
 
@@ -111,6 +115,7 @@ class ConeReconstructor(Node):
         outputs = _Outputs(
             cone=advertise(self, CONE, within(transducer, CONE)),
             cells=advertise(self, CONE_CELLS, within(transducer, CONE_CELLS)),
+            scan=advertise(self, FREE_SCAN, within(transducer, FREE_SCAN)),
             scale=AmplitudeScale(),
         )
         topic = READING if self._has_ranges else ECHO
@@ -196,12 +201,17 @@ class ConeReconstructor(Node):
         self.health.latency(time.monotonic() - job.received_s)
         if job.outputs.cells.get_subscription_count():
             job.outputs.cells.publish(self._cells_message(cone))
+        if job.outputs.scan.get_subscription_count():
+            free = free_space(cone, self._mapping)
+            job.outputs.scan.publish(scan_to_message(cone, *free, self._types))
+
+    @property
+    def _mapping(self) -> MappingParameters:
+        return MappingParameters(resolution_m=self.parameters.value.cell_resolution_m)
 
     def _cells_message(self, cone: EchoCone) -> Any:
-        parameters = self.parameters.value
-        mapping = MappingParameters(resolution_m=parameters.cell_resolution_m)
-        cells = candidate_cells(cone, mapping)
-        chosen = cells.coefficient <= parameters.greatest_coefficient
+        cells = candidate_cells(cone, self._mapping)
+        chosen = cells.coefficient <= self.parameters.value.greatest_coefficient
         x_m, y_m = cells.centers_m[chosen].T
         columns = {
             "x": x_m,

@@ -131,7 +131,11 @@ class ConeReconstructorParameters(NodeParameters):
     )
     latency_limit_s: float = _latency_limit()
     cell_resolution_m: float = quantity(
-        0.05, "Side of the cells in cone_cells.", "m", ge=0.005, le=2.0
+        0.05,
+        "Side of the cells in cone_cells, and what free_scan keeps from echoes.",
+        "m",
+        ge=0.005,
+        le=2.0,
     )
     greatest_coefficient: float = quantity(
         10.0, "Reflectivity beyond which a cell is no candidate.", gt=0.0, le=1e6

@@ -28,6 +28,7 @@ from usmap_ros.io.conversions.sensors import (
     points_to_message,
     range_from_message,
     range_to_message,
+    scan_to_message,
 )
 from usmap_ros.io.conversions.trace import trace_from_message, trace_to_message
 
@@ -47,6 +48,7 @@ __all__ = [
     "points_to_message",
     "range_from_message",
     "range_to_message",
+    "scan_to_message",
     "trace_from_message",
     "trace_to_message",
     "transform_from_message",

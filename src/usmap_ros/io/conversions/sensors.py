@@ -1,4 +1,4 @@
-"""Standard sensor messages that other programs understand: ranges and point clouds."""
+"""Standard sensor messages that other programs understand: ranges, scans and point clouds."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions.common import (
@@ -36,6 +37,35 @@ def range_to_message(cone: EchoCone, types: MessageTypes) -> Any:
         max_range=float(transducer.max_range_m),
         range=min(first_m, float(transducer.max_range_m)),
         variance=float(cone.range_stds_m[0]) ** 2 if heard else 0.0,
+    )
+
+
+def scan_to_message(
+    cone: EchoCone, angles_rad: FloatArray, ranges_m: FloatArray, types: MessageTypes
+) -> Any:
+    """``sensor_msgs/LaserScan`` of rays in the transducer's frame.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        The ping that they are of.
+    angles_rad, ranges_m : (rays,) arrays
+        Ascending by equal steps; ranges of 0 are below the least one, and so count as none.
+    types : MessageTypes
+        Classes to build it of.
+    """
+    transducer = cone.transducer
+    return types.message_class("sensor_msgs/msg/LaserScan")(
+        header=header_to_message(cone.stamp_ns, cone.child_frame_id, types),
+        angle_min=float(angles_rad[0]),
+        angle_max=float(angles_rad[-1]),
+        angle_increment=float(angles_rad[1] - angles_rad[0]),
+        time_increment=0.0,
+        scan_time=0.0,
+        range_min=float(transducer.min_range_m),
+        range_max=float(transducer.max_range_m),
+        ranges=types.sequence(np.asarray(ranges_m, np.float32)),
+        intensities=types.sequence(np.zeros(0, np.float32)),
     )
 
 

@@ -19,8 +19,8 @@ HIDING_SHARE = 0.1
 #: what ten simulated recordings of poles and rooms had, on which other parameters were chosen too.
 #: Little evidence is right as often as not, and it takes much to be right nine times of ten.
 CALIBRATION = (
-    (0.125, -3.0), (0.19, 0.4), (0.95, 0.6), (1.06, 1.0), (1.5, 1.4), (1.9, 2.2), (2.5, 2.5),
-    (2000.0, 30.0),
+    (0.125, -3.0), (0.19, 0.5), (0.95, 0.6), (1.06, 0.8), (1.75, 1.0), (2.2, 1.6), (2.6, 2.2),
+    (4.0, 2.4), (2000.0, 30.0),
 )  # fmt: skip
 #: Nothing hides with more certainty than this.
 MOST_CERTAIN = 0.98

@@ -73,11 +73,14 @@ def _transducer(
     from usmap_ros.acoustics.pulse import Pulse, PulseShape
     from usmap_ros.acoustics.transducer import Transducer
     from usmap_ros.errors import MapFileError
+    from usmap_ros.views import Beam
 
-    known = [beam for beams in paths.beams.values() for beam in beams if beam is not None]
+    # An unknown beam is nothing but NaN.
+    known = [beam for beams in paths.beams.values() for beam in beams if beam[0] == beam[0]]
     if known:
-        half_angle = half_angle or known[-1].half_angle_rad
-        max_range = max_range or known[-1].max_range_m
+        last = Beam(*known[-1])
+        half_angle = half_angle or last.half_angle_rad
+        max_range = max_range or last.max_range_m
     if half_angle is None or max_range is None:
         raise MapFileError(folder, "has no pings; state --half-angle and --max-range")
     # Planning asks for the beam and the ranges only.

@@ -9,15 +9,16 @@ import io
 import json
 import math
 import shutil
-from collections.abc import Iterator, Mapping
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.arrays import FloatArray
 from usmap_ros.bounds import MAX_NAME
 from usmap_ros.errors import MapFileError
 from usmap_ros.grids import (
@@ -53,41 +54,63 @@ _ARRAYS = (
 )
 #: Sides of cells that are believed, m, and how far from the frame's origin a map may lie.
 _RESOLUTIONS_M, _FARTHEST_M = (1e-4, 1e3), 2e7
+_UNKNOWN_BEAM = (math.nan,) * len(Beam._fields)
 #: Layers hold angles in rad, cosines and shares.
 _GREATEST_LAYER = 10.0
 
 
-@dataclass
 class RobotPaths:
-    """Where each transducer was at its pings and what it looked at.
+    """Where each transducer was at its pings and what it looked at, at 40 bytes a ping.
 
     For pictures of the map, and to judge whether what it calls free can have been seen.
 
     Parameters
     ----------
-    positions_m : dict of lists of (x, y)
-        By topic, in the order of stamps.
-    beams : dict of lists of Beam
-        The same for the beams; None where only a position is known.
+    positions_m : mapping of str to sequence of (x, y), optional
+        By topic, in the order of stamps; what was looked at from there is not known.
     """
 
-    positions_m: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    beams: dict[str, list[Beam | None]] = field(default_factory=dict)
+    def __init__(self, positions_m: Mapping[str, Sequence[tuple[float, float]]] | None = None):
+        # x, y, and the three numbers of the beam, one ping behind the other.
+        self._rows: dict[str, array[float]] = {}
+        for topic, positions in (positions_m or {}).items():
+            self._rows[topic] = array("d")
+            for x_m, y_m in positions:
+                self.add(topic, x_m, y_m)
 
-    def __post_init__(self) -> None:
-        for topic, positions in self.positions_m.items():
-            self.beams.setdefault(topic, [None] * len(positions))
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all pings of all topics are the same."""
+        if not isinstance(other, RobotPaths):
+            return NotImplemented
+        return self._rows.keys() == other._rows.keys() and all(
+            np.array_equal(rows, other._rows[topic], equal_nan=True)
+            for topic, rows in self._rows.items()
+        )
 
     def add(self, topic: str, x_m: float, y_m: float, beam: Beam | None = None) -> None:
         """Append a ping."""
-        self.positions_m.setdefault(topic, []).append((x_m, y_m))
-        self.beams.setdefault(topic, []).append(beam)
+        self._rows.setdefault(topic, array("d")).extend((x_m, y_m, *(beam or _UNKNOWN_BEAM)))
 
     def extend(self, other: RobotPaths) -> None:
         """Append the pings of other paths."""
-        for topic, positions in other.positions_m.items():
-            for (x_m, y_m), beam in zip(positions, other.beams[topic], strict=True):
-                self.add(topic, x_m, y_m, beam)
+        for topic, rows in other._rows.items():
+            self._rows.setdefault(topic, array("d")).extend(rows)
+
+    @property
+    def positions_m(self) -> dict[str, FloatArray]:
+        """x, y of each ping, shape (pings, 2), by topic."""
+        return {topic: self._table(topic)[:, :2] for topic in self._rows}
+
+    @property
+    def beams(self) -> dict[str, FloatArray]:
+        """Numbers of each ping's `Beam`, shape (pings, 3), by topic; NaN where they are unknown."""
+        return {topic: self._table(topic)[:, 2:] for topic in self._rows}
+
+    def _table(self, topic: str) -> FloatArray:
+        # A copy: while there is a view, no ping can be appended.
+        return np.array(self._rows[topic], dtype=np.float64).reshape(-1, 2 + len(Beam._fields))
 
     def views(self, max_range_m: float | None = None) -> PingViews | None:
         """What the pings of all topics looked at; None if that is not known of all of them.
@@ -97,14 +120,14 @@ class RobotPaths:
         max_range_m : float, optional
             How far those reached, all around, of which only the position is known.
         """
-        beams = [beam for topic in self.positions_m for beam in self.beams[topic]]
+        table = np.concatenate([np.zeros((0, 5)), *(self._table(topic) for topic in self._rows)])
+        beams = table[:, 2:]
+        unknown = np.isnan(beams).any(axis=1)
         if max_range_m is not None:
-            beams = [beam or Beam(0.0, math.pi, max_range_m) for beam in beams]
-        known = [beam for beam in beams if beam is not None]
-        if not known or len(known) < len(beams):
+            beams[unknown] = (0.0, math.pi, max_range_m)
+        elif unknown.any():
             return None
-        places = [place for path in self.positions_m.values() for place in path]
-        return PingViews(np.array(places), np.array(known))
+        return PingViews(table[:, :2], beams) if len(table) else None
 
 
 @contextmanager
@@ -238,9 +261,7 @@ def load_truth(path: str | Path) -> TruthMap:
 
 
 def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
-    positions = [np.reshape(path, (-1, 2)) for path in paths.positions_m.values()]
-    unknown = (math.nan,) * len(Beam._fields)
-    beams = [beam or unknown for topic in paths.positions_m for beam in paths.beams[topic]]
+    positions, beams = list(paths.positions_m.values()), list(paths.beams.values())
     # Any: savez_compressed has an argument of its own that is no array.
     layers: dict[str, Any] = dict(occupancy.layers)
     content = io.BytesIO()
@@ -255,7 +276,7 @@ def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
         path_topics=np.array(list(paths.positions_m), dtype=np.str_),
         path_lengths=np.array([len(path) for path in positions], dtype=np.int64),
         path_positions=np.concatenate([np.zeros((0, 2)), *positions]).astype(np.float32),
-        path_beams=np.reshape(beams, (-1, len(Beam._fields))).astype(np.float32),
+        path_beams=np.concatenate([np.zeros((0, 3)), *beams]).astype(np.float32),
         **layers,
     )
     return content.getvalue()

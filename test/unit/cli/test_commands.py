@@ -112,7 +112,7 @@ def test_maps_of_several_fusions_are_joined(usmap: Run, workspace: Path) -> None
     one, paths = load_map(workspace / "map")
     whole, whole_paths = load_map(workspace / "whole")
     np.testing.assert_array_equal(whole.log_odds, one.log_odds)
-    assert whole_paths.positions_m == paths.positions_m
+    assert whole_paths == paths
     shutil.copytree(workspace / "map", workspace / "twin")
     assert usmap("merge", "map", "twin", "-o", "whole", cwd=workspace).returncode == 0
     doubled = load_map(workspace / "whole")[0]

@@ -36,7 +36,7 @@ class Area:
 
     def find(self, look: Look, among: np.ndarray) -> tuple[Seen, int]:
         tiles = Tiles(*self.grid.directory, RESOLUTION_M)
-        return self.work.find(look, tiles, among, self.work.rays(look, tiles))
+        return self.work.see(look, tiles, np.zeros_like(among), among)
 
     def explained(self, *cones: EchoCone) -> Explained | None:
         looks = [look_of(cone, PARAMETERS) for cone in cones]

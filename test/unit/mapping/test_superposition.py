@@ -16,17 +16,16 @@ from usmap_ros.mapping.superposition.belief import (
     uncalibrated,
 )
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
+from usmap_ros.mapping.superposition.dealing import learn
 from usmap_ros.mapping.superposition.evidence import Bounds, add_gain, log_likelihood
 from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look, look_of
 from usmap_ros.mapping.superposition.powers import (
     Powers,
     find_unexplained,
     gradient_between,
-    learn_powers,
     weigh_bins,
 )
-from usmap_ros.mapping.superposition.seen import forget
-from usmap_ros.mapping.superposition.sight import cast_rays, deal_proof
+from usmap_ros.mapping.superposition.sight import deal_proof
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 
@@ -62,22 +61,20 @@ class Area:
     def power(self, slot: int) -> float:
         return float(self.powers.power[slot * QUARTERS : (slot + 1) * QUARTERS].sum())
 
-    def expected(self, look: Look) -> np.ndarray:
-        seen, count, _ = self.work.expect(
+    def see(self, look: Look) -> int:
+        """Work out what is expected of the suspected cells; returns how many are seen."""
+        return self.work.expect(
             look, self.tiles, self.nothing, self.powers.alive, self.powers.power
         )
-        forget(seen, count)
-        return self.work.bins(look).expected[: len(look.kind)].copy()
+
+    def expected(self, look: Look) -> np.ndarray:
+        self.see(look)
+        return self.work.scratch.bins.expected[: len(look.kind)].copy()
 
     def learn(self, look: Look) -> float:
         """Learn from a look; returns its log-likelihood before."""
         before = sum(log_likelihood(look, b, v) for b, v in enumerate(self.expected(look)))
-        rays = self.work.rays(look, self.tiles)
-        seen, count = self.work.find(look, self.tiles, self.powers.alive, rays)
-        bins = self.work.bins(look)
-        weigh_bins(look, bins)
-        learn_powers(look, seen, count, bins, self.powers, 0.5)
-        forget(seen, count)
+        learn(look, self.see(look), self.powers, 0.5, self.work.scratch)
         return before
 
 
@@ -99,8 +96,7 @@ def test_the_cells_in_a_cone_are_those_of_its_footprint(
 ) -> None:
     cone = make_cone(x_m=0.21, y_m=-0.33, yaw_rad=yaw_rad, max_range_m=2.5)
     look, cells = look_of(cone, PARAMETERS), footprint(cone, 0.05)
-    rays = area.work.rays(look, area.tiles)
-    seen, count = area.work.find(look, area.tiles, area.nothing + 1.0, rays)
+    seen, count = area.work.see(look, area.tiles, area.nothing, area.nothing + 1.0)
     weight = np.exp(2.0 * cells.log_unit_amplitude)
     loud = weight * cells.range_m**4 > 4.2e-4
     found = dict(
@@ -144,15 +140,13 @@ def test_a_blurred_quarter_belongs_where_there_is_an_echo(area: Area, make_cone:
     near, far = area.suspect(1.5375, 0.0125), area.suspect(2.5125, 0.0125)
     width, heard, density = {}, {}, {}
     for sharp, look in zip((True, False), looks, strict=True):
-        seen, _ = area.work.find(
-            look, area.tiles, area.powers.alive, area.work.rays(look, area.tiles)
-        )
+        area.see(look)
+        seen = area.work.scratch.seen
         for slot in (near, far):
             place = seen.place[slot]
             width[sharp, slot] = seen.high[place] - seen.low[place]
             heard[sharp, slot] = seen.heard[place].copy()
             density[sharp, slot] = seen.density[place]
-        forget(seen, 2)
     assert np.all(heard[False, near])
     assert not np.any(heard[False, far])
     assert np.all(width[False, near] > 3.0 * width[True, near])
@@ -167,7 +161,7 @@ def test_unexplained_echoes_are_those_much_stronger_than_expected(
     look = look_of(make_cone((1.0125, 0.2), (2.0125, 0.1)), PARAMETERS)
     first, second = np.flatnonzero(look.kind == ECHO)
     area.expected(look)
-    bins, following = area.work.bins(look), np.empty(len(look.kind) + 1, np.int32)
+    bins, following = area.work.scratch.bins, np.empty(len(look.kind) + 1, np.int32)
     assert find_unexplained(look, bins, following)
     assert list(following[[0, first, first + 1, second]]) == [first, first, second, second]
     assert np.all(following[second + 1 :] == NEVER)
@@ -188,7 +182,7 @@ def test_gradients_are_summed_over_stretches_of_range_bins(
     for x_m in np.arange(0.1, 3.0, 0.05):
         area.suspect(float(x_m), 0.0125, 0.3)
     area.expected(look)
-    bins, count = area.work.bins(look), len(look.kind)
+    bins, count = area.work.scratch.bins, len(look.kind)
     weigh_bins(look, bins)
     raises, lowers = np.diff(bins.gradient[: count + 1, :2], axis=0).T
     assert np.count_nonzero(raises) > 30
@@ -267,8 +261,8 @@ def test_rays_behind_an_opaque_wall_are_dark(area: Area, make_cone: MakeCone) ->
     depth = area.nothing.copy()
     for y_m in np.arange(-0.375, 0.4, 0.05):
         depth[area.slot(1.025, y_m)] = 5.0
-    rays = area.work.rays(look, area.tiles)
-    cast_rays(look, area.tiles, depth, rays)
+    area.work.see(look, area.tiles, depth, area.nothing)
+    rays = area.work.scratch.rays
     middle = len(rays.in_sight) // 2
     at_m = (np.arange(rays.in_sight.shape[1]) + 0.5) * rays.step_m
     assert np.all(rays.in_sight[middle, at_m < 1.04] == 1.0)  # the wall does not hide itself
@@ -280,7 +274,8 @@ def test_proof_ends_a_cell_before_what_the_sound_came_back_from(
     area: Area, make_cone: MakeCone
 ) -> None:
     look = look_of(make_cone(x_m=0.025, y_m=0.025), PARAMETERS)
-    rays, clear = area.work.rays(look, area.tiles), area.nothing.copy()
+    area.work.see(look, area.tiles, area.nothing, area.nothing)
+    rays, clear = area.work.scratch.rays, area.nothing.copy()
     rays.proven_m[:] = 0.0
     rays.proven_m[len(rays.proven_m) // 2] = 1.5
     deal_proof(look, area.tiles, rays, clear)

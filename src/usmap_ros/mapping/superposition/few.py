@@ -29,7 +29,7 @@ from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import bearing_fit
-from usmap_ros.mapping.superposition.seen import LEAST_POWER_GAIN, Seen, forget, power_gain
+from usmap_ros.mapping.superposition.seen import LEAST_POWER_GAIN, Seen, power_gain
 from usmap_ros.parameters import MappingParameters
 
 #: Powers that an object may have, and how many standard deviations about the median they span.
@@ -368,7 +368,6 @@ def explain(
     for look in looks:
         seen, count = find(look, everywhere)
         tally(look, seen, count, parameters.reflectivity**2, sums)
-        forget(seen, count)
     slots = np.flatnonzero(sums > 0.0)
     if len(slots) * QUARTERS * len(looks) > MOST_PAIRS:
         return None
@@ -377,7 +376,6 @@ def explain(
     for index, look in enumerate(looks):
         seen, count = find(look, suspected)
         compare(look, index, seen, count, parameters.resolution_m, suspects)
-        forget(seen, count)
     bin_count = max(len(look.kind) for look in looks)
     return Explained(slots, *_weighed(suspects, bin_count, parameters))
 

@@ -26,35 +26,15 @@ from usmap_ros.mapping.superposition.belief import (
     uncalibrated,
 )
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.evidence import (
-    Bounds,
-    Evidence,
-    add_evidence,
-    prepare_bins,
-    prove_rays,
-)
-from usmap_ros.mapping.superposition.few import (
-    explain,
-    judge_first,
-)
+from usmap_ros.mapping.superposition.dealing import Rules, Said, deal, learn
+from usmap_ros.mapping.superposition.evidence import Bounds, Evidence
+from usmap_ros.mapping.superposition.few import explain, judge_first
 from usmap_ros.mapping.superposition.layers import Suspects, directions_heard_from
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.others import Expected, MapByOthers
-from usmap_ros.mapping.superposition.powers import (
-    LEAST_POWER,
-    Contributions,
-    Powers,
-    learn_powers,
-    seed_unexplained,
-    weigh_bins,
-)
-from usmap_ros.mapping.superposition.seen import Seen, forget
-from usmap_ros.mapping.superposition.shares import Shares, add_shares
-from usmap_ros.mapping.superposition.sight import (
-    deal_presence,
-    deal_proof,
-    deal_silence,
-)
+from usmap_ros.mapping.superposition.powers import LEAST_POWER, Powers, seed_unexplained
+from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.shares import Shares
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
@@ -127,10 +107,16 @@ class SuperpositionFusion(Fusion):
         self._work = Workspace()
         # Without occlusion everything is transparent.
         self._opacity = parameters.opacity if parameters.occlusion else 0.0
-        self._bounds = Bounds(
+        bounds = Bounds(
             of_a_bin=parameters.most_evidence_a_bin,
             of_all=parameters.most_evidence,
             forgetting=parameters.forgetting,
+        )
+        self._rules = Rules(
+            bounds=bounds,
+            proof=parameters.proof_rays,
+            trust_m=parameters.silence_trust_m,
+            median_power=parameters.reflectivity**2,
         )
         self._scale = Scale(
             threshold=parameters.evidence_threshold,
@@ -156,7 +142,7 @@ class SuperpositionFusion(Fusion):
         if not explained:
             for recent in range(max(0, len(self._window) - 1 - RECENT), len(self._window) - 1):
                 self._learn(self._window[recent])
-        self._deal(look, SHOWN, learn=True)
+        self._deal(look, SHOWN, is_taught=True)
         count = len(self._window)
         early = min(MOST_PASSES * count, EARLY_VISITS // count)
         for _ in range(max(self.parameters.revisits, early)):
@@ -175,13 +161,11 @@ class SuperpositionFusion(Fusion):
     def _suspect(self, look: Look) -> bool:
         """Suspect every cell that may have returned an unexplained echo; whether there is none."""
         layer = self._grid.layer
-        seen, count, _ = self._expect(look, layer(ALIVE))
-        forget(seen, count)
+        self._expect(look)
         found = self._work.find_sources(look, self._tiles(), layer(EVERYWHERE))
         if found is None:
             return True
-        seed_unexplained(look, *found, self._work.bins(look), layer(POWER), layer(ALIVE))
-        forget(*found)
+        seed_unexplained(look, *found, self._work.scratch.bins, layer(POWER), layer(ALIVE))
         return False
 
     def _start_over(self) -> None:
@@ -227,7 +211,7 @@ class SuperpositionFusion(Fusion):
                 layer(_of(GATHERED, name))[:] = (
                     layer(_of(LASTING, name)) if self._has_lasting else 0.0
                 )
-        self._deal(self._window[self._next], GATHERED, learn=not self._are_few)
+        self._deal(self._window[self._next], GATHERED, is_taught=not self._are_few)
         self._next += 1
         if self._next == len(self._window):
             self._end_pass()
@@ -238,10 +222,10 @@ class SuperpositionFusion(Fusion):
         for _ in range(remaining if passes else 0):
             self._visit()
 
-    def _expect(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int, Contributions]:
-        """Work out what the map expects of a ping, from the cells that are not 0 in `among`."""
+    def _expect(self, look: Look) -> int:
+        """Work out what the map expects of a ping; returns how many cells it sees."""
         layer = self._grid.layer
-        return self._work.expect(look, self._tiles(), layer(DEPTH), among, layer(POWER))
+        return self._work.expect(look, self._tiles(), layer(DEPTH), layer(ALIVE), layer(POWER))
 
     def _find(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int]:
         """Find the cells that a ping sees, of those that are not 0 in `among`."""
@@ -249,37 +233,23 @@ class SuperpositionFusion(Fusion):
 
     def _learn(self, look: Look) -> None:
         """Move the powers in a ping's cone towards what explains it."""
-        seen, count, _ = self._expect(look, self._grid.layer(ALIVE))
-        self._learn_from(look, seen, count)
-        forget(seen, count)
+        self._learn_from(look, self._expect(look))
 
-    def _learn_from(self, look: Look, seen: Seen, count: int) -> None:
-        bins = self._work.bins(look)
-        weigh_bins(look, bins)
-        names = (POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE)
-        powers = Powers(*(self._grid.layer(name) for name in names))
+    def _learn_from(self, look: Look, count: int) -> None:
+        powers = Powers(*(self._grid.layer(name) for name in Powers._fields))
         least_news = 1.0 / (1 + len(self._window))
-        learn_powers(look, seen, count, bins, powers, least_news)
+        learn(look, count, powers, least_news, self._work.scratch)
 
-    def _deal(self, look: Look, kind: str, *, learn: bool = False) -> None:
+    def _deal(self, look: Look, kind: str, *, is_taught: bool = False) -> None:
         """Add what a ping says to the evidence of a kind; learn its powers too if asked to."""
-        layer, tiles, parameters = self._grid.layer, self._tiles(), self.parameters
+        layer = self._grid.layer
         own, block, clear, silent, *shares = (layer(_of(kind, name)) for name in EVIDENCE)
-        evidence = Evidence(own, block, clear, silent, layer(RELEVANT))
-        seen, count, parts = self._expect(look, layer(ALIVE))
-        bins, rays = self._work.bins(look), self._work.rays(look, tiles)
-        prepare_bins(look, bins)
-        add_evidence(look, seen, count, bins, parts, tiles, self._bounds, evidence)
-        add_shares(look, seen, count, bins, parts, Shares(*shares))
-        prove_rays(look, seen, count, bins, parts, layer(BELIEF), tiles, rays.proven_m)
-        if learn:
-            self._learn_from(look, seen, count)
-        forget(seen, count)
-        proof = parameters.proof_rays
-        deal_proof(look, tiles, rays, clear)
-        deal_presence(look, tiles, proof, clear)
-        trust = (layer(_of(SHOWN, "clear")), proof, parameters.silence_trust_m)
-        deal_silence(look, tiles, rays, *trust, parameters.reflectivity**2, silent)
+        said = Said(Evidence(own, block, clear, silent, layer(RELEVANT)), Shares(*shares))
+        count = self._expect(look)
+        believed = (layer(BELIEF), layer(_of(SHOWN, CLEAR)))
+        deal(look, self._tiles(), count, believed, self._rules, self._work.scratch, said)
+        if is_taught:
+            self._learn_from(look, count)
 
     def _end_pass(self) -> None:
         """Show what the pass has gathered, and renew what hides what."""
@@ -333,7 +303,7 @@ class SuperpositionFusion(Fusion):
         layer, parameters = self._grid.layer, self.parameters
         by_others = MapByOthers(
             self._grid, self._tiles(), self._work, (layer(POWER), layer(ALIVE), layer(DEPTH)),
-            self._scale, self._bounds, self._opacity,
+            self._scale, self._rules.bounds, self._opacity,
         )  # fmt: skip
         return by_others.expected(
             {robot: [look_of(cone, parameters) for cone in own] for robot, own in cones.items()}

@@ -14,7 +14,6 @@ from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, se
 from usmap_ros.mapping.superposition.cells import Tiles
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_evidence, prepare_bins
 from usmap_ros.mapping.superposition.look import Look
-from usmap_ros.mapping.superposition.seen import forget
 from usmap_ros.mapping.superposition.workspace import Workspace
 
 #: Evidence at which the others are believed to have seen something, relative to that at which the
@@ -99,13 +98,10 @@ class MapByOthers:
         """What some pings say of the cells of the map."""
         evidence = Evidence(*(np.zeros_like(self._alive) for _ in Evidence._fields))
         for look in looks:
-            seen, count, parts = self._work.expect(
-                look, self._tiles, self._depth, self._alive, self._power
-            )
-            bins = self._work.bins(look)
+            count = self._work.expect(look, self._tiles, self._depth, self._alive, self._power)
+            _, seen, bins, parts = self._work.scratch
             prepare_bins(look, bins)
             add_evidence(look, seen, count, bins, parts, self._tiles, self._bounds, evidence)
-            forget(seen, count)
         return evidence
 
     def _believed(
@@ -123,6 +119,5 @@ class MapByOthers:
     def _expected(
         self, look: Look, among: NDArray[np.float32], depth: NDArray[np.float32]
     ) -> Expected:
-        seen, count, _ = self._work.expect(look, self._tiles, depth, among, self._power)
-        forget(seen, count)
-        return Expected(look, self._work.bins(look).expected[: len(look.kind)].copy())
+        self._work.expect(look, self._tiles, depth, among, self._power)
+        return Expected(look, self._work.scratch.bins.expected[: len(look.kind)].copy())

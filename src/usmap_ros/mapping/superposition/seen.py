@@ -219,10 +219,3 @@ def place_cells(
             seen.low[count, quarter], seen.high[count, quarter] = center - half, center + half
         count += 1
     return count
-
-
-@compiled
-def forget(seen: Seen, count: int) -> None:
-    """Clear `Seen.place` for the next look."""
-    for cell in range(count):
-        seen.place[seen.slot[cell]] = -1

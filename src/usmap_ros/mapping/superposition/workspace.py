@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
+from usmap_ros.mapping.superposition.dealing import Scratch, expect_listed, look_around
 from usmap_ros.mapping.superposition.look import Look
 from usmap_ros.mapping.superposition.powers import (
     BLOCK_BINS,
@@ -15,11 +16,9 @@ from usmap_ros.mapping.superposition.powers import (
     GRADIENTS,
     Bins,
     Contributions,
-    expect,
     find_unexplained,
 )
 from usmap_ros.mapping.superposition.seen import Rays, Seen, find_cells, place_cells
-from usmap_ros.mapping.superposition.sight import cast_rays
 
 #: Rays into which a beam is divided.
 RAYS = 64
@@ -29,59 +28,22 @@ class Workspace:
     """Scratch memory for one visit at a time."""
 
     def __init__(self) -> None:
-        self._rays = Rays(np.ones((RAYS, 1), np.float32), np.zeros(RAYS, np.float32), 1.0)
-        self._seen = _seen(1024, np.empty(0, np.int32))
-        self._parts = _contributions(0)
-        self._bins = _bins(0)
+        rays = Rays(np.ones((RAYS, 1), np.float32), np.zeros(RAYS, np.float32), 1.0)
+        #: Of the last visit.
+        self.scratch = Scratch(rays, _seen(0, np.empty(0, np.int32)), _bins(0), _contributions(0))
+        # How many cells the last visit has listed.
+        self._count = 0
         self._all_bins = np.arange(1, dtype=np.int32)
         self._unexplained = np.empty(1, np.int32)
-
-    def rays(self, look: Look, tiles: Tiles) -> Rays:
-        """Rays of a look; all of its sound reaches everywhere until they are cast."""
-        steps = math.ceil(look.greatest_range_m / tiles.resolution_m) + 2
-        if steps > self._rays.in_sight.shape[1] or self._rays.step_m != tiles.resolution_m:
-            in_sight = np.ones((RAYS, steps), np.float32)
-            self._rays = Rays(in_sight, self._rays.proven_m, tiles.resolution_m)
-        return self._rays
-
-    def bins(self, look: Look) -> Bins:
-        """Numbers for each range bin of a look."""
-        if len(look.kind) >= len(self._bins.expected):
-            self._bins = _bins(len(look.kind))
-        return self._bins
-
-    def find(
-        self,
-        look: Look,
-        tiles: Tiles,
-        among: NDArray[np.float32],
-        rays: Rays,
-        next_wanted: NDArray[np.int32] | None = None,
-    ) -> tuple[Seen, int]:
-        """Cells in the cone of a look, of those that are not 0 in `among`.
-
-        If `next_wanted` is given, those that reach into none of these range bins may be missing.
-        `forget` them before the next are looked for.
-        """
-        if len(self._seen.place) != len(among):
-            self._seen = _seen(len(self._seen.slot), np.full(len(among), -1, np.int32))
-        if len(self._all_bins) <= len(look.kind):
-            self._all_bins = np.arange(len(look.kind) + 1, dtype=np.int32)
-        wanted = self._all_bins if next_wanted is None else next_wanted
-        count = find_cells(look, tiles, among, self._seen)
-        while count == len(self._seen.slot):
-            self._seen = _seen(2 * count, self._seen.place)
-            count = find_cells(look, tiles, among, self._seen)
-        count = place_cells(look, tiles.resolution_m, wanted, rays, self._seen, count)
-        return self._seen, count
 
     def see(
         self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
     ) -> tuple[Seen, int]:
         """Cells that a look sees past what is in the way, of those that are not 0 in `among`."""
-        rays = self.rays(look, tiles)
-        cast_rays(look, tiles, depth, rays)
-        return self.find(look, tiles, among, rays)
+        listed = self._list(look, tiles, depth, among)
+        rays, seen, _, _ = self.scratch
+        self._count = place_cells(look, tiles.resolution_m, self._all_bins, rays, seen, listed)
+        return seen, self._count
 
     def expect(
         self,
@@ -90,13 +52,19 @@ class Workspace:
         depth: NDArray[np.float32],
         among: NDArray[np.float32],
         power: NDArray[np.float32],
-    ) -> tuple[Seen, int, Contributions]:
-        """Set what a look is expected to hear of the cells that it sees, in `bins`."""
-        seen, count = self.see(look, tiles, depth, among)
-        if count > len(self._parts.first_bin):
-            self._parts = _contributions(2 * count)
-        expect(look, seen, count, power, self._parts, self.bins(look))
-        return seen, count, self._parts
+    ) -> int:
+        """Work out what a look is expected to hear of the cells that it sees.
+
+        Returns
+        -------
+        count : int
+            Number of the cells; they, and what is expected, are in `scratch`.
+        """
+        listed = self._list(look, tiles, depth, among)
+        self._count = expect_listed(
+            look, tiles.resolution_m, self._all_bins, listed, power, self.scratch
+        )
+        return self._count
 
     def find_sources(
         self, look: Look, tiles: Tiles, everywhere: NDArray[np.float32]
@@ -105,11 +73,52 @@ class Workspace:
 
         To be asked after `expect`; the same rays count.
         """
-        if len(self._unexplained) <= len(look.kind):
-            self._unexplained = np.empty(len(look.kind) + 1, np.int32)
-        if not find_unexplained(look, self.bins(look), self._unexplained):
+        if not find_unexplained(look, self.scratch.bins, self._unexplained):
             return None
-        return self.find(look, tiles, everywhere, self.rays(look, tiles), self._unexplained)
+        self._prepare(look, tiles, len(everywhere))
+        while (listed := find_cells(look, tiles, everywhere, self.scratch.seen)) == self._room():
+            self._enlarge()
+        rays, seen, _, _ = self.scratch
+        self._count = place_cells(look, tiles.resolution_m, self._unexplained, rays, seen, listed)
+        return seen, self._count
+
+    def _list(
+        self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
+    ) -> int:
+        """Cast a look's rays, and list cells in its cone."""
+        self._prepare(look, tiles, len(among))
+        rays = self.scratch.rays
+        while (listed := look_around(look, tiles, depth, among, rays, self.scratch.seen)) == (
+            self._room()
+        ):
+            self._enlarge()
+        return listed
+
+    def _prepare(self, look: Look, tiles: Tiles, slots: int) -> None:
+        """Forget the cells of the last visit, and make room for the rays and bins of a look."""
+        rays, seen, bins, parts = self.scratch
+        seen.place[seen.slot[: self._count]] = -1
+        self._count = 0
+        if len(seen.place) != slots:
+            seen = seen._replace(place=np.full(slots, -1, np.int32))
+        steps = math.ceil(look.greatest_range_m / tiles.resolution_m) + 2
+        if steps > rays.in_sight.shape[1] or rays.step_m != tiles.resolution_m:
+            in_sight = np.ones((RAYS, steps), np.float32)
+            rays = Rays(in_sight, rays.proven_m, tiles.resolution_m)
+        if len(look.kind) >= len(bins.expected):
+            bins = _bins(len(look.kind))
+            self._all_bins = np.arange(len(look.kind) + 1, dtype=np.int32)
+            self._unexplained = np.empty(len(look.kind) + 1, np.int32)
+        self.scratch = Scratch(rays, seen, bins, parts)
+
+    def _room(self) -> int:
+        return len(self.scratch.seen.slot)
+
+    def _enlarge(self) -> None:
+        """Make room for more cells."""
+        cells = max(1024, 2 * self._room())
+        seen, parts = _seen(cells, self.scratch.seen.place), _contributions(cells)
+        self.scratch = self.scratch._replace(seen=seen, parts=parts)
 
 
 def _seen(cells: int, place: NDArray[np.int32]) -> Seen:

@@ -251,7 +251,8 @@ def main() -> None:
     if arguments.page is not None:
         caption = "F1, leak, lost and escape of every method on every scene"
         picture = partial(draw_scores, rows)
-        put_with_picture(arguments.page, "scores", f"{table}\n{seeds_of(rows)}\n", caption, picture)
+        text = f"{table}\n{seeds_of(rows)}\n"
+        put_with_picture(arguments.page, arguments.place, text, caption, picture)
 
 
 def _parsed() -> argparse.Namespace:
@@ -270,6 +271,7 @@ def _parsed() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--readme", type=Path, help="page to put ours and range only into")
     parser.add_argument("--page", type=Path, help="page to put the table and its picture into")
+    parser.add_argument("--place", default="scores", help="name of the table's place on that page")
     arguments = parser.parse_args()
     if arguments.ablations:
         arguments.methods += [name for name in ABLATIONS if name not in arguments.methods]

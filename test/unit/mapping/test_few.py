@@ -10,9 +10,10 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
 from usmap_ros.mapping.superposition import few
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.few import Explained, Suspects, explain, weigh_sources
+from usmap_ros.mapping.superposition.few import Explained, explain, weigh_sources
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, UNJUDGED, Look, look_of
 from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.sources import Sources
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 
@@ -110,7 +111,7 @@ def test_silence_from_where_it_would_be_heard_acquits(area: Area, make_cone: Mak
     assert near(*after, 1.4, -0.5) > near(*before, 1.4, -0.5)
 
 
-def test_too_many_suspects_are_not_weighed(
+def test_too_many_sources_are_not_weighed(
     area: Area, make_cone: MakeCone, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(few, "MOST_PAIRS", 100)
@@ -120,7 +121,7 @@ def test_too_many_suspects_are_not_weighed(
 def test_odds_are_those_of_all_cases_counted() -> None:
     """One echo and two quarters: there is no circle, so belief propagation is exact."""
     prior, audibility, density = 0.1, 0.95, np.array([[0.6, 0.2]])
-    suspects = Suspects(
+    sources = Sources(
         row_of=np.zeros(1, np.int64),
         kind=np.full((1, 2), ECHO, np.uint8),
         bin=np.zeros((1, 2), np.int32),
@@ -130,7 +131,7 @@ def test_odds_are_those_of_all_cases_counted() -> None:
         noise=np.ones(1),
     )
     log_odds = np.empty(2)
-    weigh_sources(suspects, density, 1, audibility, float(logit(prior)), log_odds)
+    weigh_sources(sources, density, 1, audibility, float(logit(prior)), log_odds)
     for own, other in ((0, 1), (1, 0)):
         rest = few.CLUTTER_DENSITY + prior * density[0, other]
         ratio = audibility * density[0, own] / rest + 1.0 - audibility
@@ -142,7 +143,7 @@ def test_odds_are_those_of_all_cases_counted() -> None:
 def test_silence_counts_by_its_likelihood_and_what_is_not_judged_does_not(
     kind: int, odds: float
 ) -> None:
-    suspects = Suspects(
+    sources = Sources(
         np.zeros(1, np.int64),
         np.full((1, QUARTERS), kind, np.uint8),
         np.zeros((1, QUARTERS), np.int32),
@@ -150,5 +151,5 @@ def test_silence_counts_by_its_likelihood_and_what_is_not_judged_does_not(
         np.ones(1),
     )
     log_odds = np.empty(QUARTERS)
-    weigh_sources(suspects, np.full((1, QUARTERS), 0.3), 1, 0.95, -2.0, log_odds)
+    weigh_sources(sources, np.full((1, QUARTERS), 0.3), 1, 0.95, -2.0, log_odds)
     np.testing.assert_allclose(log_odds, -2.0 + np.log(odds), rtol=1e-6)

@@ -18,13 +18,13 @@ from usmap_ros.mapping.superposition.belief import (
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
 from usmap_ros.mapping.superposition.dealing import learn
 from usmap_ros.mapping.superposition.evidence import Bounds, add_gain, log_likelihood
-from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look, look_of
-from usmap_ros.mapping.superposition.powers import (
+from usmap_ros.mapping.superposition.learning import (
     Powers,
     find_unexplained,
     gradient_between,
     weigh_bins,
 )
+from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look, look_of
 from usmap_ros.mapping.superposition.sight import deal_proof
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters

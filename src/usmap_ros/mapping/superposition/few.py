@@ -28,8 +28,8 @@ from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
-from usmap_ros.mapping.superposition.powers import bearing_fit
-from usmap_ros.mapping.superposition.seen import LEAST_POWER_GAIN, Seen, power_gain
+from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.sources import Sources, compare, no_sources, tally
 from usmap_ros.parameters import MappingParameters
 
 #: Powers that an object may have, and how many standard deviations about the median they span.
@@ -41,124 +41,10 @@ LEAST_LOG_DENSITY, LEAST_SILENCE = -12.0, 0.0025
 LEAST_DENSITY = math.exp(LEAST_LOG_DENSITY)
 #: A limit so many times the power that is returned is not exceeded.
 SURELY_SILENT = 12.0
-#: Silence against a cell outweighs an echo for it when it is so many times as frequent.
-SILENCE_COUNTS = 0.4
 #: Quarters, times looks, that are compared at the most.
 MOST_PAIRS = 200_000
 #: Rounds of belief propagation, and the share of its last message that each keeps.
 ROUNDS, DAMPING = 15, 0.3
-
-
-class Suspects(NamedTuple):
-    """Quarters of cells that may have returned an echo, and what each look has of them.
-
-    Parameters
-    ----------
-    row_of : (slots,) int64 array
-        Number of each suspected cell in the arrays below; -1 for all others.
-    kind : (looks, quarters) uint8 array
-        ECHO, SILENCE or UNJUDGED.
-    bin : (looks, quarters) int32 array
-        Range bin of the echo, or of the middle of the quarter.
-    level : (looks, quarters) float32 array
-        Power of the echo, or below which one may have gone unreported.
-    weight : (looks, quarters) float32 array
-        Power that each would return if it scattered with power 1.
-    fit : (looks, quarters) float32 array
-        How well it fits a measured bearing.
-    noise : (looks,) float64 array
-        Power of the receiver's noise in a bin.
-    """
-
-    row_of: NDArray[np.int64]
-    kind: NDArray[np.uint8]
-    bin: NDArray[np.int32]
-    level: NDArray[np.float32]
-    weight: NDArray[np.float32]
-    fit: NDArray[np.float32]
-    noise: NDArray[np.float64]
-
-
-@compiled
-def tally(
-    look: Look, seen: Seen, count: int, median_power: float, sums: NDArray[np.float32]
-) -> None:
-    """Count for and against every cell of a look whether an echo may have come from there.
-
-    Parameters
-    ----------
-    look, seen, count
-        As in `usmap_ros.mapping.superposition.powers.expect`.
-    median_power : float
-        Power that an object scatters.
-    sums : (slots,) float32 array
-        Changed: cells that end above 0 are worth suspecting.
-    """
-    for cell in range(count):
-        slot = seen.slot[cell]
-        low, high = seen.low[cell, 0], seen.high[cell, 0]
-        for quarter in range(1, QUARTERS):
-            low = min(low, seen.low[cell, quarter])
-            high = max(high, seen.high[cell, quarter])
-        b = min(max(math.floor(0.5 * (low + high)), 0), len(look.kind) - 1)
-        if nearest_echo(look, low, high) >= 0:
-            sums[slot] += 1.0
-        elif look.kind[b] == SILENCE and seen.weight[cell] * median_power > look.limit[b]:
-            sums[slot] -= SILENCE_COUNTS
-
-
-@compiled_within
-def nearest_echo(look: Look, low: float, high: float) -> int:
-    """Range bin of the echo that is nearest to the middle of a stretch; -1 if there is none."""
-    best, middle = -1, 0.5 * (low + high)
-    for b in range(max(math.floor(low), 0), min(math.floor(high) + 1, len(look.kind))):
-        nearer = best < 0 or abs(b + 0.5 - middle) < abs(best + 0.5 - middle)
-        if look.kind[b] == ECHO and nearer:
-            best = b
-    return best
-
-
-@compiled_within
-def returned_from(look: Look, x: float, y: float) -> float:
-    """Power returned from a place, relative to the transducer, if it scatters with power 1."""
-    squared = x * x + y * y + look.rise_m * look.rise_m
-    distance = math.sqrt(squared)
-    ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
-    gain = max(power_gain(look, ahead / distance), LEAST_POWER_GAIN)
-    return gain * math.exp(-look.absorption_per_m * distance) / (squared * squared)
-
-
-@compiled
-def compare(
-    look: Look, index: int, seen: Seen, count: int, resolution_m: float, suspects: Suspects
-) -> None:
-    """Note what look number `index` heard of the suspects among the cells in its cone.
-
-    A quarter's own gain counts: it differs within a cell by more than amplitudes fluctuate.
-    """
-    suspects.noise[index] = look.noise
-    for cell in range(count):
-        row = suspects.row_of[seen.slot[cell]]
-        x = (seen.column[cell] + 0.5) * resolution_m - look.x_m
-        y = (seen.row[cell] + 0.5) * resolution_m - look.y_m
-        in_sight = seen.weight[cell] / returned_from(look, x, y)
-        for quarter in range(QUARTERS):
-            low, high = seen.low[cell, quarter], seen.high[cell, quarter]
-            here = row * QUARTERS + quarter
-            b = nearest_echo(look, low, high)
-            if b >= 0:
-                suspects.kind[index, here] = ECHO
-                suspects.level[index, here] = max(look.power[b], look.noise)
-                suspects.fit[index, here] = bearing_fit(look, b, seen.bearing[cell])
-            else:
-                b = min(max(math.floor(0.5 * (low + high)), 0), len(look.kind) - 1)
-                suspects.kind[index, here] = look.kind[b]
-                suspects.level[index, here] = look.limit[b]
-            suspects.bin[index, here] = b
-            offset_x = 0.25 * resolution_m if quarter & 1 else -0.25 * resolution_m
-            offset_y = 0.25 * resolution_m if quarter & 2 else -0.25 * resolution_m
-            returned = returned_from(look, x + offset_x, y + offset_y)
-            suspects.weight[index, here] = in_sight * returned
 
 
 @compiled_within
@@ -217,7 +103,7 @@ def compare_powers(
 
 @compiled
 def judge_alone(
-    suspects: Suspects,
+    sources: Sources,
     log_powers: NDArray[np.float64],
     log_prior: NDArray[np.float64],
     fluctuation: float,
@@ -228,7 +114,7 @@ def judge_alone(
 
     Parameters
     ----------
-    suspects : Suspects
+    sources : Sources
         After `compare`.
     log_powers, log_prior : (POWER_STEPS,) float64 arrays
         Powers that an object may have, and their prior, as logarithms.
@@ -239,7 +125,7 @@ def judge_alone(
     power : (quarters,) float64 array
         Set to the mean of the power, if there is an object.
     """
-    looks, quarters = suspects.kind.shape
+    looks, quarters = sources.kind.shape
     likelihood = np.empty((looks, POWER_STEPS))
     total = np.empty(POWER_STEPS)
     for here in range(quarters):
@@ -247,11 +133,11 @@ def judge_alone(
             total[step] = log_prior[step]
         for index in range(looks):
             compare_powers(
-                suspects.kind[index, here],
-                suspects.level[index, here],
-                suspects.weight[index, here],
+                sources.kind[index, here],
+                sources.level[index, here],
+                sources.weight[index, here],
                 4.0 * fluctuation * fluctuation,
-                suspects.noise[index],
+                sources.noise[index],
                 log_powers,
                 likelihood[index],
                 total,
@@ -268,24 +154,24 @@ def judge_alone(
             without = 0.0
             for step in range(POWER_STEPS):
                 without += total[step] / likelihood[index, step]
-            density[index, here] = with_it / without * suspects.fit[index, here]
+            density[index, here] = with_it / without * sources.fit[index, here]
         power[here] = math.exp(log_power / with_it)
 
 
 @compiled
 def weigh_sources(
-    suspects: Suspects,
+    sources: Sources,
     density: NDArray[np.float64],
     bin_count: int,
     audibility: float,
     prior_log_odds: float,
     log_odds: NDArray[np.float64],
 ) -> None:
-    """Log-odds of the suspects, by belief propagation between them and the echoes.
+    """Log-odds of the sources, by belief propagation between them and the echoes.
 
     Parameters
     ----------
-    suspects, density
+    sources, density
         After `judge_alone`.
     bin_count : int
         Of the look with most range bins.
@@ -296,7 +182,7 @@ def weigh_sources(
     log_odds : (quarters,) float64 array
         Set.
     """
-    looks_count, quarters = suspects.kind.shape
+    looks_count, quarters = sources.kind.shape
     message = np.zeros((looks_count, quarters))
     explained = np.empty(bin_count)
     share = np.empty(quarters)
@@ -305,17 +191,17 @@ def weigh_sources(
         for index in range(looks_count):
             explained[:] = CLUTTER_DENSITY
             for here in range(quarters):
-                if suspects.kind[index, here] == ECHO:
+                if sources.kind[index, here] == ECHO:
                     odds = math.exp(min(log_odds[here] - message[index, here], 30.0))
                     share[here] = odds / (1.0 + odds) * density[index, here]
-                    explained[suspects.bin[index, here]] += share[here]
+                    explained[sources.bin[index, here]] += share[here]
             for here in range(quarters):
                 new = 0.0
-                if suspects.kind[index, here] == ECHO:
-                    rest = explained[suspects.bin[index, here]] - share[here]
+                if sources.kind[index, here] == ECHO:
+                    rest = explained[sources.bin[index, here]] - share[here]
                     rest = max(rest, CLUTTER_DENSITY)
                     new = math.log(audibility * density[index, here] / rest + 1.0 - audibility)
-                elif suspects.kind[index, here] == SILENCE:
+                elif sources.kind[index, here] == SILENCE:
                     new = math.log(audibility * density[index, here] + 1.0 - audibility)
                 new = DAMPING * message[index, here] + (1.0 - DAMPING) * new
                 log_odds[here] += new - message[index, here]
@@ -372,28 +258,28 @@ def explain(
     if len(slots) * QUARTERS * len(looks) > MOST_PAIRS:
         return None
     suspected = (sums > 0.0).astype(np.float32)
-    suspects = _no_suspects(slots, cells, len(looks))
+    sources = no_sources(slots, cells, len(looks))
     for index, look in enumerate(looks):
         seen, count = find(look, suspected)
-        compare(look, index, seen, count, parameters.resolution_m, suspects)
+        compare(look, index, seen, count, parameters.resolution_m, sources)
     bin_count = max(len(look.kind) for look in looks)
-    return Explained(slots, *_weighed(suspects, bin_count, parameters))
+    return Explained(slots, *_weighed(sources, bin_count, parameters))
 
 
 def _weighed(
-    suspects: Suspects, bin_count: int, parameters: MappingParameters
+    sources: Sources, bin_count: int, parameters: MappingParameters
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vacancy of the suspects, and mean power of each quarter: see `Explained`."""
-    quarters = suspects.kind.shape[1]
+    """Vacancy of the sources, and mean power of each quarter: see `Explained`."""
+    quarters = sources.kind.shape[1]
     spread = 2.0 * parameters.reflectivity_spread
     off = np.linspace(-POWER_SPREAD, POWER_SPREAD, POWER_STEPS)
     log_prior = -0.5 * off**2 - np.log(np.exp(-0.5 * off**2).sum())
     log_powers = 2.0 * np.log(parameters.reflectivity) + spread * off
-    density, power = np.empty(suspects.kind.shape), np.empty(quarters)
-    judge_alone(suspects, log_powers, log_prior, parameters.fluctuation, density, power)
+    density, power = np.empty(sources.kind.shape), np.empty(quarters)
+    judge_alone(sources, log_powers, log_prior, parameters.fluctuation, density, power)
     log_odds = np.empty(quarters)
     prior = float(logit(parameters.prior / QUARTERS))
-    weigh_sources(suspects, density, bin_count, parameters.audibility, prior, log_odds)
+    weigh_sources(sources, density, bin_count, parameters.audibility, prior, log_odds)
     vacancy = -np.logaddexp(0.0, log_odds).reshape(-1, QUARTERS).sum(axis=1)
     return vacancy, (expit(log_odds) * power).reshape(-1, QUARTERS)
 
@@ -440,19 +326,3 @@ def judge_first(
         value = math.log(max(-math.expm1(block), 1e-30)) - block
         if value > scale.prior:
             log_odds[slot] = min(max(value, scale.least), scale.greatest)
-
-
-def _no_suspects(slots: NDArray[np.intp], cells: int, looks: int) -> Suspects:
-    """Room for what so many looks have of some of all cells."""
-    row_of = np.full(cells, -1)
-    row_of[slots] = np.arange(len(slots))
-    shape = (looks, len(slots) * QUARTERS)
-    return Suspects(
-        row_of,
-        np.zeros(shape, np.uint8),
-        np.zeros(shape, np.int32),
-        np.zeros(shape, np.float32),
-        np.zeros(shape, np.float32),
-        np.ones(shape, np.float32),
-        np.zeros(looks),
-    )

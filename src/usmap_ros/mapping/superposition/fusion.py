@@ -30,9 +30,9 @@ from usmap_ros.mapping.superposition.dealing import Rules, Said, deal, learn
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence
 from usmap_ros.mapping.superposition.few import explain, judge_first
 from usmap_ros.mapping.superposition.layers import Suspects, directions_heard_from
+from usmap_ros.mapping.superposition.learning import LEAST_POWER, Powers, seed_unexplained
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.others import Expected, MapByOthers
-from usmap_ros.mapping.superposition.powers import LEAST_POWER, Powers, seed_unexplained
 from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.shares import Shares
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
 from usmap_ros.mapping.superposition.dealing import Scratch, expect_listed, look_around
+from usmap_ros.mapping.superposition.learning import find_unexplained
 from usmap_ros.mapping.superposition.look import Look
 from usmap_ros.mapping.superposition.powers import (
     BLOCK_BINS,
@@ -16,7 +17,6 @@ from usmap_ros.mapping.superposition.powers import (
     GRADIENTS,
     Bins,
     Contributions,
-    find_unexplained,
 )
 from usmap_ros.mapping.superposition.seen import Rays, Seen, find_cells, place_cells
 

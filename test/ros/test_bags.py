@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import qos_profile_sensor_data
 from rosbags.rosbag2 import Reader
 
@@ -15,13 +16,16 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_from_message, trace_to_message
+from usmap_ros.live.attendance import LISTENERS
+from usmap_ros.live.backlog import ROOM, WAITING
 from usmap_ros.nodes.bag_recorder import BagRecorder
 from usmap_ros.nodes.bag_replay import BagReplay
 from usmap_ros.nodes.map_fusion import MapFusion
-from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
 from usmap_ros.trace import EchoTrace
 
-ECHO = "usmap_msgs/msg/EchoTrace"
+ECHO, CONE = "usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 TYPES = RosMessageTypes()
 Traces = list[tuple[str, EchoTrace]]
 
@@ -65,6 +69,34 @@ def test_a_replay_leaves_room_in_the_queue_of_who_fuses(
     live.until(lambda: fusion.health.total("received") == len(cones))
     live.until(lambda: fusion.health.total("fused") + fusion.health.total("dropped") == len(cones))
     assert fusion.health.total("dropped") == 0
+
+
+def test_a_replay_waits_until_reconstructors_know_who_listens(
+    live: Any, traces: Traces, tmp_path: Path
+) -> None:
+    """That it sees a fusion itself is not enough: first cones went to nobody on a busy machine."""
+    with new_bag(tmp_path / "bag") as writer:
+        for _, trace in traces[:5]:
+            writer.write_trace("/robot1/echo", trace)
+    # The peer is a reconstructor, which knows of one listener at first, and fusion, the other.
+    live.listen(ECHO, "/robot1/echo")
+    live.listen(CONE, "/robot1/cone")
+    live.peer.create_publisher(interface_class(CONE), "/robot1/cone", 10)
+    reports = live.peer.create_publisher(interface_class(DIAGNOSTICS), "/diagnostics", 10)
+    node = live.add(BagReplay, bag=str(tmp_path / "bag"), wait_s=300.0, rate=10.0)
+    live.until(lambda: node.count_subscribers("/robot1/cone") == 2)
+    live.until(reports.get_subscription_count)
+    reports.publish(report("1"))
+    live.spin(1.5)
+    assert node.health.total("published") == 0
+    reports.publish(report("2"))
+    live.until(lambda: node.health.total("published"))
+
+
+def report(listeners: str) -> DiagnosticArray:
+    facts = {LISTENERS: listeners, WAITING: "0", ROOM: "1000"}
+    values = [KeyValue(key=key, value=value) for key, value in facts.items()]
+    return DiagnosticArray(status=[DiagnosticStatus(name="/peer", values=values)])
 
 
 def test_publishers_have_the_recorded_qos(live: Any, bag: Path) -> None:

@@ -1,9 +1,10 @@
-"""Try how the live side ends: fleets that are started and stopped, nodes that are killed.
+"""Try the live side: fleets that are started and stopped, nodes that are killed, replays.
 
     python tools/trials fleets [--count 50] [--at-once 3] [--robots 4]
     python tools/trials kills [--count 100]
+    python tools/trials replays [--rates 0.5 1 5 50]
 
-Exit status 1 if anything was lost, hung, unreadable, or ended in a traceback.
+Exit status 1 if anything was lost, hung, unreadable, different, or ended in a traceback.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 
 from fleets import try_fleets
 from kills import try_kills
+from replays import try_replays
 
 
 def main() -> None:
@@ -27,6 +29,8 @@ def main() -> None:
     fleets.add_argument("--robots", type=int, default=4, help="of each fleet")
     kills = trials.add_parser("kills", help="kill -9 map_fusion and bag_recorder")
     kills.add_argument("--count", type=int, default=100)
+    replays = trials.add_parser("replays", help="compare replays with 'usmap map'")
+    replays.add_argument("--rates", type=float, nargs="+", default=[0.5, 1.0, 5.0, 50.0])
     for trial in (fleets, kills):
         trial.add_argument("--seed", type=int, default=1)
         trial.add_argument(
@@ -48,6 +52,8 @@ def main() -> None:
                 arguments.seed,
                 arguments.patience,
             )
+        elif arguments.trial == "replays":
+            figures, troubles = try_replays(Path(folder), arguments.rates)
         else:
             figures, troubles = try_kills(
                 Path(folder), arguments.count, arguments.seed, 0.1 * arguments.patience

@@ -20,11 +20,13 @@ from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.storage import RecordedTopic
 from usmap_ros.io.storage.index import header_stamp_ns
+from usmap_ros.live.attendance import Attendance
 from usmap_ros.live.backlog import Backlog
 from usmap_ros.live.interfaces import (
     BAG_REPLAY,
     CLOCK,
     CONE,
+    CONE_RECONSTRUCTOR,
     DIAGNOSTICS,
     ECHO,
     NODES,
@@ -42,9 +44,8 @@ from usmap_ros.parameters.nodes import BagReplayParameters
 
 #: Longest wait for subscribers to have what was published; one that hangs must not stop all.
 _ACKNOWLEDGEMENT = Duration(seconds=1.0)
-#: From when all that is needed has been seen until the start: others see it at another time, and
-#: who fuses cones reports every second how many wait.
-_SETTLING_S, _FIRST_REPORT_S = 0.5, 2.0
+#: Longest wait, once all are there, for who fuses cones: it reports every second how many wait.
+_FIRST_REPORT_S = 2.0
 _USUAL_QOS = {
     topic.message_type: topic.qos for node in NODES for topic in (*node.publishes, *node.subscribes)
 }
@@ -99,14 +100,14 @@ class BagReplay(Node):
             self._bag.close()
             raise
         self._readers, self._backlog = Readers(), Backlog()
+        self._attendance = Attendance(time.monotonic() + parameters.wait_s)
         self._cone_topics = self._listen_to_readers()
         subscribe(self, DIAGNOSTICS, self._hear_reports)
         self._clock_publisher = advertise(self, CLOCK) if parameters.clock else None
         serve(self, PAUSE, self._pause)
         self._is_paused = parameters.start_paused
-        self._give_up_waiting_s: float | None = time.monotonic() + parameters.wait_s
-        self._settled_s: float | None = None
-        self._report_due_s = 0.0
+        self._has_begun = False
+        self._report_due_s: float | None = None
         self._rewind()
         self._timer = every(self, 1.0 / parameters.clock_rate_hz, self._tick)
 
@@ -154,7 +155,9 @@ class BagReplay(Node):
 
     def _hear_reports(self, message: Any) -> None:
         for status in message.status:
-            self._backlog.reported(status.name, report_of(status).facts, time.monotonic())
+            facts = report_of(status).facts
+            self._backlog.reported(status.name, facts, time.monotonic())
+            self._attendance.reported(status.name, facts)
 
     def _rewind(self) -> None:
         self._readers.forget()
@@ -167,8 +170,8 @@ class BagReplay(Node):
         """Let the recording's time pass, and publish what is due."""
         now_s = time.monotonic()
         passed_s, self._last_tick_s = now_s - self._last_tick_s, now_s
-        if self._give_up_waiting_s is not None:
-            self._is_anybody_missing(now_s)
+        if not self._has_begun:
+            self._has_begun = self._may_begin(now_s)
             return
         if not self._is_held(now_s):
             self._pass_time(passed_s)
@@ -199,29 +202,44 @@ class BagReplay(Node):
         limit_ns = self._readers.limit_ns(self._last_tick_s)
         self._now_ns = max(self._now_ns, min(now_ns, limit_ns))
 
-    def _is_anybody_missing(self, now_s: float) -> None:
-        """Wait for a subscriber on every topic, for as long as was asked for."""
+    def _may_begin(self, now_s: float) -> bool:
+        """Whether a subscriber is on every topic, and all of them know of each other.
+
+        If nobody comes, the wait that was asked for is enough.
+        """
         missing = [
             topic
             for topic, output in self._outputs.items()
             if not output.publisher.get_subscription_count()
         ]
-        read = {t: cones for t, cones in self._cone_topics.items() if self.count_publishers(cones)}
+        read = {t: cones for t, cones in self._cone_topics.items() if self._is_read(t, cones)}
+        listeners = {cones: self.count_subscribers(cones) for cones in read.values()}
         # One who listens to the cones is this node.
-        missing += [cones for cones in read.values() if self.count_subscribers(cones) < 2]
-        assert self._give_up_waiting_s is not None
-        if missing and now_s < self._give_up_waiting_s:
-            return
-        if self._settled_s is None:
-            for topic in read:
-                self._readers.add(topic)
-            self._settled_s = now_s + (_SETTLING_S if read else 0.0)
+        missing += [cones for cones, count in listeners.items() if count < 2]
+        makers = {
+            endpoint.node_namespace.rstrip("/") + "/" + endpoint.node_name: listeners[cones]
+            for cones in read.values()
+            for endpoint in self.get_publishers_info_by_topic(cones)
+        }
+        missing += [cones for cones in read.values() if not self.count_publishers(cones)]
+        if not self._attendance.is_complete(now_s, missing, makers):
+            return False
+        if self._report_due_s is None:
             self._report_due_s = now_s + (_FIRST_REPORT_S if self._has_cones(read) else 0.0)
-        if now_s < self._settled_s or (not self._backlog and now_s < self._report_due_s):
-            return
-        self._give_up_waiting_s = None
+        if not self._backlog and now_s < self._report_due_s:
+            return False
+        for topic in read:
+            self._readers.add(topic)
         if missing:
             self.get_logger().info(f"nobody listens to {', '.join(missing)}")
+        return True
+
+    def _is_read(self, traces: str, cones: str) -> bool:
+        """Whether traces will become cones: somebody publishes these, or is about to."""
+        if self.count_publishers(cones):
+            return True
+        readers = self.get_subscriptions_info_by_topic(traces)
+        return any(reader.node_name == CONE_RECONSTRUCTOR.name for reader in readers)
 
     def _has_cones(self, read: dict[str, str]) -> bool:
         """Whether somebody hears cones of the recording, or cones made of its traces."""

@@ -21,6 +21,7 @@ from usmap_ros.io.conversions import (
     scan_to_message,
     trace_from_message,
 )
+from usmap_ros.live.attendance import LISTENERS
 from usmap_ros.live.interfaces import (
     CONE,
     CONE_CELLS,
@@ -105,7 +106,7 @@ class ConeReconstructor(Node):
         self._ranges = RangeInput(self, self.health, parameters) if self._has_ranges else None
         names = self.parameters.value.transducers or [""]
         self._outputs = [self._connect(transducer) for transducer in names]
-        self.health.tell("listeners", self._fewest_listeners)
+        self.health.tell(LISTENERS, self._fewest_listeners)
 
     def close(self) -> None:
         """Finish the trace at hand."""

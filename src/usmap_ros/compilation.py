@@ -111,6 +111,7 @@ def compile_if_needed(
     with _one_at_a_time(folders[0]):
         # While this process waited, another one may have done it.
         missing = _missing(parts, folders)
+        _remove_outdated(folders)
         if _compile_apart(missing):
             for mark in (mark for part in missing for mark in _marks(part, folders)):
                 mark.write_text(_state(), encoding="ascii")
@@ -130,6 +131,18 @@ def _missing(parts: Iterable[str], folders: list[Path]) -> list[str]:
         return mark.is_file() and mark.read_text(encoding="ascii") == state
 
     return [part for part in parts if not all(map(is_there, _marks(part, folders)))]
+
+
+def _remove_outdated(folders: list[Path]) -> None:
+    """Remove machine code of functions as they are no more, for this version of Python."""
+    kept = {Path(function._cache._cache_file._index_name).stem for function in COMPILED}
+    version = f".py{sys.version_info.major}{sys.version_info.minor}"
+    for folder in folders:
+        for file in folder.glob(f"*{version}*.nb[ic]"):
+            # Machine code has a number behind the name of its index.
+            name = file.stem if file.suffix == ".nbi" else Path(file.stem).stem
+            if name not in kept:
+                file.unlink(missing_ok=True)
 
 
 def _marks(part: str, folders: list[Path]) -> list[Path]:

@@ -16,6 +16,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 try:
     import numba
+    from numba.core.caching import IndexDataCacheFile
     from numba.core.registry import CPUDispatcher
 except ImportError:
     IS_COMPILED = False
@@ -91,16 +92,20 @@ def _kept(dispatcher: Any, function: Function) -> Function:
 
 
 def _renew_with_helpers(kept: Any, function: Callable[..., Any]) -> None:
-    """Make what is kept of a function stale, too, when a function that it may call has changed.
+    """Keep a function apart from what it was when it, or a function that it may call, was another.
 
     Numba looks at the file of the function only, but the machine code has its helpers in it.  All
     compiled functions that its module has imported count, for those that stand below it in its
-    file may call them, too.
+    file may call them, too.  Old and new have files of their own, because Numba fails on what it
+    kept of a class that is not where it was.
     """
     known = function.__globals__
     helpers = [known[name] for name in sorted(known) if hasattr(known[name], "py_func")]
     own = kept._cache._cache_file
-    own._source_stamp = _digest([repr(own._source_stamp), *map(_stamp, helpers)])
+    stamp = _digest([repr(own._source_stamp), *map(_stamp, helpers)])
+    name = f"{kept._cache._impl.filename_base}-{stamp[:8]}"
+    kept_in: Any = IndexDataCacheFile
+    kept._cache._cache_file = kept_in(kept.stats.cache_path, name, stamp)
 
 
 def _stamp(helper: Any) -> str:

@@ -90,6 +90,19 @@ def test_it_is_done_again_when_code_or_processor_change(
 
 
 @needs_compiler
+def test_what_was_compiled_of_older_code_is_removed(calls: list[list[str]], tmp_path: Path) -> None:
+    index = COMPILED[0]._cache._cache_file._index_name
+    data, version = index.replace(".nbi", ".1.nbc"), f"py{sys.version_info[0]}{sys.version_info[1]}"
+    old = [f"a.f-1.{version}.nbi", f"a.f-1.{version}-12345678.2.nbc"]
+    others = ["a.f-1.py27-12345678.nbi", "notes.txt"]
+    for name in (index, data, *old, *others):
+        (tmp_path / name).touch()
+    compile_if_needed(lambda line: None)
+    left = {file.name for file in tmp_path.iterdir() if file.suffix not in (".compiled", ".lock")}
+    assert left == {index, data, *others}
+
+
+@needs_compiler
 def test_a_part_that_failed_is_not_marked_as_done(
     calls: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

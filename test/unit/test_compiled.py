@@ -56,6 +56,22 @@ def test_a_changed_helper_makes_its_callers_stale(folder: Path) -> None:
     assert first != changed
 
 
+def test_a_class_may_move_to_another_module(folder: Path) -> None:
+    """Numba's own index of what it kept could not be read any more."""
+    point = "from typing import NamedTuple\nclass Point(NamedTuple):\n    x: float\n"
+    for home, other in (("first_home", "second_home"), ("second_home", "first_home")):
+        (folder / f"{home}.py").write_text(point)
+        (folder / f"{other}.py").write_text("")
+        (folder / "user_of_point.py").write_text(
+            f"from {home} import Point\n" + HELPER.format(1).replace("x + 1", "x.x + 1")
+        )
+        for name in ("first_home", "second_home", "user_of_point"):
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        module = importlib.import_module("user_of_point")
+        assert module.helper(module.Point(1.0)) == 2.0
+
+
 def test_without_a_folder_to_keep_it_in_a_function_works(monkeypatch: pytest.MonkeyPatch) -> None:
     from numba.core.registry import CPUDispatcher
 

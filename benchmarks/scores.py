@@ -3,11 +3,12 @@
 Every scene is drawn at random by `scenes`, recorded under a condition, and mapped by each method.
 F1, log loss and leak, lost and escape are those of `usmap evaluate`; "off" is the largest distance
 from the diagonal of the reliability diagram of all seeds, where a cell counts as right if it holds
-or touches a surface. Means over the seeds, with the standard deviation behind ±.
+or touches a surface; "seen" is how many of the truth's surface cells are not unknown on the map,
+the only ones that F1 is about. Means over the seeds, with the standard deviation behind ±.
 
 python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ...] [--conditions plain ...]
     [--seeds 901 ...] [--methods ours ...] [--ablations] [--nav2-map MAP.yaml ...] [--cache DIR]
-    [--jobs 2] [--page docs/benchmarks.md]
+    [--jobs 2] [--page docs/benchmarks.md] [--place ablations]
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ COLUMNS = (
     ("lost", "lost", 3),
     ("escape m²", "escape_m2", 2),
     ("log loss", "log_loss", 3),
+    ("seen", "truth_cells", 0),
 )
 #: Methods in the table of the README.
 SHOWN_METHODS = ("ours", "range_only")

@@ -161,3 +161,14 @@ def test_poses_may_be_taken_at_their_word(methods: ModuleType, scenes: ModuleTyp
     (_, cone), *_ = recordings.cones(world, method.parameters().reconstruction, None)
     assert cone.pose.planar_covariance.any()
     assert not methods._certain(cone).pose.covariance.any()
+
+
+def test_solvers_are_measured_by_the_objects_they_find(benchmark: ModuleType) -> None:
+    solvers = importlib.import_module("solvers")
+    ranges_m = np.array([1.0, 1.01, 2.0, 2.5, 3.0])
+    found = solvers.clusters(np.array([0.5, 1.0, 0.01, 0.6j, 0.0]), ranges_m)
+    assert found.tolist() == [1.01, 2.5]
+    figures = solvers.accuracy("one", [found, np.zeros(0)], [np.array([1.0, 2.0]), np.array([1.0])])
+    assert figures["one_found"] == pytest.approx(1 / 3)
+    assert figures["one_false"] == 0.5
+    assert figures["one_error_mm"] == pytest.approx(10.0)

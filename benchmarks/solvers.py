@@ -5,10 +5,10 @@ at 25 kS/s, up to 5 m, and cells of 5 cm.  Beside the product stand the paper's 
 on a dense matrix that is built for each ping or given, orthogonal matching pursuit and FISTA of
 PyLops and the former of scikit-learn, each on the matrix that is given (`pip install
 usmap_ros[bench]` brings them), and a sonar that reports its first echo.
-"Found" is the share of objects with an echo within 5 cm of their range, "false" the number of echoes a
-ping without an object there, "error" the median distance of the former.  Times are those of one
-core.  The limit is one direct matched filter of the samples and one visit of all cells, and the
-same filter by an FFT and its inverse.
+"Found" is the share of objects with an echo within 5 cm of their range, "false" the number of
+echoes a ping without an object there, "error" the median distance of the former.  Times are those
+of one core.  The limit is one direct matched filter of the samples and one visit of all cells, and
+the same filter by an FFT and its inverse.
 
 python benchmarks/solvers.py --pings 20
 """

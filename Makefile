@@ -18,7 +18,8 @@ FULL := $(VENV)/.stamp-full
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench readme scores figures docs test-lower-bounds constraints clean
+.PHONY: help demo test lint format bench readme scores figures docs test-lower-bounds test-ubuntu \
+  release-check constraints clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|' 2>/dev/null \
@@ -81,13 +82,32 @@ test-lower-bounds: ## run the tests against the oldest versions that setup.py al
 	  --editable '.[test]'
 	@$(VENV)-lower/bin/python -m pytest --timeout=600 -m "not ros" $(PYTEST_ARGS)
 
+# With ROS from wheels, since Ubuntu's own packages of it need Ubuntu; PYTHON=python3.12 is Ubuntu's.
+test-ubuntu: ## run the tests against the versions of Ubuntu 24.04, nodes included (PYTHON=python3.12)
+	@$(MAKE) --no-print-directory $(VENV)-ubuntu/pyvenv.cfg VENV=$(VENV)-ubuntu
+	@echo "Installing the versions of Ubuntu 24.04, and ROS 2 Jazzy"
+	@$(VENV)-ubuntu/bin/python -m pip install --quiet --disable-pip-version-check \
+	  --constraint test/packaging/ubuntu-24.04.txt --editable '.[test,ros]' ./msg_schemas
+	@$(VENV)-ubuntu/bin/python -m pytest --timeout=600 -m "not slow" $(PYTEST_ARGS)
+
+# In an environment of its own, with the newest tools; from a copy that has what git has.
+release-check: ## build both packages as for a release, and check what an index would
+	@$(MAKE) --no-print-directory $(VENV)-release/pyvenv.cfg VENV=$(VENV)-release
+	@$(VENV)-release/bin/python -m pip install --quiet --disable-pip-version-check build twine
+	@rm -rf dist && mkdir -p dist/source
+	@git ls-files -z | tar --create --null --files-from - | tar --extract --directory dist/source
+	@$(VENV)-release/bin/python -m build --outdir dist dist/source
+	@$(VENV)-release/bin/python -m build --sdist --outdir dist dist/source/msg_schemas
+	@rm -rf dist/source
+	@$(VENV)-release/bin/python -m twine check --strict dist/*
+
 # Give one interpreter for each Python version that is supported.
 PYTHONS ?= python3.10 python3.11 python3.12 python3.13
 constraints: ## pin the newest versions anew
 	@$(PYTHON) tools/pin_versions.py $(PYTHONS)
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) $(VENV)-lower build install log dist src/*.egg-info
+	rm -rf $(VENV) $(VENV)-lower $(VENV)-ubuntu $(VENV)-release build install log dist src/*.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache demo_output figures bench_output
 	find src test tools -name __pycache__ -type d -prune -exec rm -rf {} +
 

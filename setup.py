@@ -128,6 +128,8 @@ setup(
     name=NAME,
     version="0.1.0",
     description="Multi-robot occupancy mapping from in-air ultrasound, offline and on ROS 2 Jazzy",
+    long_description=(Path(__file__).resolve().parent / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
     author="usmap_ros maintainers",
     license="Apache-2.0",
     python_requires=">=3.10",

@@ -76,3 +76,32 @@ def test_lower_bounds_are_exact_for_the_oldest_python(root):
     for requirement in requirements():
         (bound,) = requirement.specifier
         assert lowest[canonicalize_name(requirement.name)].startswith(bound.version), requirement
+
+
+#: Found in code as imports, or as types of messages and services.
+ROS_IMPORT = re.compile(r"^\s*(?:from|import) (\w+)", re.M)
+ROS_TYPE = re.compile(r"[\"'](\w+)/(?:msg|srv)/\w+[\"']")
+#: Of ROS, among what Python code imports; types of messages are of ROS in any case.
+ROS_PACKAGES = re.compile(r"^(ament_index_python|launch\w*|rcl\w*|tf2_\w+|\w+_(msgs|interfaces|srvs))$")
+
+
+def test_package_xml_names_every_ros_package_that_is_used(root):
+    files = [*(root / "src/usmap_ros").rglob("*.py"), *(root / "launch").glob("*.py")]
+    texts = [path.read_text(encoding="utf-8") for path in files]
+    used = {name for text in texts for name in ROS_IMPORT.findall(text) if ROS_PACKAGES.match(name)}
+    used |= {name for text in texts for name in ROS_TYPE.findall(text)}
+    named = {
+        element.text
+        for element in ElementTree.parse(root / "package.xml").iter()
+        if element.tag.endswith("depend")
+    }
+    assert {"rcl_interfaces", "ament_index_python", "rclpy"} <= used
+    assert used <= named
+
+
+def test_the_versions_of_ubuntu_are_allowed(root):
+    pinned = pins(root / "test/packaging/ubuntu-24.04.txt", "3.12")
+    allowed = {canonicalize_name(one.name): one.specifier for one in requirements("test")}
+    for name, version in pinned.items():
+        assert name not in allowed or allowed[name].contains(version), name
+    assert {"numpy", "scipy", "pillow", "pytest"} <= pinned.keys()

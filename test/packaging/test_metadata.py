@@ -82,7 +82,9 @@ def test_lower_bounds_are_exact_for_the_oldest_python(root):
 ROS_IMPORT = re.compile(r"^\s*(?:from|import) (\w+)", re.M)
 ROS_TYPE = re.compile(r"[\"'](\w+)/(?:msg|srv)/\w+[\"']")
 #: Of ROS, among what Python code imports; types of messages are of ROS in any case.
-ROS_PACKAGES = re.compile(r"^(ament_index_python|launch\w*|rcl\w*|tf2_\w+|\w+_(msgs|interfaces|srvs))$")
+ROS_PACKAGES = re.compile(
+    r"^(ament_index_python|launch\w*|rcl\w*|tf2_\w+|\w+_(msgs|interfaces|srvs))$"
+)
 
 
 def test_package_xml_names_every_ros_package_that_is_used(root):

@@ -149,7 +149,9 @@ setup(
         "lz4>=4.3.3",
         "matplotlib>=3.6",
         "mcap>=1.1",
-        "numba>=0.58.1",
+        # Where it has no wheels the inner loops run as Python.
+        "numba>=0.58.1 ; implementation_name == 'cpython'"
+        " and platform_machine in 'x86_64 AMD64 aarch64 arm64'",
         "numpy>=1.26",
         "pillow>=10",
         "pydantic>=2.5",

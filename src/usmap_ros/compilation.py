@@ -38,7 +38,7 @@ EACH_TIME = (
     "Compiling the inner loops (some 30 s), as at each start: no folder to keep them in can be"
     " written; NUMBA_CACHE_DIR can name one"
 )
-SLOW = "Numba is missing or switched off: the inner loops run as Python, a hundred times slower"
+SLOW = "Numba is missing or switched off: the inner loops run as Python, some eighty times slower"
 
 
 def reconstruct_all_kinds() -> None:

@@ -21,7 +21,7 @@ def requirements(*extras: str) -> Iterator[Requirement]:
     for line in requires("usmap_ros") or []:
         requirement = Requirement(line)
         wanted = requirement.marker is None or any(
-            requirement.marker.evaluate({"extra": extra}) for extra in extras
+            requirement.marker.evaluate({"extra": extra}) for extra in ("", *extras)
         )
         if wanted:
             yield requirement

@@ -7,11 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from usmap_ros import compilation
 from usmap_ros.compilation import ALL, EACH_TIME, ONCE, SESSION, SLOW, compile_if_needed
 from usmap_ros.compiled import COMPILED, IS_COMPILED
+from usmap_ros.grids import OCCUPIED_PROBABILITY
+from usmap_ros.io.map_files import load_map
 
 SOURCE = Path(compilation.__file__).parent
 needs_compiler = pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
@@ -44,11 +47,15 @@ robots:
   - name: robot1
     motion: {{kind: waypoints, waypoints_m: [[0.0, -1.0], [0.0, 1.0]], speed_m_s: 1.0}}
     transducers:
-      - receiver: {{encoding: {encoding}, sample_rate_hz: {rate_hz}, noise_std: 0.01}}
+      - mount: {{yaw_rad: -1.2}}
+        max_range_m: 3.0
+        receiver: {{encoding: {encoding}, sample_rate_hz: {rate_hz}, noise_std: 0.01}}
   - name: robot2
     motion: {{kind: waypoints, waypoints_m: [[0.1, 1.0], [0.1, -1.0]], speed_m_s: 1.0}}
     transducers:
-      - receiver: {{encoding: {encoding}, sample_rate_hz: {rate_hz}, noise_std: 0.01}}
+      - mount: {{yaw_rad: 1.2}}
+        max_range_m: 3.0
+        receiver: {{encoding: {encoding}, sample_rate_hz: {rate_hz}, noise_std: 0.01}}
 """
 
 
@@ -153,6 +160,32 @@ def test_everything_that_is_compiled_is_known() -> None:
         if re.search(r"^@compiled(_within)?$", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
     assert decorated == {path for path in known if path.is_relative_to(SOURCE)}
+
+
+@needs_compiler
+def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
+    """Machine code may differ from Python in the last bits, and no cell's class may."""
+    compile_if_needed(lambda line: None)
+    scenario = SCENARIO.format(encoding="iq", rate_hz=25e3, duration_s=0.4)
+    (tmp_path / "scenario.yaml").write_text(scenario)
+    has_numba, has_none = "import sys", "import sys; sys.modules['numba'] = None"
+    said = {}
+    for folder, begin in (("bag", has_numba), ("with", has_numba), ("without", has_none)):
+        program = f"{begin}; from usmap_ros.cli import main; main()"
+        arguments = ["map", "bag", "-o", folder, "--resolution", "0.1"]
+        if folder == "bag":
+            arguments = ["simulate", "scenario.yaml", "-o", "bag"]
+        command = [sys.executable, "-c", program, *arguments]
+        done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True, check=True)
+        said[folder] = done.stderr
+    assert (said["with"], said["without"]) == ("", f"usmap: {SLOW}\n")
+    (one, _), (other, _) = load_map(tmp_path / "with"), load_map(tmp_path / "without")
+    assert one.observed.sum() > 100
+    np.testing.assert_array_equal(one.observed, other.observed)
+    np.testing.assert_array_equal(
+        one.probability() >= OCCUPIED_PROBABILITY, other.probability() >= OCCUPIED_PROBABILITY
+    )
+    np.testing.assert_allclose(one.log_odds, other.log_odds, rtol=0.0, atol=1e-3)
 
 
 @needs_compiler

@@ -1,0 +1,90 @@
+"""How long fusing a cone takes by cell size, range, and area of the map.
+
+The world is that of a scenario of poles, larger where pings reach farther.  "areas" is how many
+worlds like it, side by side, robots have gone through before the cones that are timed: fusion
+should not care.  Times are medians in milliseconds of one core, of the last cones; F1 is that of
+the map.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from usmap_ros.cone import EchoCone
+from usmap_ros.mapping.scoring import score
+from usmap_ros.parameters import MappingParameters, PipelineParameters
+from usmap_ros.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate
+
+SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
+#: Pings, and how many of them, the last ones, are timed.
+PINGS, TIMED = 150, 60
+RESOLUTION_M, RANGE_M = 0.05, 5.0
+#: From one area to the next: more than twice a range.
+DISTANCE_M = 25.0
+
+
+def run() -> dict[str, Any]:
+    """Measure; every figure differs in one thing from the defaults."""
+    scenario = of_range(RANGE_M)
+    cones = heard(scenario)
+    figures: dict[str, Any] = {"pings": PINGS}
+    for resolution_m in (RESOLUTION_M, 0.1, 0.025, 0.01):
+        figures |= fused(f"cell_{1e3 * resolution_m:g}_mm", scenario, cones, resolution_m)
+    for range_m in (10.0, 20.0):
+        far = of_range(range_m)
+        figures |= fused(f"range_{range_m:g}_m", far, heard(far), RESOLUTION_M)
+    for areas in (4, 16):
+        figures |= fused(f"areas_{areas}", scenario, cones, RESOLUTION_M, areas)
+    return figures
+
+
+def of_range(range_m: float) -> Scenario:
+    """The scenario, with transducers of a range and a world that is as much larger."""
+    content = Scenario.load(SCENARIO).model_dump()
+    for robot in content["robots"]:
+        for transducer in robot["transducers"]:
+            transducer["max_range_m"] = range_m
+    side_m = 2.0 * range_m
+    content["world"]["area_m"] = [0.0, side_m, 0.0, side_m]
+    return Scenario.from_mapping(content, "range")
+
+
+def heard(scenario: Scenario) -> list[EchoCone]:
+    """Cones of its pings."""
+    pipeline = Pipeline()
+    return [pipeline.reconstruct(trace) for _, trace in islice(simulate(scenario), PINGS)]
+
+
+def fused(
+    name: str, scenario: Scenario, cones: list[EchoCone], resolution_m: float, areas: int = 1
+) -> dict[str, float]:
+    """Milliseconds a cone, and F1."""
+    mapping = MappingParameters(resolution_m=resolution_m, most_cells=10**9)
+    pipeline = Pipeline(PipelineParameters(mapping=mapping))
+    for area in range(1, areas):
+        for cone in cones[:: 2 * areas]:
+            place_m = cone.pose.position_m + np.array([area * DISTANCE_M, 0.0, 0.0])
+            pipeline.fuse(replace(cone, pose=replace(cone.pose, position_m=place_m)))
+    spent = []
+    for cone in cones:
+        begun_s = time.process_time()
+        pipeline.fuse(cone)
+        spent.append(1e3 * (time.process_time() - begun_s))
+    timed = spent[-TIMED:]
+    figures = {f"{name}_ms": float(np.median(timed)), f"{name}_mean_ms": float(np.mean(timed))}
+    if areas == 1:
+        truth = scenario.truth_map(resolution_m)
+        figures[f"{name}_f1"] = score(pipeline.occupancy_map(), truth).f1
+    return figures
+
+
+if __name__ == "__main__":
+    print(json.dumps(run(), indent=2))

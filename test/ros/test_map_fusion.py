@@ -15,6 +15,7 @@ from usmap_ros.io.conversions import cone_to_message, grid_from_message, points_
 from usmap_ros.io.map_files import load_map
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.live.health import Level
+from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing.map_publisher import (
     BLOCK_CELLS,
@@ -24,6 +25,7 @@ from usmap_ros.nodes.plumbing.map_publisher import (
     placed,
 )
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.parameters import MappingParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario
 
@@ -144,6 +146,24 @@ def test_a_cloud_has_every_normal_of_a_map() -> None:
     np.testing.assert_allclose(columns["normal_y"], [1.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(columns["probability"], [0.881, 0.731], atol=1e-3)
     assert len(normal_columns(replace(occupancy, layers={}))["x"]) == 0
+
+
+def test_two_fusions_share_an_area_and_each_ping_is_in_one_map(live: Any, cones: Cones) -> None:
+    middle_m = float(np.median([cone.pose.position_m[0] for _, cone in cones]))
+    west = live.add(MapFusion, "west", area_m=[-99.0, middle_m, -99.0, 99.0])
+    east = live.add(MapFusion, "east", area_m=[middle_m, 99.0, -99.0, 99.0])
+    publishers = {topic: live.publisher(CONE, topic, 50) for topic in sorted(dict(cones))}
+    live.until(lambda: all(p.get_subscription_count() == 2 for p in publishers.values()))
+    for topic, cone in cones:
+        publishers[topic].publish(cone_to_message(cone, TYPES))
+    live.until(lambda: all(n.health.total("received") == len(cones) for n in (west, east)))
+    live.until(lambda: west.health.total("fused") + east.health.total("fused") == len(cones))
+    assert west.health.total("elsewhere") == east.health.total("fused") > 0
+    maps = [node.session.fusion.occupancy_map() for node in (west, east)]
+    joined = merge_maps(maps, MappingParameters())
+    assert joined.observed.sum() > max(one.observed.sum() for one in maps)
+    result = live.set_parameter("/west/map_fusion", "area_m", [1.0, 0.0, 0.0, 1.0])
+    assert "must ascend" in result.reason
 
 
 def test_nothing_is_published_while_nothing_changes(live: Any, cones: Cones, nav2_qos: Any) -> None:

@@ -27,7 +27,7 @@ from usmap_ros.parameters.nodes import MapFusionParameters
 _RETRY_S = 0.02
 _COUNTED = (
     "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "paused", "failed",
-    "left out", "published",
+    "left out", "elsewhere", "published",
 )  # fmt: skip
 
 

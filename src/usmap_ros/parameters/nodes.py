@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from typing import Any, ClassVar, Literal
 
-from pydantic import field_validator
+from pydantic import field_validator, model_validator
 
 from usmap_ros.parameters.fields import ParameterGroup, quantity
-from usmap_ros.parameters.pipeline import MappingParameters, ReconstructionParameters
+from usmap_ros.parameters.pipeline import MappingParameters, Numbers, ReconstructionParameters
 
 
 class NodeParameters(ParameterGroup):
@@ -174,6 +174,15 @@ class MapFusionParameters(NodeParameters):
     without: list[str] = quantity(
         [""], "Robots, or cone topics, whose cones are left out of the map from now on."
     )
+    area_m: Numbers = quantity(
+        [0.0, 0.0, 0.0, 0.0],
+        "Lowest and highest x, lowest and highest y of the pings that are fused, the highest not"
+        " among them: others are for other fusions, whose maps `usmap merge` joins; all 0:"
+        " everywhere.",
+        "m",
+        min_length=4,
+        max_length=4,
+    )
     check_period_s: float = quantity(
         10.0,
         "Time from one comparison of each robot's echoes with the others' map to the next.",
@@ -218,6 +227,18 @@ class MapFusionParameters(NodeParameters):
     mapping: MappingParameters = MappingParameters()
 
     _pattern_compiles = field_validator("topic_pattern")(_check_pattern)
+
+    @model_validator(mode="after")
+    def _area_is_one(self) -> MapFusionParameters:
+        west, east, south, north = self.area_m
+        if any(self.area_m) and not (west < east and south < north):
+            raise ValueError("area_m: must ascend in x and in y")
+        return self
+
+    def is_in_area(self, x_m: float, y_m: float) -> bool:
+        """Whether a ping from there is to be fused here."""
+        west, east, south, north = self.area_m
+        return not any(self.area_m) or (west <= x_m < east and south <= y_m < north)
 
 
 class BagReplayParameters(NodeParameters):

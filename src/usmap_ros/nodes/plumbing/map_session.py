@@ -141,6 +141,9 @@ class MapSession:
         self._foreign_cones.retry(self.fusion.frame_id)
 
     def _hand_over(self, topic: str, cone: EchoCone) -> None:
+        if not self._parameters.value.is_in_area(*map(float, cone.pose.position_m[:2])):
+            self._health.count("elsewhere")
+            return
         try:
             self.fusion.receive(topic, cone)
         except RepeatedPingError as error:

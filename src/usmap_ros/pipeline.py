@@ -93,8 +93,15 @@ class Pipeline:
             for found in reconstruct_sounding(told, self.parameters.reconstruction)
         ]
 
-    def fuse(self, cone: EchoCone) -> None:
+    def fuse(self, cone: EchoCone, source: str = "") -> None:
         """Take a cone up into the map; cones are expected in the order of their stamps.
+
+        Parameters
+        ----------
+        cone : EchoCone
+            What was heard.
+        source : str
+            Who heard it: see `usmap_ros.mapping.fusion.Fusion.leave_out`.
 
         Raises
         ------
@@ -103,7 +110,7 @@ class Pipeline:
             the map's numbers would not be finite any more: it stays out of the map then.
         """
         _check_reach(cone, self.parameters.mapping.resolution_m)
-        self.fusion.fuse(cone)
+        self.fusion.fuse(cone, source)
         if cells := self.fusion.mend(cone):
             raise MalformedMessageError(
                 "amplitudes",

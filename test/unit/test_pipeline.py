@@ -112,8 +112,8 @@ def test_a_ping_that_would_poison_the_map_is_left_out(
         pipeline.fuse(cone)
     take_up = pipeline.fusion._take_up
 
-    def take_up_badly(cone: EchoCone) -> None:
-        take_up(cone)
+    def take_up_badly(cone: EchoCone, source: str) -> None:
+        take_up(cone, source)
         spoil(pipeline.fusion, layer)
 
     with monkeypatch.context() as patched:

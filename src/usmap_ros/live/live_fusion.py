@@ -17,7 +17,7 @@ from usmap_ros.errors import MalformedMessageError, MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions.grid import MAX_SIDE
 from usmap_ros.live.ordering import StampOrder
-from usmap_ros.mapping.consistency import Consistency
+from usmap_ros.mapping.consistency import Consistency, is_of
 from usmap_ros.mapping.extent import Extent
 from usmap_ros.mapping.finding import Finding
 from usmap_ros.mapping.superposition.others import Expected
@@ -166,7 +166,7 @@ class LiveFusion:
             return None
         topic, received = released
         with self._map_lock:
-            self._pipeline.fuse(received.cone)
+            self._pipeline.fuse(received.cone, topic)
             self._consistency.add(topic, received.cone)
             self.version += 1
         return Fused(topic, self._clock() - received.at_s)
@@ -201,9 +201,13 @@ class LiveFusion:
             return self._pipeline.fusion.expected_by_others(cones)
 
     def leave_out(self, names: Collection[str]) -> None:
-        """Forget the pings of late of some robots, or topics."""
+        """Take back what some robots, or topics, have said, as far as that is still known."""
+        if not names:
+            return
         with self._map_lock:
             self._consistency.forget(names)
+            if self._pipeline.fusion.leave_out(lambda topic: is_of(topic, names)):
+                self.version += 1
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from an earlier map.

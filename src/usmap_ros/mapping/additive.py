@@ -22,7 +22,7 @@ from usmap_ros.mapping.sensor_model import log_reflectivity_bound, prior_reflect
 class AdditiveFusion(Fusion):
     """A map in which each cell adds up log-odds as if it were alone on its ring."""
 
-    def _take_up(self, cone: EchoCone) -> None:
+    def _take_up(self, cone: EchoCone, source: str) -> None:
         cells = footprint(cone, self.parameters.resolution_m)
         slots = self._grid.slots(cells.rows, cells.columns)
         ring = find_ring(cone, cells, self.parameters)

@@ -59,8 +59,15 @@ class Fusion(ABC):
         self.frame_id = ""
         self.stamp_ns = 0
 
-    def fuse(self, cone: EchoCone) -> None:
+    def fuse(self, cone: EchoCone, source: str = "") -> None:
         """Take up the evidence of one ping.
+
+        Parameters
+        ----------
+        cone : EchoCone
+            What was heard.
+        source : str
+            Who heard it, for `leave_out`.
 
         Raises
         ------
@@ -73,7 +80,7 @@ class Fusion(ABC):
             )
         self.frame_id = cone.frame_id
         self.stamp_ns = max(self.stamp_ns, cone.stamp_ns)
-        self._take_up(cone)
+        self._take_up(cone, source)
 
     @property
     def memory_bytes(self) -> int:
@@ -81,8 +88,23 @@ class Fusion(ABC):
         return self._grid.memory_bytes
 
     @abstractmethod
-    def _take_up(self, cone: EchoCone) -> None:
+    def _take_up(self, cone: EchoCone, source: str) -> None:
         """Change the grid by what a cone says."""
+
+    def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
+        """Take back what some sources have said, as far as it can still be told from others'.
+
+        Parameters
+        ----------
+        is_left_out : callable
+            Whether a source is to be left out.
+
+        Returns
+        -------
+        pings : int
+            How many were taken back.
+        """
+        return 0
 
     def mend(self, cone: EchoCone | None = None) -> int:
         """Make cells unknown again of which the grid holds numbers that are not finite.

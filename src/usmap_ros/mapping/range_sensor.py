@@ -38,7 +38,7 @@ class RangeSensorFusion(Fusion):
         # The model knows no prior but ignorance.
         super().__init__(parameters.model_copy(update={"prior": 0.5}))
 
-    def _take_up(self, cone: EchoCone) -> None:
+    def _take_up(self, cone: EchoCone, source: str) -> None:
         """Take up the range of a cone's first echo, or its silence."""
         cells = footprint(cone, self.parameters.resolution_m)
         slots = self._grid.slots(cells.rows, cells.columns)

@@ -136,3 +136,18 @@ def test_a_ping_that_comes_twice_is_fused_once(fusion: LiveFusion, cones: list[E
     fusion.reset()
     fusion.receive("b", cones[0])
     assert fusion.fuse_next() is not None
+
+
+def test_what_a_robot_said_is_taken_back_when_it_is_left_out(
+    cones: list[EchoCone], clock: Any
+) -> None:
+    fusion = LiveFusion(MappingParameters(resolution_m=0.2), 0.0, capacity=3, clock=clock)
+    fusion.receive("/a/cone", cones[0])
+    assert fusion.fuse_next() is not None
+    version = fusion.version
+    fusion.leave_out(["b"])
+    assert fusion.version == version
+    assert fusion.occupancy_map().observed.any()
+    fusion.leave_out(["a"])
+    assert fusion.version == version + 1
+    assert not fusion.occupancy_map().observed.any()

@@ -63,6 +63,8 @@ SEVERAL = dict.fromkeys((POWER, ATTRACTION, PRESSURE), QUARTERS)
 MOST_PASSES, EARLY_VISITS = 40, 60
 #: Earlier pings that are learnt from again at once when a new one cannot be explained.
 RECENT = 3
+#: Passes through the window after pings were taken out of it: what hid what is known after one.
+PASSES_WITHOUT = 2
 #: So few pings are explained from the start whenever there is one more, with so many passes to
 #: see what is free.  Later this is done less and less often: each time after this share more.
 FEW_PINGS, FIRST_PASSES, FRESH_STARTS = 6, 2, 0.5
@@ -98,6 +100,8 @@ class SuperpositionFusion(Fusion):
         layers = {**dict.fromkeys(names, 0.0), EVERYWHERE: 1.0}
         super().__init__(parameters, layers, SEVERAL)
         self._window: deque[Look] = deque()
+        # Of each ping in the window, who heard it.
+        self._sources: deque[str] = deque()
         self._next = 0
         # Size of the window at which its pings are explained from the start again.
         self._fresh_start = 1
@@ -128,13 +132,14 @@ class SuperpositionFusion(Fusion):
 
     # ------------------------------------------------------------------ a new ping
 
-    def _take_up(self, cone: EchoCone) -> None:
+    def _take_up(self, cone: EchoCone, source: str) -> None:
         look = look_of(cone, self.parameters)
         self._cover(look)
         explained = self._suspect(look)
         if len(self._window) == self.parameters.window:
             self._retire()
         self._window.append(look)
+        self._sources.append(source)
         if not self._has_lasting and len(self._window) >= self._fresh_start:
             self._start_over()
         if self._are_few:
@@ -193,24 +198,44 @@ class SuperpositionFusion(Fusion):
     def _retire(self) -> None:
         """Let the oldest ping go, and what it said stay."""
         self._deal(self._window.popleft(), LASTING)
+        self._sources.popleft()
         self._has_lasting, self._are_few = True, False
         self._next = max(self._next - 1, 0)
 
     def _forget_newest(self) -> None:
         """Let the newest ping go, and begin the pass anew."""
         self._window.pop()
+        self._sources.pop()
         self._next = 0
+
+    def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
+        """Take some sources' pings out of the window, and explain the others without them.
+
+        What pings said that have left the window stays.
+        """
+        pings = list(zip(self._window, self._sources, strict=True))
+        kept = [ping for ping in pings if not is_left_out(ping[1])]
+        if len(kept) == len(pings):
+            return 0
+        self._window = deque(look for look, _ in kept)
+        self._sources = deque(source for _, source in kept)
+        self._next = 0
+        if not kept:
+            self._fresh_start = MANY_PINGS if self._has_lasting else 1
+            self._begin_pass()
+            self._end_pass()
+        elif len(kept) <= FEW_PINGS and not self._has_lasting:
+            self._start_over()
+        else:
+            self.refine(PASSES_WITHOUT)
+        return len(pings) - len(kept)
 
     # ------------------------------------------------------------------ visits
 
     def _visit(self) -> None:
         """Visit the next ping of the pass, and end the pass after the last."""
-        layer = self._grid.layer
         if self._next == 0:
-            for name in EVIDENCE:
-                layer(_of(GATHERED, name))[:] = (
-                    layer(_of(LASTING, name)) if self._has_lasting else 0.0
-                )
+            self._begin_pass()
         self._deal(self._window[self._next], GATHERED, is_taught=not self._are_few)
         self._next += 1
         if self._next == len(self._window):
@@ -250,6 +275,13 @@ class SuperpositionFusion(Fusion):
         deal(look, self._tiles(), count, believed, self._rules, self._work.scratch, said)
         if is_taught:
             self._learn_from(look, count)
+
+    def _begin_pass(self) -> None:
+        """Gather anew, beside what pings said that have left the window."""
+        layer = self._grid.layer
+        for name in EVIDENCE:
+            lasting = layer(_of(LASTING, name)) if self._has_lasting else 0.0
+            layer(_of(GATHERED, name))[:] = lasting
 
     def _end_pass(self) -> None:
         """Show what the pass has gathered, and renew what hides what."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -41,6 +42,13 @@ def plot(
         Layer | None,
         typer.Option(help="Of a map: which way surfaces face, or how undecided cells are."),
     ] = None,
+    extent: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X0,X1,Y0,Y1",
+            help="Of a map: show just this part (m), so that pictures can be compared.",
+        ),
+    ] = None,
     parameters_file: ParametersFile = None,
     settings: Settings = None,
 ) -> None:
@@ -49,21 +57,37 @@ def plot(
     from usmap_ros.io.map_files import GRID_FILE, load_map, load_truth
     from usmap_ros.plotting import draw, map_figure, save_figure
 
+    shown = _extent(extent)
     true_cells = load_truth(truth) if truth else None
     if path.name == GRID_FILE or (path / GRID_FILE).exists():
         occupancy, paths = load_map(path)
         name, title = layer and layer.value, path.resolve().name
         try:
-            figure = map_figure(occupancy, paths, true_cells, title, layer=name)
+            figure = map_figure(occupancy, paths, true_cells, title, shown, name)
         except ValueError as error:
             raise MapFileError(path, str(error)) from error
-    elif layer is not None:
-        raise typer.BadParameter("is for maps only", param_hint="'--layer'")
+    elif layer is not None or shown is not None:
+        option = "--layer" if layer is not None else "--extent"
+        raise typer.BadParameter("is for maps only", param_hint=f"'{option}'")
     else:
         parameters = pipeline_parameters(parameters_file, settings)
         figure = draw(_ping(path, ping), true_cells, parameters)
     save_figure(figure, output)
     typer.echo(output)
+
+
+def _extent(text: str | None) -> tuple[float, float, float, float] | None:
+    """Lowest and highest x, lowest and highest y."""
+    if text is None:
+        return None
+    try:
+        x_min, x_max, y_min, y_max = (float(part) for part in text.split(","))
+    except ValueError:
+        x_min = x_max = y_min = y_max = math.nan
+    # Comparisons with NaN are false.
+    if not (x_min < x_max and y_min < y_max and max(map(abs, (x_min, x_max, y_min, y_max))) < 1e9):
+        raise typer.BadParameter(f"{text!r} is not of the form X0,X1,Y0,Y1", param_hint="--extent")
+    return x_min, x_max, y_min, y_max
 
 
 def _ping(bag_path: Path, number: int) -> EchoTrace | EchoCone:

@@ -37,7 +37,7 @@ def simulate(
         bool, typer.Option("--force", "-f", help="Replace a recording that is there already.")
     ] = False,
 ) -> None:
-    """Simulate a scenario and record it: the same scenario gives the same bag, byte for byte."""
+    """Simulate a scenario and record it: the same scenario gives the same bag on a machine."""
     from usmap_ros.io.bag_writer import new_bag
     from usmap_ros.io.map_files import save_truth
     from usmap_ros.io.yaml_files import read_mapping

@@ -193,6 +193,22 @@ def test_layers_of_a_map_are_drawn(usmap: Run, workspace: Path, layer: str) -> N
     assert (workspace / "layer.png").stat().st_size > 5000
 
 
+def test_maps_are_drawn_to_one_extent_where_it_is_given(usmap: Run, workspace: Path) -> None:
+    usmap("map", "bag", "-o", "coarse", "--resolution", "0.2", cwd=workspace)
+    sizes = []
+    for name in ("map", "coarse"):
+        done = usmap("plot", name, "-o", f"{name}.png", "--extent", "-1,3,-2,2", cwd=workspace)
+        assert done.returncode == 0, done.stderr
+        with Image.open(workspace / f"{name}.png") as picture:
+            sizes.append(picture.size)
+    assert sizes[0] == sizes[1]
+    for wrong in ("1,0,0,1", "a", "0,1,0,nan", "0,1,2"):
+        done = usmap("plot", "map", "-o", "x.png", "--extent", wrong, cwd=workspace)
+        assert done.returncode == 2
+        assert "is not of the form X0,X1,Y0,Y1" in " ".join(done.stderr.replace("│", "").split())
+    assert usmap("plot", "bag", "-o", "x.png", "--extent", "0,1,0,1", cwd=workspace).returncode == 2
+
+
 def test_plan_names_poses_and_draws_them(usmap: Run, workspace: Path) -> None:
     done = usmap("plan", "map", "--json", "-n", "2", "-o", "plan.png", cwd=workspace)
     assert done.returncode == 0, done.stderr

@@ -93,9 +93,9 @@ def map_bags(
         typer.confirm(f"{output}: holds a map already; replace it?", abort=True, err=True)
     chosen = [f"mapping.method={method}"] if method else []
     parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
-    console.compile_loops()
     order = _Order(output, parameters, jobs, passes, without or [])
     recordings = find_recordings(bags, besides=output)
+    console.compile_loops()
     if scheduler is None and set(recordings) == set(bags):
         _map_together(order, bags, resume, as_json=as_json)
     elif resume is not None:

@@ -18,6 +18,7 @@ def paper(
     """Reproduce the paper's figures and its study; docs/paper.md walks through them."""
     from usmap_ros.paper.study import NUMBERS_FILE, PARTS, run_study
 
+    console.compile_loops()
     with console.progress("reproducing the paper", len(PARTS)) as step:
         numbers = run_study(output, step)
     _print_solvers(numbers["solvers_table"]["summary"])

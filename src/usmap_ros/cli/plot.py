@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from usmap_ros.cli import console
 from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
 
 if TYPE_CHECKING:
@@ -71,7 +72,9 @@ def plot(
         raise typer.BadParameter("is for maps only", param_hint=f"'{option}'")
     else:
         parameters = pipeline_parameters(parameters_file, settings)
-        figure = draw(_ping(path, ping), true_cells, parameters)
+        chosen = _ping(path, ping)
+        console.compile_loops()
+        figure = draw(chosen, true_cells, parameters)
     save_figure(figure, output)
     typer.echo(output)
 

@@ -26,7 +26,7 @@ class Level(IntEnum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class Remark:
     """Something that an operator should know."""
 
     level: Level
@@ -70,12 +70,12 @@ class Health:
         self._work_s: deque[float] = deque(maxlen=_RECENT)
         self._latencies_s: deque[tuple[float, float]] = deque(maxlen=_RECENT)
         self._started_s = clock()
-        self._watches: list[Callable[[], Finding | None]] = []
+        self._watches: list[Callable[[], Remark | None]] = []
         self._told: dict[str, Callable[[], object]] = {}
         # What each watch found last, by the first word of it: figures in it change.
         self._found: dict[int, str] = {}
 
-    def watch(self, look: Callable[[], Finding | None]) -> None:
+    def watch(self, look: Callable[[], Remark | None]) -> None:
         """Ask `look`, with each report, whether there is something that an operator should know."""
         self._watches.append(look)
 
@@ -120,24 +120,22 @@ class Health:
         with self._lock:
             return self._reasons.get(what, "")
 
-    def slowness(self, limit_s: float) -> Finding | None:
+    def slowness(self, limit_s: float) -> Remark | None:
         """Warn if half of the recent messages took longer than `limit_s`."""
         with self._lock:
             latency_s = self._recent_latency_s(0.5)
         if latency_s is None or latency_s <= limit_s:
             return None
-        return Finding(
-            Level.WARN, f"slow: messages take {latency_s:.1f} s, more than {limit_s:g} s"
-        )
+        return Remark(Level.WARN, f"slow: messages take {latency_s:.1f} s, more than {limit_s:g} s")
 
-    def silence(self, text: str) -> Finding | None:
+    def silence(self, text: str) -> Remark | None:
         """Warn if no work has come for some seconds; `text` says of what, and why that may be."""
         with self._lock:
             since_s = self._work_s[-1] if self._work_s else self._started_s
         silent_s = self._clock() - since_s
         if silent_s < _SILENT_AFTER_S:
             return None
-        return Finding(Level.WARN, f"silent for {silent_s:.0f} s: {text}")
+        return Remark(Level.WARN, f"silent for {silent_s:.0f} s: {text}")
 
     def report(self) -> Report:
         """How the node is, now."""
@@ -157,7 +155,7 @@ class Health:
             facts,
         )
 
-    def _warn_of_news(self, looks: Sequence[Finding | None]) -> None:
+    def _warn_of_news(self, looks: Sequence[Remark | None]) -> None:
         """Say what was not so at the last report, for those who look at a terminal only."""
         for number, finding in enumerate(looks):
             kind = finding.text.split()[0] if finding else ""
@@ -165,10 +163,10 @@ class Health:
                 self._warn(finding.text)
             self._found[number] = kind
 
-    def _recent_problems(self) -> Iterator[Finding]:
+    def _recent_problems(self) -> Iterator[Remark]:
         for what, (when_s, level) in self._problems.items():
             if self._clock() - when_s < _MEMORY_S:
-                yield Finding(level, f"{what}: {self._reasons[what]}")
+                yield Remark(level, f"{what}: {self._reasons[what]}")
 
     def _timing(self) -> dict[str, str]:
         facts = {"rate (Hz)": f"{self._rate_hz():.1f}"}

@@ -12,7 +12,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from usmap_ros.errors import MapFileError, MapSizeError, UsmapError
 from usmap_ros.io.map_files import map_folder, save_map
 from usmap_ros.live.backlog import ROOM, WAITING
-from usmap_ros.live.health import Finding, Level
+from usmap_ros.live.health import Level, Remark
 from usmap_ros.live.interfaces import GET_MAP, MAP_FUSION, PAUSE, RESET, SAVE_MAP
 from usmap_ros.nodes.plumbing.cone_topics import ConeTopics
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
@@ -145,24 +145,24 @@ class MapFusion(LifecycleNode):
 
     # ---- health
 
-    def _state(self) -> Finding | None:
+    def _state(self) -> Remark | None:
         """Whether the node maps at all."""
         if self._why_unconfigured:
-            return Finding(Level.ERROR, f"nothing is mapped: {self._why_unconfigured}")
+            return Remark(Level.ERROR, f"nothing is mapped: {self._why_unconfigured}")
         if self.session is None:
-            return Finding(Level.WARN, "nothing is mapped: the node is not configured")
+            return Remark(Level.WARN, "nothing is mapped: the node is not configured")
         if self._topics is None:
-            return Finding(Level.WARN, "nothing is mapped: the node is not active")
+            return Remark(Level.WARN, "nothing is mapped: the node is not active")
         if self._is_paused:
-            return Finding(Level.WARN, "nothing is mapped: paused")
+            return Remark(Level.WARN, "nothing is mapped: paused")
         return self.health.silence("no cone has come from any robot")
 
-    def _slowness(self) -> Finding | None:
+    def _slowness(self) -> Remark | None:
         """Whether it falls behind, the wait that is asked for left aside."""
         now = self.parameters.value
         return self.health.slowness(now.order_wait_s + now.latency_limit_s)
 
-    def _liars(self) -> Finding | None:
+    def _liars(self) -> Remark | None:
         """Which robots contradict the others."""
         return None if self.session is None else self.session.check.suspects()
 

@@ -7,7 +7,7 @@ band about each chosen atom excluded after Fannjiang & Liao, "Coherence pattern-
 compressive sensing with unresolved grids", SIAM J. Imaging Sci. 5 (2012) 179-202.
 
 The private functions are the steps that Needell & Tropp list in section 2, by their names: signal
-proxy, identification, support merger, estimation by least squares (`Fit`), pruning, sample
+proxy, identification, support merger, estimation by least squares (`LeastSquares`), pruning, sample
 update.  It is the greedy algorithm that Sanchez & Andersson (DSCC 2018-9140) use in section 3 to
 approximate their equation (2).
 """
@@ -118,7 +118,7 @@ def cosamp(
         If the signal is not finite, or has not as many samples as the operator.
     """
     check_signal(operator, signal)
-    fit = Fit(operator, signal, non_negative)
+    fit = LeastSquares(operator, signal, non_negative)
     limits = np.broadcast_to(np.asarray(thresholds, dtype=float), (operator.block_count,))
     best = _start(fit, warm_start, limits, sparsity)
     if not np.any(signal):
@@ -142,7 +142,9 @@ def cosamp(
     return best
 
 
-def _start(fit: Fit, warm_start: IndexArray | None, limits: FloatArray, sparsity: int) -> Solution:
+def _start(
+    fit: LeastSquares, warm_start: IndexArray | None, limits: FloatArray, sparsity: int
+) -> Solution:
     """Fit what the thresholds leave of the support to start from."""
     start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
     solution = fit.on(start, 0, Halt.ITERATIONS)
@@ -150,7 +152,7 @@ def _start(fit: Fit, warm_start: IndexArray | None, limits: FloatArray, sparsity
     return fit.on(kept, 0, Halt.ITERATIONS) if len(kept) < len(start) else solution
 
 
-def _signal_proxy(fit: Fit, residual: Signal) -> Signal:
+def _signal_proxy(fit: LeastSquares, residual: Signal) -> Signal:
     """Form signal proxy: y ← Φ* v, of the samples v that are not explained yet."""
     proxy = fit.operator.adjoint(residual)
     # What would need a negative coefficient cannot explain anything.
@@ -182,7 +184,7 @@ def _pruning(
     return np.sort(estimate.support[kept])
 
 
-def _sample_update(fit: Fit, estimate: Solution, pruned: IndexArray) -> Solution:
+def _sample_update(fit: LeastSquares, estimate: Solution, pruned: IndexArray) -> Solution:
     """Update current samples: v ← u − Φ a^k, the residual r_err = y − A q of the paper.
 
     The coefficients of the pruned support are fitted again, a variation that Needell & Tropp
@@ -227,7 +229,7 @@ def strongest(
     return np.array(chosen, dtype=np.intp)
 
 
-class Fit:
+class LeastSquares:
     """Signal estimation by least squares: b|_T ← Φ_T† u, of one signal u on any support T.
 
     Parameters

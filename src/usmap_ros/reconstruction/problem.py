@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.reconstruction.cosamp import Fit, Halt, Solution
+from usmap_ros.reconstruction.cosamp import Halt, LeastSquares, Solution
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 
 
@@ -49,7 +49,9 @@ class Problem:
 
     def fitted(self, support: IndexArray, iterations: int, halt: Halt) -> Solution:
         """Least-squares fit of the signal on the columns of a support."""
-        return Fit(self.operator, self.signal, self.non_negative).on(support, iterations, halt)
+        return LeastSquares(self.operator, self.signal, self.non_negative).on(
+            support, iterations, halt
+        )
 
     def told(self, support: IndexArray, coefficients: FloatArray, halt: Halt) -> Solution:
         """Solution with coefficients as they are."""

@@ -13,7 +13,7 @@ from usmap_ros.io.nav2_map import Nav2Map
 from usmap_ros.simulation.models.world import PointModel, RandomPolesModel, WorldModel
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.reflectors import EVERYWHERE, Reflectors
-from usmap_ros.simulation.scene import Discs, FreeSpace, Scene
+from usmap_ros.simulation.scene import Discs, FreeCells, Scene
 from usmap_ros.simulation.surfaces import (
     Scatterers,
     Surface,
@@ -51,7 +51,7 @@ def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSeq
         walls,
         scatterers,
         [disc.build() for disc in world.moving],
-        None if plan is None else FreeSpace(plan.geometry, plan.probability <= FREE_PROBABILITY),
+        None if plan is None else FreeCells(plan.geometry, plan.probability <= FREE_PROBABILITY),
         _reflectors(world),
         world.wall_paths,
         world.wall_bounces,

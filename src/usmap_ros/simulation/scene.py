@@ -71,7 +71,7 @@ class MovingDisc:
 
 
 @dataclass(frozen=True)
-class FreeSpace:
+class FreeCells:
     """Cells of a map that are known to be free.
 
     Parameters
@@ -115,7 +115,7 @@ class Scene:
         Most walls that sound is returned by in turn.
     edges : Scatterers
         Ends of walls, as far as they answer by themselves, from wherever they are heard.
-    free_space : FreeSpace or None
+    free_space : FreeCells or None
         Where robots and random poles may be put down; None: anywhere.
     """
 
@@ -123,7 +123,7 @@ class Scene:
     walls: Walls
     scatterers: Scatterers
     moving: list[MovingDisc] = field(default_factory=list)
-    free_space: FreeSpace | None = None
+    free_space: FreeCells | None = None
     reflectors: Reflectors = field(default_factory=Reflectors.none)
     wall_paths: bool = False
     wall_bounces: int = 1

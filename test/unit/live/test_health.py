@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from usmap_ros.live.health import Finding, Health, Level
+from usmap_ros.live.health import Health, Level, Remark
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_what_is_told_is_a_figure(health: Health) -> None:
 
 
 def test_what_is_watched_is_asked_for_each_report(health: Health) -> None:
-    findings: list[Finding | None] = [Finding(Level.ERROR, "is not configured"), None]
+    findings: list[Remark | None] = [Remark(Level.ERROR, "is not configured"), None]
     health.watch(lambda: findings.pop(0))
     assert health.report().level == Level.ERROR
     assert health.report().level == Level.OK

@@ -6,7 +6,7 @@ import pytest
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.reconstruction.cosamp import Fit, Halt
+from usmap_ros.reconstruction.cosamp import Halt, LeastSquares
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.refinement import delay_step
 from usmap_ros.reconstruction.template import Template
@@ -39,7 +39,7 @@ def heard(operator):
 def test_steps_lead_to_the_true_delays(operator, heard):
     at = operator
     for _ in range(6):
-        solution = Fit(at, heard, False).on(SUPPORT, 1, Halt.ITERATIONS)
+        solution = LeastSquares(at, heard, False).on(SUPPORT, 1, Halt.ITERATIONS)
         at = at.moved(SUPPORT, delay_step(at, solution)[0])
     found_s = 2.0 * (at.block_ranges_m(SUPPORT) - operator.ranges_m[SUPPORT]) / 343.0
 
@@ -51,7 +51,9 @@ def test_deviation_is_the_scatter_over_noise(operator, heard):
     at = operator.moved(SUPPORT, OFFSETS_S)
     for _ in range(200):
         noise = generator.normal(size=(2, len(heard))) * noise_std / np.sqrt(2.0)
-        solution = Fit(at, heard + noise[0] + 1j * noise[1], False).on(SUPPORT, 1, Halt.ITERATIONS)
+        solution = LeastSquares(at, heard + noise[0] + 1j * noise[1], False).on(
+            SUPPORT, 1, Halt.ITERATIONS
+        )
         step_s, unit_std_s = delay_step(at, solution)
         steps.append(step_s)
 
@@ -61,7 +63,7 @@ def test_deviation_is_the_scatter_over_noise(operator, heard):
 
 
 def test_step_is_never_longer_than_the_grid_step(operator, heard):
-    solution = Fit(operator, heard, False).on(SUPPORT + 6, 1, Halt.ITERATIONS)
+    solution = LeastSquares(operator, heard, False).on(SUPPORT + 6, 1, Halt.ITERATIONS)
     step_s, _ = delay_step(operator, solution)
 
     assert np.abs(step_s).max() <= operator.delay_step_s

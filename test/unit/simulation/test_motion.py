@@ -10,7 +10,7 @@ from usmap_ros.grids import GridGeometry
 from usmap_ros.simulation.motion import BlockedPathError, RandomWalk, WaypointMotion
 from usmap_ros.simulation.occlusion import path_wall_distances
 from usmap_ros.simulation.polyline import Polyline
-from usmap_ros.simulation.scene import FreeSpace
+from usmap_ros.simulation.scene import FreeCells
 
 AREA = (0.0, 4.0, 0.0, 4.0)
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
@@ -64,7 +64,7 @@ def test_a_path_through_something_is_refused(scene, points, walls, obstacle):
         "wall": lambda: scene(walls=walls((1, -1), (1, 1))),
         "pole": lambda: scene(points((2.3, 1.0), radius=0.2)),
         "solid": lambda: scene(
-            free_space=FreeSpace(GridGeometry(1.0, (-2.0, -2.0), (8, 8)), np.zeros((8, 8), bool))
+            free_space=FreeCells(GridGeometry(1.0, (-2.0, -2.0), (8, 8)), np.zeros((8, 8), bool))
         ),
     }[obstacle]()
     with pytest.raises(BlockedPathError, match="room"):
@@ -131,6 +131,6 @@ def test_no_room_anywhere_is_said(scene, points):
 def test_a_random_start_is_on_a_free_cell(scene):
     free = np.zeros((4, 4), dtype=bool)
     free[3, 1] = True
-    world = scene(free_space=FreeSpace(GridGeometry(1.0, (0.0, 0.0), (4, 4)), free))
+    world = scene(free_space=FreeCells(GridGeometry(1.0, (0.0, 0.0), (4, 4)), free))
     position = walk(world).pose(0.0).position_m
     assert np.floor(position[:2]).tolist() == [1.0, 3.0]

@@ -62,10 +62,10 @@ class RobotCheck:
         self._checked_version = -1
         self._worker.wake()
 
-    def suspects(self) -> health.Finding | None:
+    def suspects(self) -> health.Remark | None:
         """A warning that names the robots whose echoes contradict the others', with why."""
         found = [f"{topic} is {f.reason}" for topic, f in self._found.items() if f.is_suspect]
-        return health.Finding(health.Level.WARN, "; ".join(found)) if found else None
+        return health.Remark(health.Level.WARN, "; ".join(found)) if found else None
 
     def summary(self) -> str:
         """The verdict on every robot, in one line."""

@@ -172,3 +172,14 @@ def test_solvers_are_measured_by_the_objects_they_find(benchmark: ModuleType) ->
     assert figures["one_found"] == pytest.approx(1 / 3)
     assert figures["one_false"] == 0.5
     assert figures["one_error_mm"] == pytest.approx(10.0)
+
+
+def test_the_page_on_scaling_has_the_models_table(benchmark: ModuleType) -> None:
+    fleets = importlib.import_module("fleets")
+    costs = fleets.Costs(ms_reconstruction=1.0, ms_fusion=2.4, pings_hz=15.0, cores=8)
+    assert fleets.table(costs) in (FOLDER.parent / "docs/scaling.md").read_text(encoding="utf-8")
+    ten, thousand = (fleets.needs(robots, costs) for robots in (10, 1000))
+    assert (ten["pings/s"], ten["fusions"], ten["hosts"]) == (150.0, 1, 1)
+    # What is not by the fleet is by the robot.
+    assert thousand["Mbit/s"] == pytest.approx(100.0 * ten["Mbit/s"])
+    assert thousand["Mbit/s a fusion"] < 1.5 * ten["Mbit/s a fusion"]

@@ -12,10 +12,10 @@ import json
 import time
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from reconstruction import of_range
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.scoring import score
@@ -23,7 +23,6 @@ from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
-SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
 #: Pings, and how many of them, the last ones, are timed.
 PINGS, TIMED = 150, 60
 RESOLUTION_M, RANGE_M = 0.05, 5.0
@@ -44,17 +43,6 @@ def run() -> dict[str, Any]:
     for areas in (4, 16):
         figures |= fused(f"areas_{areas}", scenario, cones, RESOLUTION_M, areas)
     return figures
-
-
-def of_range(range_m: float) -> Scenario:
-    """The scenario, with transducers of a range and a world that is as much larger."""
-    content = Scenario.load(SCENARIO).model_dump()
-    for robot in content["robots"]:
-        for transducer in robot["transducers"]:
-            transducer["max_range_m"] = range_m
-    side_m = 2.0 * range_m
-    content["world"]["area_m"] = [0.0, side_m, 0.0, side_m]
-    return Scenario.from_mapping(content, "range")
 
 
 def heard(scenario: Scenario) -> list[EchoCone]:

@@ -6,12 +6,14 @@ Both run on one core, turn by turn, and what counts is the processor's time, so 
 else the machine does changes little.
 
 `by_scene` has the time a ping by encoding and number of echoes, and how many times longer the same
-search takes by NumPy alone.
+search takes by NumPy alone; `by_range` that by range, and `by_cell` that of the product's own
+version of the paper's dictionary by its cells.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -69,6 +71,8 @@ def run(pings: int = 60, dense_pings: int = 5) -> dict[str, Any]:
         "sparse_cells_ms": float(np.median(cells)),
         "times_faster_than_dense": theirs / ours,
         **by_scene(pings),
+        **by_range(pings),
+        **by_cell(pings),
     }
 
 
@@ -107,6 +111,47 @@ def by_scene(pings: int) -> dict[str, float]:
             figures[f"{name}_most_echoes_ms"] = float(spent[most].mean())
             figures[f"{name}_search_times_longer_by_numpy"] = float(by_numpy / compiled)
     return figures
+
+
+def by_range(pings: int) -> dict[str, float]:
+    """Milliseconds a ping, by how far it reaches."""
+    return {
+        f"range_{range_m:g}_m_ms": _median_ms(islice(simulate(of_range(range_m)), pings))
+        for range_m in (2.5, 5.0, 10.0, 20.0)
+    }
+
+
+def by_cell(pings: int) -> dict[str, float]:
+    """Milliseconds a ping with the paper's dictionary, by the side of its cells."""
+    traces = list(islice(simulate(Scenario.load(SCENARIO)), max(3, pings // 10)))
+    figures = {}
+    for cell_m in (0.2, 0.1, CELL_M):
+        parameters = ReconstructionParameters(dictionary="cells", cell_size_m=cell_m)
+        figures[f"cells_of_{1e3 * cell_m:g}_mm_ms"] = _median_ms(traces, parameters)
+    return figures
+
+
+def of_range(range_m: float) -> Scenario:
+    """The scenario of poles, with transducers of a range and a world that is as much larger."""
+    content = Scenario.load(SCENARIO).model_dump()
+    for robot in content["robots"]:
+        for transducer in robot["transducers"]:
+            transducer["max_range_m"] = range_m
+    side_m = max(10.0, 2.0 * range_m)
+    content["world"]["area_m"] = [0.0, side_m, 0.0, side_m]
+    return Scenario.from_mapping(content, "range")
+
+
+def _median_ms(
+    recorded: Iterable[tuple[str, EchoTrace]],
+    parameters: ReconstructionParameters | None = None,
+) -> float:
+    parameters = parameters or ReconstructionParameters()
+    traces = [trace for _, trace in recorded]
+    reconstruct(traces[0], parameters)
+    return float(
+        np.median([_milliseconds(lambda one=one: reconstruct(one, parameters)) for one in traces])
+    )
 
 
 def received(scene: str, encoding: str) -> Scenario:

@@ -1,0 +1,58 @@
+"""How long programs take to start, the inner loops being compiled already.
+
+Processor time, in milliseconds, of a whole process: the median of three.  The map is that of the
+first ten pings of a scenario of poles, so that little of its time is work.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.simulation import Scenario, simulate
+
+SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
+USMAP = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+
+
+def run() -> dict[str, Any]:
+    """Measure."""
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "bag"
+        with new_bag(bag) as writer:
+            for topic, trace in islice(simulate(Scenario.load(SCENARIO)), 10):
+                writer.write_trace(topic, trace)
+        programs = {
+            "python": [sys.executable, "-c", ""],
+            "numpy": [sys.executable, "-c", "import numpy"],
+            "usmap_version": [*USMAP, "--version"],
+            "usmap_info": [*USMAP, "info", str(bag)],
+            "pipeline": [sys.executable, "-c", "import usmap_ros.pipeline"],
+            "usmap_map": [*USMAP, "map", str(bag), "-o", f"{folder}/map", "-j", "1"],
+        }
+        return {f"{name}_ms": milliseconds(command) for name, command in programs.items()}
+
+
+def milliseconds(command: list[str], turns: int = 3) -> float:
+    """Processor time of a program, with that of its own."""
+    spent = []
+    # The first run fills caches.
+    for _ in range(1 + turns):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(1e3 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime))
+    return float(np.median(spent[1:]))
+
+
+if __name__ == "__main__":
+    print(json.dumps(run(), indent=2))

@@ -138,7 +138,12 @@ def _joined_runs(runs: Sequence[MappingRun], skipped: Counter[str]) -> MappingRu
         total.pings += run.pings
         total.echoes += run.echoes
         skipped.update(run.skipped)
-        total.robots |= run.robots
+        # A robot that is at odds with others in one area is, whatever it was elsewhere.
+        total.robots |= {
+            topic: found
+            for topic, found in run.robots.items()
+            if topic not in total.robots or found.is_suspect
+        }
         total.without = sorted({*total.without, *run.without})
     total.skipped = dict(skipped)
     return total

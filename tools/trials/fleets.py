@@ -25,7 +25,7 @@ LAG = 0.3
 PING_RATE_HZ = 2.0
 #: Words in a log that mean that something was lost, or went wrong.
 BAD_WORDS = re.compile(
-    r"Traceback|dropped:|failed:|malformed:|refused:|not kept:|starting it again"
+    r"Traceback|dropped:|failed:|malformed:|refused:|not kept:|starting it again|does not end"
 )
 
 _PROGRAM = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]

@@ -88,6 +88,7 @@ test-ubuntu: ## run the tests against the versions of Ubuntu 24.04, nodes includ
 	@echo "Installing the versions of Ubuntu 24.04, and ROS 2 Jazzy"
 	@$(VENV)-ubuntu/bin/python -m pip install --quiet --disable-pip-version-check \
 	  --constraint test/packaging/ubuntu-24.04.txt --editable '.[test,ros]' ./msg_schemas
+	@$(VENV)-ubuntu/bin/usmap compile
 	@$(VENV)-ubuntu/bin/python -m pytest --timeout=600 -m "not slow" $(PYTEST_ARGS)
 
 # In an environment of its own, with the newest tools; from a copy that has what git has.

@@ -60,6 +60,8 @@ def calibrate(
     from usmap_ros.io.atomic import write_atomically
     from usmap_ros.io.yaml_files import read_mapping
 
+    if force and (output is None or output.suffix in _PARAMETER_FILES):
+        raise typer.BadParameter("is for recordings only", param_hint="'--force'")
     parameters = pipeline_parameters(parameters_file, settings)
     console.compile_loops()
     found = calibrated(_traces(bags, topic), parameters, _target(target))

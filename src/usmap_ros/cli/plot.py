@@ -34,8 +34,13 @@ def plot(
         Path, typer.Option("--output", "-o", metavar="FILE", help="Picture: .png, .pdf or .svg.")
     ],
     ping: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Which ping of a bag, in order of stamps.")
-    ] = 0,
+        int | None,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Which ping of a bag, in order of stamps; the first if left out.",
+        ),
+    ] = None,
     truth: Annotated[
         Path | None, typer.Option(metavar="MAP.yaml", help="Show what is really there, too.")
     ] = None,
@@ -61,22 +66,28 @@ def plot(
     shown = _extent(extent)
     true_cells = load_truth(truth) if truth else None
     if path.name == GRID_FILE or (path / GRID_FILE).exists():
+        _refuse({"--ping": ping, "--parameters": parameters_file, "--set": settings}, "recordings")
         occupancy, paths = load_map(path)
         name, title = layer and layer.value, path.resolve().name
         try:
             figure = map_figure(occupancy, paths, true_cells, title, shown, name)
         except ValueError as error:
             raise MapFileError(path, str(error)) from error
-    elif layer is not None or shown is not None:
-        option = "--layer" if layer is not None else "--extent"
-        raise typer.BadParameter("is for maps only", param_hint=f"'{option}'")
     else:
+        _refuse({"--layer": layer, "--extent": shown}, "maps")
         parameters = pipeline_parameters(parameters_file, settings)
-        chosen = _ping(path, ping)
+        chosen = _ping(path, ping or 0)
         console.compile_loops()
         figure = draw(chosen, true_cells, parameters)
     save_figure(figure, output)
     typer.echo(output)
+
+
+def _refuse(options: dict[str, object], only_for: str) -> None:
+    """Refuse options that were given and would do nothing."""
+    for option, value in options.items():
+        if value is not None:
+            raise typer.BadParameter(f"is for {only_for} only", param_hint=f"'{option}'")
 
 
 def _extent(text: str | None) -> tuple[float, float, float, float] | None:

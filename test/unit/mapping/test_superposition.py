@@ -4,13 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.special import logit
+from scipy.special import expit, logit
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
 from usmap_ros.mapping.superposition.belief import (
     Scale,
+    beside_free_space,
     calibrated,
     evidence_of,
     uncalibrated,
@@ -293,3 +294,12 @@ def test_calibration_keeps_the_order_and_can_be_undone() -> None:
     np.testing.assert_allclose(uncalibrated(shown, scale), evidence_of(raw, scale), atol=0.02)
     # A little below the threshold a cell is not yet occupied; beyond it, it is.
     assert shown[raw < -0.5].max() < logit(0.65) < shown[raw > 0.5].min()
+
+
+def test_evidence_beside_free_space_counts_as_a_surface() -> None:
+    """The order stays, and what is more certain or more unlikely stays as it is."""
+    raw = np.array([-4.0, -0.1, 0.4, 0.6, 1.6, 2.4], np.float32)
+    shown = beside_free_space(raw)
+    np.testing.assert_array_equal(shown[[0, 1, 4, 5]], raw[[0, 1, 4, 5]])
+    assert np.all(np.diff(shown) >= 0.0)
+    assert np.all(expit(shown[2:4]) > 0.65)

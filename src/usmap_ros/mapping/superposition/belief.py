@@ -17,7 +17,8 @@ OWN_SHARE = 0.25
 HIDING_SHARE = 0.1
 #: Evidence, over the threshold, and the log-odds of cells of that much to hold or touch a surface:
 #: between what ten simulated recordings of poles and rooms had, on which other parameters were
-#: chosen too, and what those of the benchmark's seeds 911 to 916 had, where it was right more often.
+#: chosen too, and what those of the benchmark with seeds 911 to 916 had, where it was right more
+#: often.
 #: Little evidence is right two times of three, and it takes much to be right nine times of ten.
 CALIBRATION = (
     (0.125, -3.0), (0.19, 0.5), (0.95, 0.6), (1.06, 1.15), (1.75, 1.25), (2.2, 1.6), (2.6, 2.2),

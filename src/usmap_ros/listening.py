@@ -53,8 +53,12 @@ def listened(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> Ech
     nearest_m = 2.0 * trace.transducer.min_range_m - apart_m
     nearest_s = nearest_m / trace.channel.sound_speed_m_s
     magnitude = np.abs(trace.signal())
-    valid = int(np.ceil((from_s - start_s) * rate_hz)) if from_s else _rung_out(trace, magnitude)
-    first = max(0, int(np.floor((nearest_s - start_s) * rate_hz)), valid)
+    nearest = max(0, int(np.floor((nearest_s - start_s) * rate_hz)))
+    if from_s:
+        valid = int(np.ceil((from_s - start_s) * rate_hz))
+    else:
+        valid = _rung_out(trace, magnitude, nearest)
+    first = max(nearest, valid)
     # Without a single sample left there would be nothing to reconstruct, and no error either.
     first = min(first, count - 1)
     if until_s:
@@ -64,15 +68,20 @@ def listened(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> Ech
     return trace if (first, stop) == (0, count) else trace.cut(first, stop)
 
 
-def _rung_out(trace: EchoTrace, magnitude: FloatArray) -> int:
-    """First sample at which the transmitter is no longer heard; 0 if it never is."""
-    pulse_s = trace.transducer.pulse.duration_s
-    emitting = int((pulse_s - trace.start_delay_s) * trace.sample_rate_hz)
-    if emitting < 1 or emitting >= len(magnitude):
+def _rung_out(trace: EchoTrace, magnitude: FloatArray, nearest: int) -> int:
+    """First sample at which the transmitter is no longer heard; 0 if it never is.
+
+    Nothing else is heard before the sample `nearest`.
+    """
+    pulse_s, rate_hz = trace.transducer.pulse.duration_s, trace.sample_rate_hz
+    emitting = int((pulse_s - trace.start_delay_s) * rate_hz)
+    if emitting >= len(magnitude):
         return 0
-    start = _ringing_from(magnitude, emitting, int(_LATEST_START_S * trace.sample_rate_hz))
+    start = _ringing_from(magnitude, emitting, int(_LATEST_START_S * rate_hz), nearest)
     if start is None:
         return 0
+    # A trace that begins after the burst may still begin with its ringing.
+    emitting = max(1, emitting if emitting > 0 else int(pulse_s * rate_hz))
     loudest = float(magnitude[start : start + emitting].max())
     segment = max(2, emitting // 2)
     first, longest = start + emitting, int(_LONGEST_RINGING * len(magnitude))
@@ -87,14 +96,20 @@ def _rung_out(trace: EchoTrace, magnitude: FloatArray) -> int:
     return max(longest, emitting)
 
 
-def _ringing_from(magnitude: FloatArray, emitting: int, latest: int) -> int | None:
+def _ringing_from(magnitude: FloatArray, emitting: int, latest: int, nearest: int) -> int | None:
     """Sample from which on the transmitter is heard; None if it is not.
 
-    With a trigger that comes late it begins late; then it has to clip, as no echo does so early.
+    With a trigger that comes late, or resonances that rise slowly, it begins late; then it has to
+    be the loudest of all from before any echo, or to clip, as no echo does so early.
     """
     loud = max(_RINGING_OVER_LOUDEST * magnitude.max(), _RINGING_OVER_USUAL * median(magnitude))
-    if magnitude[:emitting].max() >= loud:
+    if emitting > 0 and magnitude[:emitting].max() >= loud:
         return 0
+    loudest = int(np.argmax(magnitude))
+    if loudest < nearest and magnitude[loudest] >= loud:
+        return loudest
+    if emitting < 1:
+        return None
     early = magnitude[: emitting + latest]
     clipped = np.flatnonzero(early == magnitude.max())
     if magnitude.max() < loud or len(clipped) < _CLIPPED_SAMPLES:

@@ -9,8 +9,17 @@ from itertools import chain, islice
 import numpy as np
 
 from usmap_ros.acoustics.propagation import FloorModel
-from usmap_ros.arrays import IndexArray
-from usmap_ros.calibration.fit import HEIGHT, OFFSET, SLOWNESS, FittedModel, Matches, Model, fit
+from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.calibration.fit import (
+    HEIGHT,
+    OFFSET,
+    SLOWNESS,
+    UNKNOWN_SLOWNESS,
+    FittedModel,
+    Matches,
+    Model,
+    fit,
+)
 from usmap_ros.calibration.floor import direct_echoes, guess_floor_m
 from usmap_ros.calibration.hearing import Hearing, listen
 from usmap_ros.calibration.loudness import (
@@ -35,6 +44,8 @@ _GATES_M = (0.03, 0.02, 0.02, 0.02)
 _LEAST_ECHOES = 6
 #: How well a quantity must be known to be used.
 _SPEED_STD_M_S = 0.5
+#: Standard deviation of c₀ / c where the stated speed is held to.
+_AS_STATED = 1e-6
 _OFFSET_STD_M = 0.004
 _HEIGHT_STD_M = 0.01
 #: Range offsets of most sensors: standard deviation around 0.
@@ -56,6 +67,16 @@ _PULSE_PINGS = 400
 _TOO_FEW_PLACES = "objects were not heard from enough places"
 _NO_FLOOR = "no echo over a floor was heard"
 _NOTHING = Estimate(np.nan, np.nan, "no standing object was heard from enough places")
+
+
+@dataclass(frozen=True)
+class _Start:
+    """What the search for explanations starts with."""
+
+    target: Target | None
+    slowness: float
+    offset_m: float
+    slowness_std: float = UNKNOWN_SLOWNESS
 
 
 @dataclass(frozen=True)
@@ -100,11 +121,14 @@ def calibrate(
     hearing = listen(chain(first, remaining), reconstruction)
     if hearing is None or len(hearing.ranges_m) == 0:
         raise UsmapError("no echo was heard: nothing can be calibrated")
-    guess = (1.0, 0.0) if target is None else _guess_from(hearing, target)
-    explained = _best_explained(hearing, target, *guess)
+    guess = (1.0, 0.0) if target is None else _guess_from(hearing, target, _TARGET_SLOWNESSES)
+    explained = _best_explained(hearing, _Start(target, *guess))
+    speed = _sound_speed(explained)
+    if target is not None and not speed.is_told:
+        explained = _at_stated_speed(hearing, target) or explained
     return Calibration(
-        sound_speed_m_s=_sound_speed(explained),
-        range_offset_m=_range_offset(explained),
+        sound_speed_m_s=speed,
+        range_offset_m=_range_offset(explained, target),
         floor_height_m=_floor_height(explained),
         floor_reflectivity=_floor_reflectivity(explained),
         gain=_gain(explained, parameters, target),
@@ -116,8 +140,21 @@ def calibrate(
     )
 
 
-def _guess_from(hearing: Hearing, target: Target) -> tuple[float, float]:
-    """Slowness and offset (m) at which most echoes come from the target.
+def _at_stated_speed(hearing: Hearing, target: Target) -> _Explained | None:
+    """What a target tells where the sound speed stays as stated, for want of ranges to tell it.
+
+    An offset found together with another speed would be wrong with this one. None if too few
+    echoes come from the target then.
+    """
+    try:
+        guess = _guess_from(hearing, target, np.ones(1))
+    except UsmapError:
+        return None
+    return _best_explained(hearing, _Start(target, *guess, slowness_std=_AS_STATED))
+
+
+def _guess_from(hearing: Hearing, target: Target, slownesses: FloatArray) -> tuple[float, float]:
+    """Slowness, of those given, and offset (m) at which most echoes come from the target.
 
     Raises
     ------
@@ -137,7 +174,7 @@ def _guess_from(hearing: Hearing, target: Target) -> tuple[float, float]:
             distances_m.append(np.full(len(heard_m), distance_m))
     distance_m, range_m = np.concatenate(distances_m), np.concatenate(ranges_m)
     best, guess = 0, (1.0, 0.0)
-    for slowness in _TARGET_SLOWNESSES:
+    for slowness in slownesses:
         offsets = np.sort(range_m / slowness - distance_m)
         offsets = offsets[np.abs(offsets) < _WIDEST_OFFSET_M]
         count = np.searchsorted(offsets, offsets + _TARGET_WINDOW_M, side="right")
@@ -154,14 +191,12 @@ def _guess_from(hearing: Hearing, target: Target) -> tuple[float, float]:
     return guess
 
 
-def _best_explained(
-    hearing: Hearing, target: Target | None, slowness: float, offset_m: float
-) -> _Explained:
+def _best_explained(hearing: Hearing, start: _Start) -> _Explained:
     """The better of two explanations: a floor that mirrors objects, or has corners with them."""
-    believed = hearing.read_as(slowness, offset_m)
+    believed = hearing.read_as(start.slowness, start.offset_m)
 
     def explained(floor_m: float | None, floor_model: FloorModel) -> _Explained:
-        return _explained(hearing, target, slowness, offset_m, floor_m, floor_model)
+        return _explained(hearing, start, floor_m, floor_model)
 
     image = explained(guess_floor_m(believed, FloorModel.IMAGE), FloorModel.IMAGE)
     corner_m = guess_floor_m(believed, FloorModel.CORNER)
@@ -186,19 +221,21 @@ def _worth(explained: _Explained) -> float:
 
 
 def _explained(
-    hearing: Hearing,
-    target: Target | None,
-    slowness: float,
-    offset_m: float,
-    floor_m: float | None,
-    floor_model: FloorModel,
+    hearing: Hearing, start: _Start, floor_m: float | None, floor_model: FloorModel
 ) -> _Explained:
     """Objects that explain the echoes, and the model of all their ranges."""
-    believed = hearing.read_as(slowness, offset_m)
-    none = np.zeros((0, 2))
+    believed = hearing.read_as(start.slowness, start.offset_m)
     model = Model(
-        slowness, offset_m, floor_m, none, np.zeros(0), np.zeros(0, dtype=np.bool_), floor_model
+        start.slowness,
+        start.offset_m,
+        floor_m,
+        places_m=np.zeros((0, 2)),
+        radii_m=np.zeros(0),
+        is_fixed=np.zeros(0, dtype=np.bool_),
+        floor_model=floor_model,
+        slowness_std=start.slowness_std,
     )
+    target = start.target
     if target is not None:
         place_m = np.array([[target.x_m, target.y_m]])
         model = model.with_objects(place_m, np.array([target.radius_m]), is_fixed=True)
@@ -257,7 +294,7 @@ def _sound_speed(explained: _Explained) -> Estimate:
     return Estimate(value, std, untold)
 
 
-def _range_offset(explained: _Explained) -> Estimate:
+def _range_offset(explained: _Explained, target: Target | None) -> Estimate:
     found = explained.fit
     if not len(found.model.places_m):
         return _NOTHING
@@ -265,7 +302,7 @@ def _range_offset(explained: _Explained) -> Estimate:
     spread = 1.4826 * float(np.median(np.abs(found.deviations)))
     if std > _OFFSET_STD_M:
         untold = _TOO_FEW_PLACES
-    elif spread > _POINT_LIKE:
+    elif target is None and spread > _POINT_LIKE:
         untold = "what was heard is wider than a point: name a target"
     else:
         untold = ""

@@ -20,7 +20,7 @@ from usmap_ros.calibration.hearing import Hearing
 #: Where c₀ / c, δ (m) and h (m) are in the vector of unknowns; places follow.
 SLOWNESS, OFFSET, HEIGHT, PLACES = 0, 1, 2, 3
 #: How little is known beforehand of c₀ / c, offset and height: standard deviations.
-_UNKNOWN_SLOWNESS = 0.1
+UNKNOWN_SLOWNESS = 0.1
 UNKNOWN_OFFSET_M = 0.5
 _UNKNOWN_HEIGHT_M = 2.0
 #: Of what is no unknown.
@@ -51,6 +51,8 @@ class Model:
         Distance of their surface from there.
     is_fixed : (objects,) bool array
         Whether the place is known.
+    slowness_std : float
+        How far slowness may be from 1.
     """
 
     slowness: float
@@ -60,6 +62,7 @@ class Model:
     radii_m: FloatArray
     is_fixed: BoolArray
     floor_model: FloorModel = FloorModel.IMAGE
+    slowness_std: float = UNKNOWN_SLOWNESS
 
     def having(self, objects: IndexArray) -> Model:
         """The same with some of the objects only."""
@@ -211,7 +214,7 @@ class _Problem:
         )
         self._free_objects = np.flatnonzero(~start.is_fixed)
         height_std_m = _FIXED_M if start.floor_m is None else _UNKNOWN_HEIGHT_M
-        self._prior_stds = np.array([_UNKNOWN_SLOWNESS, offset_std_m, height_std_m])
+        self._prior_stds = np.array([start.slowness_std, offset_std_m, height_std_m])
         self._prior = np.array([1.0, 0.0, start.floor_m or 0.0])
 
     def start(self) -> FloatArray:

@@ -195,3 +195,16 @@ def test_correction_leaves_out_samples_from_before_the_emission():
         trace.start_delay_s + len(trace.samples) / 2 / 25_000.0 - 0.2 / 346.0
     )
     late.validate()
+
+
+def test_target_tells_the_offset_at_the_stated_speed_where_the_speed_is_not_told():
+    # Few distances, and ranges that are off by more than they say, as on a bench.
+    ahead = [[0.0, 1.0], [2.0, 1.0]]
+    traces = record(waypoints=ahead, spin_rad_s=0.0, poles=[(2.5, 1.0, 1.0)], duration_s=1.0)
+    rng = np.random.default_rng(2)
+    jittered = [spoilt([trace], 1.0, -0.09 + rng.normal(0.0, 0.008))[0] for trace in traces]
+    found = calibrate(jittered, target=Target(2.5, 1.0, 1.0))
+
+    assert not found.sound_speed_m_s.is_told
+    assert found.range_offset_m.is_told
+    assert found.range_offset_m.value == pytest.approx(-0.09, abs=0.01)

@@ -125,3 +125,25 @@ def test_a_coarse_converter_is_not_taken_for_a_muted_receiver(trace):
     fine = trace("iq")
     coarse = replace(fine, samples=(np.rint(fine.samples / 0.1) * 0.1).astype(np.float32))
     assert listened(coarse).sampling.end_s == pytest.approx(fine.sampling.end_s)
+
+
+@pytest.mark.parametrize("starts_s", [0.0, 4e-4])
+@pytest.mark.parametrize("reception", RECEPTIONS)
+def test_a_transmitter_that_rises_slowly_and_rings_unclipped_is_left_out(
+    trace, reception, starts_s
+):
+    def ring(samples, times_s):
+        # Loudest behind the burst, as resonances make it, and heard far beyond the least range.
+        loudness = 20.0 * times_s / 5e-4 * np.exp(1.0 - times_s / 5e-4) * (times_s < 3e-3)
+        loudness[times_s < 3.5e-4] = 0.0
+        carrier = np.sin(2.0 * np.pi * 50e3 * times_s) if trace_.encoding is Encoding.RAW else 1.0
+        samples += (loudness * carrier)[:, np.newaxis]
+
+    trace_ = trace(reception)
+    late = round((starts_s - trace_.start_delay_s) * trace_.sample_rate_hz)
+    heard = with_samples(trace_, ring).cut(max(0, late), trace_.sampling.sample_count)
+    cone = reconstruct(heard, PARAMETERS).cone
+
+    assert listened(heard).start_delay_s > 2.2e-3
+    loudest_m = cone.ranges_m[np.argmax(cone.amplitudes)]
+    assert min(abs(loudest_m - np.hypot(*point)) for point in POINTS) < 0.01

@@ -27,11 +27,11 @@ def info(
     from usmap_ros.offline import AmplitudeSurvey
     from usmap_ros.pipeline import Pipeline
 
-    console.compile_loops()
     with (
         BagReader(bags) as bag,
         console.progress("reading", bag.trace_count + bag.cone_count + bag.range_count) as step,
     ):
+        console.compile_loops()
         survey = AmplitudeSurvey(Pipeline())
 
         def listen(topic: str, ping: EchoTrace | EchoCone) -> None:

@@ -95,7 +95,6 @@ def map_bags(
     parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
     order = _Order(output, parameters, jobs, passes, without or [])
     recordings = find_recordings(bags, besides=output)
-    console.compile_loops()
     if scheduler is None and set(recordings) == set(bags):
         _map_together(order, bags, resume, as_json=as_json)
     elif resume is not None:
@@ -132,6 +131,8 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
         BagReader(bags) as bag,
         map_folder(order.output),
     ):
+        # Not before it is known that all there is to read can be read.
+        console.compile_loops()
         with console.progress(
             "mapping", (bag.trace_count or bag.cone_count) + bag.range_count
         ) as step:
@@ -154,7 +155,7 @@ def _map_collection(
     from usmap_ros.parallel import available_cores, cluster, worker_processes
 
     with map_folder(order.output):
-        pass
+        console.compile_loops()
     jobs = order.jobs or available_cores()
     with (
         cluster(scheduler, jobs) if scheduler else worker_processes(jobs) as executor,

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -117,9 +118,19 @@ def compile_if_needed(
                 mark.write_text(_state(), encoding="ascii")
 
 
+def _own() -> list[Any]:
+    """The package's compiled functions: those that others may have compiled are their business."""
+    home = str(Path(__file__).parent) + os.sep
+    return [function for function in COMPILED if _file_of(function).startswith(home)]
+
+
+def _file_of(function: Any) -> str:
+    return str(function.py_func.__code__.co_filename)
+
+
 def _folders() -> list[Path] | None:
     """Folders in which compiled functions are kept; None if some are not."""
-    paths = {function._cache.cache_path for function in COMPILED}
+    paths = {function._cache.cache_path for function in _own()}
     return None if None in paths else sorted(map(Path, paths))
 
 
@@ -135,7 +146,7 @@ def _missing(parts: Iterable[str], folders: list[Path]) -> list[str]:
 
 def _remove_outdated(folders: list[Path]) -> None:
     """Remove machine code of functions as they are no more, for this version of Python."""
-    kept = {Path(function._cache._cache_file._index_name).stem for function in COMPILED}
+    kept = {Path(function._cache._cache_file._index_name).stem for function in _own()}
     version = f".py{sys.version_info.major}{sys.version_info.minor}"
     for folder in folders:
         for file in folder.glob(f"*{version}*.nb[ic]"):
@@ -154,7 +165,7 @@ def _marks(part: str, folders: list[Path]) -> list[Path]:
 
 def _state() -> str:
     """What functions are compiled from, as it is now: by the same token as Numba's own."""
-    files = {function.py_func.__code__.co_filename for function in COMPILED} | {__file__}
+    files = {_file_of(function) for function in _own()} | {__file__}
     stats = [(name, os.stat(name)) for name in sorted(files)]
     known = [(name, stat.st_mtime_ns, stat.st_size) for name, stat in stats]
     return hashlib.sha256(repr(known).encode()).hexdigest()

@@ -12,7 +12,7 @@ import pytest
 
 from usmap_ros import compilation
 from usmap_ros.compilation import ALL, EACH_TIME, ONCE, SESSION, SLOW, compile_if_needed
-from usmap_ros.compiled import COMPILED, IS_COMPILED
+from usmap_ros.compiled import COMPILED, IS_COMPILED, compiled
 from usmap_ros.grids import OCCUPIED_PROBABILITY
 from usmap_ros.io.map_files import load_map
 
@@ -107,6 +107,22 @@ def test_what_was_compiled_of_older_code_is_removed(calls: list[list[str]], tmp_
     compile_if_needed(lambda line: None)
     left = {file.name for file in tmp_path.iterdir() if file.suffix not in (".compiled", ".lock")}
     assert left == {index, data, *others}
+
+
+@needs_compiler
+def test_what_others_compile_does_not_matter(calls: list[list[str]]) -> None:
+    """It made the marks stale for all other processes."""
+    compile_if_needed(lambda line: None)
+
+    def foreign(x: float) -> float:
+        return x
+
+    compiled(foreign)
+    try:
+        compile_if_needed(lambda line: None)
+    finally:
+        COMPILED.pop()
+    assert calls == [list(SESSION)]
 
 
 @needs_compiler

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from usmap_ros.amplitude_scale import AmplitudeScales
+from usmap_ros.calibration.fitness import PulseSurvey
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
@@ -124,8 +125,9 @@ def map_bag(
     extent = Extent(pipeline.parameters.mapping, with_reach=False)
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
+    pulses = PulseSurvey(pipeline.parameters.reconstruction)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
-    for topic, cone in recorded_cones(bag, workers):
+    for topic, cone in recorded_cones(bag, workers, pulses):
         if is_of(topic, without):
             left_out.add(topic)
             continue
@@ -144,7 +146,7 @@ def map_bag(
         paths.add(topic, x_m, y_m, Beam.of(cone))
         if on_cone is not None:
             on_cone(topic, cone)
-    for topic, problem in scales.problems().items():
+    for topic, problem in [*scales.problems().items(), *pulses.problems().items()]:
         logger.warning("%s: %s", topic, problem)
     run.skipped, run.without = dict(bag.skipped.by_field), sorted(left_out)
     if not run.pings:
@@ -194,22 +196,27 @@ class AmplitudeSurvey:
         return self._scales.problems()
 
 
-def recorded_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
+def recorded_cones(
+    bag: BagReader, workers: Reconstructors, pulses: PulseSurvey | None = None
+) -> Iterator[tuple[str, EchoCone]]:
     """Cones of a recording: reconstructed from traces, or else as recorded.
 
     Never both, because a recorded cone most often stems from a recorded trace, and evidence must
     not count twice.  Readings of robots that measure ranges only come in between.
     """
     yield from heapq.merge(
-        _traced_cones(bag, workers), bag.range_cones(), key=lambda entry: entry[1].stamp_ns
+        _traced_cones(bag, workers, pulses), bag.range_cones(), key=lambda entry: entry[1].stamp_ns
     )
 
 
-def _traced_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
+def _traced_cones(
+    bag: BagReader, workers: Reconstructors, pulses: PulseSurvey | None
+) -> Iterator[tuple[str, EchoCone]]:
     if not bag.trace_count:
         yield from bag.cones()
         return
-    for topic, stamp_ns, outcome in workers.cones(bag.traces()):
+    traces = bag.traces() if pulses is None else pulses.watch(bag.traces())
+    for topic, stamp_ns, outcome in workers.cones(traces):
         if isinstance(outcome, MalformedMessageError):
             bag.skipped.add(f"{topic} at {stamp_ns / 1e9:.6f} s", outcome)
         else:

@@ -12,7 +12,6 @@ from usmap_ros.cli import console
 
 if TYPE_CHECKING:
     from usmap_ros.cone import EchoCone
-    from usmap_ros.trace import EchoTrace
 
 
 def info(
@@ -22,24 +21,31 @@ def info(
     as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
 ) -> None:
     """Tell what is in a bag: robots, pings, duration, encodings, extent."""
+    from usmap_ros.calibration.fitness import PulseSurvey
     from usmap_ros.io.bag_info import describe_bag
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.offline import AmplitudeSurvey
     from usmap_ros.pipeline import Pipeline
+    from usmap_ros.trace import EchoTrace
 
     with (
         BagReader(bags) as bag,
         console.progress("reading", bag.trace_count + bag.cone_count + bag.range_count) as step,
     ):
         console.compile_loops()
-        survey = AmplitudeSurvey(Pipeline())
+        pipeline = Pipeline()
+        survey = AmplitudeSurvey(pipeline)
+        pulses = PulseSurvey(pipeline.parameters.reconstruction)
 
         def listen(topic: str, ping: EchoTrace | EchoCone) -> None:
             survey.add(topic, ping)
+            if isinstance(ping, EchoTrace):
+                pulses.add(topic, ping)
             step()
 
         description = describe_bag(bag, listen)
     description["amplitude_problems"] = survey.problems()
+    description["pulse_problems"] = pulses.problems()
     if as_json:
         typer.echo(json.dumps(description, indent=2))
         return
@@ -61,6 +67,9 @@ def _facts(description: dict[str, Any]) -> dict[str, str]:
         "saturated": _saturated(description),
         "amplitudes": "; ".join(
             f"{topic}: {problem}" for topic, problem in description["amplitude_problems"].items()
+        ),
+        "pulse fit": "; ".join(
+            f"{topic}: {problem}" for topic, problem in description["pulse_problems"].items()
         ),
         "other topics": ", ".join(description["other_topics"]),
         "skipped": ", ".join(f"{name} ({n})" for name, n in description["skipped"].items()),

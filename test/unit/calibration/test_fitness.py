@@ -1,0 +1,38 @@
+"""A pulse that is not the stated one is noticed, and none is where it is."""
+
+from pathlib import Path
+
+import pytest
+
+from usmap_ros.calibration.fitness import PulseSurvey
+from usmap_ros.parameters import PulseParameters, ReconstructionParameters
+from usmap_ros.simulation import Scenario, simulate
+
+SCENARIOS = Path(__file__).parents[3] / "config/scenarios"
+STATED = ReconstructionParameters()
+
+
+def problems(name: str, parameters: ReconstructionParameters = STATED) -> dict[str, str]:
+    scenario = Scenario.load(SCENARIOS / f"{name}.yaml").model_copy(update={"duration_s": 4.0})
+    survey = PulseSurvey(parameters)
+    for _ in survey.watch(simulate(scenario)):
+        pass
+    return survey.problems()
+
+
+@pytest.mark.parametrize("name", ["poles", "floor", "room", "nav2_map"])
+def test_nothing_is_wrong_with_shipped_scenarios(name: str) -> None:
+    assert problems(name) == {}
+
+
+def test_a_resonant_pulse_that_is_not_stated_is_named_with_the_remedy() -> None:
+    found = problems("as_real")
+
+    assert "/robot1/echo" in found
+    assert all("usmap calibrate" in problem for problem in found.values())
+    assert all("\n" not in problem for problem in found.values())
+
+
+def test_a_pulse_that_is_told_is_not_judged() -> None:
+    told = PulseParameters(kind="resonant", resonances_hz=[40e3], qualities=[10.0])
+    assert problems("as_real", STATED.model_copy(update={"pulse": told})) == {}

@@ -76,11 +76,16 @@ class MeasuredPulse:
 
 @dataclass(frozen=True)
 class _Aligned:
-    """Echoes on the template's grid, shifted and scaled to it: (echoes, points) and (points,)."""
+    """Echoes on the template's grid, shifted and scaled to it: (echoes, points) and (points,).
+
+    `echoes` and `misfits` are of those that the template is the mean of, freed of others beside
+    them; `crowded` are all, with what is beside them.
+    """
 
     echoes: Signal
     template: Signal
     misfits: FloatArray
+    crowded: Signal
 
 
 def measure_pulse(
@@ -114,7 +119,9 @@ def measure_pulse(
         template_i=[float(f"{one:.4g}") for one in template.real],
         template_q=[float(f"{one:.4g}") for one in template.imag],
     )
-    return MeasuredPulse(told_pulse, residual, stated, _model_error(aligned), len(snippets))
+    return MeasuredPulse(
+        told_pulse, residual, stated, _model_error(aligned, len(template)), len(snippets)
+    )
 
 
 def _snippets(
@@ -168,18 +175,20 @@ def _aligned(snippets: Signal, apart: int) -> _Aligned:
     scaled = snippets / snippets[np.arange(count), peak][:, np.newaxis]
     template = np.median(scaled.real, axis=0) + 1j * np.median(scaled.imag, axis=0)
     kept = np.ones(count, dtype=bool)
-    shifted, misfits = scaled, np.zeros(count)
+    shifted, crowded, misfits = scaled, scaled, np.zeros(count)
     for _ in range(_ROUNDS):
-        shifted, misfits = _onto(spectra, template, apart)
+        shifted, crowded, misfits = _onto(spectra, template, apart)
         kept = misfits <= np.quantile(misfits, _KEPT)
         template = shifted[kept].mean(axis=0)
-    return _Aligned(_finer(shifted[kept]), _finer(template[np.newaxis])[0], misfits[kept])
+    fine = _finer(template[np.newaxis])[0]
+    return _Aligned(_finer(shifted[kept]), fine, misfits[kept], _finer(crowded))
 
 
-def _onto(spectra: Signal, template: Signal, apart: int) -> tuple[Signal, FloatArray]:
+def _onto(spectra: Signal, template: Signal, apart: int) -> tuple[Signal, Signal, FloatArray]:
     """Echoes freed of others, shifted by parts of a sample and scaled to fit a template.
 
-    Returns them, (echoes, samples), and the norm of what the template leaves of each.
+    Returns them, (echoes, samples), the same with the others, and the norm of what the template
+    leaves of each that is freed.
     """
     samples, width = len(template), spectra.shape[1]
     frequency = np.fft.fftfreq(width)
@@ -199,9 +208,11 @@ def _onto(spectra: Signal, template: Signal, apart: int) -> tuple[Signal, FloatA
     alone = spectra - parts[1:].sum(axis=0)
     turned = np.exp(2j * np.pi * frequency * lags[0][:, np.newaxis])
     shifted: Signal = np.fft.ifft(alone * turned, axis=1)[:, :samples]
-    shifted = shifted / ((shifted @ template.conj()) / energy)[:, np.newaxis]
+    scales = ((shifted @ template.conj()) / energy)[:, np.newaxis]
+    crowded: Signal = np.fft.ifft(spectra * turned, axis=1)[:, :samples] / scales
+    shifted = shifted / scales
     left_over = np.linalg.norm(shifted - template, axis=1) / np.sqrt(energy)
-    return shifted, left_over
+    return shifted, crowded, left_over
 
 
 def _best_place(
@@ -270,12 +281,24 @@ def _trimmed(template: Signal, rate_hz: float, pulse: Pulse) -> Signal:
     return Profile.of(trimmed, rate_hz).values
 
 
-def _model_error(aligned: _Aligned) -> float:
-    """What a matched filter makes of leftovers, relative to the echo, in most pings."""
-    template = aligned.template
+def _model_error(aligned: _Aligned, pulse_points: int) -> float:
+    """What a matched filter makes of leftovers, relative to the echo, in most pings.
+
+    What stands within the length of the pulse beside the strongest echo of most pings is of the
+    sensor or of the object itself, and no other object.
+    """
+    freed = _answers(aligned.echoes, aligned.template).max(axis=1)
+    beside = _answers(aligned.crowded, aligned.template)
+    near = np.r_[0 : pulse_points + 1, -pulse_points:0]
+    usual = np.median(beside[:, near].max(axis=1))
+    return float(np.clip(max(np.quantile(freed, _COVERED), usual), _LEAST_ERROR, 0.5))
+
+
+def _answers(echoes: Signal, template: Signal) -> FloatArray:
+    """Of a matched filter to what a template leaves of echoes, relative to them, by lag."""
     energy = np.vdot(template, template).real
     count = 2 * len(template)
     reference = np.fft.fft(template, count).conj()
-    leftover = np.fft.fft(aligned.echoes - template, count, axis=1)
-    answers = np.abs(np.fft.ifft(leftover * reference, axis=1)).max(axis=1) / energy
-    return float(np.clip(np.quantile(answers, _COVERED), _LEAST_ERROR, 0.5))
+    leftover = np.fft.fft(echoes - template, count, axis=1)
+    answers: FloatArray = np.abs(np.fft.ifft(leftover * reference, axis=1)) / energy
+    return answers

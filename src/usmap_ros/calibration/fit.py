@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from usmap_ros.acoustics.propagation import FloorModel
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
@@ -182,6 +181,9 @@ def fit(
         Standard deviation of the offset, around 0, as it is known beforehand.
     """
     problem = _Problem(hearing, matches, start, offset_std_m)
+    # Here, because it takes a third of a second, and to look at a recording it is not needed.
+    from scipy.optimize import least_squares
+
     solution = least_squares(
         problem.residuals,
         problem.start(),

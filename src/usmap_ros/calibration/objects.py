@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
@@ -134,6 +133,9 @@ def _placed(
     def misfit(place: FloatArray) -> FloatArray:
         errors: FloatArray = ranges_m - np.linalg.norm(positions_m - place, axis=1)
         return errors
+
+    # Here, because it takes a third of a second, and to look at a recording it is not needed.
+    from scipy.optimize import least_squares
 
     solution = least_squares(misfit, place_m, loss="soft_l1", f_scale=_PLACED_RMS_M)
     spread_m = 1.4826 * float(np.median(np.abs(misfit(solution.x))))

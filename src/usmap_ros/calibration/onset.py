@@ -7,7 +7,6 @@ through resonators has begun a known time before its echo is as loud as it is.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from usmap_ros.acoustics.profile import resonant_profile
 from usmap_ros.acoustics.pulse import Pulse
@@ -49,6 +48,9 @@ def onset_s(template: Signal, rate_hz: float, pulse: Pulse) -> float | None:
         shape = profile(time_s - 1e-3 * begins_s)
         scale = np.vdot(shape, seen) / max(float(np.linalg.norm(shape)) ** 2, 1e-12)
         return np.asarray((seen - scale * shape).view(float))
+
+    # Here, because it takes a third of a second, and to look at a recording it is not needed.
+    from scipy.optimize import least_squares
 
     bounds = (
         [1e3 * (peak_s - 3.0 * drive.duration_s - 1e-3), *[np.log(_LEAST_QUALITY)] * 2, -_DETUNED],

@@ -19,11 +19,8 @@ from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.belief import (
     SILENT_LOOK,
     Scale,
-    beside_free_space,
-    calibrated,
     find_hiding,
     judge,
-    seen_free,
     set_depth,
     uncalibrated,
 )
@@ -358,18 +355,8 @@ class SuperpositionFusion(Fusion):
         return Snapshot(
             self._grid.copied({CLEAR: _of(SHOWN, CLEAR), SILENT: _of(SHOWN, SILENT)}),
             Suspects(*suspected, log_odds, shares),
-            log_odds if self._are_few else self._calibrated(log_odds, slots),
-            scale, self.parameters, self.frame_id, self.stamp_ns,
+            self._are_few, scale, self.parameters, self.frame_id, self.stamp_ns,
         ).occupancy_map  # fmt: skip
-
-    def _calibrated(self, log_odds: NDArray[np.float32], slots: IndexArray) -> NDArray[np.float32]:
-        """Log-odds that suspected cells turn out to have, by evidence and by what passed them."""
-        parameters = self.parameters
-        clear, silent = (self._grid.layer(_of(SHOWN, name))[slots] for name in (CLEAR, SILENT))
-        exposure = seen_free(clear, silent, parameters.proof_rays, parameters.observed_exposure)
-        shown = calibrated(log_odds, self._scale)
-        is_exposed = exposure >= parameters.observed_exposure
-        return np.where(is_exposed, beside_free_space(shown), shown)
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from a map that was exported before.

@@ -11,7 +11,13 @@ from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.mapping.continuity import bridge_gaps
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map
 from usmap_ros.mapping.grid import TiledGrid
-from usmap_ros.mapping.superposition.belief import SILENT_LOOK, Scale, seen_free
+from usmap_ros.mapping.superposition.belief import (
+    SILENT_LOOK,
+    Scale,
+    beside_free_space,
+    calibrated,
+    seen_free,
+)
 from usmap_ros.mapping.superposition.layers import Suspects, map_layers
 from usmap_ros.parameters import MappingParameters
 
@@ -29,8 +35,8 @@ class Snapshot:
         Layers `CLEAR` and `SILENT`.
     suspects : Suspects
         Cells that may hold something.
-    believed : (n,) float32 array
-        Their log-odds as the map is to show them, not clamped.
+    are_few : bool
+        Whether their log-odds are those of few pings, and are shown as they are.
     scale : Scale
         Of log-odds.
     parameters : MappingParameters
@@ -41,7 +47,7 @@ class Snapshot:
 
     cells: TiledGrid
     suspects: Suspects
-    believed: NDArray[np.float32]
+    are_few: bool
     scale: Scale
     parameters: MappingParameters
     frame_id: str
@@ -56,8 +62,17 @@ class Snapshot:
         grid.layer(EXPOSURE)[:] = exposure
         log_odds = grid.layer(LOG_ODDS)
         log_odds[:] = np.maximum(scale.prior - SILENT_LOOK * exposure, scale.least)
-        log_odds[self.suspects.slots] = np.clip(self.believed, scale.least, scale.greatest)
+        slots = self.suspects.slots
+        believed = self._believed(exposure[slots] >= parameters.observed_exposure)
+        log_odds[slots] = np.clip(believed, scale.least, scale.greatest)
         # What is as likely there as not is unknown, and not observed, unless sound went through.
         occupancy = as_map(grid, parameters, self.frame_id, self.stamp_ns, OCCUPIED_PROBABILITY)
         occupancy = bridge_gaps(occupancy, parameters.wall_gap_m)
         return replace(occupancy, layers=map_layers(occupancy, self.suspects))
+
+    def _believed(self, is_exposed: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Log-odds that suspected cells turn out to have, by evidence and by what passed them."""
+        if self.are_few:
+            return self.suspects.log_odds
+        shown = calibrated(self.suspects.log_odds, self.scale)
+        return np.where(is_exposed, beside_free_space(shown), shown)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class Workspace:
         self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
     ) -> tuple[Seen, int]:
         """Cells that a look sees past what is in the way, of those that are not 0 in `among`."""
-        listed = self._list(look, tiles, depth, among)
+        listed = self._look_around(look, tiles, depth, among)
         rays, seen, _, _ = self.scratch
         self._count = place_cells(look, tiles.resolution_m, self._all_bins, rays, seen, listed)
         return seen, self._count
@@ -60,7 +61,7 @@ class Workspace:
         count : int
             Number of the cells; they, and what is expected, are in `scratch`.
         """
-        listed = self._list(look, tiles, depth, among)
+        listed = self._look_around(look, tiles, depth, among)
         self._count = expect_listed(
             look, tiles.resolution_m, self._all_bins, listed, power, self.scratch
         )
@@ -76,21 +77,22 @@ class Workspace:
         if not find_unexplained(look, self.scratch.bins, self._unexplained):
             return None
         self._prepare(look, tiles, len(everywhere))
-        while (listed := find_cells(look, tiles, everywhere, self.scratch.seen)) == self._room():
-            self._enlarge()
+        listed = self._list(lambda seen: find_cells(look, tiles, everywhere, seen))
         rays, seen, _, _ = self.scratch
         self._count = place_cells(look, tiles.resolution_m, self._unexplained, rays, seen, listed)
         return seen, self._count
 
-    def _list(
+    def _look_around(
         self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
     ) -> int:
         """Cast a look's rays, and list cells in its cone."""
         self._prepare(look, tiles, len(among))
         rays = self.scratch.rays
-        while (listed := look_around(look, tiles, depth, among, rays, self.scratch.seen)) == (
-            self._room()
-        ):
+        return self._list(lambda seen: look_around(look, tiles, depth, among, rays, seen))
+
+    def _list(self, find: Callable[[Seen], int]) -> int:
+        """List cells, with more room for them as long as it is filled."""
+        while (listed := find(self.scratch.seen)) == len(self.scratch.seen.slot):
             self._enlarge()
         return listed
 
@@ -111,12 +113,9 @@ class Workspace:
             self._unexplained = np.empty(len(look.kind) + 1, np.int32)
         self.scratch = Scratch(rays, seen, bins, parts)
 
-    def _room(self) -> int:
-        return len(self.scratch.seen.slot)
-
     def _enlarge(self) -> None:
         """Make room for more cells."""
-        cells = max(1024, 2 * self._room())
+        cells = max(1024, 2 * len(self.scratch.seen.slot))
         seen, parts = _seen(cells, self.scratch.seen.place), _contributions(cells)
         self.scratch = self.scratch._replace(seen=seen, parts=parts)
 

@@ -231,7 +231,7 @@ class EchoDriver(Node):
         )
         sonar.echo.publish(trace_to_message(trace, self._types))
         self.health.work("published")
-        # Remark the first echo costs more than simulating it: only if somebody listens.
+        # Finding the first echo costs more than simulating it: only if somebody listens.
         if self.parameters.value.publish_range and sonar.range.get_subscription_count():
             try:
                 cone = self._pipeline.reconstruct(trace)

@@ -50,17 +50,22 @@ def test_cones_that_nobody_hears_are_a_warning(
     live.until(lambda: node.health.report().facts["listeners"] == "1")
 
 
+def ping_until_heard(live: Any, trace: EchoTrace, messages: list[Any]) -> None:
+    """Publish a trace again and again until what is made of it has arrived."""
+    echo = live.publisher(ECHO, "/echo")
+
+    def heard() -> list[Any]:
+        echo.publish(trace_to_message(trace, TYPES))
+        return messages
+
+    live.until(heard)
+
+
 def test_candidate_cells_lie_on_the_rings_of_the_echoes(live: Any, traces: Traces) -> None:
     live.add(ConeReconstructor)
     clouds = live.listen("sensor_msgs/msg/PointCloud2", "/cone_cells", qos_profile_sensor_data)
-    echo = live.publisher(ECHO, "/echo")
     trace = traces[0][1]
-
-    def heard() -> Any:
-        echo.publish(trace_to_message(trace, TYPES))
-        return clouds
-
-    live.until(heard)
+    ping_until_heard(live, trace, clouds)
     columns, frame_id, stamp_ns = points_from_message(clouds[0])
     assert list(columns) == ["x", "y", "z", "coefficient"]
     assert (frame_id, stamp_ns) == (trace.frame_id, trace.stamp_ns)
@@ -74,14 +79,8 @@ def test_candidate_cells_lie_on_the_rings_of_the_echoes(live: Any, traces: Trace
 def test_rays_through_free_space_go_out_as_a_scan(live: Any, traces: Traces) -> None:
     live.add(ConeReconstructor)
     scans = live.listen("sensor_msgs/msg/LaserScan", "/free_scan", qos_profile_sensor_data)
-    echo = live.publisher(ECHO, "/echo")
     trace = traces[0][1]
-
-    def heard() -> Any:
-        echo.publish(trace_to_message(trace, TYPES))
-        return scans
-
-    live.until(heard)
+    ping_until_heard(live, trace, scans)
     assert scans[0].header.frame_id == trace.child_frame_id
     assert max(scans[0].ranges) > trace.transducer.min_range_m
     assert len(scans[0].ranges) > 10

@@ -78,6 +78,7 @@ def test_what_the_type_checker_sees_is_what_there_is() -> None:
 
 def test_a_name_that_there_is_not_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        # That mypy sees it too is as it should be.
         _ = usmap_ros.nothing  # type: ignore[attr-defined]
 
 
@@ -105,6 +106,7 @@ def trace(**changes: object) -> usmap_ros.EchoTrace:
         "transducer": usmap_ros.hear([]).transducer,
         "channel": usmap_ros.Channel(343.0),
     }
+    # Wrong types are what some of the changes are about.
     return usmap_ros.EchoTrace.from_signal(
         **({"signal": np.zeros(400), "sample_rate_hz": 25e3} | given | changes)  # type: ignore[arg-type]
     )

@@ -203,6 +203,7 @@ class Processes:
                 env=os.environ | (variables or {}),
                 start_new_session=True,
             )
+        # Kept with its process; Popen's types know no further attributes.
         process.log = log  # type: ignore[attr-defined]
         self._all.append(process)
         return process

@@ -78,6 +78,7 @@ class RobotPaths:
             for x_m, y_m in positions:
                 self.add(topic, x_m, y_m)
 
+    # It changes: Python says so by None, for which typeshed's `object` has no room.
     __hash__ = None  # type: ignore[assignment]
 
     def __eq__(self, other: object) -> bool:

@@ -59,7 +59,8 @@ def start(folder: Path) -> Iterator[Callable[[], tuple[Any, list[int]]]]:
             start_new_session=True,
         )
         started.append(process)
-        workers = [int(number) for number in process.stdout.readline().split()]  # type: ignore[union-attr]
+        assert process.stdout is not None
+        workers = [int(number) for number in process.stdout.readline().split()]
         assert len(workers) == 2, workers or process.communicate()[1]
         return process, workers
 

@@ -29,14 +29,15 @@ class Method:
     merges_by_maximum : bool
         Whether each robot has a map of its own, and of their maps the cells count that are surest
         to be occupied.
-    trusts_poses : bool
-        Whether poses are taken to have no error, whatever their covariance says.
+    trusted_axes : tuple of int
+        Rows of poses' covariance (x, y, z, and turns about them) that are taken to be exact,
+        whatever it says.
     """
 
     shown: str
     settings: dict[str, Any] = field(default_factory=dict)
     merges_by_maximum: bool = False
-    trusts_poses: bool = False
+    trusted_axes: tuple[int, ...] = ()
 
     def parameters(self) -> PipelineParameters:
         """The defaults with the method's own settings.
@@ -55,8 +56,8 @@ class Method:
     def map(self, cones: Cones) -> OccupancyMap:
         """The map of a recording."""
         parameters = self.parameters()
-        if self.trusts_poses:
-            cones = [(topic, _certain(cone)) for topic, cone in cones]
+        if self.trusted_axes:
+            cones = [(topic, _certain(cone, self.trusted_axes)) for topic, cone in cones]
         if self.merges_by_maximum:
             topics = sorted({topic for topic, _ in cones})
             return _max_merged(
@@ -72,7 +73,8 @@ ABLATIONS = {
     "no_forgetting": Method("ours, nothing forgotten", {"mapping.forgetting": 0.0}),
     "no_proof": Method("ours, silence trusted everywhere", {"mapping.silence_trust_m": 100.0}),
     "no_walls": Method("ours, gaps in walls left open", {"mapping.wall_gap_m": 0.0}),
-    "no_covariance": Method("ours, poses' covariance ignored", trusts_poses=True),
+    "no_covariance": Method("ours, poses' covariance ignored", trusted_axes=(0, 1, 5)),
+    "no_heading": Method("ours, headings taken to be exact", trusted_axes=(5,)),
 }
 
 METHODS = {
@@ -88,9 +90,12 @@ METHODS = {
 }
 
 
-def _certain(cone: EchoCone) -> EchoCone:
-    """The same from a pose that is thought to have no error."""
-    return replace(cone, pose=replace(cone.pose, covariance=np.zeros((6, 6))))
+def _certain(cone: EchoCone, axes: tuple[int, ...]) -> EchoCone:
+    """The same from a pose that is thought to have no error along some axes."""
+    covariance = cone.pose.covariance.copy()
+    covariance[list(axes), :] = 0.0
+    covariance[:, list(axes)] = 0.0
+    return replace(cone, pose=replace(cone.pose, covariance=covariance))
 
 
 def _fused(cones: list[EchoCone], parameters: PipelineParameters) -> OccupancyMap:

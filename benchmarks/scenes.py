@@ -45,6 +45,8 @@ class Condition:
         RMS of the complex baseband noise; an ideal point target at 1 m gives 1.
     position_std_m, yaw_std_rad : float
         Errors of reported poses.
+    wander_s : float
+        Time in which such an error is forgotten; 0: at once.
     """
 
     shown: str
@@ -53,6 +55,7 @@ class Condition:
     noise_std: float = 0.01
     position_std_m: float = 0.0
     yaw_std_rad: float = 0.0
+    wander_s: float = 0.0
 
 
 CONDITIONS = {
@@ -62,6 +65,13 @@ CONDITIONS = {
     "one_robot": Condition("one robot", robots=1),
     "six_robots": Condition("six robots", robots=6),
     "poses_off": Condition("poses off by 3 cm and 0.6°", position_std_m=0.03, yaw_std_rad=0.01),
+    "headings_off": Condition("poses off by 3 cm and 6°", position_std_m=0.03, yaw_std_rad=0.1),
+    "poses_drift": Condition(
+        "poses off by 3 cm and 3.4° that drift over 5 s",
+        position_std_m=0.03,
+        yaw_std_rad=0.06,
+        wander_s=5.0,
+    ),
 }
 
 
@@ -134,6 +144,7 @@ def robot(
         "pose_error": {
             "position_std_m": recorded.position_std_m,
             "yaw_std_rad": recorded.yaw_std_rad,
+            "wander_s": recorded.wander_s,
         },
     }
 

@@ -7,6 +7,8 @@ absence, and not of the noise.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from usmap_ros.arrays import FloatArray, median
@@ -49,7 +51,7 @@ def listened(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> Ech
     rate_hz, start_s = trace.sample_rate_hz, trace.start_delay_s
     count = trace.sampling.sample_count
     # Sound of another transducer may come a shorter way, but by no more than their distance.
-    apart_m = max(float(np.linalg.norm(one.mount.position_m)) for one in trace.sent)
+    apart_m = max(math.hypot(*one.mount.position_m) for one in trace.sent)
     nearest_m = 2.0 * trace.transducer.min_range_m - apart_m
     nearest_s = nearest_m / trace.channel.sound_speed_m_s
     magnitude = np.abs(trace.signal())
@@ -102,19 +104,22 @@ def _ringing_from(magnitude: FloatArray, emitting: int, latest: int, nearest: in
     With a trigger that comes late, or resonances that rise slowly, it begins late; then it has to
     be the loudest of all from before any echo, or to clip, as no echo does so early.
     """
-    loud = max(_RINGING_OVER_LOUDEST * magnitude.max(), _RINGING_OVER_USUAL * median(magnitude))
-    if emitting > 0 and magnitude[:emitting].max() >= loud:
-        return 0
     loudest = int(np.argmax(magnitude))
-    if loudest < nearest and magnitude[loudest] >= loud:
-        return loudest
-    if emitting < 1:
+    peak = magnitude[loudest]
+    begins = []
+    if emitting > 0 and magnitude[:emitting].max() >= _RINGING_OVER_LOUDEST * peak:
+        begins.append((0, magnitude[:emitting].max()))
+    if loudest < nearest:
+        begins.append((loudest, peak))
+    early = magnitude[: emitting + latest] if emitting > 0 else magnitude[:0]
+    clipped = np.flatnonzero(early == peak)
+    if len(clipped) >= _CLIPPED_SAMPLES:
+        begins.append((int(clipped[0]), peak))
+    # What is usual is asked for last, and rarely, because that takes longest.
+    if not begins:
         return None
-    early = magnitude[: emitting + latest]
-    clipped = np.flatnonzero(early == magnitude.max())
-    if magnitude.max() < loud or len(clipped) < _CLIPPED_SAMPLES:
-        return None
-    return int(clipped[0])
+    usual = _RINGING_OVER_USUAL * median(magnitude)
+    return next((begin for begin, heard in begins if heard >= usual), None)
 
 
 def _muted_from(trace: EchoTrace, magnitude: FloatArray) -> int:

@@ -1,6 +1,7 @@
 """Poses in the plane and in space."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -100,7 +101,7 @@ def test_a_tilted_transducer_sees_points_off_its_axis(roll):
         range_m, bearing_rad = pose.polar(point)
         assert range_m == pytest.approx(2.0)
         assert abs(bearing_rad) == pytest.approx(0.3)
-    on_axis = pose.position_m + 2.0 * pose.rotation.apply([1.0, 0.0, 0.0])
+    on_axis = pose.position_m + 2.0 * pose.rotation @ [1.0, 0.0, 0.0]
     assert pose.polar(on_axis)[1] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -113,7 +114,7 @@ def test_a_point_above_is_off_the_axis_by_its_elevation():
 def test_a_pose_within_a_tilted_one_sees_what_stands_before_both():
     outer, inner = tilted(0.4, -0.2, 0.3), tilted(-1.0, 0.5)
     point = np.array([0.3, 1.2, -0.4])
-    seen = outer.compose(inner).polar(outer.position_m + outer.rotation.apply(point))
+    seen = outer.compose(inner).polar(outer.position_m + outer.rotation @ point)
     assert seen == pytest.approx(inner.polar(point))
 
 
@@ -123,4 +124,15 @@ def test_a_pose_undoes_its_inverse():
 
     for both in (pose.compose(pose.inverse()), pose.inverse().compose(pose)):
         np.testing.assert_allclose(both.position_m, 0.0, atol=1e-12)
-        np.testing.assert_allclose(both.rotation.magnitude(), 0.0, atol=1e-7)
+        np.testing.assert_allclose(both.rotation, np.eye(3), atol=1e-12)
+
+
+def test_turns_are_those_of_scipy():
+    orientations = Rotation.random(20, random_state=np.random.default_rng(3)).as_quat()
+    for first, second in pairwise(orientations):
+        inner, outer = Pose(np.zeros(3), 1.001 * first), Pose(np.zeros(3), 0.999 * second)
+        both = Rotation.from_quat(second) * Rotation.from_quat(first)
+        np.testing.assert_allclose(inner.rotation, Rotation.from_quat(first).as_matrix())
+        np.testing.assert_allclose(outer.compose(inner).rotation, both.as_matrix(), atol=1e-14)
+        ahead_x, ahead_y, _ = Rotation.from_quat(first).apply([1.0, 0.0, 0.0])
+        assert inner.yaw_rad == pytest.approx(np.arctan2(ahead_y, ahead_x))

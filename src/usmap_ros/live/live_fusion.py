@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,6 @@ from usmap_ros.live.ordering import StampOrder
 from usmap_ros.mapping.consistency import Consistency, is_of
 from usmap_ros.mapping.extent import Extent
 from usmap_ros.mapping.finding import Finding
-from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.repeats import SeenPings
@@ -191,14 +190,8 @@ class LiveFusion:
             As in `Consistency.findings`.
         """
         with self._map_lock:
-            consistency = self._consistency.copy()
-        return consistency.findings(self._expected_by_others, between)
-
-    def _expected_by_others(
-        self, cones: Mapping[str, Sequence[EchoCone]]
-    ) -> dict[str, list[Expected]]:
-        with self._map_lock:
-            return self._pipeline.fusion.expected_by_others(cones)
+            consistency, by_others = self._consistency.copy(), self._pipeline.fusion.by_others()
+        return consistency.findings(by_others, between)
 
     def leave_out(self, names: Collection[str]) -> None:
         """Take back what some robots, or topics, have said, as far as that is still known."""

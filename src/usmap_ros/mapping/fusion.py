@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logit
 
 from usmap_ros.arrays import RealArray
 from usmap_ros.cone import EchoCone
@@ -16,8 +15,9 @@ from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map, fill_grid
 from usmap_ros.mapping.grid import TiledGrid
-from usmap_ros.mapping.superposition.others import Expected
+from usmap_ros.mapping.superposition.others import MapByOthers
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.special import logit
 
 
 class Fusion(ABC):
@@ -50,7 +50,7 @@ class Fusion(ABC):
         values_per_cell: dict[str, int] | None = None,
     ) -> None:
         self.parameters = parameters
-        prior = float(logit(parameters.prior))
+        prior = logit(parameters.prior)
         self._grid = TiledGrid(
             parameters.resolution_m,
             {LOG_ODDS: prior, EXPOSURE: 0.0, **(layers or {})},
@@ -132,19 +132,12 @@ class Fusion(ABC):
     def _forget_newest(self) -> None:  # noqa: B027 - most keep nothing of a cone but cells
         """Keep nothing of the newest cone but what is in the grid."""
 
-    def expected_by_others(
-        self, cones: Mapping[str, Sequence[EchoCone]]
-    ) -> dict[str, list[Expected]]:
-        """What the map expects of each robot's pings, by what the others' say of it.
+    def by_others(self) -> MapByOthers | None:
+        """A copy of the map that tells what each robot owes to the others, in any thread.
 
-        Nothing, where a way of fusing has no forward model.
-
-        Parameters
-        ----------
-        cones : mapping of str to sequence of EchoCone
-            Pings of each robot; they need not be all that are in the map.
+        None where a way of fusing has no forward model.
         """
-        return {}
+        return None
 
     def snapshot(self) -> Callable[[], OccupancyMap]:
         """What makes the map as it is now, in its own time and in any thread.

@@ -80,7 +80,7 @@ class TiledGrid:
         Parameters
         ----------
         layers : mapping of str to str
-            Name in the copy, and name here, of layers with one value a cell.
+            Name in the copy, and name here.
         """
         copy = TiledGrid(
             self.resolution_m, {name: self._defaults[here] for name, here in layers.items()}

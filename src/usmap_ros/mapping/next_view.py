@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import BoolArray, FloatArray
@@ -67,6 +66,9 @@ def candidate_poses(
     poses : (n, 3) array
         x and y in m, yaw in rad.
     """
+    # Here, because who only maps must not wait until it is loaded.
+    from scipy.ndimage import distance_transform_edt
+
     geometry, believed = occupancy.geometry, occupancy.predicted()
     is_open = occupancy.observed & (occupancy.probability() <= FREE_PROBABILITY)
     if believed.any():

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
-from usmap_ros.arrays import BoolArray, FloatArray
+from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
 
 #: Cells to either side that tell the direction of a line: a window of 7 by 7.
 REACH_CELLS = 3
@@ -15,7 +14,8 @@ LEAST_LENGTH_VARIANCE = 1.0
 #: Variance across a line, relative to that along it: what is thicker is a blob, or a corner.
 MOST_THICKNESS = 0.25
 
-_AROUND = np.ones((3, 3), dtype=bool)
+#: From a cell to those of its eight neighbours that come after it: rows, columns.
+_ONWARD = ((0, 1), (1, -1), (1, 0), (1, 1))
 
 
 def surface_normals(
@@ -60,6 +60,36 @@ def surface_normals(
     return normal_rad
 
 
+def connected_parts(inside: BoolArray) -> IndexArray:
+    """Which part each cell is of, where parts hang together by sides or corners.
+
+    Every cell begins as a part of its own; neighbours take over the lower number, and numbers that
+    of the cell which they name, until nothing changes.
+
+    Returns
+    -------
+    numbers : (rows, columns) int array
+        Equal within a part; -1 outside of all.
+    """
+    padded = np.pad(inside, 1)
+    place = np.full(padded.shape, -1)
+    place[padded] = np.arange(np.count_nonzero(padded))
+    pairs = []
+    for row, column in _ONWARD:
+        ends = np.stack([place, np.roll(place, (-row, -column), (0, 1))])
+        pairs.append(ends[:, (ends >= 0).all(axis=0)])
+    first, second = np.concatenate(pairs, axis=1)
+    parts = np.arange(np.count_nonzero(padded))
+    while (parts[first] != parts[second]).any():
+        lower = np.minimum(parts[first], parts[second])
+        np.minimum.at(parts, parts[first], lower)
+        np.minimum.at(parts, parts[second], lower)
+        while (parts[parts] != parts).any():
+            parts = parts[parts]
+    place[padded] = parts
+    return place[1:-1, 1:-1]
+
+
 def _sums_around(
     rows: NDArray[np.intp],
     columns: NDArray[np.intp],
@@ -76,7 +106,7 @@ def _sums_around(
     heard : (2, n) array
         Of the directions from which they were heard.
     """
-    parts, _ = label(np.pad(believed, REACH_CELLS), structure=_AROUND)
+    parts = connected_parts(np.pad(believed, REACH_CELLS))
     weights = np.pad(weight, REACH_CELLS)
     directions = np.pad(heard_from, ((REACH_CELLS, REACH_CELLS),) * 2 + ((0, 0),))
     rows, columns = rows + REACH_CELLS, columns + REACH_CELLS

@@ -8,7 +8,6 @@ of it become freer, cells at it more occupied, the more so the nearer they are t
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import logit
 
 from usmap_ros.arrays import RealArray
 from usmap_ros.cone import EchoCone
@@ -16,6 +15,7 @@ from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.special import logit
 
 #: Range at which the sensor is believed half as much as close up, as in nav2.
 HALF_BELIEF_M = 1.2

@@ -13,7 +13,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from usmap_ros.arrays import IndexArray, RealArray
 
@@ -98,6 +97,9 @@ def silence(
     fluctuation : float
         Standard deviation of ln s from look to look.
     """
+    # Here, because it takes long to load, and the default way of mapping does without.
+    from scipy.special import ndtr
+
     variance = belief.variance
     total = np.sqrt(variance + fluctuation**2)
     deviations = (bound - belief.mean) / total

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from usmap_ros.arrays import IndexArray, RealArray
 from usmap_ros.cone import EchoCone
@@ -105,6 +104,9 @@ def _range_fit(
     The projection of a square on a ray is a trapezoid: a box smeared over the taper, for which
     a mean over three places stands.
     """
+    # Here, because it takes long to load, and the default way of mapping does without.
+    from scipy.special import ndtr
+
     plateau_m = half_depth_m - 0.5 * taper_m
     fit = np.zeros_like(offset_m)
     for place in (-1.0 / 3.0, 0.0, 1.0 / 3.0):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from usmap_ros.arrays import RealArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import Footprint
 from usmap_ros.mapping.reflectivity import LogReflectivity
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.special import running_maximum
 
 #: Deviations of range, from the pose's uncertainty, over which a detection limit is taken.
 LIMIT_DEVIATIONS = 1.5
@@ -26,7 +26,7 @@ def log_reflectivity_bound(cone: EchoCone, cells: Footprint) -> RealArray:
     limits = cone.limit_amplitudes()
     reach_m = cells.half_depth_m + LIMIT_DEVIATIONS * cells.range_std_m
     bins = int(np.ceil(reach_m.max(initial=0.0) / cone.limit_step_m))
-    highest = maximum_filter1d(limits, 2 * bins + 1, mode="nearest")
+    highest = running_maximum(limits, 2 * bins + 1)
     index = ((cells.range_m - cone.transducer.min_range_m) / cone.limit_step_m).astype(np.intp)
     limit = highest[np.clip(index, 0, len(highest) - 1)]
     bound: RealArray = np.log(limit) - cells.log_unit_amplitude

@@ -25,6 +25,9 @@ from usmap_ros.parameters.fields import is_among
 from usmap_ros.parameters.nodes import MapFusionParameters
 
 _RETRY_S = 0.02
+#: Of the time that the map on disk may lag behind, when the next checkpoint is begun: the rest is
+#: for writing it, and for what else there is to do.
+_BEGUN_AFTER = 0.75
 _COUNTED = (
     "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "paused", "failed",
     "left out", "elsewhere", "published",
@@ -186,7 +189,8 @@ class MapFusion(LifecycleNode):
     def _periods_s(self) -> tuple[float, ...]:
         """How often an active node looks for robots, publishes, keeps, and asks for transforms."""
         now = self.parameters.value
-        return now.discovery_period_s, 1.0 / now.publish_rate_hz, now.checkpoint_period_s, _RETRY_S
+        begun_s = _BEGUN_AFTER * now.checkpoint_period_s
+        return now.discovery_period_s, 1.0 / now.publish_rate_hz, begun_s, _RETRY_S
 
     # ---- cones
 

@@ -1,5 +1,6 @@
 """Robots that lie are named, and honest ones are not."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -9,10 +10,10 @@ import pytest
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
 from usmap_ros.mapping.agreement import Agreement
-from usmap_ros.mapping.consistency import Consistency, is_of, judged
+from usmap_ros.mapping.consistency import Consistency, is_of
 from usmap_ros.mapping.finding import Finding
+from usmap_ros.mapping.judgement import judged
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
-from usmap_ros.mapping.superposition.others import Expected
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
@@ -48,6 +49,30 @@ def cones(seed: int) -> list[tuple[str, EchoCone]]:
     ]
 
 
+@cache
+def in_a_room() -> list[tuple[str, EchoCone]]:
+    """Give the cones of three robots in a room with poles."""
+    walls = {"corners_m": [[0.0, 0.0], [5.0, 0.0], [5.0, 4.0], [0.0, 4.0]], "closed": True}
+    motion = {"kind": "random_walk", "speed_m_s": 0.6, "clearance_m": 0.25}
+    starts = ([1.0, 1.0, 0.0], [4.0, 1.0, 1.5], [2.5, 3.0, 3.0])
+    content = {
+        "seed": 1,
+        "duration_s": 12.0,
+        "world": {
+            "area_m": [0.3, 4.7, 0.3, 3.7],
+            "surface": {"specular_reflectivity": 0.2, "diffuse_reflectivity": 3.0},
+            "walls": [walls],
+            "points": [{"x_m": 1.7, "y_m": 1.9}, {"x_m": 3.4, "y_m": 2.3}],
+        },
+        "robots": [
+            {"name": f"robot{number}", "motion": {**motion, "start": start}}
+            for number, start in enumerate(starts, 1)
+        ],
+    }
+    scenario = Scenario.from_mapping(content, "room")
+    return [(t, reconstruct(p, ReconstructionParameters()).cone) for t, p in simulate(scenario)]
+
+
 def findings(pings: list[tuple[str, EchoCone]]) -> dict[str, Finding]:
     """Map pings, and judge the robots."""
     parameters = MappingParameters()
@@ -55,7 +80,7 @@ def findings(pings: list[tuple[str, EchoCone]]) -> dict[str, Finding]:
     for topic, cone in pings:
         fusion.fuse(cone)
         consistency.add(topic, cone)
-    return consistency.findings(fusion.expected_by_others)
+    return consistency.findings(fusion.by_others())
 
 
 def of_samples(
@@ -76,11 +101,12 @@ def of_samples(
     return changed
 
 
-def displaced(cone: EchoCone, turned_rad: float) -> EchoCone:
+def displaced(
+    cone: EchoCone, turned_rad: float, by_m: tuple[float, float] = (0.2, -0.25)
+) -> EchoCone:
     """Say that a ping came from elsewhere."""
-    x_m, y_m = cone.pose.position_m[:2]
-    pose = Pose.planar(x_m + 0.2, y_m - 0.25, cone.pose.yaw_rad + turned_rad)
-    return replace(cone, pose=pose)
+    x_m, y_m = cone.pose.position_m[:2] + np.array(by_m)
+    return replace(cone, pose=Pose.planar(x_m, y_m, cone.pose.yaw_rad + turned_rad))
 
 
 def named(found: dict[str, Finding]) -> dict[str, str]:
@@ -88,10 +114,10 @@ def named(found: dict[str, Finding]) -> dict[str, str]:
     return {topic: finding.verdict for topic, finding in found.items() if finding.is_suspect}
 
 
-@pytest.mark.parametrize("seed", [11, 12])
-def test_honest_robots_are_not_suspected(seed: int) -> None:
+@pytest.mark.parametrize("give", [lambda: cones(11), lambda: cones(12), in_a_room])
+def test_honest_robots_are_not_suspected(give: Callable[[], list[tuple[str, EchoCone]]]) -> None:
     """And there is something to go by."""
-    found = findings(cones(seed))
+    found = findings(give())
 
     assert named(found) == {}
     assert any(finding.verdict == "healthy" for finding in found.values())
@@ -113,10 +139,7 @@ def test_one_whose_receiver_is_wrong_is_named_without_a_map(
     for topic, cone in of_samples(11, factor, noise, is_stated=verdict == "loud"):
         consistency.add(topic, cone)
 
-    def nothing_expected(_: object) -> dict[str, list[Expected]]:
-        return {}
-
-    assert named(consistency.findings(nothing_expected)) == {LIAR: verdict}
+    assert named(consistency.findings(None)) == {LIAR: verdict}
 
 
 def test_one_that_repeats_itself_while_it_moves_is_named() -> None:
@@ -140,6 +163,34 @@ def test_one_that_is_elsewhere_is_named(turned_rad: float) -> None:
     assert named(found) == {LIAR: "misplaced"}
     assert found[LIAR].summary()["evidence"]["fit"] < 0.5
     assert "misplaced" in found[LIAR].reason
+
+
+@pytest.mark.parametrize("turned_rad", [0.35, -0.3])
+def test_one_that_faces_elsewhere_than_it_says_is_named_with_the_turn(turned_rad: float) -> None:
+    """Nothing but its heading is wrong, and its beam is wide."""
+    pings = [
+        (topic, displaced(cone, turned_rad, (0.0, 0.0)) if topic == LIAR else cone)
+        for topic, cone in cones(11)
+    ]
+
+    found = findings(pings)
+
+    assert named(found) == {LIAR: "misplaced"}
+    assert found[LIAR].summary()["evidence"]["turned_rad"] == pytest.approx(-turned_rad, abs=0.15)
+    assert "if it faces" in found[LIAR].reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("by_m", "turned_rad"), [((0.2, -0.25), 0.0), ((0.0, 0.0), 0.35)])
+def test_one_that_is_misplaced_in_a_room_is_named(
+    by_m: tuple[float, float], turned_rad: float
+) -> None:
+    """Walls are everywhere, and what it adds to the map spoils what the others are judged by."""
+    pings = [
+        (topic, displaced(cone, turned_rad, by_m) if topic == LIAR else cone)
+        for topic, cone in in_a_room()
+    ]
+    assert named(findings(pings)) == {LIAR: "misplaced"}
 
 
 def test_of_two_that_contradict_each_other_both_are_named() -> None:

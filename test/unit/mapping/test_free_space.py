@@ -58,3 +58,15 @@ def test_a_scan_has_the_rays_in_the_frame_of_the_transducer(
     # Readings below the least range are none.
     valid = np.array(scan.ranges) >= scan.range_min
     np.testing.assert_array_equal(valid, free.ranges_m > 0.0)
+
+
+def test_rays_through_the_whole_range_are_no_readings_that_nav2_drops(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    cone = make_cone(limit=1e-6)
+    free = free_space(cone, PARAMETERS)
+    assert free.ranges_m.max() == cone.transducer.max_range_m
+    scan = scan_to_message(cone, *free, BagMessageTypes())
+    # laser_geometry keeps what is below the greatest range: all that the obstacle layer gets.
+    assert max(scan.ranges) < np.float32(scan.range_max)
+    assert max(scan.ranges) == pytest.approx(scan.range_max)

@@ -361,3 +361,23 @@ def test_a_cone_that_sees_no_cell_is_taken_up_all_the_same(
     fusion = kind(MappingParameters(resolution_m=1.0))
     fusion.fuse(make_cone(min_range_m=0.1, max_range_m=0.2))
     assert not fusion.occupancy_map().observed.any()
+
+
+def test_nothing_stands_where_a_robot_is(views: list[EchoCone], cone_of_objects: MakeCone) -> None:
+    """Whatever echoes say: ten views find an object where a robot then goes through."""
+    x_m, y_m, _ = OBJECTS[0]
+
+    def is_observed_and_occupied(occupancy: OccupancyMap) -> tuple[bool, bool]:
+        geometry = occupancy.geometry
+        place = np.array((x_m, y_m)) - geometry.origin_m
+        column, row = (place / geometry.resolution_m).astype(int)
+        return bool(occupancy.observed[row, column]), bool(occupancy.predicted()[row, column])
+
+    fusion = SuperpositionFusion(MappingParameters())
+    assert is_observed_and_occupied(fused(fusion, views)) == (True, True)
+    steps_m = 0.02 * np.arange(10) - 0.1
+    through = [
+        cone_of_objects(OBJECTS[1], stamp_ns=100 + n, x_m=x_m + step_m, y_m=y_m, yaw_rad=1.5)
+        for n, step_m in enumerate(steps_m)
+    ]
+    assert is_observed_and_occupied(fused(fusion, through)) == (True, False)

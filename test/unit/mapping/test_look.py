@@ -65,6 +65,25 @@ def test_the_table_of_gains_is_the_beams_squared(make_cone: MakeCone) -> None:
     np.testing.assert_allclose(look.power_gain, beam.gain(np.arccos(cosine)) ** 2, atol=1e-6)
 
 
+def test_gains_are_averaged_over_the_headings_that_the_pose_allows(make_cone: MakeCone) -> None:
+    beam, std = BeamPattern.linear(), 0.1
+    exact = look_of(make_cone(beam=beam), PARAMETERS)
+    look = look_of(make_cone(beam=beam, planar_covariance=np.diag([0.0, 0.0, std**2])), PARAMETERS)
+    assert look.half_angle_rad == pytest.approx(exact.half_angle_rad + 2.0 * std)
+    headings = std * np.random.default_rng(1).standard_normal(20_000)
+    for off_axis in (0.0, 0.5 * exact.half_angle_rad, exact.half_angle_rad + std):
+        step = (1.0 - np.cos(off_axis)) / (1.0 - look.cos_half_angle) * GAIN_STEPS
+        gain = np.interp(step, np.arange(GAIN_STEPS + 1), look.power_gain)
+        assert gain == pytest.approx(np.mean(beam.gain(off_axis + headings) ** 2), rel=0.05)
+
+
+def test_what_a_position_is_off_across_turns_bearings_too(make_cone: MakeCone) -> None:
+    cone = make_cone(planar_covariance=np.diag([0.03**2, 0.03**2, 0.0]))
+    exact, look = look_of(make_cone(), PARAMETERS), look_of(cone, PARAMETERS)
+    turned = 0.03 / (0.5 * cone.transducer.max_range_m)
+    assert look.half_angle_rad - exact.half_angle_rad == pytest.approx(2.0 * turned, abs=1e-3)
+
+
 @pytest.mark.parametrize("yaw_rad", [0.0, 2.0, -3.0])
 def test_the_axis_is_where_the_transducer_looks(make_cone: MakeCone, yaw_rad: float) -> None:
     look = look_of(make_cone(yaw_rad=yaw_rad), PARAMETERS)
@@ -99,3 +118,6 @@ def test_a_measured_bearing_stands_in_its_echos_bin(make_cone: MakeCone) -> None
     assert look.kind[known] == ECHO
     assert look.bearing[known] == pytest.approx(0.2)
     assert look.bearing_weight[known] == pytest.approx(0.5 / 0.1**2)
+    pose = make_cone(planar_covariance=np.diag([0.0, 0.0, 0.05**2])).pose
+    uncertain = look_of(replace(cone, pose=pose), PARAMETERS)
+    assert uncertain.bearing_weight[known] == pytest.approx(0.5 / (0.1**2 + 0.05**2))

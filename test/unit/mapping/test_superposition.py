@@ -296,10 +296,14 @@ def test_calibration_keeps_the_order_and_can_be_undone() -> None:
     assert shown[raw < -0.5].max() < logit(0.65) < shown[raw > 0.5].min()
 
 
-def test_evidence_beside_free_space_counts_as_a_surface() -> None:
+def test_beside_free_space_less_evidence_is_enough_for_a_surface() -> None:
     """The order stays, and what is more certain or more unlikely stays as it is."""
-    raw = np.array([-4.0, -0.1, 0.4, 0.6, 1.6, 2.4], np.float32)
-    shown = beside_free_space(raw)
-    np.testing.assert_array_equal(shown[[0, 1, 4, 5]], raw[[0, 1, 4, 5]])
+    scale = Scale(16.0, 0.5, -10.0, 2.5, -5.3)
+    evidence = np.array([0.0, 0.1, 0.4, 0.9, 2.0, 5.0])
+    above = scale.slope * scale.threshold * (evidence - 1.0)
+    raw = np.where(evidence > 1.0, above, scale.prior * (1.0 - evidence)).astype(np.float32)
+    elsewhere, shown = calibrated(raw, scale), beside_free_space(raw, scale)
+    np.testing.assert_array_equal(shown[[0, 1, 4, 5]], elsewhere[[0, 1, 4, 5]])
     assert np.all(np.diff(shown) >= 0.0)
+    assert np.all(expit(elsewhere[2:4]) < 0.65)
     assert np.all(expit(shown[2:4]) > 0.65)

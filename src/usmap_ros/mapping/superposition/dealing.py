@@ -162,7 +162,7 @@ def deal(
     add_shares(look, seen, count, bins, parts, said.shares)
     prove_rays(look, seen, count, bins, parts, belief, tiles, rays.proven_m)
     deal_proof(look, tiles, rays, said.evidence.clear)
-    deal_presence(look, tiles, rules.proof, said.evidence.clear)
+    deal_presence(look, tiles, rules.proof, rules.bounds, said.evidence)
     deal_silence(
         look, tiles, rays, passed, rules.proof, rules.trust_m, rules.median_power,
         said.evidence.silent,

@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logit
 
 from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
@@ -31,6 +30,7 @@ from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.sources import Sources, compare, no_sources, tally
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.special import logistic, logit
 
 #: Powers that an object may have, and how many standard deviations about the median they span.
 POWER_STEPS, POWER_SPREAD = 80, 3.2
@@ -278,10 +278,10 @@ def _weighed(
     density, power = np.empty(sources.kind.shape), np.empty(quarters)
     judge_alone(sources, log_powers, log_prior, parameters.fluctuation, density, power)
     log_odds = np.empty(quarters)
-    prior = float(logit(parameters.prior / QUARTERS))
+    prior = logit(parameters.prior / QUARTERS)
     weigh_sources(sources, density, bin_count, parameters.audibility, prior, log_odds)
     vacancy = -np.logaddexp(0.0, log_odds).reshape(-1, QUARTERS).sum(axis=1)
-    return vacancy, (expit(log_odds) * power).reshape(-1, QUARTERS)
+    return vacancy, (logistic(log_odds) * power).reshape(-1, QUARTERS)
 
 
 @compiled

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logit
 
 from usmap_ros.arrays import IndexArray
 from usmap_ros.cone import EchoCone
@@ -31,12 +30,13 @@ from usmap_ros.mapping.superposition.few import explain, judge_first
 from usmap_ros.mapping.superposition.layers import Suspects, directions_heard_from
 from usmap_ros.mapping.superposition.learning import LEAST_POWER, Powers, seed_unexplained
 from usmap_ros.mapping.superposition.look import Look, look_of
-from usmap_ros.mapping.superposition.others import Expected, MapByOthers
+from usmap_ros.mapping.superposition.others import MapByOthers
 from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.shares import Shares
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.special import logit
 
 #: Power of each quarter of a cell, the two averages that it is learnt from, from how many looks,
 #: and whether there is any.
@@ -126,7 +126,7 @@ class SuperpositionFusion(Fusion):
             slope=parameters.evidence_slope,
             least=parameters.least_log_odds,
             greatest=parameters.greatest_log_odds,
-            prior=float(logit(parameters.prior)),
+            prior=logit(parameters.prior),
         )
 
     # ------------------------------------------------------------------ a new ping
@@ -327,18 +327,10 @@ class SuperpositionFusion(Fusion):
 
     # ------------------------------------------------------------------ robots
 
-    def expected_by_others(
-        self, cones: Mapping[str, Sequence[EchoCone]]
-    ) -> dict[str, list[Expected]]:
-        """What the map expects of each robot's pings, by what the others' say of it."""
-        layer, parameters = self._grid.layer, self.parameters
-        by_others = MapByOthers(
-            self._grid, self._tiles(), self._work, (layer(POWER), layer(ALIVE), layer(DEPTH)),
-            self._scale, self._rules.bounds, self._opacity,
-        )  # fmt: skip
-        return by_others.expected(
-            {robot: [look_of(cone, parameters) for cone in own] for robot, own in cones.items()}
-        )
+    def by_others(self) -> MapByOthers:
+        """A copy of the map that tells what each robot owes to the others, in any thread."""
+        copy = self._grid.copied({name: name for name in MapByOthers.LAYERS})
+        return MapByOthers(copy, self.parameters, self._scale, self._rules.bounds, self._opacity)
 
     # ------------------------------------------------------------------ maps
 

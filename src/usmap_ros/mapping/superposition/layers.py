@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve, maximum_filter
-from scipy.special import entr, expit
 
 from usmap_ros.arrays import IndexArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, OccupancyMap
@@ -15,6 +13,7 @@ from usmap_ros.mapping.export import LOG_ODDS, on_map
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.superposition.shares import Shares
+from usmap_ros.special import entropy, logistic, running_maximum
 
 
 class Suspects(NamedTuple):
@@ -47,7 +46,7 @@ def map_layers(occupancy: OccupancyMap, suspects: Suspects) -> dict[str, NDArray
     looks: NDArray[np.float32] = np.maximum(shares.heard, np.float32(1.0))
     explained = _around(placed(shares.explained / looks))
     heard: NDArray[np.float32] = np.maximum(_around(placed(shares.heard)), np.float32(1.0))
-    belief = maximum_filter(placed(expit(suspects.log_odds)), 3)
+    belief = _greatest_around(placed(logistic(suspects.log_odds)))
     return {
         NORMAL: map_normals(occupancy, suspects),
         AMBIGUITY: undecided(explained, belief),
@@ -58,8 +57,15 @@ def map_layers(occupancy: OccupancyMap, suspects: Suspects) -> dict[str, NDArray
 
 def _around(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """Sum over each cell and its eight neighbours."""
-    sums: NDArray[np.float32] = convolve(values, np.ones((3, 3), np.float32), mode="constant")
+    padded = np.pad(values, 1)
+    rows: NDArray[np.float32] = padded[:-2] + padded[1:-1] + padded[2:]
+    sums: NDArray[np.float32] = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
     return sums
+
+
+def _greatest_around(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Greatest of each cell and its eight neighbours."""
+    return running_maximum(running_maximum(values, 3).T, 3).T
 
 
 def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -77,8 +83,8 @@ def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> ND
         Greatest probability by the evidence of each cell and its neighbours.
     """
     probability = np.clip(np.maximum(explained, belief), 0.0, 1.0).astype(np.float64)
-    entropy = (entr(probability) + entr(1.0 - probability)) / np.log(2.0)
-    bits: NDArray[np.float32] = np.clip(entropy, 0.0, 1.0).astype(np.float32)
+    nats = entropy(probability) + entropy(1.0 - probability)
+    bits: NDArray[np.float32] = np.clip(nats / np.log(2.0), 0.0, 1.0).astype(np.float32)
     return bits
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -23,6 +24,9 @@ BINS_PER_CELL = 4
 FINEST_BIN_M = 0.0125
 #: Entries of the table of power gains.
 GAIN_STEPS = 512
+#: An uncertain heading widens the cone by so many of its standard deviations, and is averaged over
+#: at so many places, in steps of so much.
+WIDENING_STDS, HEADINGS, HEADING_STEP_RAD = 2.0, 15, 1e-3
 #: The receiver's noise lies this far below the detection limit, in power: a factor of 4 in
 #: amplitude, what `false_alarms_per_ping` comes to.
 NOISE_BELOW_LIMIT = 1.0 / 16.0
@@ -45,7 +49,7 @@ class Look(NamedTuple):
     heading_rad : float
         Of the axis on the plane.
     half_angle_rad, cos_half_angle : float
-        Of the cone.
+        Of the cone, as wide as the uncertainty of its heading makes it.
     least_range_m, greatest_range_m : float
         Where echoes are looked for.
     absorption_per_m : float
@@ -55,7 +59,8 @@ class Look(NamedTuple):
     bin_m : float
         Width of a range bin.
     power_gain : (GAIN_STEPS + 1,) float32 array
-        Two-way power gain over (1 − cos θ) / (1 − cos half angle).
+        Two-way power gain over (1 − cos θ) / (1 − cos half angle): its mean over the headings that
+        the pose's covariance allows.
     kind : (bins,) uint8 array
         UNJUDGED, ECHO or SILENCE.
     power : (bins,) float32 array
@@ -109,12 +114,11 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
     x, y, z, w = cone.pose.orientation
     axis_x, axis_y = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w)
     axis_z = 2.0 * (x * z - y * w)
-    half_angle = float(beam.half_angle_rad)
+    position_variance, bearing_std = _uncertainty(cone)
+    half_angle = min(float(beam.half_angle_rad) + WIDENING_STDS * bearing_std, np.pi)
     bin_m = max(FINEST_BIN_M, parameters.resolution_m / BINS_PER_CELL)
     kind, power, limit, noise = _binned(cone, bin_m)
-    bearing, bearing_weight = _bearings(cone, bin_m, len(kind))
-    covariance = cone.pose.planar_covariance
-    position_variance = 0.5 * (covariance[0, 0] + covariance[1, 1])
+    bearing, bearing_weight = _bearings(cone, bin_m, len(kind), bearing_std)
     return Look(
         x_m=float(cone.pose.position_m[0]),
         y_m=float(cone.pose.position_m[1]),
@@ -124,14 +128,14 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
         rise_m=float(cone.object_rise_m),
         heading_rad=float(np.arctan2(axis_y, axis_x)),
         half_angle_rad=half_angle,
-        cos_half_angle=float(np.cos(min(half_angle, np.pi))),
+        cos_half_angle=float(np.cos(half_angle)),
         least_range_m=float(transducer.min_range_m),
         greatest_range_m=float(transducer.max_range_m),
         absorption_per_m=float(4.0 * cone.attenuation_db_m * np.log(10.0) / 20.0),
         range_std_m=float(np.hypot(parameters.range_error_m, np.sqrt(position_variance))),
         bin_m=bin_m,
         power_gain=_power_gain(
-            transducer.beam.angles_rad.tobytes(), transducer.beam.gains.tobytes()
+            beam.angles_rad.tobytes(), beam.gains.tobytes(), bearing_std, half_angle
         ),
         kind=kind,
         power=power,
@@ -141,6 +145,21 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
         bearing_weight=bearing_weight,
         noise=noise,
     )
+
+
+def _uncertainty(cone: EchoCone) -> tuple[float, float]:
+    """Variance of the position along any direction, and standard deviation of bearings.
+
+    Errors of successive poses are a bias that wanders: they do not average out over a few pings,
+    and each ping is taken to be as uncertain as its covariance says.  Of the position, what is
+    across the line of sight turns bearings too; it counts as it does halfway through the range.
+    """
+    covariance = cone.pose.planar_covariance
+    position_variance = 0.5 * (covariance[0, 0] + covariance[1, 1])
+    middle_m = 0.5 * cone.transducer.max_range_m
+    bearing_std = math.sqrt(covariance[2, 2] + position_variance / middle_m**2)
+    # In steps, so that few tables of gains are needed.
+    return float(position_variance), HEADING_STEP_RAD * round(bearing_std / HEADING_STEP_RAD)
 
 
 def _binned(
@@ -177,7 +196,7 @@ def _next_echo(kind: NDArray[np.uint8]) -> NDArray[np.int32]:
 
 
 def _bearings(
-    cone: EchoCone, bin_m: float, bins: int
+    cone: EchoCone, bin_m: float, bins: int, pose_std_rad: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Bearing of the echo in each range bin, and its weight."""
     bearing, weight = np.zeros(bins, np.float32), np.zeros(bins, np.float32)
@@ -185,14 +204,21 @@ def _bearings(
         place = ((cone.ranges_m - cone.transducer.min_range_m) / bin_m).astype(np.intp)
         known = ~np.isnan(cone.bearings_rad) & (place >= 0) & (place < bins)
         bearing[place[known]] = cone.bearings_rad[known]
-        weight[place[known]] = 0.5 / cone.bearing_stds_rad[known] ** 2
+        variance = cone.bearing_stds_rad[known] ** 2 + pose_std_rad**2
+        weight[place[known]] = 0.5 / variance
     return bearing, weight
 
 
-@lru_cache(maxsize=64)
-def _power_gain(angles: bytes, gains: bytes) -> NDArray[np.float32]:
+@lru_cache(maxsize=256)
+def _power_gain(
+    angles: bytes, gains: bytes, bearing_std_rad: float, half_angle_rad: float
+) -> NDArray[np.float32]:
     """Table of a beam's power gain; the arrays come as bytes, which can be looked up."""
     beam = BeamPattern(np.frombuffer(angles), np.frombuffer(gains))
-    versine = np.linspace(0.0, 1.0 - np.cos(min(beam.half_angle_rad, np.pi)), GAIN_STEPS + 1)
-    gain: NDArray[np.float32] = (beam.gain(np.arccos(1.0 - versine)) ** 2).astype(np.float32)
-    return gain
+    versine = np.linspace(0.0, 1.0 - np.cos(half_angle_rad), GAIN_STEPS + 1)
+    off_axis = np.arccos(1.0 - versine)
+    # Gauss-Hermite quadrature over a normal distribution.
+    off, weight = np.polynomial.hermite_e.hermegauss(HEADINGS if bearing_std_rad else 1)
+    gains_squared = beam.gain(off_axis[:, np.newaxis] + bearing_std_rad * off) ** 2
+    mean: NDArray[np.float32] = (gains_squared @ weight / weight.sum()).astype(np.float32)
+    return mean

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.arrays import FloatArray
+from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, set_depth
 from usmap_ros.mapping.superposition.cells import Tiles
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_evidence, prepare_bins
-from usmap_ros.mapping.superposition.look import Look
+from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.workspace import Workspace
+from usmap_ros.parameters import MappingParameters
 
 #: Evidence at which the others are believed to have seen something, relative to that at which the
 #: map, with all pings, believes it.
 PART_THRESHOLD = 0.5
+#: Errors of heading that are looked for.
+TURNS_RAD = (-0.35, -0.2, -0.1, 0.1, 0.2, 0.35)
 
 
 class Expected(NamedTuple):
@@ -30,10 +35,13 @@ class Expected(NamedTuple):
         The ping.
     power : (bins,) array
         Expected power of each range bin, the receiver's noise included.
+    turned : (TURNS_RAD, bins) array
+        The same if the robot faced elsewhere than it says, by each of the turns.
     """
 
     look: Look
     power: FloatArray
+    turned: FloatArray
 
 
 class MapByOthers:
@@ -42,13 +50,9 @@ class MapByOthers:
     Parameters
     ----------
     grid : TiledGrid
-        The map; nothing in it is changed.
-    tiles : Tiles
-        Where its cells are.
-    work : Workspace
-        Scratch memory.
-    power, alive, depth : float32 arrays
-        Its layers: power of each quarter, cells with any, and their optical depth.
+        A copy of the map, with `LAYERS`; nothing in it is changed.
+    parameters : MappingParameters
+        Of the model.
     scale : Scale
         How evidence becomes log-odds.
     bounds : Bounds
@@ -57,47 +61,68 @@ class MapByOthers:
         Of what is believed in.
     """
 
+    #: Power of each quarter of a cell, cells with any, and their optical depth.
+    LAYERS = ("power", "alive", "depth")
+
     def __init__(
         self,
         grid: TiledGrid,
-        tiles: Tiles,
-        work: Workspace,
-        layers: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
+        parameters: MappingParameters,
         scale: Scale,
         bounds: Bounds,
         opacity: float,
     ) -> None:
-        self._tiles, self._work = tiles, work
-        self._power, self._alive, self._depth = layers
+        self._parameters, self._work = parameters, Workspace()
+        self._tiles = Tiles(*grid.directory, parameters.resolution_m)
+        self._power, self._alive, self._depth = (grid.layer(name) for name in self.LAYERS)
         # What is compared is a part of what the map was made of.
         self._scale = scale._replace(threshold=PART_THRESHOLD * scale.threshold)
         self._bounds, self._opacity = bounds, opacity
         self._rows, self._columns, self._slots = grid.cells(self._alive > 0.0)
 
-    def expected(self, looks: Mapping[str, Sequence[Look]]) -> dict[str, list[Expected]]:
-        """What the map expects of each robot's pings by what the others' pings say.
+    def expected(
+        self,
+        cones: Mapping[str, Sequence[EchoCone]],
+        between: Callable[[], None] = lambda: None,
+        of: Collection[str] | None = None,
+    ) -> dict[str, list[Expected]]:
+        """What the map expects of robots' pings by what the others' pings say.
 
         Parameters
         ----------
-        looks : mapping of str to sequence of Look
-            Pings of each robot.
+        cones : mapping of str to sequence of EchoCone
+            Pings of each robot; they need not be all that are in the map.
+        between : callable
+            Called between pieces of work, which take milliseconds.
+        of : collection of str, optional
+            The robots that are asked about; all of them by default.
         """
-        evidence = {robot: self._evidence(pings) for robot, pings in looks.items()}
-        found = {}
-        for robot, pings in looks.items():
+        asked = cones.keys() if of is None else of
+        looks = {t: [look_of(cone, self._parameters) for cone in own] for t, own in cones.items()}
+        evidence = {
+            robot: self._evidence(pings, between)
+            for robot, pings in looks.items()
+            if any(robot != other for other in asked)
+        }
+        found: dict[str, list[Expected]] = {}
+        for robot in asked:
             others = [said for other, said in evidence.items() if other != robot]
             own, block = (np.zeros_like(self._alive) for _ in range(2))
             for said in others:
                 own += said.own
                 block += said.block
             believed, depth = self._believed(own, block)
-            found[robot] = [self._expected(look, believed, depth) for look in pings]
+            found[robot] = []
+            for look in looks[robot]:
+                between()
+                found[robot].append(self._expected(look, believed, depth))
         return found
 
-    def _evidence(self, looks: Sequence[Look]) -> Evidence:
+    def _evidence(self, looks: Sequence[Look], between: Callable[[], None]) -> Evidence:
         """What some pings say of the cells of the map."""
         evidence = Evidence(*(np.zeros_like(self._alive) for _ in Evidence._fields))
         for look in looks:
+            between()
             count = self._work.expect(look, self._tiles, self._depth, self._alive, self._power)
             _, seen, bins, parts = self._work.scratch
             prepare_bins(look, bins)
@@ -119,5 +144,18 @@ class MapByOthers:
     def _expected(
         self, look: Look, among: NDArray[np.float32], depth: NDArray[np.float32]
     ) -> Expected:
-        self._work.expect(look, self._tiles, depth, among, self._power)
-        return Expected(look, self._work.scratch.bins.expected[: len(look.kind)].copy())
+        def power(seen: Look) -> FloatArray:
+            self._work.expect(seen, self._tiles, depth, among, self._power)
+            return self._work.scratch.bins.expected[: len(look.kind)].copy()
+
+        return Expected(look, power(look), np.array([power(_turned(look, by)) for by in TURNS_RAD]))
+
+
+def _turned(look: Look, by_rad: float) -> Look:
+    """The same if the robot faced elsewhere."""
+    cosine, sine = math.cos(by_rad), math.sin(by_rad)
+    return look._replace(
+        axis_x=cosine * look.axis_x - sine * look.axis_y,
+        axis_y=sine * look.axis_x + cosine * look.axis_y,
+        heading_rad=look.heading_rad + by_rad,
+    )

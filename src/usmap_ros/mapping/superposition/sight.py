@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.cells import Tiles, slot_at
+from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_gain
 from usmap_ros.mapping.superposition.look import SILENCE, Look
 from usmap_ros.mapping.superposition.seen import Rays, power_gain
 
@@ -88,8 +89,22 @@ def deal_proof(look: Look, tiles: Tiles, rays: Rays, clear: NDArray[np.float32])
 
 
 @compiled
-def deal_presence(look: Look, tiles: Tiles, amount: float, clear: NDArray[np.float32]) -> None:
-    """Where a robot is, nothing else stands: add `amount` to all cells that it covers."""
+def deal_presence(
+    look: Look, tiles: Tiles, amount: float, bounds: Bounds, evidence: Evidence
+) -> None:
+    """Where a robot is, nothing else stands: clear all cells that it covers.
+
+    Parameters
+    ----------
+    look, tiles
+        As above.
+    amount : float
+        Rays that prove that a cell is clear.
+    bounds : Bounds
+        Of what can be said against one.
+    evidence : Evidence
+        Changed.
+    """
     res = tiles.resolution_m
     reach = int(PRESENCE_M / res) + 1
     own_row, own_column = math.floor(look.y_m / res), math.floor(look.x_m / res)
@@ -98,7 +113,9 @@ def deal_presence(look: Look, tiles: Tiles, amount: float, clear: NDArray[np.flo
             x, y = (column + 0.5) * res - look.x_m, (row + 0.5) * res - look.y_m
             slot = slot_at(row, column, tiles)
             if slot >= 0 and x * x + y * y < PRESENCE_M * PRESENCE_M:
-                clear[slot] += amount
+                evidence.clear[slot] += amount
+                add_gain(evidence.own, slot, -bounds.of_all, bounds)
+                add_gain(evidence.block, slot, -bounds.of_all, bounds)
 
 
 @compiled

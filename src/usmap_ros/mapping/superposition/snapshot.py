@@ -65,7 +65,8 @@ class Snapshot:
         slots = self.suspects.slots
         believed = self._believed(exposure[slots] >= parameters.observed_exposure)
         log_odds[slots] = np.clip(believed, scale.least, scale.greatest)
-        # What is as likely there as not is unknown, and not observed, unless sound went through.
+        # What is as likely there as not is unknown, and not observed, though sound went through.
+        grid.layer(EXPOSURE)[slots[believed > 0.0]] = 0.0
         occupancy = as_map(grid, parameters, self.frame_id, self.stamp_ns, OCCUPIED_PROBABILITY)
         occupancy = bridge_gaps(occupancy, parameters.wall_gap_m)
         return replace(occupancy, layers=map_layers(occupancy, self.suspects))
@@ -74,5 +75,5 @@ class Snapshot:
         """Log-odds that suspected cells turn out to have, by evidence and by what passed them."""
         if self.are_few:
             return self.suspects.log_odds
-        shown = calibrated(self.suspects.log_odds, self.scale)
-        return np.where(is_exposed, beside_free_space(shown), shown)
+        raw = self.suspects.log_odds
+        return np.where(is_exposed, beside_free_space(raw, self.scale), calibrated(raw, self.scale))

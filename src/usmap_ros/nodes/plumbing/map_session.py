@@ -202,12 +202,13 @@ class MapSession:
 
     def _bring_out(self) -> None:
         """Publish and keep the map as asked for; runs in a thread of its own."""
-        if self._is_to_be_published:
-            self._is_to_be_published = False
-            self._publish_if_changed()
+        # What is promised of the map on disk does not wait until a large map has been sent.
         if self._is_to_be_kept:
             self._is_to_be_kept = False
             self._keep()
+        if self._is_to_be_published:
+            self._is_to_be_published = False
+            self._publish_if_changed()
 
     def _publish_if_changed(self) -> None:
         version = self.fusion.version

@@ -1,0 +1,61 @@
+"""Errors of poses: each ping's own, or a bias that wanders."""
+
+import numpy as np
+import pytest
+
+from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.simulation.pose_errors import PoseErrors
+
+SEED = np.random.SeedSequence(5)
+
+
+def test_without_memory_each_error_is_new() -> None:
+    errors = PoseErrors(SEED, 0.0)
+    drawn = np.array([errors.at(0.1 * ping) for ping in range(4000)])
+    assert drawn.std(axis=0) == pytest.approx(1.0, abs=0.05)
+    assert abs(np.corrcoef(drawn[:-1, 0], drawn[1:, 0])[0, 1]) < 0.05
+
+
+def test_a_bias_wanders_and_is_forgotten_in_its_time() -> None:
+    errors = PoseErrors(SEED, 2.0)
+    drawn = np.array([errors.at(0.1 * ping) for ping in range(40_000)])
+    assert drawn.std(axis=0) == pytest.approx(1.0, abs=0.1)
+    for seconds in (0.1, 2.0):
+        lag = round(seconds / 0.1)
+        memory = np.mean(drawn[:-lag] * drawn[lag:])
+        assert memory == pytest.approx(np.exp(-seconds / 2.0), abs=0.1)
+
+
+def test_a_clock_that_is_set_back_leaves_the_error_as_it_is() -> None:
+    errors = PoseErrors(SEED, 2.0)
+    before = errors.at(10.0)
+    np.testing.assert_array_equal(errors.at(3.0), before)
+    assert not np.array_equal(errors.at(4.0), before)
+
+
+def reported(wander_s: float) -> list[tuple[str, np.ndarray]]:
+    """Where two transducers of a robot that stands still say that they are."""
+    content = {
+        "duration_s": 2.0,
+        "world": {"area_m": [0.0, 4.0, 0.0, 4.0], "points": [{"x_m": 3.0, "y_m": 2.0}]},
+        "robots": [
+            {
+                "name": "robot1",
+                "motion": {"kind": "waypoints", "waypoints_m": [[1.0, 2.0]]},
+                "pose_error": {"position_std_m": 0.1, "wander_s": wander_s},
+                "transducers": [{"name": "left"}, {"name": "right"}],
+            }
+        ],
+    }
+    traces = simulate(Scenario.from_mapping(content, "still.yaml"))
+    return [(topic, trace.pose.position_m) for topic, trace in traces]
+
+
+def test_a_wandering_bias_is_the_robots_and_not_each_transducers() -> None:
+    def apart_m(wander_s: float) -> float:
+        pings = reported(wander_s)
+        left, right = (np.array([at for t, at in pings if name in t]) for name in ("left", "right"))
+        return float(np.median(np.linalg.norm(left - right, axis=1)))
+
+    assert apart_m(0.0) > 0.05
+    assert apart_m(100.0) < 0.02

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.acoustics.profile import Profile
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
@@ -37,6 +38,14 @@ CHIRP = Pulse(PulseShape.CHIRP, 60_000.0, 0.002, 40_000.0)
 RESONANT = replace(
     ODD_TONE, profile=driven_resonators(ODD_TONE, ((40_000.0, 20.0), (40_500.0, 25.0)))
 )
+_TIME_S = np.arange(0.0, RESONANT.length_s + 0.0005, 5e-6)
+#: The same with a reflection off the sensor's housing, as `usmap calibrate` measures it.
+MEASURED = replace(
+    ODD_TONE,
+    profile=Profile.of(
+        RESONANT.envelope(_TIME_S) + 0.3j * RESONANT.envelope(_TIME_S - 0.0005), 200_000.0
+    ),
+)
 #: Name, encoding, pulse and sample rates.
 RECEPTIONS: list[tuple[str, Encoding, Pulse, tuple[float, ...]]] = [
     ("raw square", Encoding.RAW, SQUARE, (25e3, 122e3)),
@@ -51,6 +60,9 @@ RECEPTIONS: list[tuple[str, Encoding, Pulse, tuple[float, ...]]] = [
     ("raw resonant burst", Encoding.RAW, RESONANT, (200e3,)),
     ("I/Q resonant burst", Encoding.IQ, RESONANT, (25e3,)),
     ("envelope resonant burst", Encoding.ENVELOPE, RESONANT, (25e3,)),
+    ("raw measured burst", Encoding.RAW, MEASURED, (200e3,)),
+    ("I/Q measured burst", Encoding.IQ, MEASURED, (25e3,)),
+    ("envelope measured burst", Encoding.ENVELOPE, MEASURED, (25e3,)),
     ("envelope square", Encoding.ENVELOPE, SQUARE, (25e3,)),
     ("envelope tone burst", Encoding.ENVELOPE, TONE, (25e3, 50e3)),
     ("envelope Hann burst", Encoding.ENVELOPE, HANN, (25e3, 50e3)),
@@ -176,7 +188,7 @@ def spread(deviations: np.ndarray) -> float:
 def run() -> dict[str, Any]:
     """Smallest and largest spread by reception, over all ratios."""
     by_reception: dict[str, list[Row]] = {}
-    for one in table(100):
+    for one in table(200):
         by_reception.setdefault(f"{one.name}, {one.rate_hz / 1e3:g} kS/s", []).append(one)
     return {
         name: f"range {_extent([spread(one.ranges) for one in rows])},"

@@ -38,9 +38,11 @@ def at_rest_zero(trace: EchoTrace) -> EchoTrace:
 def _median_level(samples: FloatArray) -> float:
     """Level of samples of either sign; 0 unless it is beyond doubt."""
     level = median(samples)
-    if abs(level) <= _SPREADS * median(np.abs(samples - level)):
+    apart = np.abs(samples - level)
+    # A spread that most samples exceed needs not be known exactly.
+    if 2 * np.count_nonzero(_SPREADS * apart >= abs(level)) > len(samples) + 1:
         return 0.0
-    return level
+    return 0.0 if abs(level) <= _SPREADS * median(apart) else level
 
 
 def _least_level(samples: FloatArray) -> float:

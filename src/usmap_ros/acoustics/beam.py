@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import j1, jn_zeros
 
 from usmap_ros import bounds
 from usmap_ros.arrays import FloatArray
@@ -61,6 +60,9 @@ class BeamPattern:
         count : int
             Angles in the table.
         """
+        # Here, because traces bring their beam as a table, and it takes long to load.
+        from scipy.special import j1, jn_zeros
+
         size = 2.0 * np.pi * radius_m / wavelength_m
         if cut_rad is None:
             cut_rad = float(np.arcsin(min(1.0, jn_zeros(1, 1)[0] / size)))

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
@@ -151,6 +150,9 @@ def resonant_profile(
 @lru_cache(maxsize=16)
 def _widths(profile: Profile) -> tuple[float, float]:
     """`Profile.bandwidth_hz` and `Profile.resolution_s`."""
+    # Here, because few pulses have a profile, and it takes long to load.
+    from scipy.fft import next_fast_len
+
     values = profile.values
     count = next_fast_len(8 * len(values))
     energy = np.abs(np.fft.fft(values, count)) ** 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -38,6 +39,12 @@ class Transducer:
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless such a transducer can exist."""
+        # Once for all pings that share it.
+        assert self._is_valid
+
+    @cached_property
+    def _is_valid(self) -> bool:
+        """True; raises an error if it is not."""
         self.pulse.validate()
         self.beam.validate()
         if not (np.isfinite(self.min_range_m) and self.min_range_m >= 0.0):
@@ -51,6 +58,7 @@ class Transducer:
             )
         bounds.check("transducer.min_range", self.min_range_m, bounds.MIN_RANGE)
         bounds.check("transducer.max_range", self.max_range_m, bounds.MAX_RANGE)
+        return True
 
     def validate_loss(self, attenuation_db_m: float) -> None:
         """Raise `MalformedMessageError` if air swallows all sound on the way to `max_range_m`."""

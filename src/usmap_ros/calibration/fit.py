@@ -14,7 +14,7 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import FloorModel
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
-from usmap_ros.calibration.hearing import Hearing
+from usmap_ros.calibration.echo_table import EchoTable
 
 #: Where c₀ / c, δ (m) and h (m) are in the vector of unknowns; places follow.
 SLOWNESS, OFFSET, HEIGHT, PLACES = 0, 1, 2, 3
@@ -165,13 +165,13 @@ class FittedModel:
 
 
 def fit(
-    hearing: Hearing, matches: Matches, start: Model, *, offset_std_m: float = UNKNOWN_OFFSET_M
+    table: EchoTable, matches: Matches, start: Model, *, offset_std_m: float = UNKNOWN_OFFSET_M
 ) -> FittedModel:
     """Least squares over all unknowns, with a loss that outliers cannot dominate.
 
     Parameters
     ----------
-    hearing : Hearing
+    table : EchoTable
         The echoes.
     matches : Matches
         What they came from.
@@ -180,7 +180,7 @@ def fit(
     offset_std_m : float
         Standard deviation of the offset, around 0, as it is known beforehand.
     """
-    problem = _Problem(hearing, matches, start, offset_std_m)
+    problem = _Problem(table, matches, start, offset_std_m)
     # Here, because it takes a third of a second, and to look at a recording it is not needed.
     from scipy.optimize import least_squares
 
@@ -203,15 +203,15 @@ class _Problem:
     """Residuals, in standard deviations, and their derivatives."""
 
     def __init__(
-        self, hearing: Hearing, matches: Matches, start: Model, offset_std_m: float
+        self, table: EchoTable, matches: Matches, start: Model, offset_std_m: float
     ) -> None:
-        pings = hearing.pings[matches.echoes]
+        pings = table.pings[matches.echoes]
         self.matches, self._start = matches, start
-        self.positions_m = hearing.positions_m[pings]
-        self.apparent_m = hearing.ranges_m[matches.echoes]
+        self.positions_m = table.positions_m[pings]
+        self.apparent_m = table.ranges_m[matches.echoes]
         self.std_m = np.sqrt(
-            hearing.range_stds_m[matches.echoes] ** 2
-            + hearing.position_stds_m[pings] ** 2
+            table.range_stds_m[matches.echoes] ** 2
+            + table.position_stds_m[pings] ** 2
             + _RANGE_ERROR_M**2
         )
         self._free_objects = np.flatnonzero(~start.is_fixed)

@@ -9,8 +9,8 @@ from usmap_ros.calibration.pulse import measure_pulse
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.trace import EchoTrace
 
-#: Every so manyth trace of a topic is kept, and so many at most.
-_EVERY, _KEPT = 2, 40
+#: Every so manyth trace of a topic is kept, so many at most, and of no more bytes than this.
+_EVERY, _KEPT, _KEPT_BYTES = 2, 40, 4_000_000
 
 
 class PulseSurvey:
@@ -32,8 +32,10 @@ class PulseSurvey:
         number = self._seen[topic]
         self._seen[topic] += 1
         is_wanted = self._parameters.pulse.kind == "stated" and number % _EVERY == 0
-        if is_wanted and len(self._traces[topic]) < _KEPT:
-            self._traces[topic].append(trace)
+        kept = self._traces[topic]
+        has_room = len(kept) < min(_KEPT, _KEPT_BYTES // max(trace.samples.nbytes, 1))
+        if is_wanted and has_room:
+            kept.append(trace)
 
     def watch(self, traces: Iterable[tuple[str, EchoTrace]]) -> Iterator[tuple[str, EchoTrace]]:
         """Pass traces on, and take them into account."""
@@ -41,15 +43,22 @@ class PulseSurvey:
             self.add(topic, trace)
             yield topic, trace
 
+    def is_full(self, topic: str) -> bool:
+        """Whether no more traces of a topic are wanted."""
+        return len(self._traces[topic]) >= _KEPT
+
     def problems(self) -> dict[str, str]:
         """What is wrong, by topic, in one line; topics of which nothing is are left out."""
-        found = {}
-        for topic, traces in sorted(self._traces.items()):
-            measured = measure_pulse(traces, self._parameters)
-            if measured is not None and measured.is_told:
-                found[topic] = (
-                    f"the stated pulse leaves {measured.stated_residual:.2f} of an echo, a measured"
-                    f" one {measured.residual:.2f}: echoes are found that are none; usmap calibrate"
-                    " measures the pulse (reconstruction.pulse)"
-                )
-        return found
+        found = {topic: self.problem(topic) for topic in sorted(self._traces)}
+        return {topic: problem for topic, problem in found.items() if problem}
+
+    def problem(self, topic: str) -> str:
+        """What is wrong with the pulse of one topic; empty if nothing is."""
+        measured = measure_pulse(self._traces[topic], self._parameters)
+        if measured is None or not measured.is_told:
+            return ""
+        return (
+            f"the stated pulse leaves {measured.stated_residual:.2f} of an echo, a measured"
+            f" one {measured.residual:.2f}: echoes are found that are none; usmap calibrate"
+            " measures the pulse (reconstruction.pulse)"
+        )

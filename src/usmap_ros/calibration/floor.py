@@ -12,7 +12,7 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import FloorModel
 from usmap_ros.arrays import BoolArray, FloatArray
-from usmap_ros.calibration.hearing import Hearing
+from usmap_ros.calibration.echo_table import EchoTable
 
 #: Heights (m) that votes may be for, and half the width of the window in which they agree.
 _HEIGHTS_M = (0.05, 3.0)
@@ -24,17 +24,17 @@ _LEAST_CONTRAST = 2.5
 _GATE_M = 0.012
 
 
-def guess_floor_m(hearing: Hearing, floor_model: FloorModel) -> float | None:
+def guess_floor_m(table: EchoTable, floor_model: FloorModel) -> float | None:
     """Height of the transducers above the floor; None where no floor is heard.
 
     Parameters
     ----------
-    hearing : Hearing
+    table : EchoTable
         The echoes.
     floor_model : FloorModel
         How it would return sound.
     """
-    heights_m = np.concatenate([np.zeros(0), *_votes(hearing, floor_model)])
+    heights_m = np.concatenate([np.zeros(0), *_votes(table, floor_model)])
     heights_m = np.sort(heights_m[(heights_m > _HEIGHTS_M[0]) & (heights_m < _HEIGHTS_M[1])])
     if len(heights_m) == 0:
         return None
@@ -46,19 +46,19 @@ def guess_floor_m(hearing: Hearing, floor_model: FloorModel) -> float | None:
     # What chance would bring together there: the mean over a window ten times as wide.
     wide = np.abs(heights_m - heights_m[first] - _VOTE_HALF_WIDTH_M) <= 10.0 * _VOTE_HALF_WIDTH_M
     by_chance = (np.count_nonzero(wide) - most) / 9.0
-    pings_with_echoes = np.count_nonzero(np.diff(hearing.first_echo))
+    pings_with_echoes = np.count_nonzero(np.diff(table.first_echo))
     if most < max(_LEAST_VOTES * pings_with_echoes, _LEAST_CONTRAST * by_chance, 4.0):
         return None
     return float(np.median(heights_m[first : first + most]))
 
 
-def _votes(hearing: Hearing, floor_model: FloorModel) -> list[FloatArray]:
+def _votes(table: EchoTable, floor_model: FloorModel) -> list[FloatArray]:
     """Heights that the pairs of echoes of each ping would mean."""
     votes = []
-    for ping in range(hearing.ping_count):
-        echoes = hearing.echoes_of(ping)
-        range_m = hearing.ranges_m[echoes]
-        amplitude = hearing.amplitudes[echoes]
+    for ping in range(table.ping_count):
+        echoes = table.echoes_of(ping)
+        range_m = table.ranges_m[echoes]
+        amplitude = table.amplitudes[echoes]
         direct, later = np.triu_indices(len(range_m), 1)
         leg_m = np.maximum(range_m[direct], 0.0)
         # One way over the floor an echo is (r + u) / 2 away, both ways u; the floor adds two of
@@ -74,15 +74,15 @@ def _votes(hearing: Hearing, floor_model: FloorModel) -> list[FloatArray]:
     return votes
 
 
-def direct_echoes(hearing: Hearing, floor_m: float | None, floor_model: FloorModel) -> BoolArray:
+def direct_echoes(table: EchoTable, floor_m: float | None, floor_model: FloorModel) -> BoolArray:
     """Which echoes no earlier one of the same ping explains by way of the floor, (echoes,)."""
-    direct = np.ones(len(hearing.ranges_m), dtype=bool)
+    direct = np.ones(len(table.ranges_m), dtype=bool)
     if floor_m is None:
         return direct
-    for ping in range(hearing.ping_count):
-        echoes = hearing.echoes_of(ping)
+    for ping in range(table.ping_count):
+        echoes = table.echoes_of(ping)
         explained = np.zeros(0)
-        for index, range_m in enumerate(hearing.ranges_m[echoes], echoes.start):
+        for index, range_m in enumerate(table.ranges_m[echoes], echoes.start):
             if len(explained) and np.abs(explained - range_m).min() < _GATE_M:
                 direct[index] = False
                 continue

@@ -6,8 +6,8 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.calibration.echo_table import EchoTable
 from usmap_ros.calibration.fit import Matches, Model
-from usmap_ros.calibration.hearing import Hearing
 from usmap_ros.calibration.result import Estimate
 from usmap_ros.parameters import MappingParameters
 
@@ -28,23 +28,23 @@ _LARGEST_REFLECTIVITY_STD = 0.1
 
 
 def log_reflectivities(
-    hearing: Hearing, matches: Matches, model: Model, channel: Channel
+    table: EchoTable, matches: Matches, model: Model, channel: Channel
 ) -> tuple[FloatArray, IndexArray]:
     """Ln of the reflectivity that direct echoes mean, in units of the samples, and their objects.
 
     Only echoes that are loud, clear and well inside the beam.
     """
     matches = matches.where(matches.paths == 0)
-    echoes, pings = matches.echoes, hearing.pings[matches.echoes]
+    echoes, pings = matches.echoes, table.pings[matches.echoes]
     gains, ranges = np.zeros(len(echoes)), np.zeros(len(echoes))
     for ping in np.unique(pings):
         mine = np.flatnonzero(pings == ping)
-        range_m, bearing_rad = hearing.polar(int(ping), model.places_m[matches.objects[mine]])
-        gains[mine] = hearing.transducers[ping].beam.gain(bearing_rad)
+        range_m, bearing_rad = table.polar(int(ping), model.places_m[matches.objects[mine]])
+        gains[mine] = table.transducers[ping].beam.gain(bearing_rad)
         ranges[mine] = np.maximum(range_m - model.radii_m[matches.objects[mine]], 0.01)
-    amplitudes = hearing.amplitudes[echoes]
+    amplitudes = table.amplitudes[echoes]
     clear = (gains > _LEAST_BEAM_GAIN) & (amplitudes > 0.0)
-    clear &= hearing.amplitude_stds[echoes] < _LARGEST_RELATIVE_STD * amplitudes
+    clear &= table.amplitude_stds[echoes] < _LARGEST_RELATIVE_STD * amplitudes
     unit = gains[clear] * channel.amplitudes(ranges[clear])[:, 0]
     return np.log(amplitudes[clear] / unit), matches.objects[clear]
 
@@ -80,29 +80,29 @@ def gain_from_population(
     return Estimate(float(np.exp(log_gain)), std, untold)
 
 
-def gain_from_echoes(hearing: Hearing, channel: Channel, mapping: MappingParameters) -> Estimate:
+def gain_from_echoes(table: EchoTable, channel: Channel, mapping: MappingParameters) -> Estimate:
     """`gain_from_population` where no object could be placed: bearings are not known."""
-    clear = (hearing.amplitudes > 0.0) & (hearing.ranges_m > 0.0)
-    unit = _UNKNOWN_BEARING_GAIN * channel.amplitudes(hearing.ranges_m[clear])[:, 0]
+    clear = (table.amplitudes > 0.0) & (table.ranges_m > 0.0)
+    unit = _UNKNOWN_BEARING_GAIN * channel.amplitudes(table.ranges_m[clear])[:, 0]
     wider = np.hypot(mapping.reflectivity_spread, _UNKNOWN_BEARING_SPREAD)
     return gain_from_population(
-        np.log(hearing.amplitudes[clear] / unit),
+        np.log(table.amplitudes[clear] / unit),
         np.arange(np.count_nonzero(clear)),
         mapping.model_copy(update={"reflectivity_spread": float(wider)}),
     )
 
 
 def floor_reflectivity(
-    hearing: Hearing, matches: Matches, model: Model, channel: Channel
+    table: EchoTable, matches: Matches, model: Model, channel: Channel
 ) -> Estimate:
     """Reflectivity of the floor, from echoes over it beside direct ones of the same ping."""
     if model.floor_m is None:
         return Estimate(np.nan, np.nan, "no echo over a floor was heard")
-    clear = hearing.amplitude_stds[matches.echoes] < (
-        _LARGEST_RELATIVE_STD * hearing.amplitudes[matches.echoes]
+    clear = table.amplitude_stds[matches.echoes] < (
+        _LARGEST_RELATIVE_STD * table.amplitudes[matches.echoes]
     )
     matches = matches.where(clear)
-    keys = hearing.pings[matches.echoes] * len(model.places_m) + matches.objects
+    keys = table.pings[matches.echoes] * len(model.places_m) + matches.objects
     direct = {int(key): index for index, key in enumerate(keys) if matches.paths[index] == 0}
     found, objects = [], []
     for index, path in enumerate(matches.paths):
@@ -110,10 +110,10 @@ def floor_reflectivity(
             continue
         first = matches.echoes[direct[int(keys[index])]]
         place_m = model.places_m[matches.objects[index]]
-        leg_m = float(hearing.polar(int(hearing.pings[first]), place_m)[0])
+        leg_m = float(table.polar(int(table.pings[first]), place_m)[0])
         is_corner = model.floor_model is FloorModel.CORNER
         over_m = float(np.hypot(leg_m, (1.0 if is_corner else 2.0) * model.floor_m))
-        ratio = hearing.amplitudes[matches.echoes[index]] / hearing.amplitudes[first]
+        ratio = table.amplitudes[matches.echoes[index]] / table.amplitudes[first]
         # Of one leg over the floor; two paths share the length of the one-way echo.
         spread = leg_m / over_m * 10.0 ** (-channel.attenuation_db_m * (over_m - leg_m) / 20.0)
         if is_corner:

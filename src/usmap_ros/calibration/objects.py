@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.calibration.echo_table import EchoTable
 from usmap_ros.calibration.fit import Matches, Model
-from usmap_ros.calibration.hearing import Hearing
 
 #: Bearings at which an echo's object is first supposed: their step, and the widest.
 _BEARING_STEP_RAD = 0.035
@@ -28,7 +27,7 @@ _MOST_TRIED = 1500
 _SHARED = 0.5
 
 
-def find_objects(hearing: Hearing, candidates: IndexArray) -> FloatArray:
+def find_objects(table: EchoTable, candidates: IndexArray) -> FloatArray:
     """Places (objects, 2) of objects that several pings on a stretch of path heard.
 
     Sound speed and offset may be off: over a short stretch, what they are is all but absorbed by
@@ -36,12 +35,12 @@ def find_objects(hearing: Hearing, candidates: IndexArray) -> FloatArray:
 
     Parameters
     ----------
-    hearing : Hearing
+    table : EchoTable
         The echoes.
     candidates : (n,) integer array
         Echoes that are to be explained by objects.
     """
-    free = np.zeros(len(hearing.ranges_m), dtype=bool)
+    free = np.zeros(len(table.ranges_m), dtype=bool)
     free[candidates] = True
     tried = candidates
     if len(tried) > _MOST_TRIED:
@@ -50,7 +49,7 @@ def find_objects(hearing: Hearing, candidates: IndexArray) -> FloatArray:
     for echo in tried:
         if not free[echo]:
             continue
-        found = _object_of(hearing, int(echo), free)
+        found = _object_of(table, int(echo), free)
         if found is not None:
             place_m, echoes = found
             free[echoes] = False
@@ -59,46 +58,46 @@ def find_objects(hearing: Hearing, candidates: IndexArray) -> FloatArray:
 
 
 def _object_of(
-    hearing: Hearing, echo: int, free: BoolArray
+    table: EchoTable, echo: int, free: BoolArray
 ) -> tuple[FloatArray, IndexArray] | None:
     """Place of the object that an echo came from, and its echoes on this stretch of path."""
-    ping = int(hearing.pings[echo])
-    around = hearing.neighbours(ping)
-    if _extent_m(hearing.positions_m[around]) < _LEAST_BASELINE_M:
+    ping = int(table.pings[echo])
+    around = table.neighbours(ping)
+    if _extent_m(table.positions_m[around]) < _LEAST_BASELINE_M:
         return None
-    widest = min(_WIDEST_RAD, hearing.transducers[ping].beam.half_angle_rad)
-    bearings = hearing.yaws_rad[ping] + np.arange(-widest, widest, _BEARING_STEP_RAD)
-    places = hearing.positions_m[ping] + hearing.ranges_m[echo] * np.stack(
+    widest = min(_WIDEST_RAD, table.transducers[ping].beam.half_angle_rad)
+    bearings = table.yaws_rad[ping] + np.arange(-widest, widest, _BEARING_STEP_RAD)
+    places = table.positions_m[ping] + table.ranges_m[echo] * np.stack(
         [np.cos(bearings), np.sin(bearings)], axis=-1
     )
     heard, expected = np.zeros(len(places)), np.zeros(len(places))
     for other in around:
-        apart_m, _, sure = _nearest(hearing, int(other), places, free)
-        gate_m = np.hypot(_PLACE_GATE_M, 2.0 * hearing.position_stds_m[other])
+        apart_m, _, sure = _nearest(table, int(other), places, free)
+        gate_m = np.hypot(_PLACE_GATE_M, 2.0 * table.position_stds_m[other])
         heard += np.maximum(0.0, 1.0 - (apart_m / gate_m) ** 2)
         expected += sure
     best = int(np.argmax(heard - 0.5 * expected))
-    return _placed(hearing, places[best], around, free)
+    return _placed(table, places[best], around, free)
 
 
 def _nearest(
-    hearing: Hearing, ping: int, places_m: FloatArray, free: BoolArray
+    table: EchoTable, ping: int, places_m: FloatArray, free: BoolArray
 ) -> tuple[FloatArray, IndexArray, BoolArray]:
     """How far each place is from explaining a free echo of a ping.
 
     Returns the distance from where its echo would be to the nearest one, that echo, and whether
     the ping is sure to have heard an object there.
     """
-    distance_m, bearing_rad = hearing.polar(ping, places_m)
-    transducer = hearing.transducers[ping]
+    distance_m, bearing_rad = table.polar(ping, places_m)
+    transducer = table.transducers[ping]
     half_angle = transducer.beam.half_angle_rad
     within = (distance_m < transducer.max_range_m) & (distance_m > transducer.min_range_m)
-    echoes = np.arange(len(free))[hearing.echoes_of(ping)]
+    echoes = np.arange(len(free))[table.echoes_of(ping)]
     echoes = echoes[free[echoes]]
     sure = within & (np.abs(bearing_rad) < _SURELY_HEARD * half_angle)
     if len(echoes) == 0:
         return np.full(len(places_m), np.inf), np.zeros(len(places_m), dtype=np.intp), sure
-    apart = np.abs(hearing.ranges_m[echoes] - distance_m[:, np.newaxis])
+    apart = np.abs(table.ranges_m[echoes] - distance_m[:, np.newaxis])
     nearest = apart.argmin(axis=1)
     apart_m = np.where(
         within & (np.abs(bearing_rad) <= half_angle),
@@ -109,26 +108,26 @@ def _nearest(
 
 
 def _placed(
-    hearing: Hearing,
+    table: EchoTable,
     place_m: FloatArray,
     around: IndexArray,
     free: BoolArray,
 ) -> tuple[FloatArray, IndexArray] | None:
     """The place that explains the echoes around `place_m` best, if one does."""
-    gates_m = np.hypot(_PLACE_GATE_M, 2.0 * hearing.position_stds_m[around])
+    gates_m = np.hypot(_PLACE_GATE_M, 2.0 * table.position_stds_m[around])
     found, sure = [], 0
     for ping, gate_m in zip(around, gates_m, strict=True):
-        apart_m, echo, is_sure = _nearest(hearing, int(ping), place_m[np.newaxis], free)
+        apart_m, echo, is_sure = _nearest(table, int(ping), place_m[np.newaxis], free)
         sure += int(is_sure[0])
         if apart_m[0] < gate_m:
             found.append(int(echo[0]))
     echoes = np.array(found, dtype=np.intp)
     if len(echoes) < max(_LEAST_HEARD, _LEAST_SHARE * sure):
         return None
-    positions_m = hearing.positions_m[hearing.pings[echoes]]
+    positions_m = table.positions_m[table.pings[echoes]]
     if _extent_m(positions_m) < _LEAST_BASELINE_M:
         return None
-    ranges_m = hearing.ranges_m[echoes]
+    ranges_m = table.ranges_m[echoes]
 
     def misfit(place: FloatArray) -> FloatArray:
         errors: FloatArray = ranges_m - np.linalg.norm(positions_m - place, axis=1)
@@ -139,7 +138,7 @@ def _placed(
 
     solution = least_squares(misfit, place_m, loss="soft_l1", f_scale=_PLACED_RMS_M)
     spread_m = 1.4826 * float(np.median(np.abs(misfit(solution.x))))
-    allowed_m = np.hypot(_PLACED_RMS_M, 1.5 * float(np.median(hearing.position_stds_m[around])))
+    allowed_m = np.hypot(_PLACED_RMS_M, 1.5 * float(np.median(table.position_stds_m[around])))
     if spread_m > allowed_m:
         return None
     return np.asarray(solution.x, dtype=float), echoes
@@ -150,37 +149,37 @@ def _extent_m(positions_m: FloatArray) -> float:
     return float(np.linalg.norm(np.ptp(positions_m, axis=0))) if len(positions_m) else 0.0
 
 
-def associate(hearing: Hearing, model: Model, gate_m: float) -> tuple[Model, Matches]:
+def associate(table: EchoTable, model: Model, gate_m: float) -> tuple[Model, Matches]:
     """Match every echo with the object and path that it fits, where only one does.
 
     Objects that would share most of their echoes are one: only the one with most of them is left.
 
     Parameters
     ----------
-    hearing : Hearing
+    table : EchoTable
         The echoes.
     model : Model
         Where objects stand, and what the sound does.
     gate_m : float
         How far an echo may be from where it is expected, beside the errors that are known.
     """
-    possible = _possible(hearing, model, gate_m)
+    possible = _possible(table, model, gate_m)
     model = model.having(_different(possible, model.is_fixed))
-    possible = _possible(hearing, model, gate_m)
+    possible = _possible(table, model, gate_m)
     # What two may have caused, or what may have caused two, says nothing for sure.
     echo_count = np.bincount(possible.echoes)[possible.echoes]
-    cause = hearing.pings[possible.echoes] * len(model.places_m) + possible.objects
+    cause = table.pings[possible.echoes] * len(model.places_m) + possible.objects
     _, first, times = np.unique(
         cause * model.path_count + possible.paths, return_inverse=True, return_counts=True
     )
     return model, possible.where((echo_count == 1) & (times[first] == 1))
 
 
-def _possible(hearing: Hearing, model: Model, gate_m: float) -> Matches:
+def _possible(table: EchoTable, model: Model, gate_m: float) -> Matches:
     """All echoes, objects and paths that fit together."""
     found = [np.zeros((3, 0), dtype=np.intp)]
-    for ping, transducer in enumerate(hearing.transducers):
-        distance_m, bearing_rad = hearing.polar(ping, model.places_m)
+    for ping, transducer in enumerate(table.transducers):
+        distance_m, bearing_rad = table.polar(ping, model.places_m)
         distance_m = distance_m - model.radii_m
         audible = np.flatnonzero(
             (np.abs(bearing_rad) < transducer.beam.half_angle_rad)
@@ -188,9 +187,9 @@ def _possible(hearing: Hearing, model: Model, gate_m: float) -> Matches:
             & (distance_m < transducer.max_range_m)
         )
         expected_m = model.apparent_m(distance_m[audible]).reshape(-1)
-        echoes = hearing.echoes_of(ping)
-        apart_m = np.abs(hearing.ranges_m[echoes, np.newaxis] - expected_m)
-        allowed_m = np.hypot(gate_m, 3.0 * hearing.position_stds_m[ping])
+        echoes = table.echoes_of(ping)
+        apart_m = np.abs(table.ranges_m[echoes, np.newaxis] - expected_m)
+        allowed_m = np.hypot(gate_m, 3.0 * table.position_stds_m[ping])
         echo, cause = np.nonzero(apart_m < allowed_m)
         which, path = np.divmod(cause, model.path_count)
         found.append(np.stack([echoes.start + echo, audible[which], path]))
@@ -203,6 +202,9 @@ def _different(possible: Matches, is_fixed: BoolArray) -> IndexArray:
     direct = possible.where(possible.paths == 0)
     echo_count = int(direct.echoes.max(initial=-1)) + 1
     ones = np.ones(len(direct.echoes))
+    # Here, because it takes long to load.
+    from scipy.sparse import csr_array
+
     heard = csr_array((ones, (direct.objects, direct.echoes)), shape=(count, echo_count))
     shared = (heard @ heard.T).toarray()
     own = np.diagonal(shared)

@@ -106,13 +106,13 @@ def measure_pulse(
     aligned = _aligned(snippets, max(2, round(pulse.length_s * rate_hz)))
     fine_hz = _FINER * rate_hz
     stated = _misfit_of(pulse, aligned, fine_hz)
-    template = _trimmed(aligned.template, fine_hz, pulse)
     residual = float(np.median(aligned.misfits))
     is_better = (
         stated > _STATED_MISFIT and residual < _MEASURED_MISFIT and residual < _IMPROVEMENT * stated
     )
     if not is_better:
         return MeasuredPulse(PulseParameters(), residual, stated, _LEAST_ERROR, len(snippets))
+    template = _trimmed(aligned.template, fine_hz, pulse)
     told_pulse = PulseParameters(
         kind="measured",
         template_rate_hz=float(fine_hz),

@@ -9,6 +9,7 @@ import yaml
 
 from usmap_ros.calibration.pulse import MeasuredPulse
 from usmap_ros.calibration.result import Calibration, Estimate
+from usmap_ros.calibration.ringing import Ringing
 
 #: Digits behind the point, unit and name of each quantity.
 _SHOWN = {
@@ -31,6 +32,8 @@ def summary(calibration: Calibration) -> dict[str, str]:
         lines["floor model"] = calibration.floor_model.value
     if calibration.pulse is not None:
         lines["pulse"] = _pulse_line(calibration.pulse)
+    if calibration.ringing is not None:
+        lines["ringing"] = _ringing_line(calibration.ringing)
     return lines
 
 
@@ -114,6 +117,11 @@ def _pulse_line(pulse: MeasuredPulse) -> str:
         f"measured on {pulse.echoes} echoes; {stated}, the measured one {pulse.residual:.2f}; model"
         f" error {pulse.model_error:.2f}"
     )
+
+
+def _ringing_line(ringing: Ringing) -> str:
+    ranges = ", ".join(f"{one:.3f}" for one in ringing.ranges_m)
+    return f"heard in every ping, as recorded at {ranges} m"
 
 
 def _finite(value: float) -> float | None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.calibration.pulse import MeasuredPulse
+from usmap_ros.calibration.ringing import Ringing
 from usmap_ros.correction import corrected_channel
-from usmap_ros.parameters import CorrectionParameters
+from usmap_ros.parameters import CorrectionParameters, RingingParameters
 
 #: What is estimated, by the names of `CorrectionParameters`.
 QUANTITIES = (
@@ -41,26 +42,6 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Target:
-    """An object of which is known where it stands.
-
-    Parameters
-    ----------
-    x_m, y_m : float
-        Position of its centre in the world frame.
-    reflectivity : float, optional
-        As a point target; None: not known.
-    radius_m : float
-        Distance of its surface from there.
-    """
-
-    x_m: float
-    y_m: float
-    reflectivity: float | None = None
-    radius_m: float = 0.0
-
-
-@dataclass(frozen=True)
 class Calibration:
     """What a recording says of its sensors and of the air.
 
@@ -82,6 +63,10 @@ class Calibration:
         How the floor returns sound, if one is heard.
     pulse : MeasuredPulse or None
         The pulse as it is received; None: too few echoes were loud, or it was given.
+    ringing : Ringing or None
+        What the transducer hears of itself in every ping; None: nothing, or it cannot be told.
+    stated_speed_m_s : float
+        Sound speed that traces state.
     """
 
     sound_speed_m_s: Estimate
@@ -94,6 +79,8 @@ class Calibration:
     objects: int
     floor_model: FloorModel = FloorModel.IMAGE
     pulse: MeasuredPulse | None = None
+    ringing: Ringing | None = None
+    stated_speed_m_s: float = 343.2
 
     def estimates(self) -> dict[str, Estimate]:
         """All quantities, by the names of `CorrectionParameters`."""
@@ -117,7 +104,20 @@ class Calibration:
         if self.pulse is not None and self.pulse.is_told:
             content["model_error"] = float(f"{self.pulse.model_error:.3g}")
             content["pulse"] = self.pulse.parameters.model_dump(exclude_unset=True)
+        if self.ringing is not None:
+            content["ringing"] = self._told_ringing(self.ringing).model_dump()
         return content
+
+    def _told_ringing(self, ringing: Ringing) -> RingingParameters:
+        """Where, and how loud, it is in traces that are set right."""
+        told = self.correction()
+        speed = told.sound_speed_m_s / self.stated_speed_m_s if told.sound_speed_m_s else 1.0
+        return RingingParameters(
+            ranges_m=[
+                float(f"{one:.4g}") for one in speed * ringing.ranges_m - told.range_offset_m
+            ],
+            amplitudes=[float(f"{one:.4g}") for one in ringing.amplitudes / told.gain],
+        )
 
     def channel(self, stated: Channel) -> Channel:
         """`stated`, set right as far as the recording tells."""

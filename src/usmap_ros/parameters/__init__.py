@@ -4,17 +4,20 @@ YAML files, options of the command line, ROS parameters with their descriptors, 
 example files and the reference page are derived from these declarations.
 
 `fields` says how a parameter is declared, `pipeline` has those of reconstruction and mapping,
-`nodes` those of the live nodes.  Scenario files are declared in the same way, in
-`usmap_ros.simulation`.
+`reception` those of what traces lack, `nodes` those of the live nodes.  Scenario files are
+declared in the same way, in `usmap_ros.simulation`.
 """
 
 from usmap_ros.parameters.fields import ParameterGroup, quantity
 from usmap_ros.parameters.pipeline import (
-    CorrectionParameters,
     MappingParameters,
     PipelineParameters,
-    PulseParameters,
     ReconstructionParameters,
+)
+from usmap_ros.parameters.reception import (
+    CorrectionParameters,
+    PulseParameters,
+    RingingParameters,
 )
 
 __all__ = [
@@ -24,5 +27,6 @@ __all__ = [
     "PipelineParameters",
     "PulseParameters",
     "ReconstructionParameters",
+    "RingingParameters",
     "quantity",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeGuard, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
@@ -29,10 +29,19 @@ class ParameterGroup(BaseModel):
     )
 
 
+def is_model(annotation: object) -> TypeGuard[type[BaseModel]]:
+    """Whether a type annotation is a model; to Python 3.10, ``list[str]`` is a type as well."""
+    return (
+        isinstance(annotation, type)
+        and get_origin(annotation) is None
+        and issubclass(annotation, BaseModel)
+    )
+
+
 def flat_fields(group: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
     """Name, with its groups in dots, and declaration of every parameter in a group."""
     for name, info in group.model_fields.items():
-        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+        if is_model(info.annotation):
             yield from flat_fields(info.annotation, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", info

@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Literal
 from pydantic import field_validator, model_validator
 
 from usmap_ros.parameters.fields import ParameterGroup, quantity
-from usmap_ros.parameters.pipeline import MappingParameters, Numbers, ReconstructionParameters
+from usmap_ros.parameters.pipeline import MappingParameters, ReconstructionParameters
+from usmap_ros.parameters.reception import Numbers
 
 
 class NodeParameters(ParameterGroup):
@@ -86,6 +87,61 @@ class EchoDriverParameters(NodeParameters):
         True,
         "Whether the transducers are among them, in the base frame; false if a description of the"
         " robot has them.",
+    )
+
+
+class DeviceDriverParameters(NodeParameters):
+    """Of drivers of real hardware."""
+
+    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | frozenset(
+        {
+            "sensor",
+            "ping_rate_hz",
+            "longest_pause_s",
+            "pose_source",
+            "base_frame",
+            "pose_timeout_s",
+        }
+    )
+
+    sensor: str = quantity(
+        "", "Description of the sensor, as for `usmap import`; it must be given."
+    )
+    ping_rate_hz: float = quantity(10.0, "Pings.", "Hz", gt=0.0, le=1000.0)
+    longest_pause_s: float = quantity(
+        8.0,
+        "Longest pause between attempts to open a device that is lost; the first is half a second,"
+        " and each next one twice as long.",
+        "s",
+        ge=0.5,
+        le=3600.0,
+    )
+    pose_source: Literal["odometry", "tf"] = quantity(
+        "odometry",
+        "Where the robot is: where the topic 'odom' says, or where TF has its base frame.",
+    )
+    base_frame: str = quantity("", "The robot's base frame on TF; empty: ROBOT/base_link.")
+    pose_timeout_s: float = quantity(
+        0.5, "Age from which on a pose from TF or odometry is too old to ping.", "s", gt=0.0, le=1e6
+    )
+    publish_range: bool = quantity(True, "Whether the first echo goes out as sensor_msgs/Range.")
+
+
+class SerialDriverParameters(DeviceDriverParameters):
+    """Of serial_driver."""
+
+    fixed: ClassVar[frozenset[str]] = DeviceDriverParameters.fixed | frozenset(
+        {"device", "baud_rate", "answer_timeout_s"}
+    )
+
+    device: str = quantity(
+        "", "Serial port, such as /dev/ttyUSB0, or tcp://HOST:PORT; it must be given."
+    )
+    baud_rate: int = quantity(
+        921600, "Of a serial port; most USB devices ignore it.", ge=50, le=4_000_000
+    )
+    answer_timeout_s: float = quantity(
+        0.5, "Longest time from a trigger to the end of its frame.", "s", gt=0.0, le=60.0
     )
 
 
@@ -220,7 +276,7 @@ class MapFusionParameters(NodeParameters):
     latency_limit_s: float = _latency_limit()
     checkpoint_path: str = quantity("", "Folder that the map is kept in; empty: none.")
     checkpoint_period_s: float = quantity(
-        10.0, "Time from one checkpoint to the next.", "s", ge=0.1, le=86_400.0
+        10.0, "Longest that the map on disk lags behind.", "s", ge=0.1, le=86_400.0
     )
     resume: bool = quantity(True, "Whether to start from the checkpoint, if there is one.")
     save_path: str = quantity("usmap_map", "Folder that the service save_map writes into.")

@@ -67,9 +67,14 @@ class AnalysisOperator:
         return float(np.linalg.norm(groups, axis=0).sum())
 
 
+def diagonal_matrix(values: FloatArray) -> SparseMatrix:
+    """Sparse matrix with `values` on its diagonal; SciPy 1.11 has no ``diags_array``."""
+    return sparse.csc_array(sparse.diags(values))
+
+
 def identity_operator(columns: int) -> AnalysisOperator:
     """Ω = I: sparse coefficients, the synthesis model with Ψ = I; equations (1) and (2)."""
-    return AnalysisOperator(sparse.eye_array(columns, format="csc"))
+    return AnalysisOperator(diagonal_matrix(np.ones(columns)))
 
 
 def gradient_operator(places: IndexArray) -> AnalysisOperator:
@@ -111,7 +116,7 @@ def _differences(places: IndexArray, axis: int) -> SparseMatrix:
     image = sparse.csr_array(entries, shape=(shape[0] * shape[1], len(pixels)))
     step = shape[1] if axis == 0 else 1
     count = shape[0] * shape[1]
-    difference = sparse.diags_array([-1.0, 1.0], offsets=[0, step], shape=(count, count))
+    difference = sparse.diags([-1.0, 1.0], [0, step], shape=(count, count))
     return sparse.csr_array(difference @ image)
 
 
@@ -184,7 +189,7 @@ class _Iteration:
         ends = [0, *np.cumsum([rows, columns, analysis.shape[0], columns])]
         self.parts = [slice(*pair) for pair in pairwise(ends)]
         self.fit = _Regularised(matrix)
-        identity = sparse.eye_array(columns, format="csc")
+        identity = diagonal_matrix(np.ones(columns))
         self.smooth = _inverse(2.0 * identity + analysis.T @ analysis)
         self.matrix, self.analysis = _quick(matrix), _quick(analysis)
 
@@ -240,7 +245,7 @@ class _Regularised:
         rows, columns = matrix.shape
         self.by_rows = rows < columns
         gram: Any = matrix @ matrix.T if self.by_rows else matrix.T @ matrix
-        self.inverse = _inverse(gram + sparse.eye_array(min(rows, columns), format="csc"))
+        self.inverse = _inverse(gram + diagonal_matrix(np.ones(min(rows, columns))))
 
     def solve(self, right: FloatArray) -> FloatArray:
         """x, by Woodbury's identity where there are fewer rows than columns."""
@@ -281,15 +286,15 @@ def _unit_columns(matrix: FloatArray | SparseMatrix) -> tuple[SparseMatrix, Floa
     columns: Any = sparse.csc_array(matrix)
     norms: FloatArray = np.sqrt(np.asarray(columns.power(2).sum(axis=0)).reshape(-1))
     scales = np.divide(1.0, norms, out=np.zeros_like(norms), where=norms > 0.0)
-    return sparse.csc_array(columns @ sparse.diags_array(scales)), norms
+    return sparse.csc_array(columns @ diagonal_matrix(scales)), norms
 
 
 def _unit_groups(operator: AnalysisOperator, norms: FloatArray) -> tuple[SparseMatrix, FloatArray]:
     """Ω for coefficients of columns of unit norm, and the price of each group of norm 1."""
-    rescaled: Any = sparse.csr_array(operator.matrix @ sparse.diags_array(1.0 / norms))
+    rescaled: Any = sparse.csr_array(operator.matrix @ diagonal_matrix(1.0 / norms))
     squares = np.asarray(rescaled.power(2).sum(axis=1)).reshape(operator.group_size, -1)
     prices: FloatArray = np.sqrt(squares.max(axis=0))
-    rows = sparse.diags_array(np.tile(1.0 / prices, operator.group_size))
+    rows = diagonal_matrix(np.tile(1.0 / prices, operator.group_size))
     return sparse.csc_array(rows @ rescaled), prices
 
 

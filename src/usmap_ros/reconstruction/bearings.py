@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
@@ -59,8 +58,8 @@ class Viewpoint:
     @classmethod
     def of(cls, pose: Pose, beam: BeamPattern, rise_m: float) -> Viewpoint:
         """Viewpoint of a transducer at a pose in the world."""
-        ahead = Rotation.from_euler("Z", -pose.yaw_rad)
-        tilt = Pose(np.zeros(3), (ahead * pose.rotation).as_quat())
+        ahead = Pose.planar(0.0, 0.0, -pose.yaw_rad)
+        tilt = ahead.compose(Pose(np.zeros(3), pose.orientation))
         return cls(tilt, beam, rise_m)
 
     def points_m(self, range_m: FloatArray, bearing_rad: FloatArray) -> FloatArray:

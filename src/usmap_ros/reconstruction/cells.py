@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri
 
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.cone import EchoCone
@@ -24,6 +23,7 @@ from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 from usmap_ros.reconstruction.problem import Problem
 from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.solvers import solve
+from usmap_ros.special import normal_quantile
 from usmap_ros.trace import EchoTrace
 
 #: Solvers that need no more of Φ than the samples that an echo touches.
@@ -197,7 +197,7 @@ def _limits(
 
 def _threshold(operator: MatrixOperator, noise_std: float, false_alarms: float) -> float:
     """Score that normal noise alone exceeds in any column `false_alarms` times a ping."""
-    return -noise_std * float(ndtri(false_alarms / max(operator.block_count, 1)))
+    return -noise_std * normal_quantile(false_alarms / max(operator.block_count, 1))
 
 
 def _few_cells(solution: Solution, problem: Problem, sets: ColumnSets) -> Solution:

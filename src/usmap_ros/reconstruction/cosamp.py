@@ -67,7 +67,7 @@ class Solution:
     @property
     def residual_norm(self) -> float:
         """Euclidean norm of the residual."""
-        return float(np.linalg.norm(self.residual))
+        return float(np.sqrt(np.vdot(self.residual, self.residual).real))
 
     def halted(self, reason: Halt) -> Solution:
         """Return the same solution with the reason why the solver stopped at it."""
@@ -291,5 +291,5 @@ def check_signal(operator: SensingOperator, signal: Signal) -> None:
     """Raise ValueError unless the signal is finite and has as many samples as the operator."""
     if signal.shape != (operator.sample_count,):
         raise ValueError(f"signal has shape {signal.shape}, not ({operator.sample_count},)")
-    if not np.all(np.isfinite(signal)):
+    if not np.isfinite(signal).all():
         raise ValueError("signal is not finite")

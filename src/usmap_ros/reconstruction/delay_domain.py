@@ -11,7 +11,6 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
@@ -23,6 +22,7 @@ from usmap_ros.reconstruction.sampled.matrix import (
     SampledMatrix,
 )
 from usmap_ros.reconstruction.template import Template
+from usmap_ros.special import running_maximum
 
 
 class DelayDomainOperator:
@@ -247,7 +247,7 @@ class DelayDomainOperator:
 
     def loudness(self, scores: FloatArray) -> FloatArray:
         """Loudest score within a pulse of each block."""
-        loudest: FloatArray = maximum_filter1d(scores, 2 * self.pulse_blocks + 1, mode="nearest")
+        loudest: FloatArray = running_maximum(scores, 2 * self.pulse_blocks + 1)
         return loudest
 
     @property

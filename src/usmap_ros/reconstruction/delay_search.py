@@ -26,10 +26,10 @@ from usmap_ros.reconstruction.sampled import search as sampled
 #: A round of refinement whose largest step is below this share of a grid step is the last.
 SETTLED_STEP = 0.05
 #: A step below this share needs no other after it, unless it let new echoes be found: Gauss-Newton
-#: steps converge quadratically, and what is left is a hundredth of a grid step.
+#: steps converge quadratically, and next to nothing of a grid step is left.
 SMALL_STEP = 0.6
 #: What such a step leaves, as a share of a grid step.
-LEFT_OVER = 0.005
+LEFT_OVER = 0.001
 #: Why compiled CoSaMP stopped, by the numbers of `usmap_ros.reconstruction.sampled.cosamp`.
 HALTS = (
     Halt.NOISE_LEVEL,
@@ -108,7 +108,7 @@ def compiled_search(
             small=SMALL_STEP,
         ),
     )
-    halt = HALTS[found.halt] if np.any(baseband.signal) else Halt.SILENCE
+    halt = HALTS[found.halt] if baseband.signal.any() else Halt.SILENCE
     is_complex = np.iscomplexobj(baseband.signal)
     solution = Solution(
         found.support,

@@ -23,7 +23,7 @@ from usmap_ros.reconstruction.detection import (
     crowding,
     unreported,
 )
-from usmap_ros.reconstruction.envelope import unbiased
+from usmap_ros.reconstruction.envelope import std_factors, unbiased
 from usmap_ros.reconstruction.joint import DelayOperator, JointOperator
 from usmap_ros.reconstruction.template import Template
 from usmap_ros.trace import EchoTrace, Encoding
@@ -153,15 +153,19 @@ def _echoes(
     support = found.solution.support
     unit_norms = operator.unit_norms[support]
     amplitudes = found.strengths / unit_norms
+    of_delay = of_amplitude = np.ones(len(support))
     if trace.encoding is Encoding.ENVELOPE:
-        amplitudes = unbiased(amplitudes, baseband.template, baseband.echo_noise_std)
+        known = baseband.template, baseband.echo_noise_std
+        if baseband.template.is_smooth:
+            of_delay, of_amplitude = std_factors(amplitudes, *known)
+        amplitudes = unbiased(amplitudes, *known)
     jitter = of_pulses(operator, support, [one.amplitude_jitter for one in baseband.templates])
     return Echoes(
         ranges_m=found.ranges_m,
-        range_stds_m=0.5 * trace.channel.sound_speed_m_s * found.delay_stds_s,
+        range_stds_m=0.5 * trace.channel.sound_speed_m_s * of_delay * found.delay_stds_s,
         amplitudes=amplitudes,
         amplitude_stds=np.sqrt(
-            (baseband.echo_noise_std / unit_norms) ** 2
+            (of_amplitude * baseband.echo_noise_std / unit_norms) ** 2
             + (parameters.interference * crowding(found.overlaps, amplitudes)) ** 2
             + (np.hypot(jitter, ROUNDING) * amplitudes) ** 2
         ),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtri
 
 from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.compiled import compiled
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
 from usmap_ros.reconstruction.joint import DelayOperator
+from usmap_ros.special import normal_quantile
 
 
 def noise_thresholds(
@@ -24,7 +24,7 @@ def noise_thresholds(
     if np.iscomplexobj(baseband.signal):
         deviations = np.sqrt(-np.log(tail))
     else:
-        quantile = -float(ndtri(tail))
+        quantile = -normal_quantile(tail)
         skewness = baseband.noise_skewness * operator.template_skewness
         deviations = quantile + (quantile**2 - 1.0) * skewness / 6.0
     # Every further path adds the mean modulus of its noise to the weighted sum of `scores`.

@@ -1,8 +1,9 @@
-"""What noise does to the amplitudes of echoes in an envelope.
+"""What noise does to the amplitudes and delays of echoes in an envelope.
 
 The magnitude of an echo in complex noise has a Rice distribution: where there is no echo, its mean
 is that of the noise alone, which is taken off a trace; within a loud echo noise adds next to
-nothing, so that as much is missing there.
+nothing, so that as much is missing there.  For the same reason a faint echo has steeper flanks
+than an echo of the amplitude that is fitted, and less noise on them.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import ive
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.reconstruction.template import Template
@@ -45,14 +45,61 @@ def unbiased(fitted: FloatArray, template: Template, echo_noise_std: float) -> F
     return amplitudes
 
 
+def std_factors(
+    fitted: FloatArray, template: Template, echo_noise_std: float
+) -> tuple[FloatArray, FloatArray]:
+    """By how much delays and amplitudes vary more than those of echoes as fitted, in real noise.
+
+    With w the template, μ the mean of the envelope, v its variance and sums over the echo, a delay,
+    which is where the correlation with w is greatest, has the variance Σ w'² v / (Σ w' μ')².  The
+    fitted amplitude has Σ w² v / (Σ w²)², and what `unbiased` makes of it varies accordingly.
+
+    Parameters
+    ----------
+    fitted, template, echo_noise_std
+        As those of `unbiased`.
+
+    Returns
+    -------
+    delay, amplitude : arrays
+        Factors of standard deviations.
+    """
+    noise_std = float(np.sqrt(2.0)) * echo_noise_std
+    if noise_std <= 0.0:
+        return np.ones_like(fitted), np.ones_like(fitted)
+    seen, delay, amplitude = _factors(template)
+    ratio = fitted / noise_std
+    return np.interp(ratio, seen, delay), np.interp(ratio, seen, amplitude)
+
+
+@lru_cache(maxsize=16)
+def _factors(template: Template) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What is fitted to echoes of the amplitudes `_RATIOS` above 0, and their `std_factors`."""
+    time_s = _times_s(template)
+    shape, slope = template(time_s).real, template.slope(time_s).real
+    seen = _fitted_ratios(template)
+    amplitude = _RATIOS[1:, np.newaxis] * shape
+    variance = 1.0 + amplitude**2 - _rice_mean(amplitude) ** 2
+    # Of an echo as fitted, and half of the noise's power.
+    stated = np.sqrt(0.5) / (seen[1:] * np.linalg.norm(slope))
+    steepness = (_rice_slope(amplitude) * _RATIOS[1:, np.newaxis] * slope) @ slope
+    delay = np.sqrt(variance @ slope**2) / steepness / stated
+    undone = np.gradient(_RATIOS, seen)[1:]
+    of_amplitude = np.sqrt(variance @ shape**2) / np.linalg.norm(shape) * undone / np.sqrt(0.5)
+    return seen[1:], delay, of_amplitude
+
+
+def _times_s(template: Template) -> FloatArray:
+    """Times over a template, none of them at its ends."""
+    margin_s = 0.5 * template.duration_s / _TEMPLATE_POINTS
+    end_s = template.start_s + template.duration_s
+    return np.linspace(template.start_s + margin_s, end_s - margin_s, _TEMPLATE_POINTS)
+
+
 @lru_cache(maxsize=16)
 def _fitted_ratios(template: Template) -> FloatArray:
     """What is fitted, on average, to echoes of the amplitudes `_RATIOS` in noise of 1."""
-    margin_s = 0.5 * template.duration_s / _TEMPLATE_POINTS
-    end_s = template.start_s + template.duration_s
-    shape = template(
-        np.linspace(template.start_s + margin_s, end_s - margin_s, _TEMPLATE_POINTS)
-    ).real
+    shape = template(_times_s(template)).real
     mean = _rice_mean(_RATIOS[:, np.newaxis] * shape) - _rice_mean(np.zeros(1))
     fitted: FloatArray = mean @ shape / np.sum(shape**2)
     return fitted
@@ -60,8 +107,20 @@ def _fitted_ratios(template: Template) -> FloatArray:
 
 def _rice_mean(amplitude: FloatArray) -> FloatArray:
     """Mean of the magnitude of an amplitude plus complex noise of RMS 1."""
+    # Here, because it takes long to load, and only envelopes need it.
+    from scipy.special import ive
+
     half = 0.5 * amplitude**2
     mean: FloatArray = (
         0.5 * np.sqrt(np.pi) * ((1.0 + 2.0 * half) * ive(0, half) + 2.0 * half * ive(1, half))
     )
     return mean
+
+
+def _rice_slope(amplitude: FloatArray) -> FloatArray:
+    """Derivative of `_rice_mean`."""
+    from scipy.special import ive
+
+    half = 0.5 * amplitude**2
+    slope: FloatArray = 0.5 * np.sqrt(np.pi) * amplitude * (ive(0, half) + ive(1, half))
+    return slope

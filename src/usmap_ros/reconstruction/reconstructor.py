@@ -18,6 +18,7 @@ from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
 from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_delays
 from usmap_ros.reconstruction.told import told
+from usmap_ros.ringing import without_ringing
 from usmap_ros.trace import EchoTrace, Encoding
 
 
@@ -66,7 +67,8 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     if parameters.dictionary == "cells":
         return _by_cells(known, parameters)
     found = reconstruct_delays(known, parameters)
-    return _by_delays(known, found, cone_with_bearings(0, [(known, found)]))
+    cone = without_ringing(cone_with_bearings(0, [(known, found)]), parameters.ringing)
+    return _by_delays(known, found, cone)
 
 
 def reconstruct_sounding(
@@ -104,7 +106,7 @@ def reconstruct_sounding(
     together = list(heard.values())
     for number, place in enumerate(heard):
         if not is_spent(number, together):
-            cone = cone_with_bearings(number, together)
+            cone = without_ringing(cone_with_bearings(number, together), parameters.ringing)
             outcomes[place] = _by_delays(*together[number], cone)
     return outcomes
 
@@ -137,7 +139,7 @@ def _by_cells(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconst
         noise_std *= np.sqrt(2.0)
     return Reconstruction(
         trace,
-        cell_cone(trace, found, parameters),
+        without_ringing(cell_cone(trace, found, parameters), parameters.ringing),
         received,
         residual,
         trace.sample_times_s() - trace.transducer.pulse.peak_s,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtr
 
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray
@@ -93,6 +92,9 @@ def between_samples(
     std_s : (k,) array
         Standard deviations of the delays.
     """
+    # Here, because it takes long to load, and only square pulses need it.
+    from scipy.special import ndtr
+
     rate_hz = sampling.sample_rate_hz
     # In samples: the first that an echo touches, and the last.
     start = (delay_s - sampling.start_delay_s) * rate_hz

@@ -23,6 +23,7 @@ from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.parameters.pipeline import SolverName
 from usmap_ros.reconstruction.analysis_form import (
     AnalysisOperator,
+    diagonal_matrix,
     gradient_operator,
     least_analysis_cost,
     walls_operator,
@@ -95,7 +96,7 @@ def basis_pursuit(problem: Problem) -> FloatArray:
     The l1 norm is that of what the columns contribute, ‖a_i‖ |q_i|, so that a far cell costs no
     more than a near one that is as loud.
     """
-    weights = AnalysisOperator(sparse.csc_array(sparse.diags_array(problem.operator.norms)))
+    weights = AnalysisOperator(diagonal_matrix(problem.operator.norms))
     return _least(problem, problem.operator.matrix, weights)
 
 

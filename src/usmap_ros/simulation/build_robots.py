@@ -15,9 +15,9 @@ from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import (
     PoseErrorModel,
     RobotModel,
-    TransducerModel,
     WaypointModel,
 )
+from usmap_ros.simulation.models.transducers import TransducerModel
 from usmap_ros.simulation.motion import Bounds, Motion, RandomWalk, WaypointMotion
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.robot import SimulatedRobot
@@ -80,6 +80,7 @@ def build_robot(
         simultaneous=model.simultaneous,
         moves_during_ping=model.moves_during_ping,
         error_seed=seeds[-1],
+        pose_wander_s=model.pose_error.wander_s,
     )
 
 

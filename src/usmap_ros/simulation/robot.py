@@ -10,6 +10,7 @@ import numpy as np
 from usmap_ros.acoustics.pulse import PulseShape
 from usmap_ros.arrays import FloatArray
 from usmap_ros.simulation.motion import Motion
+from usmap_ros.simulation.pose_errors import PoseErrors
 from usmap_ros.simulation.simulator import (
     NANOSECONDS,
     EchoSimulator,
@@ -44,7 +45,9 @@ class SimulatedRobot:
     simultaneous : bool
         Whether the transducers ping at once, and hear one another's pulses.
     error_seed : numpy.random.SeedSequence
-        For the errors of poses that transducers share which ping at once.
+        For the errors of poses that its transducers share.
+    pose_wander_s : float
+        Time in which the memory of such an error falls to 1/e; 0 draws each ping's anew.
     moves_during_ping : bool
         Whether it goes on moving while it listens.
     """
@@ -57,6 +60,7 @@ class SimulatedRobot:
     noise_seeds: list[np.random.SeedSequence]
     simultaneous: bool
     error_seed: np.random.SeedSequence
+    pose_wander_s: float = 0.0
     moves_during_ping: bool = False
 
     def arrays(self, start_ns: int) -> list[TransducerArray]:
@@ -84,6 +88,15 @@ class SimulatedRobot:
     def shared_array(self, start_ns: int) -> TransducerArray | None:
         """The array of all its transducers, if they ping at once; see `arrays`."""
         return self.arrays(start_ns)[0] if self.simultaneous else None
+
+    def shared_pose_errors(self) -> PoseErrors | None:
+        """Errors that its transducers share: of pings at once, or of one bias that wanders.
+
+        Each transducer draws the same from a process of its own; None if each ping has its own.
+        """
+        if not (self.simultaneous or self.pose_wander_s):
+            return None
+        return PoseErrors(self.error_seed, self.pose_wander_s)
 
     def velocity_m_s(self, time_s: float, sonar: MountedTransducer) -> FloatArray | None:
         """Velocity, (3,), of a transducer on its path; None if it stands still while it listens."""
@@ -122,20 +135,18 @@ class SimulatedRobot:
         """Topic and trace of every ping of transducer `index`, among which `others` are heard."""
         transducer, rng = self.transducers[index], np.random.default_rng(self.noise_seeds[index])
         array = self.shared_array(start_ns)
-        # Those that ping at once draw the same errors, each from a generator of its own.
-        errors = np.random.default_rng(self.error_seed)
+        errors = self.shared_pose_errors()
         for ping in range(ping_count(duration_s, self.ping_interval_s)):
             time_s = self.first_ping_s[index] + ping * self.ping_interval_s
             stamp_ns = start_ns + round(time_s * NANOSECONDS)
             pose = self.motion.pose(time_s).compose(transducer.mount)
-            error = errors.standard_normal(3) if self.simultaneous else None
             trace = simulator.ping(
                 transducer,
                 pose,
                 stamp_ns,
                 rng,
                 array=array,
-                pose_error=error,
+                pose_error=None if errors is None else errors.at(time_s),
                 velocity_m_s=self.velocity_m_s(time_s, transducer),
                 intruders=[one for other in others for one in other.intrusions(transducer, time_s)],
             )

@@ -264,8 +264,5 @@ def reported_pose(true_pose: Pose, stds: FloatArray, error: FloatArray) -> Pose:
     """
     x_error, y_error, yaw_error = stds * error
     drifted = Pose.planar(x_error, y_error, yaw_error, planar_covariance=np.diag(stds**2))
-    return Pose(
-        position_m=true_pose.position_m + drifted.position_m,
-        orientation=(drifted.rotation * true_pose.rotation).as_quat(),
-        covariance=drifted.covariance,
-    )
+    turned = drifted.compose(true_pose)
+    return Pose(true_pose.position_m + drifted.position_m, turned.orientation, drifted.covariance)

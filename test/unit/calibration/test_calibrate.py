@@ -208,3 +208,10 @@ def test_target_tells_the_offset_at_the_stated_speed_where_the_speed_is_not_told
     assert not found.sound_speed_m_s.is_told
     assert found.range_offset_m.is_told
     assert found.range_offset_m.value == pytest.approx(-0.09, abs=0.01)
+
+
+def test_offset_that_is_too_wide_to_be_looked_for_is_said():
+    traces = spoilt(record(poles=POLES[1:2], duration_s=8.0), offset_m=0.5)
+    x_m, y_m, reflectivity = POLES[1]
+    with pytest.raises(UsmapError, match=r"nor within 0\.3 m before or behind .* start_delay_s\?"):
+        calibrate(traces, target=Target(x_m, y_m, reflectivity))

@@ -4,7 +4,7 @@ import importlib
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,48 +19,40 @@ from usmap_ros.trace import Encoding
 
 FOLDER = Path(__file__).parents[3] / "benchmarks"
 PARAMETERS = ReconstructionParameters()
+sys.path.insert(0, str(FOLDER))
+benchmark = importlib.import_module("standard_deviations")
+sys.path.remove(str(FOLDER))
 TONE = Pulse(PulseShape.TONE_BURST, 50_000.0, 0.00032)
 
 
-@pytest.fixture(scope="module")
-def benchmark() -> ModuleType:
-    sys.path.insert(0, str(FOLDER))
-    yield importlib.import_module("standard_deviations")
-    sys.path.remove(str(FOLDER))
-
-
-@pytest.mark.parametrize("ratio_db", [22.0, 40.0])
 @pytest.mark.parametrize(
-    ("name", "rate_hz"),
+    ("reception", "rate_hz", "ratio_db"),
     [
-        ("raw square", 25e3),
-        ("raw tone burst", 122e3),
-        ("raw tone burst", 1e6),
-        ("raw Hann burst", 250e3),
-        ("raw chirp", 250e3),
-        ("I/Q tone burst", 25e3),
-        ("I/Q odd tone burst", 50e3),
-        ("I/Q Hann burst", 25e3),
-        ("I/Q chirp", 100e3),
-        ("envelope square", 25e3),
-        ("envelope tone burst", 50e3),
-        ("envelope Hann burst", 25e3),
+        pytest.param(
+            reception,
+            rate_hz,
+            ratio_db,
+            id=f"{reception[0]}, {rate_hz / 1e3:g} kS/s, {ratio_db:g} dB",
+            # The faintest echoes are the hardest.
+            marks=[] if (rate_hz, ratio_db) == (rates_hz[0], 20.0) else [pytest.mark.slow],
+        )
+        for *reception, rates_hz in benchmark.RECEPTIONS
+        for rate_hz in rates_hz
+        for ratio_db in benchmark.RATIOS_DB
     ],
 )
 def test_errors_are_as_large_as_stated(
-    benchmark: ModuleType, name: str, rate_hz: float, ratio_db: float
+    reception: list[Any], rate_hz: float, ratio_db: float
 ) -> None:
-    (reception,) = [one[:3] for one in benchmark.RECEPTIONS if one[0] == name]
-    row = benchmark.row(reception, rate_hz, ratio_db, 80)
+    row = benchmark.row(reception, rate_hz, ratio_db, 160 if ratio_db == 20.0 else 100)
 
     assert row.missed < 8
-    # Of 80 normal deviations the RMS is within 0.8 and 1.2 all but once in a hundred times.
-    assert 0.72 < benchmark.spread(row.ranges) < 1.3
-    assert 0.72 < benchmark.spread(row.amplitudes) < 1.3
+    assert 0.8 < benchmark.spread(row.ranges) < 1.25
+    assert 0.8 < benchmark.spread(row.amplitudes) < 1.25
 
 
 @pytest.mark.parametrize("rate_hz", [122e3, 1e6])
-def test_clean_raw_tone_bursts_make_valid_cones(benchmark: ModuleType, rate_hz: float) -> None:
+def test_clean_raw_tone_bursts_make_valid_cones(rate_hz: float) -> None:
     rng = np.random.default_rng(1)
     clean = benchmark.traces(Encoding.RAW, TONE, rate_hz, 200.0, 200, rng)
     for trace, range_m, amplitude in clean:
@@ -74,7 +66,7 @@ def test_clean_raw_tone_bursts_make_valid_cones(benchmark: ModuleType, rate_hz: 
 
 
 @pytest.mark.parametrize("rate_hz", [122e3, 250e3, 1e6])
-def test_template_of_a_raw_tone_burst_has_a_slope(benchmark: ModuleType, rate_hz: float) -> None:
+def test_template_of_a_raw_tone_burst_has_a_slope(rate_hz: float) -> None:
     rng = np.random.default_rng(1)
     ((trace, _, _),) = benchmark.traces(Encoding.RAW, TONE, rate_hz, 40.0, 1, rng)
     template = to_baseband(trace).template

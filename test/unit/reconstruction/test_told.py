@@ -88,7 +88,7 @@ def test_receiver_beside_the_sender_is_honoured(dictionary):
     )
     cone = reconstruct(trace, parameters).cone
     sender_m = np.linalg.norm([0.6, 0.2])
-    receiver = trace.pose.position_m + trace.pose.rotation.apply([0.0, -0.3, 0.0])
+    receiver = trace.pose.position_m + trace.pose.rotation @ [0.0, -0.3, 0.0]
     receiver_m = np.linalg.norm([0.6 - receiver[0], 0.2 - receiver[1]])
     strongest_m = cone.ranges_m[np.argmax(cone.amplitudes)]
 

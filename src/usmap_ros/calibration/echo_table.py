@@ -9,7 +9,7 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.parameters import CorrectionParameters, ReconstructionParameters
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.reconstruction.shared_noise import SharedNoise
@@ -23,7 +23,7 @@ _NEIGHBOURS = 8
 
 
 @dataclass(frozen=True)
-class Hearing:
+class EchoTable:
     """Pings and their echoes, those over the floor among them, as if each came from an object.
 
     Parameters
@@ -46,6 +46,11 @@ class Hearing:
         In units of the samples.
     stated : Channel
         What the first trace states.
+    limit_step_m : float
+        Width of the bins of `limits`.
+    limits : list of (bins,) arrays
+        For each ping, from its transducer's least range on: the amplitude below which an echo
+        could have gone unreported.
     """
 
     positions_m: FloatArray
@@ -60,6 +65,16 @@ class Hearing:
     amplitudes: FloatArray
     amplitude_stds: FloatArray
     stated: Channel
+    limit_step_m: float
+    limits: list[FloatArray]
+
+    def limit(self, ping: int, range_m: float) -> float:
+        """Amplitude below which an echo could have gone unreported."""
+        limits = self.limits[ping]
+        begin_m = self.transducers[ping].min_range_m
+        return float(
+            limits[np.clip(int((range_m - begin_m) / self.limit_step_m), 0, len(limits) - 1)]
+        )
 
     @property
     def ping_count(self) -> int:
@@ -70,7 +85,16 @@ class Hearing:
         """Where the echoes of a ping are in the columns of echoes."""
         return slice(int(self.first_echo[ping]), int(self.first_echo[ping + 1]))
 
-    def read_as(self, slowness: float, offset_m: float) -> Hearing:
+    def without(self, left_out: BoolArray) -> EchoTable:
+        """The same without some echoes."""
+        kept = ~left_out
+        counts = np.bincount(self.pings[kept], minlength=self.ping_count)
+        columns = ("pings", "ranges_m", "range_stds_m", "amplitudes", "amplitude_stds")
+        echoes = {name: getattr(self, name)[kept] for name in columns}
+        first_echo = np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
+        return replace(self, first_echo=first_echo, **echoes)
+
+    def read_as(self, slowness: float, offset_m: float) -> EchoTable:
         """The same with the ranges that another sound speed and offset mean."""
         ranges_m = np.maximum(self.ranges_m / slowness - offset_m, 0.0)
         return replace(self, ranges_m=ranges_m)
@@ -101,7 +125,9 @@ def _spread(members: IndexArray) -> IndexArray:
     return members[np.linspace(0, len(members) - 1, _NEIGHBOURS).astype(np.intp)]
 
 
-def listen(traces: Iterable[EchoTrace], parameters: ReconstructionParameters) -> Hearing | None:
+def listen(
+    traces: Iterable[EchoTrace], parameters: ReconstructionParameters, nearer_m: float = 0.0
+) -> EchoTable | None:
     """Find the echoes of all traces; None if there is no trace.
 
     Parameters
@@ -110,18 +136,21 @@ def listen(traces: Iterable[EchoTrace], parameters: ReconstructionParameters) ->
         In the order of their stamps; frames tell transducers apart.
     parameters : ReconstructionParameters
         Of the reconstruction, by delay and without a floor.
+    nearer_m : float
+        By how much nearer than the transducer's least range echoes are looked for.
     """
     as_recorded = {"dictionary": "delay", "solver": "cosamp", "correction": CorrectionParameters()}
     parameters = parameters.model_copy(update=as_recorded)
     stated: Channel | None = None
     sensors: dict[str, int] = {}
-    pings, columns = [], []
+    pings, columns, limits = [], [], []
     noise = SharedNoise(parameters)
     for trace in map(noise.tell, traces):
         stated = stated or trace.channel
         deaf = replace(trace.channel, floor_height_m=0.0)
-        limits = trace.transducer.min_range_m, _FARTHER * trace.transducer.max_range_m
-        transducer = replace(trace.transducer, max_range_m=limits[1])
+        farthest_m = _FARTHER * trace.transducer.max_range_m
+        nearest_m = max(0.0, trace.transducer.min_range_m - nearer_m)
+        transducer = replace(trace.transducer, min_range_m=nearest_m, max_range_m=farthest_m)
         cone = reconstruct(replace(trace, channel=deaf, transducer=transducer), parameters).cone
         scale = stated.sound_speed_m_s / trace.channel.sound_speed_m_s
         columns.append(
@@ -135,12 +164,13 @@ def listen(traces: Iterable[EchoTrace], parameters: ReconstructionParameters) ->
             ).astype(float)
         )
         sensor = sensors.setdefault(trace.child_frame_id, len(sensors))
-        pings.append((trace.pose, sensor, trace.transducer))
+        pings.append((trace.pose, sensor, replace(trace.transducer, min_range_m=nearest_m)))
+        limits.append(cone.limit_amplitudes())
     if stated is None:
         return None
     counts = [column.shape[1] for column in columns]
     ranges_m, range_stds_m, amplitudes, amplitude_stds = np.concatenate(columns, axis=1)
-    return Hearing(
+    return EchoTable(
         positions_m=np.array([pose.position_m[:2] for pose, _, _ in pings]),
         yaws_rad=np.array([pose.yaw_rad for pose, _, _ in pings]),
         position_stds_m=np.sqrt(
@@ -155,4 +185,6 @@ def listen(traces: Iterable[EchoTrace], parameters: ReconstructionParameters) ->
         amplitudes=amplitudes,
         amplitude_stds=amplitude_stds,
         stated=stated,
+        limit_step_m=parameters.limit_step_m,
+        limits=limits,
     )

@@ -1,0 +1,108 @@
+"""What a transducer hears of itself in every ping, wherever it is: the tail of its ringing.
+
+Echoes come from elsewhere in each ping of a robot that moves.  What comes at the same time in all
+pings that could hear it, first of all and fainter each time, is the sensor's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.calibration.echo_table import EchoTable
+from usmap_ros.calibration.target import WIDEST_OFFSET_M, Target
+
+#: Longest stretch without any, and stretch in which one is in all pings.
+_LONGEST_GAP_M, _WIDTH_M = 0.15, 0.01
+#: Pings that are needed, how far apart they must have been sent (m), and share, of those that could
+#: hear it, that do.
+_LEAST_PINGS, _LEAST_WAY_M, _SHARE = 12, 0.2, 0.7
+#: It may be heard where it is so many times as loud as what could go unreported.
+_HEARD = 1.5
+#: Quantile of the pings whose first echo may be the first of it.
+_EARLY = 0.25
+
+
+@dataclass(frozen=True)
+class Ringing:
+    """Where it is heard, as recorded.
+
+    Parameters
+    ----------
+    ranges_m, amplitudes : (n,) arrays
+        Of echoes that are none.
+    """
+
+    ranges_m: FloatArray
+    amplitudes: FloatArray
+
+    def accounts_for(self, table: EchoTable) -> BoolArray:
+        """Which echoes may be no more than ringing."""
+        near = np.abs(table.ranges_m[:, np.newaxis] - self.ranges_m) < 2.0 * _WIDTH_M
+        faint = table.amplitudes[:, np.newaxis] <= _HEARD * self.amplitudes
+        found: BoolArray = np.any(near & faint, axis=1)
+        return found
+
+
+def find_ringing(table: EchoTable, target: Target) -> Ringing:
+    """Find what comes at the same time in all pings.
+
+    An object that the robot goes round is always as far away too: the target tells it apart.
+
+    Parameters
+    ----------
+    table : EchoTable
+        All echoes, of one transducer.
+    target : Target
+        An object that is known; its echo ends the search.
+    """
+    ranges_m: list[float] = []
+    amplitudes: list[float] = []
+    first_m = table.ranges_m[np.unique(table.pings, return_index=True)[1]]
+    last_m = float(np.quantile(first_m, _EARLY)) - _WIDTH_M
+    while True:
+        found = _next(table, last_m, amplitudes[-1] if amplitudes else np.inf)
+        if found is None or _may_be(target, table, found):
+            return Ringing(np.array(ranges_m), np.array(amplitudes))
+        ranges_m.append(float(np.median(table.ranges_m[found])))
+        amplitudes.append(float(np.median(table.amplitudes[found])))
+        last_m = ranges_m[-1] + _WIDTH_M
+
+
+def _may_be(target: Target, table: EchoTable, members: IndexArray) -> bool:
+    """Whether echoes that are always as far away come from the target, which is so too."""
+    offset_m = table.positions_m[table.pings[members]] - (target.x_m, target.y_m)
+    away_m = np.hypot(*offset_m.T) - target.radius_m
+    is_near = abs(float(np.median(table.ranges_m[members] - away_m))) < WIDEST_OFFSET_M
+    return is_near and float(np.std(away_m)) < _WIDTH_M
+
+
+def _next(table: EchoTable, last_m: float, loudest: float) -> IndexArray | None:
+    """Echoes at the next range at which all pings have one."""
+    near = np.flatnonzero(
+        (table.ranges_m > last_m)
+        & (table.ranges_m < last_m + _LONGEST_GAP_M)
+        & (table.amplitudes < loudest)
+    )
+    for begin_m in np.sort(table.ranges_m[near]):
+        offset_m = table.ranges_m[near] - begin_m
+        members: IndexArray = near[(offset_m >= 0.0) & (offset_m < _WIDTH_M)]
+        if _is_everywhere(table, members):
+            return members
+    return None
+
+
+def _is_everywhere(table: EchoTable, members: IndexArray) -> bool:
+    """Whether echoes are in most pings that could hear them, from different places."""
+    pings = np.unique(table.pings[members])
+    if len(pings) < _LEAST_PINGS:
+        return False
+    if np.ptp(table.positions_m[pings], axis=0).max() < _LEAST_WAY_M:
+        return False
+    range_m, amplitude = (
+        float(np.median(column[members])) for column in (table.ranges_m, table.amplitudes)
+    )
+    could = sum(amplitude > _HEARD * table.limit(ping, range_m) for ping in range(table.ping_count))
+    return len(pings) >= _SHARE * max(could, len(pings))

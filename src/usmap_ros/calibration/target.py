@@ -1,0 +1,28 @@
+"""An object that a calibration may rely on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: Widest range offset with which it is looked for.
+WIDEST_OFFSET_M = 0.3
+
+
+@dataclass(frozen=True)
+class Target:
+    """An object of which is known where it stands.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Position of its centre in the world frame.
+    reflectivity : float, optional
+        As a point target; None: not known.
+    radius_m : float
+        Distance of its surface from there.
+    """
+
+    x_m: float
+    y_m: float
+    reflectivity: float | None = None
+    radius_m: float = 0.0

@@ -1,21 +1,25 @@
 """The node that recovers echoes: what it publishes, and what it does when it cannot keep up."""
 
 import threading
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
 
+from usmap_ros.calibration import fitness
 from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_from_message, points_from_message, trace_to_message
 from usmap_ros.live.health import Level
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.trace import EchoTrace
 
 ECHO, CONE = "usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"
 TYPES = RosMessageTypes()
+AS_REAL = Path(__file__).parents[2] / "config/scenarios/as_real.yaml"
 Traces = list[tuple[str, EchoTrace]]
 
 
@@ -161,3 +165,19 @@ def test_an_error_in_the_worker_ends_the_node(
     echo.publish(trace_message)
     with pytest.raises(RuntimeError, match="the publisher broke"):
         live.until(lambda: False)
+
+
+def test_pulse_that_is_not_the_stated_one_is_a_warning(
+    live: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fitness, "_KEPT", 15)
+    scenario = Scenario.load(AS_REAL).model_copy(update={"duration_s": 4.0})
+    node = live.add(ConeReconstructor, queue_depth=1000)
+    echo = live.publisher(ECHO, "/echo")
+    pinged = [trace for topic, trace in simulate(scenario) if topic == "/robot1/echo"]
+    for number, trace in enumerate(pinged):
+        echo.publish(trace_to_message(trace, TYPES))
+        live.until(lambda n=number: node.health.total("received") > n)
+    live.until(lambda: "pulse: echo: the stated pulse leaves" in node.health.report().message)
+    assert node.health.report().level is Level.WARN
+    assert "usmap calibrate" in node.health.report().message

@@ -13,6 +13,8 @@ import pytest
 from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_to_message
 from usmap_ros.io.map_files import load_map
+from usmap_ros.live import supervisor
+from usmap_ros.nodes.plumbing import run
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 
 TYPES = RosMessageTypes()
@@ -123,6 +125,10 @@ def test_a_node_that_is_asked_to_end_as_it_starts_ends_without_a_word(
         process.kill()
     assert "Traceback" not in said
     assert process.returncode in (0, -number)
+
+
+def test_a_node_that_hangs_is_ended_before_its_supervisor_loses_patience() -> None:
+    assert supervisor._PATIENCE_S[0][1] > run._PATIENCE_S
 
 
 @pytest.mark.usefixtures("domain")

@@ -313,6 +313,11 @@ def test_the_life_cycle(live: Any, cones: Cones, tmp_path: Path) -> None:
     assert state() == "finalized"
 
 
+def test_checkpoints_are_begun_early_enough_to_be_written_within_their_period(live: Any) -> None:
+    node = live.add(MapFusion, checkpoint_period_s=8.0)
+    assert sorted(timer.timer_period_ns for timer in node._timers_of_life)[-1] == 6_000_000_000
+
+
 def test_a_map_is_kept_and_resumed(live: Any, cones: Cones, tmp_path: Path, nav2_qos: Any) -> None:
     options = {"checkpoint_path": str(tmp_path / "map"), "checkpoint_period_s": 0.1}
     node = live.add(MapFusion, **options)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from played_devices import SENSOR
 
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.live.interfaces import NODES, NodeInterface
@@ -16,6 +17,7 @@ from usmap_ros.nodes.bag_replay import BagReplay
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.map_fusion import MapFusion
+from usmap_ros.nodes.serial_driver import SerialDriver
 from usmap_ros.parameters.fields import flat_fields, is_among
 from usmap_ros.trace import EchoTrace
 
@@ -26,6 +28,7 @@ CLASSES = {
     "cone_reconstructor": ConeReconstructor,
     "echo_driver": EchoDriver,
     "map_fusion": MapFusion,
+    "serial_driver": SerialDriver,
 }
 OF_EVERY_NODE = {"/rosout", "/parameter_events"}
 LIFECYCLE = "lifecycle_msgs/"
@@ -45,6 +48,9 @@ def start(live: Any, tmp_path: Path, traces: list[tuple[str, EchoTrace]]) -> Any
         if interface.name == "echo_driver":
             needed["scenario"] = str(ROOT / "config/scenarios/poles.yaml")
             needed["pose_source"] = "odometry"
+        if interface.name == "serial_driver":
+            (tmp_path / "sensor.yaml").write_text(SENSOR, encoding="utf-8")
+            needed |= {"sensor": str(tmp_path / "sensor.yaml"), "device": "/dev/none"}
         if interface.name == "bag_recorder":
             needed |= {"bag": str(tmp_path / "new"), "topic_pattern": "/none"}
         if interface.name == "bag_replay":

@@ -9,17 +9,22 @@ import numpy as np
 
 from usmap_ros.io.yaml_files import load_yaml
 from usmap_ros.parameters import ParameterGroup, quantity
-from usmap_ros.simulation.models.robots import BeamModel, LinearBeamModel, MountModel, PulseModel
+from usmap_ros.simulation.models.transducers import (
+    BeamModel,
+    LinearBeamModel,
+    MountModel,
+    PulseModel,
+)
 
 
 class SamplesModel(ParameterGroup):
     """Files of samples."""
 
     path: str = quantity(
-        ...,
+        "",
         "A .npz file; a .npy or .csv file with a row a ping; .wav files with a ping each, as"
         " pings/*.wav, in the order of their names; or one .wav file of all pings. Relative to"
-        " this file.",
+        " this file. A driver needs none.",
     )
     name: str = quantity("samples", "Name of the array in a .npz file.")
     encoding: Literal["raw", "envelope", "iq"] = quantity(

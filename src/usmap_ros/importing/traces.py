@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.acoustics.medium import Air
-from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import ConfigurationError, MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.importing.description import Recording
 from usmap_ros.importing.files import ReadSamples, read_poses, read_samples
+from usmap_ros.importing.sensor import Sensor
 from usmap_ros.importing.units import unit_problem
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.trace import EchoTrace
 
 _NANOSECONDS = 1_000_000_000
 
@@ -41,14 +39,12 @@ def imported_traces(path: str | Path) -> Iterator[tuple[str, EchoTrace]]:
     path = Path(path)
     recording = Recording.load(path)
     samples = recording.samples
+    if not samples.path:
+        raise ConfigurationError(path, "samples.path: is missing")
     read = read_samples(path.parent, samples.path, samples.name)
     poses = read_poses(path.parent, recording.poses.path, samples.path)
     rate_hz = _rate_hz(path, recording, read.rate_hz)
     rows = _pings(path, recording, read, poses["time_s"], rate_hz)
-    transducer = Transducer(
-        recording.pulse.build(), recording.beam.build(), recording.min_range_m,
-        recording.max_range_m,
-    )  # fmt: skip
     first = np.concatenate(rows[: min(len(rows), 50)])
     trace_s = max(len(row) for row in rows) / rate_hz
     is_whole = first.dtype.kind in "iu" or bool(np.all(first == np.rint(first.real)))
@@ -56,14 +52,15 @@ def imported_traces(path: str | Path) -> Iterator[tuple[str, EchoTrace]]:
     problem = unit_problem(recording, largest, is_whole, trace_s, rate_hz, poses)
     if problem:
         raise ConfigurationError(path, problem)
-    channel = _channel(recording)
+    sensor = Sensor(recording, rate_hz)
     for number, row in enumerate(rows):
-        pose = _pose(recording, {name: column[number] for name, column in poses.items()})
-        yield (
-            f"/{recording.robot}/echo",
-            _trace(path, recording, row, rate_hz, poses["time_s"][number], pose, transducer,
-                   channel),
-        )  # fmt: skip
+        at = {name: float(column[number]) for name, column in poses.items()}
+        base = Pose.planar(at["x_m"], at["y_m"], at["yaw_rad"], at["z_m"])
+        try:
+            trace = sensor.trace(row, round(at["time_s"] * _NANOSECONDS), sensor.pose(base))
+        except MalformedMessageError as error:
+            raise ConfigurationError(path, f"ping at {at['time_s']:g} s: {error}") from error
+        yield f"/{recording.robot}/echo", trace
 
 
 def _rate_hz(path: Path, recording: Recording, read_hz: float) -> float:
@@ -102,52 +99,3 @@ def _pings(
         encoding = recording.samples.encoding
         raise ConfigurationError(path, f"samples.encoding: is {encoding}, but samples are complex")
     return rows
-
-
-def _channel(recording: Recording) -> Channel:
-    air = recording.air
-    carrier_hz = recording.pulse.build().carrier_hz
-    medium = Air(air.temperature_c, air.relative_humidity)
-    return medium.channel(carrier_hz, air.floor_height_m, air.floor_reflectivity)
-
-
-def _pose(recording: Recording, at: dict[str, float]) -> Pose:
-    poses = recording.poses
-    stds = np.array([poses.position_std_m, poses.position_std_m, poses.yaw_std_rad])
-    base = Pose.planar(at["x_m"], at["y_m"], at["yaw_rad"], at["z_m"], np.diag(stds**2))
-    mounted = base.compose(poses.mount.build())
-    return Pose(mounted.position_m, mounted.orientation, base.covariance)
-
-
-def _trace(
-    path: Path,
-    recording: Recording,
-    row: NDArray[Any],
-    rate_hz: float,
-    time_s: float,
-    pose: Pose,
-    transducer: Transducer,
-    channel: Channel,
-) -> EchoTrace:
-    samples = recording.samples
-    amplitudes = row / (samples.full_scale or 1.0)
-    if samples.encoding == "iq":
-        amplitudes = np.ascontiguousarray(amplitudes, dtype=np.complex64).view(np.float32)
-    trace = EchoTrace(
-        stamp_ns=round(time_s * _NANOSECONDS),
-        frame_id=recording.frame_id,
-        child_frame_id=f"{recording.robot}/{recording.transducer}",
-        pose=pose,
-        transducer=transducer,
-        channel=channel,
-        encoding=Encoding[samples.encoding.upper()],
-        sample_rate_hz=rate_hz,
-        start_delay_s=samples.start_delay_s,
-        noise_std=samples.noise_std,
-        samples=amplitudes.astype(np.float32),
-    )
-    try:
-        trace.validate()
-    except MalformedMessageError as error:
-        raise ConfigurationError(path, f"ping at {time_s:g} s: {error}") from error
-    return trace

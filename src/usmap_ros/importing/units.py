@@ -8,15 +8,17 @@ import numpy as np
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.importing.description import Recording
+from usmap_ros.simulation.models.transducers import TableBeamModel
 
 #: Whole numbers beyond this are counts of a converter.
 _LEAST_COUNTS = 16.0
-#: Longest burst (s), lowest carrier (Hz) and longest time between pings (s) that sensors have.
-_LONGEST_BURST_S, _LOWEST_CARRIER_HZ, _LONGEST_INTERVAL_S = 0.05, 5e3, 20.0
+#: Longest burst (s), lowest carrier (Hz) and longest time between pings (s) that sensors have: none
+#: pings more often than every 5 ms.
+_LONGEST_BURST_S, _LOWEST_CARRIER_HZ, _LONGEST_INTERVAL_S = 0.05, 5e3, 4.9
 #: Longest delay of a first sample, s.
 _LONGEST_DELAY_S = 0.2
-#: Fastest robot, m/s, and largest place, m.
-_FASTEST_M_S, _LARGEST_M = 50.0, 1000.0
+#: Fastest robot, m/s.
+_FASTEST_M_S = 15.0
 #: A range beyond the end of a trace by more than this factor was counted there and back.
 _BEYOND = 1.5
 
@@ -49,6 +51,7 @@ def unit_problem(
     problems = [
         *_of_samples(recording, largest_sample, has_whole_samples, rate_hz),
         *_of_times(recording, poses["time_s"]),
+        *_of_beam(recording),
         *_of_poses(poses),
         *_of_ranges(recording, trace_s),
     ]
@@ -99,6 +102,15 @@ def _of_times(recording: Recording, time_s: FloatArray) -> Iterator[str]:
             )
         if interval_s <= 0.0:
             yield "time_s: does not ascend"
+
+
+def _of_beam(recording: Recording) -> Iterator[str]:
+    beam = recording.beam
+    if isinstance(beam, TableBeamModel) and max(beam.angles_rad) > np.pi:
+        yield (
+            f"beam.angles_rad: go to {max(beam.angles_rad):g} rad, behind the sensor; degrees? then"
+            " multiply them by π / 180"
+        )
 
 
 def _of_poses(poses: Mapping[str, FloatArray]) -> Iterator[str]:

@@ -152,6 +152,11 @@ class BagReader:
             for number, row in self._tables[RANGE]
         )
 
+    def ping_topics(self) -> list[str]:
+        """Names of the topics with traces, cones, or ranges, each once."""
+        types = (ECHO_TRACE, ECHO_CONE, RANGE)
+        return sorted({one.name for one in self.topics if one.message_type in types and one.count})
+
     def traces(self) -> Iterator[tuple[str, EchoTrace]]:
         """Yield topic and content of every well-formed echo trace.
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from usmap_ros.io.standard_messages import STANDARD_MESSAGES
+
 ECHO_TRACE = "usmap_msgs/msg/EchoTrace"
 ECHO_CONE = "usmap_msgs/msg/EchoCone"
 TRANSDUCER_ARRAY = "usmap_msgs/msg/TransducerArray"
@@ -23,9 +25,14 @@ _MESSAGE_NAMES = ("Transducer", "EchoTrace", "EchoCone", "ArrayElement", "Transd
 
 @lru_cache(maxsize=1)
 def typestore() -> Typestore:
-    """Types of ROS 2 Jazzy with ``usmap_msgs``, parsed from the .msg files of this package."""
-    store = get_typestore(Stores.ROS2_JAZZY)
+    """``usmap_msgs``, parsed from the .msg files of this package, and what they are made of.
+
+    `learn_standard` adds what else there is in ROS 2 Jazzy.
+    """
+    store = get_typestore(Stores.EMPTY)
     definitions = {}
+    for name, text in STANDARD_MESSAGES.items():
+        definitions.update(get_types_from_msg(text, name))
     for name in _MESSAGE_NAMES:
         text = files("usmap_ros.io").joinpath("msg", f"{name}.msg").read_text(encoding="utf-8")
         definitions.update(get_types_from_msg(text, f"usmap_msgs/msg/{name}"))
@@ -33,11 +40,19 @@ def typestore() -> Typestore:
     return store
 
 
+def learn_standard(name: str) -> None:
+    """Make all standard types of ROS 2 Jazzy known, unless `name` is known already."""
+    store = typestore()
+    if name not in store.types:
+        store.register(get_typestore(Stores.ROS2_JAZZY).fielddefs)
+
+
 class BagMessageTypes:
     """Message classes of rosbags, for `usmap_ros.io.conversions`."""
 
     def message_class(self, name: str) -> Any:
         """Class of a message type such as ``std_msgs/msg/Header``."""
+        learn_standard(name)
         return typestore().types[name]
 
     def sequence(self, values: NDArray[Any]) -> NDArray[Any]:

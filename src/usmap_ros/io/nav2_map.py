@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import io
 import math
 import struct
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from PIL import Image
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MapFileError, shortened
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.yaml_text import read_yaml
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 #: Largest image that is read: a square of 290 m in cells of 5 cm takes a gigabyte while it is.
 MAX_PIXELS = 2**25
@@ -67,9 +69,9 @@ def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) 
     shades = np.full(values.shape, _UNKNOWN_SHADE, dtype=np.uint8)
     shades[values == FREE_VALUE] = _FREE_SHADE
     shades[values == OCCUPIED_VALUE] = _OCCUPIED_SHADE
-    image = io.BytesIO()
+    rows, columns = geometry.shape
     # The first row of an image is the top one.
-    Image.fromarray(shades[::-1]).save(image, format="PPM")
+    image = b"P5\n%d %d\n255\n" % (columns, rows) + shades[::-1].tobytes()
     image_path = path.with_suffix(".pgm")
     description = {
         "image": image_path.name,
@@ -82,7 +84,7 @@ def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) 
     }
     text = yaml.safe_dump(description, sort_keys=False, default_flow_style=None)
     try:
-        write_atomically(image_path, image.getvalue())
+        write_atomically(image_path, image)
         # Last, so that it never names an image that is not there.
         write_atomically(path, text.encode())
     except OSError as error:
@@ -140,6 +142,9 @@ def _probability(image: Image.Image, mode: str, description: _Description) -> Fl
 
 def _load_image(path: Path) -> Image.Image:
     """Load an image as gray or color, with or without transparency."""
+    # Here, because maps are written without it.
+    from PIL import Image
+
     try:
         # What a reader of images has to say of one that it reads all the same is of no use here.
         with warnings.catch_warnings():

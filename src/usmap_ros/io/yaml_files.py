@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 
 from usmap_ros.errors import ConfigurationError, shortened
 from usmap_ros.io.yaml_text import read_yaml
-from usmap_ros.parameters.fields import constraints_of, unit_of
+from usmap_ros.parameters.fields import constraints_of, is_model, unit_of
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -176,7 +176,7 @@ def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Yield the models that a type annotation mentions, such as that of a list's items."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if is_model(annotation):
         yield annotation
     for argument in getattr(annotation, "__args__", ()):
         yield from _models_in(argument)

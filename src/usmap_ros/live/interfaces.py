@@ -15,6 +15,7 @@ from usmap_ros.parameters.nodes import (
     EchoDriverParameters,
     MapFusionParameters,
     NodeParameters,
+    SerialDriverParameters,
 )
 
 
@@ -100,6 +101,13 @@ ODOM = Topic(
     "nav_msgs/msg/Odometry",
     Qos(depth=10),
     "True pose of the robot's base in the scenario's frame.",
+    "pose_source is odometry",
+)
+DEVICE_ODOM = Topic(
+    "odom",
+    "nav_msgs/msg/Odometry",
+    Qos(depth=10),
+    "Pose of the robot's base in the frame that the sensor's description names.",
     "pose_source is odometry",
 )
 READING = Topic(
@@ -189,6 +197,13 @@ ECHO_DRIVER = NodeInterface(
     publishes=(ECHO, TRANSDUCERS, RANGE, DIAGNOSTICS),
     subscribes=(ODOM,),
 )
+SERIAL_DRIVER = NodeInterface(
+    "serial_driver",
+    "Lets a transducer behind a serial line or a network connection ping.",
+    SerialDriverParameters,
+    publishes=(ECHO, RANGE, DIAGNOSTICS),
+    subscribes=(DEVICE_ODOM,),
+)
 CONE_RECONSTRUCTOR = NodeInterface(
     "cone_reconstructor",
     "Recovers the echoes in each trace.",
@@ -228,4 +243,11 @@ BAG_RECORDER = NodeInterface(
     publishes=(DIAGNOSTICS,),
 )
 
-NODES = (ECHO_DRIVER, CONE_RECONSTRUCTOR, MAP_FUSION, BAG_REPLAY, BAG_RECORDER)
+NODES = (
+    ECHO_DRIVER,
+    SERIAL_DRIVER,
+    CONE_RECONSTRUCTOR,
+    MAP_FUSION,
+    BAG_REPLAY,
+    BAG_RECORDER,
+)

@@ -12,6 +12,7 @@ import numpy as np
 from rclpy.node import Node
 
 from usmap_ros.amplitude_scale import AmplitudeScale
+from usmap_ros.calibration.fitness import PulseSurvey
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import (
@@ -22,6 +23,7 @@ from usmap_ros.io.conversions import (
     trace_from_message,
 )
 from usmap_ros.live.attendance import LISTENERS
+from usmap_ros.live.health import Level, Remark
 from usmap_ros.live.interfaces import (
     CONE,
     CONE_CELLS,
@@ -52,6 +54,7 @@ from usmap_ros.trace import EchoTrace
 class _Outputs:
     """Where the cones of one transducer go."""
 
+    topic: str
     cone: Any
     cells: Any
     scan: Any
@@ -96,6 +99,7 @@ class ConeReconstructor(Node):
         )
         self.health.watch(lambda: self.health.silence("no trace has come on echo"))
         self.health.watch(lambda: self.health.slowness(self.parameters.value.latency_limit_s))
+        self.health.watch(self._look_at_pulses)
         self._types = RosMessageTypes()
         self._arrays = TransducerArrays()
         self._collector: SoundingCollector[_Job] = SoundingCollector()
@@ -113,16 +117,15 @@ class ConeReconstructor(Node):
         self._worker.stop()
 
     def _connect(self, transducer: str) -> _Outputs:
+        topic = READING if self._has_ranges else ECHO
         outputs = _Outputs(
+            topic=within(transducer, topic),
             cone=advertise(self, CONE, within(transducer, CONE)),
             cells=advertise(self, CONE_CELLS, within(transducer, CONE_CELLS)),
             scan=advertise(self, FREE_SCAN, within(transducer, FREE_SCAN)),
             scale=AmplitudeScale(),
         )
-        topic = READING if self._has_ranges else ECHO
-        subscribe(
-            self, topic, lambda message: self._receive(outputs, message), within(transducer, topic)
-        )
+        subscribe(self, topic, lambda message: self._receive(outputs, message), outputs.topic)
         return outputs
 
     @property
@@ -143,6 +146,22 @@ class ConeReconstructor(Node):
     def _renew_pipeline(self) -> None:
         parameters = PipelineParameters(reconstruction=self.parameters.value.reconstruction)
         self._pipeline = Pipeline(parameters)
+        self._pulses = PulseSurvey(parameters.reconstruction)
+        self._pulse_problems: dict[str, str] = {}
+
+    def _survey(self, topic: str, trace: EchoTrace) -> None:
+        """Judge the stated pulse, once, by the first traces of a transducer."""
+        if topic in self._pulse_problems:
+            return
+        self._pulses.add(topic, trace)
+        if self._pulses.is_full(topic):
+            # Judged, whatever comes of it.
+            self._pulse_problems[topic] = ""
+            self._pulse_problems[topic] = self._pulses.problem(topic)
+
+    def _look_at_pulses(self) -> Remark | None:
+        found = [f"{topic}: {said}" for topic, said in self._pulse_problems.items() if said]
+        return Remark(Level.WARN, f"pulse: {'; '.join(found)}") if found else None
 
     def _receive(self, outputs: _Outputs, message: Any) -> None:
         self.health.work("received")
@@ -167,6 +186,7 @@ class ConeReconstructor(Node):
                 cones.append((job, self._ranges.cone(job.message)))
             else:
                 trace = self._arrays.complete(trace_from_message(job.message))
+                self._survey(job.outputs.topic, trace)
                 for sounding in self._collector.add(job, trace):
                     cones += self._reconstruct(sounding)
         except NoPoseError as error:

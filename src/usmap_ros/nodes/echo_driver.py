@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 
-from usmap_ros.arrays import FloatArray
-from usmap_ros.errors import ConfigurationError, MalformedMessageError
-from usmap_ros.geometry import Pose
-from usmap_ros.io.conversions import array_to_message, range_to_message, trace_to_message
-from usmap_ros.live.interfaces import ECHO, ECHO_DRIVER, RANGE, TRANSDUCERS
+from usmap_ros.drivers import PingSource
+from usmap_ros.drivers.simulated import SimulatedTransducers, SimulatedWorld
+from usmap_ros.errors import ConfigurationError
+from usmap_ros.io.conversions import array_to_message
+from usmap_ros.live.interfaces import ECHO_DRIVER, TRANSDUCERS
 from usmap_ros.live.scenario_time import NoTimeError, ScenarioTime
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
-from usmap_ros.nodes.plumbing.endpoints import advertise, within
+from usmap_ros.nodes.plumbing.echo_outputs import EchoOutputs
+from usmap_ros.nodes.plumbing.endpoints import advertise
 from usmap_ros.nodes.plumbing.frames import Transforms
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.pose_sources import (
@@ -31,21 +30,9 @@ from usmap_ros.nodes.plumbing.robot_frames import RobotFrames
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.parameters.nodes import EchoDriverParameters
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.simulation import EchoSimulator, MountedTransducer, Scenario
+from usmap_ros.simulation import Scenario
 from usmap_ros.simulation.robot import SimulatedRobot
-from usmap_ros.simulation.simulator import NANOSECONDS
-
-
-@dataclass
-class _Sonar:
-    """A transducer, where its messages go, and its noise."""
-
-    mounted: MountedTransducer
-    rng: np.random.Generator
-    echo: Any
-    range: Any
-    last_stamp_ns: int = -1
+from usmap_ros.simulation.scene import Scene
 
 
 class EchoDriver(Node):
@@ -73,26 +60,20 @@ class EchoDriver(Node):
         self.health.watch(
             lambda: self.health.silence("no ping; its pose is not known, or time stands still")
         )
-        self._types = RosMessageTypes()
-        self._pipeline = Pipeline()
         scenario = self._load_scenario()
         scene = scenario.scene()
         fleet = scenario.fleet(scene)
-        self._robot = robot = self._choose(fleet)
-        self._others = scenario.heard_by(robot, fleet)
+        robot = self._choose(fleet)
         self._world = scenario.frame_id
-        self._scene = scene
         self._time = self._make_time()
         self._transforms = self._make_transforms()
         base_frame = parameters.base_frame or f"{robot.name}/base_link"
         self._pose_source = self._make_pose_source(robot, base_frame)
         self._frames = self._make_frames(robot, base_frame)
-        sonars = self._make_sonars(robot)
-        self._array = robot.shared_array(0)
-        self._errors = np.random.default_rng(robot.error_seed)
-        # One at a time, unless they are meant to hear one another.
-        turns = [sonars] if robot.simultaneous else [[sonar] for sonar in sonars]
+        self._outputs = EchoOutputs(self, self.health, _namespaces(robot))
+        turns = self._make_turns(robot, scene, scenario.heard_by(robot, fleet))
         self._turns = cycle(turns)
+        self._latest_ns: dict[PingSource, int] = {}
         self._announce(robot)
         rate_hz = parameters.ping_rate_hz or 1.0 / robot.ping_interval_s
         self.create_timer(1.0 / (rate_hz * len(turns)), self._ping)
@@ -138,11 +119,8 @@ class EchoDriver(Node):
         if parameters.pose_source != "tf" and not parameters.publish_tf:
             return None
         transforms = Transforms(self, "neither is the robot's pose taken from TF nor published")
-        if parameters.pose_source == "tf" and not transforms.is_available:
-            raise ConfigurationError(
-                f"parameters of {self.get_fully_qualified_name()}",
-                "pose_source: is 'tf', and tf2_ros is not installed; 'odometry' needs no TF",
-            )
+        if parameters.pose_source == "tf":
+            transforms.require(self)
         return transforms
 
     def _make_pose_source(self, robot: SimulatedRobot, base_frame: str) -> PoseSource:
@@ -169,27 +147,20 @@ class EchoDriver(Node):
             parameters.publish_base_tf and parameters.pose_source != "tf",
         )
 
-    def _make_sonars(self, robot: SimulatedRobot) -> list[_Sonar]:
-        sonars = []
-        for mounted, seed in zip(robot.transducers, robot.noise_seeds, strict=True):
-            # The robot's name is the node's namespace; with several transducers each has its own.
-            is_alone = len(robot.transducers) == 1
-            namespace = "" if is_alone else mounted.child_frame_id.rpartition("/")[2]
-            sonars.append(
-                _Sonar(
-                    mounted,
-                    np.random.default_rng(seed),
-                    advertise(self, ECHO, within(namespace, ECHO)),
-                    advertise(self, RANGE, within(namespace, RANGE)),
-                )
-            )
-        return sonars
+    def _make_turns(
+        self, robot: SimulatedRobot, scene: Scene, others: list[SimulatedRobot]
+    ) -> list[PingSource]:
+        """Transducers one at a time, unless they are meant to hear one another."""
+        world = SimulatedWorld(scene, self._world, self._time, robot, others)
+        sonars = list(zip(robot.transducers, robot.noise_seeds, strict=True))
+        groups = [sonars] if robot.simultaneous else [[sonar] for sonar in sonars]
+        return [SimulatedTransducers(world, group) for group in groups]
 
     def _announce(self, robot: SimulatedRobot) -> None:
         """Publish what traces do not say of the transducers."""
         publisher = advertise(self, TRANSDUCERS)
         for array in robot.arrays(0):
-            publisher.publish(array_to_message(array, self._types))
+            publisher.publish(array_to_message(array, RosMessageTypes()))
 
     def _ping(self) -> None:
         """Let the next transducer ping, or all of them."""
@@ -200,45 +171,25 @@ class EchoDriver(Node):
         except (NoTimeError, NoPoseError) as error:
             self.health.problem("without pose", str(error))
             return
-        if stamp_ns == turn[0].last_stamp_ns:
+        if stamp_ns == self._latest_ns.get(turn):
             return  # Nothing new is known of where it is.
+        self._latest_ns[turn] = stamp_ns
         if self._frames is not None:
             self._frames.move(base, stamp_ns)
-        pose_error = None if self._array is None else self._errors.standard_normal(3)
-        for sonar in turn:
-            self._listen(sonar, base, stamp_ns, pose_error)
-
-    def _listen(
-        self, sonar: _Sonar, base: Pose, stamp_ns: int, pose_error: FloatArray | None
-    ) -> None:
-        """Publish what a transducer hears."""
-        sonar.last_stamp_ns = stamp_ns
-        pose = base.compose(sonar.mounted.mount)
-        # Its moving objects set off with the scenario, whose start follows jumps of the clock.
-        simulator = EchoSimulator(self._scene, self._world, self._time.start_ns)
-        time_s = (stamp_ns - self._time.start_ns) / NANOSECONDS
-        trace = simulator.ping(
-            sonar.mounted,
-            pose,
-            stamp_ns,
-            sonar.rng,
-            array=self._array,
-            pose_error=pose_error,
-            velocity_m_s=self._robot.velocity_m_s(time_s, sonar.mounted),
-            intruders=[
-                one for other in self._others for one in other.intrusions(sonar.mounted, time_s)
-            ],
+        self._outputs.publish(
+            turn.ping(stamp_ns, base), with_ranges=self.parameters.value.publish_range
         )
-        sonar.echo.publish(trace_to_message(trace, self._types))
-        self.health.work("published")
-        # Finding the first echo costs more than simulating it: only if somebody listens.
-        if self.parameters.value.publish_range and sonar.range.get_subscription_count():
-            try:
-                cone = self._pipeline.reconstruct(trace)
-            except MalformedMessageError as error:
-                self.health.problem("malformed", f"the scenario's own trace: {error}")
-            else:
-                sonar.range.publish(range_to_message(cone, self._types))
+
+
+def _namespaces(robot: SimulatedRobot) -> dict[str, str]:
+    """What the topics of each transducer begin with, by its frame.
+
+    The robot's name is the node's namespace; with several transducers each has its own.
+    """
+    frame_ids = [sonar.child_frame_id for sonar in robot.transducers]
+    if len(frame_ids) == 1:
+        return {frame_ids[0]: ""}
+    return {frame_id: frame_id.rpartition("/")[2] for frame_id in frame_ids}
 
 
 def main() -> None:

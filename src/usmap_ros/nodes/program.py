@@ -14,7 +14,14 @@ from usmap_ros.live.supervisor import PARENT_VARIABLE
 from usmap_ros.parent import end_with_parent
 
 #: Each has an executable and a module of its name; here, because their declarations take long.
-NODE_NAMES = ("bag_recorder", "bag_replay", "cone_reconstructor", "echo_driver", "map_fusion")
+NODE_NAMES = (
+    "bag_recorder",
+    "bag_replay",
+    "cone_reconstructor",
+    "echo_driver",
+    "map_fusion",
+    "serial_driver",
+)
 
 
 def begin_program() -> None:

@@ -61,6 +61,9 @@ def test_command_makes_a_recording(tmp_path):
     assert done.exit_code == 0, done.output
     assert f"{PINGS} pings" in done.output
     assert len(list(read_bag(tmp_path / "bag"))) == PINGS
+    again = ["import", str(tmp_path / "sensor.yaml"), "-o", str(tmp_path / "bag"), "--force"]
+    assert CliRunner().invoke(app, again[:-1]).exit_code == 1
+    assert CliRunner().invoke(app, again).exit_code == 0
 
 
 def write_poses(folder):
@@ -117,6 +120,14 @@ def test_pairs_become_iq(tmp_path):
          r"pulse\.carrier_hz: 40 Hz can be heard; kilohertz\? then it is 40000"),
         ({}, {"sample_rate_hz": 200.0}, {}, r"kilohertz\? then it is 200000"),
         ({}, {"start_delay_s": 0.5}, {}, r"start_delay_s: .* milliseconds\? then it is 0\.0005"),
+        ({}, {}, {"time_s": 1e5 + 10.0 * np.arange(PINGS)},
+         r"time_s: pings are 10 s apart; milliseconds\?"),
+        ({"beam": {"kind": "table", "angles_rad": [0, 20, 40], "gains": [1, 0.5, 0]}}, {}, {},
+         r"beam\.angles_rad: go to 40 rad, behind the sensor; degrees\?"),
+        ({"beam": {"kind": "linear", "half_angle_rad": 35.0}}, {}, {},
+         r"beam\.half_angle_rad: should be less than or equal to 3\.14"),
+        ({"poses": {"mount": {"yaw_rad": 90.0}}}, {}, {}, r"poses\.mount\.yaw_rad: .*6\.28"),
+        ({"air": {"temperature_c": 293.0}}, {}, {}, r"air\.temperature_c: .* \(is 293"),
         ({}, {}, {"time_s": 1e5 + 100.0 * np.arange(PINGS)},
          r"time_s: pings are 100 s apart; milliseconds\?"),
         ({}, {}, {"yaw_rad": 30.0 * np.arange(PINGS)}, r"yaw_rad: goes to 150 rad.*degrees\?"),

@@ -15,7 +15,7 @@ from usmap_ros.errors import BagError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_to_message
-from usmap_ros.io.message_types import ECHO_TRACE, BagMessageTypes, typestore
+from usmap_ros.io.message_types import ECHO_TRACE, BagMessageTypes, learn_standard, typestore
 from usmap_ros.trace import EchoTrace
 from usmap_ros.transducer_array import TransducerArray
 
@@ -243,6 +243,7 @@ class TestUnusable:
         assert self.refusal(tmp_path) == "is not a rosbag2 metadata file"
 
     def test_no_traces(self, tmp_path: Path) -> None:
+        learn_standard("std_msgs/msg/String")
         with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             writer.add_connection("/chat", "std_msgs/msg/String", typestore=typestore())
         cause = "holds no usmap_msgs/msg/EchoTrace messages, only std_msgs/msg/String"

@@ -54,7 +54,7 @@ def test_reading_takes_no_more_memory_for_a_longer_bag(
                 stamp_ns = trace.stamp_ns + number * 10**8
                 writer.write_trace("/echo", replace(trace, samples=samples, stamp_ns=stamp_ns))
         peaks.append(peak_bytes(tmp_path / name, with_cones=False))
-    # Of compressed ones, a few are kept unpacked, 64 MB at the most.
+    # Of compressed ones, a few are kept unpacked, 16 MB at the most.
     assert peaks[1] < (8 * MEGABYTE if compression == "none" else 80 * MEGABYTE)
     assert compression != "none" or peaks[1] < 1.2 * peaks[0]
 
@@ -68,8 +68,9 @@ def test_reconstructing_takes_no_more_memory_for_a_longer_bag(
             for number in range(count):
                 writer.write_trace("/echo", replace(trace, stamp_ns=trace.stamp_ns + number))
         peaks.append(peak_bytes(tmp_path / name, with_cones=True))
-    # 150 traces are 0.9 MB; what is known of where they lie is 20 kB.
-    assert peaks[2] < peaks[1] + 0.1 * MEGABYTE
+    # 150 traces are 0.9 MB; what is known of where they lie is 20 kB, and what waits for Python
+    # 3.10's collector 0.1 to 0.2 MB.
+    assert peaks[2] < peaks[1] + 0.3 * MEGABYTE
 
 
 def test_a_robots_path_takes_forty_bytes_a_ping() -> None:

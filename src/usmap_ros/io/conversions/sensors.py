@@ -50,11 +50,13 @@ def scan_to_message(
     cone : EchoCone
         The ping that they are of.
     angles_rad, ranges_m : (rays,) arrays
-        Ascending by equal steps; ranges of 0 are below the least one, and so count as none.
+        Ascending by equal steps; ranges of 0 are below the least one, and so count as none.  Those
+        up to the greatest range stay a hair below it: at it, laser_geometry drops them.
     types : MessageTypes
         Classes to build it of.
     """
     transducer = cone.transducer
+    below_max_m = np.nextafter(np.float32(transducer.max_range_m), np.float32(0.0))
     return types.message_class("sensor_msgs/msg/LaserScan")(
         header=header_to_message(cone.stamp_ns, cone.child_frame_id, types),
         angle_min=float(angles_rad[0]),
@@ -64,7 +66,7 @@ def scan_to_message(
         scan_time=0.0,
         range_min=float(transducer.min_range_m),
         range_max=float(transducer.max_range_m),
-        ranges=types.sequence(np.asarray(ranges_m, np.float32)),
+        ranges=types.sequence(np.minimum(np.asarray(ranges_m, np.float32), below_max_m)),
         intensities=types.sequence(np.zeros(0, np.float32)),
     )
 

@@ -34,7 +34,7 @@ _RECORD_HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
-_CACHED_CHUNK_BYTES = 64 * 2**20
+_CACHED_CHUNK_BYTES = 16 * 2**20
 #: Block number of messages that lie in the file uncompressed.
 _IN_FILE = -1
 

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.errors import UsmapError
+from usmap_ros.errors import ConfigurationError, UsmapError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import transform_from_message, transform_to_message
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
@@ -53,6 +53,14 @@ class Transforms:
         self._static_broadcaster_class = tf2_ros.StaticTransformBroadcaster
         self._broadcaster: Any = None
         self._static_broadcaster: Any = None
+
+    def require(self, node: Node) -> None:
+        """Raise `ConfigurationError` without TF, where poses are to come from there."""
+        if not self.is_available:
+            raise ConfigurationError(
+                f"parameters of {node.get_fully_qualified_name()}",
+                "pose_source: is 'tf', and tf2_ros is not installed; 'odometry' needs no TF",
+            )
 
     def pose_of(self, frame_id: str, world: str, stamp_ns: int | None = None) -> tuple[Pose, int]:
         """Pose of a frame in another, and its stamp; the latest if none is given.

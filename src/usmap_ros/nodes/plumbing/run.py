@@ -8,7 +8,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 import rclpy
 from rclpy.exceptions import NameValidationException
@@ -19,8 +19,9 @@ from usmap_ros.compilation import compile_if_needed
 from usmap_ros.errors import UsmapError
 from usmap_ros.nodes.plumbing.signals import EndRequest
 
-#: Time for ROS to let go of everything, s.
-_PATIENCE_S = 30
+#: Time for ROS to let go of a node, s; it takes a twentieth of one, and with a supervisor's 8 there
+#: is time enough for the map to be kept before.
+_PATIENCE_S = 5
 _INIT_FAILED = "failed to initialize rcl: "
 
 
@@ -37,8 +38,8 @@ def run_node(
     *,
     has_loops: bool = False,
     looks_for_topics: bool = False,
-) -> None:
-    """Run a node until SIGINT or SIGTERM; the main function of every executable.
+) -> NoReturn:
+    """Run a node until SIGINT or SIGTERM, and end the process; the main function of executables.
 
     Its ``close`` finishes what must not be lost, however often the process is asked to end
     meanwhile.  Exit status 1: the node could not start; one line on standard error says why.
@@ -71,7 +72,7 @@ def run_node(
         end.ignore_more()
         _end_soon()
         rclpy.try_shutdown()
-        sys.exit(1)
+        _leave(1)
     try:
         _spin(node, end)
     finally:
@@ -80,6 +81,7 @@ def run_node(
         _end_soon()
         node.destroy_node()
         rclpy.try_shutdown()
+    _leave(0)
 
 
 def _begin_ros(arguments: list[str] | None) -> None:
@@ -100,6 +102,17 @@ def _end_soon() -> None:
     """
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(_PATIENCE_S)
+
+
+def _leave(status: int) -> NoReturn:
+    """End this process at once: others have been told that its node is gone.
+
+    To take Python and all libraries apart takes 0.4 s of a core, ten times what came before, and
+    the processes of a fleet all end at the same time.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 def _spin(node: Any, end: EndRequest) -> None:

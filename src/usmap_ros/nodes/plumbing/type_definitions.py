@@ -8,7 +8,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from rosbags.typesys import get_types_from_msg
 
 from usmap_ros.errors import UsmapError
-from usmap_ros.io.message_types import typestore
+from usmap_ros.io.message_types import learn_standard, typestore
 
 
 class UnknownTypeError(UsmapError):
@@ -34,6 +34,7 @@ def definition_of(message_type: str) -> tuple[str, str]:
 def _learn(message_type: str) -> None:
     """Make a type, and all types in it, known to rosbags."""
     store = typestore()
+    learn_standard(message_type)
     if message_type in store.types:
         return
     package, _, name = message_type.split("/")

@@ -80,6 +80,7 @@ test-lower-bounds: ## run the tests against the oldest versions that setup.py al
 	@$(VENV)-lower/bin/python -m pip install --quiet --disable-pip-version-check \
 	  --constraint test/packaging/lower-bounds.txt --constraint test/packaging/contemporaries.txt \
 	  --editable '.[test]'
+	@$(VENV)-lower/bin/usmap compile
 	@$(VENV)-lower/bin/python -m pytest --timeout=600 -m "not ros" $(PYTEST_ARGS)
 
 # With ROS from wheels, since Ubuntu's own packages of it need Ubuntu; PYTHON=python3.12 is Ubuntu's.

@@ -18,7 +18,14 @@ from distutils.command.install_data import install_data  # isort: skip
 
 NAME = "usmap_ros"
 
-NODES = ["bag_recorder", "bag_replay", "cone_reconstructor", "echo_driver", "map_fusion"]
+NODES = [
+    "bag_recorder",
+    "bag_replay",
+    "cone_reconstructor",
+    "echo_driver",
+    "map_fusion",
+    "serial_driver",
+]
 ENTRY_POINTS = {
     "usmap": f"{NAME}.cli:main",
     **{node: f"{NAME}.nodes.{node}:main" for node in NODES},
@@ -147,7 +154,7 @@ setup(
     zip_safe=False,
     install_requires=[
         "lz4>=4.3.3",
-        "matplotlib>=3.6",
+        "matplotlib>=3.7",
         "mcap>=1.1",
         # Where it has no wheels the inner loops run as Python.
         "numba>=0.58.1 ; implementation_name == 'cpython'"

@@ -2,13 +2,9 @@
 
     python benchmarks/costmap.py [--scenario FILE] [-o PICTURE]
 
-The costmap is that of ``config/nav2/costmaps.yaml``, fed as the nodes feed it.  nav2 itself needs a
-ROS installation; here stand NumPy replicas of its layers, after nav2_costmap_2d (commit a3a97043):
-``StaticLayer::interpretValue`` and ``updateCosts`` (static_layer.cpp, lines 282 and 441),
-``RangeSensorLayer::gamma``, ``delta``, ``sensor_model``, ``update_cell`` and ``updateCosts``
-(range_sensor_layer.cpp, lines 164 to 540), and ``ObstacleLayer::updateBounds`` and
-``raytraceFreespace`` (obstacle_layer.cpp), which keeps what it has marked until a ray clears it:
-without any ray, and with those of ``free_scan``.
+The costmap is that of ``config/nav2/costmaps.yaml``, fed as the nodes feed it, through the replicas
+of nav2's layers in `nav2_layers`.  Beside it stands an obstacle layer on ``cone_cells``: without
+any ray, and with those of ``free_scan``.
 """
 
 from __future__ import annotations
@@ -20,100 +16,29 @@ from typing import Any
 
 import numpy as np
 import yaml
+from nav2_layers import (
+    FREE,
+    LETHAL,
+    ROBOT_RADIUS_M,
+    UNKNOWN,
+    ObstacleLayer,
+    RangeLayer,
+    Window,
+    static_layer,
+)
 from PIL import Image
 
+from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.io.conversions import range_to_message
 from usmap_ros.io.message_types import BagMessageTypes
-from usmap_ros.mapping.candidates import candidate_cells
-from usmap_ros.mapping.free_space import free_space
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[1]
-LETHAL, FREE, UNKNOWN = 254, 0, 255
 #: The costmap as it is shipped, and an obstacle layer that marks ``cone_cells``.
 SHIPPED, UNCLEARED = "as shipped", "marks that nobody clears"
 CLEARED = "marks that free_scan clears"
-#: Of the robot; a lethal cell as near as that boxes it in.
-ROBOT_RADIUS_M = 0.15
-
-
-@dataclass
-class RangeLayer:
-    """``RangeSensorLayer`` on a fixed grid; a rolling window sees a part of the same cells."""
-
-    shape: tuple[int, int]
-    resolution_m: float
-    settings: dict[str, Any]
-    probability: Any = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.probability = np.full(self.shape, 127, np.uint8)
-
-    def take(self, message: Any, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """``processVariableRangeMsg`` and ``updateCostmap``, for all cells in reach."""
-        if not message.min_range <= message.range <= message.max_range:
-            return
-        is_clear = message.range >= message.max_range and self.settings["clear_on_max_reading"]
-        reach_m = 1.2 * message.range
-        low = np.floor((np.array([y_m, x_m]) - reach_m) / self.resolution_m).astype(int)
-        high = np.ceil((np.array([y_m, x_m]) + reach_m) / self.resolution_m).astype(int) + 1
-        low, high = np.maximum(low, 0), np.minimum(high, self.shape)
-        rows, columns = np.mgrid[low[0] : high[0], low[1] : high[1]]
-        east_m = (columns + 0.5) * self.resolution_m - x_m
-        north_m = (rows + 0.5) * self.resolution_m - y_m
-        angle = (np.arctan2(north_m, east_m) - yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
-        far_m, half = np.hypot(east_m, north_m), 0.5 * message.field_of_view
-        # inflate_cone is 1 by default: every cell in the bounds of the triangle is updated.
-        sensor = (
-            np.zeros_like(far_m) if is_clear else self._model(message.range, far_m, angle, half)
-        )
-        inside = (np.abs(angle) <= half) if is_clear else np.ones_like(far_m, bool)
-        window = self.probability[low[0] : high[0], low[1] : high[1]]
-        prior = window / LETHAL
-        occupied = sensor * prior
-        with np.errstate(invalid="ignore", divide="ignore"):
-            new = occupied / (occupied + (1.0 - sensor) * (1.0 - prior))
-        new = np.where(np.isfinite(new), new, prior)
-        window[inside] = (new[inside] * LETHAL).astype(np.uint8)
-
-    def _model(self, r: float, far_m: Any, angle: Any, half: float) -> Any:
-        """``sensor_model``; its delta is the cell's side, and counts relative to the range."""
-        weight = 0.5 * (1.0 - np.tanh(2.0 * (far_m - self.settings["phi"])))
-        weight = weight * np.where(np.abs(angle) > half, 0.0, 1.0 - (angle / half) ** 2)
-        depth_m = self.resolution_m * r
-        near = (1.0 - weight) * 0.5
-        rising = weight * 0.5 * ((far_m - (r - 2.0 * depth_m)) / depth_m) ** 2 + near
-        hit = weight * (0.5 - 0.5 * ((r - far_m) / depth_m) ** 2) + 0.5
-        return np.select(
-            [far_m < r - 2.0 * depth_m, far_m < r - depth_m, far_m < r + depth_m],
-            [near, rising, hit],
-            0.5,
-        )
-
-    def apply(self, master: Any) -> None:
-        """``updateCosts``: what is above one threshold is lethal, below the other free."""
-        marked = self.probability > int(self.settings["mark_threshold"] * LETHAL)
-        cleared = self.probability < int(self.settings["clear_threshold"] * LETHAL)
-        current = np.select([marked, cleared], [LETHAL, FREE], UNKNOWN).astype(np.uint8)
-        known = current != UNKNOWN
-        higher = known & ((master == UNKNOWN) | (master < current))
-        master[higher] = current[higher]
-
-
-def static_layer(occupancy: OccupancyMap | None, master: Any) -> None:
-    """``StaticLayer`` with ``track_unknown_space``: it writes over the whole of the map."""
-    if occupancy is None:
-        return
-    costs = np.select(
-        [occupancy.trinary() == 100, occupancy.trinary() == 0], [LETHAL, FREE], UNKNOWN
-    )
-    left, bottom = occupancy.geometry.first_cell
-    rows, columns = np.nonzero(costs != UNKNOWN)
-    row, column = rows + bottom, columns + left
-    inside = (row >= 0) & (column >= 0) & (row < master.shape[0]) & (column < master.shape[1])
-    master[row[inside], column[inside]] = costs[rows[inside], columns[inside]]
 
 
 @dataclass
@@ -182,38 +107,48 @@ def drive(
         What is there.
     """
     pipeline, types = Pipeline(), BagMessageTypes()
-    resolution_m = pipeline.parameters.mapping.resolution_m
-    truth = scenario.truth_map(resolution_m)
+    truth = scenario.truth_map(settings["resolution"])
     origin_m = np.array(truth.geometry.origin_m)
-    ranges = RangeLayer(truth.occupied.shape, resolution_m, settings["range_layer"])
-    marks = {name: np.zeros(truth.occupied.shape, bool) for name in (UNCLEARED, CLEARED)}
+    ranges = RangeLayer(_window(settings, 127), settings["range_layer"])
+    marks = {name: ObstacleLayer(_window(settings, UNKNOWN)) for name in (UNCLEARED, CLEARED)}
     shares = {name: Shares() for name in (SHIPPED, UNCLEARED, CLEARED)}
     published: OccupancyMap | None = None
     next_map_ns = next_cycle_ns = scenario.start_ns
-    master = np.full(truth.occupied.shape, UNKNOWN, np.uint8)
+    master, waiting = np.full(truth.occupied.shape, UNKNOWN, np.uint8), list[EchoCone]()
     for topic, trace in simulate(scenario):
         cone = pipeline.process(trace)
         if cone.stamp_ns >= next_map_ns:
             published, next_map_ns = pipeline.occupancy_map(), cone.stamp_ns + 10**9
         if not topic.startswith(f"/{robot}/"):
             continue
-        x_m, y_m = cone.pose.position_m[:2] - origin_m
-        ranges.take(range_to_message(cone, types), x_m, y_m, cone.pose.yaw_rad)
-        _clear(marks[CLEARED], cone, pipeline, origin_m)
-        for marked in marks.values():
-            _mark(marked, cone, pipeline, origin_m)
+        waiting.append(cone)
         if cone.stamp_ns < next_cycle_ns:
             continue
         next_cycle_ns = cone.stamp_ns + 2 * 10**8
-        second = (cone.stamp_ns - scenario.start_ns) / 1e9
+        second, place_m = (cone.stamp_ns - scenario.start_ns) / 1e9, _place_m(cone, origin_m)
+        ranges.window.roll(place_m)
+        for heard in waiting:
+            message = range_to_message(heard, types)
+            ranges.take(message, _place_m(heard, origin_m), heard.pose.yaw_rad)
+        waiting.clear()
         master = np.full(truth.occupied.shape, UNKNOWN, np.uint8)
         static_layer(_moved(published, origin_m), master)
         ranges.apply(master)
-        shares[SHIPPED].add(second, master, truth, x_m, y_m)
-        for name, marked in marks.items():
-            costs = np.where(marked, LETHAL, FREE).astype(np.uint8)
-            shares[name].add(second, costs, truth, x_m, y_m)
+        shares[SHIPPED].add(second, master, truth, *place_m)
+        for name, layer in marks.items():
+            layer.take(cone, pipeline.parameters.mapping, origin_m, has_rays=name == CLEARED)
+            shares[name].add(second, layer.window.spread(truth.occupied.shape), truth, *place_m)
     return shares, master, truth
+
+
+def _window(settings: dict[str, Any], default: int) -> Window:
+    cells = int(settings["width"] / settings["resolution"])
+    return Window(settings["resolution"], cells, default)
+
+
+def _place_m(cone: EchoCone, origin_m: Any) -> Any:
+    """Where a ping was made, on the grid of the truth."""
+    return cone.pose.position_m[:2] - origin_m
 
 
 def _moved(occupancy: OccupancyMap | None, origin_m: Any) -> OccupancyMap | None:
@@ -222,30 +157,6 @@ def _moved(occupancy: OccupancyMap | None, origin_m: Any) -> OccupancyMap | None
         return None
     x, y = np.array(occupancy.geometry.origin_m) - origin_m
     return replace(occupancy, geometry=replace(occupancy.geometry, origin_m=(float(x), float(y))))
-
-
-def _mark(marks: Any, cone: Any, pipeline: Pipeline, origin_m: Any) -> None:
-    """``ObstacleLayer`` without clearing: candidate cells within 3 m stay marked."""
-    mapping = pipeline.parameters.mapping
-    cells = candidate_cells(cone, mapping)
-    near = np.hypot(*(cells.centers_m - cone.pose.position_m[:2]).T) < 3.0
-    offsets_m = cells.centers_m[near] - origin_m
-    columns, rows = np.floor(offsets_m / mapping.resolution_m).astype(int).T
-    inside = (rows >= 0) & (columns >= 0) & (rows < marks.shape[0]) & (columns < marks.shape[1])
-    marks[rows[inside], columns[inside]] = True
-
-
-def _clear(marks: Any, cone: Any, pipeline: Pipeline, origin_m: Any) -> None:
-    """``raytraceFreespace``: cells on the rays of ``free_scan`` are free."""
-    mapping = pipeline.parameters.mapping
-    angles_rad, ranges_m = free_space(cone, mapping)
-    x_m, y_m = cone.pose.position_m[:2] - origin_m
-    for angle_rad, range_m in zip(angles_rad + cone.pose.yaw_rad, ranges_m, strict=True):
-        along_m = np.arange(0.0, range_m, 0.5 * mapping.resolution_m)
-        columns = ((x_m + along_m * np.cos(angle_rad)) / mapping.resolution_m).astype(int)
-        rows = ((y_m + along_m * np.sin(angle_rad)) / mapping.resolution_m).astype(int)
-        inside = (rows >= 0) & (columns >= 0) & (rows < marks.shape[0]) & (columns < marks.shape[1])
-        marks[rows[inside], columns[inside]] = False
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 
 #: Kilobytes of a cone on the link, with its packets' headers: benchmarks/hosts.py.
-CONE_KB = 1.12
+CONE_KB = 1.1
 #: Bytes of a cell that was in reach of a ping: `Fusion.memory_bytes` over its tiles' cells.
 CELL_BYTES = 208
 #: Share of a core that is planned with: the rest is for what comes at once, and for publishing.

@@ -4,6 +4,10 @@ The hosts are network namespaces on a bridge, without a route for multicast, by 
 find each other otherwise.  On the first one are the discovery server and map_fusion, on each
 other one a robot: echo_driver and cone_reconstructor.  Needs the right to make namespaces.
 
+Rates are those of some seconds.  For what was lost, the drivers are ended and the nodes waited for
+until they have done all that they had: cones that were published from the first on, less those
+that a reconstructor published while nobody listened and says so, and less those that were fused.
+
     python benchmarks/hosts.py --robots 3 --seconds 10
 """
 
@@ -25,8 +29,10 @@ SCENARIO = ROOT / "config/scenarios/poles.yaml"
 SERVER = ROOT / "config/dds/server.xml"
 PORT = 11811
 DEADLINE_S = 120.0
-#: Figures of map_fusion; those of nodes do not come at the same instant.
-FUSION = ("fused", "late", "dropped")
+#: What becomes of a cone that reaches map_fusion; late ones are fused, too.
+FUSION = ("fused", "dropped", "repeated", "refused", "malformed")
+#: Diagnostics come every second: without news for so long, there is nothing left to do.
+SETTLED_S = 6.0
 
 
 def ip(*arguments: str) -> str:
@@ -132,9 +138,11 @@ def measure(robots: int, seconds: float) -> dict[str, Any]:
 
             start(0, ["fast-discovery-server", "-i", "0", "-x", str(SERVER)])
             start(0, node("map_fusion"))
+            drivers = []
             for place, name in enumerate(names, start=1):
                 robot = "robot1" if robots > 3 else name
-                start(place, node("echo_driver", name, scenario=SCENARIO, robot=robot))
+                driver = node("echo_driver", name, scenario=SCENARIO, robot=robot)
+                drivers.append(start(place, driver))
                 start(place, node("cone_reconstructor", name))
             watch = start(
                 0, [sys.executable, __file__, "--watch", *names, "--seconds", str(seconds)]
@@ -146,6 +154,9 @@ def measure(robots: int, seconds: float) -> dict[str, Any]:
             before = [hosts.sent_bytes(place) for place in range(1, robots + 1)]
             told = json.loads(watch.stdout.readline())
             after = [hosts.sent_bytes(place) for place in range(1, robots + 1)]
+            for driver in drivers:
+                driver.terminate()
+            total = json.loads(watch.stdout.readline())
     finally:
         hosts.remove()
     rates = [(now - then) / told["seconds"] for then, now in zip(before, after, strict=True)]
@@ -153,8 +164,8 @@ def measure(robots: int, seconds: float) -> dict[str, Any]:
     return {
         "hosts": 1 + robots,
         "pings_per_second_and_robot": round(pings_s, 1),
-        "cones_published": told["published"],
-        **{f"cones_{name}": told[name] for name in FUSION},
+        **{f"cones_{name}": number for name, number in total.items()},
+        "cones_lost": total["published"] - total["unheard"] - sum(total[n] for n in FUSION),
         "kilobytes_per_second_and_robot": round(sum(rates) / robots / 1e3, 1),
         "kilobytes_a_cone": round(sum(rates) / robots / 1e3 / max(pings_s, 1e-9), 2),
     }
@@ -184,12 +195,18 @@ def watch(robots: list[str], seconds: float) -> None:
     )  # fmt: skip
 
     def counts() -> dict[str, int]:
-        published = [
-            int(totals.get(f"/{name}/cone_reconstructor", {}).get("published", 0))
-            for name in robots
-        ]
+        of_robots = [totals.get(f"/{name}/cone_reconstructor", {}) for name in robots]
+        published = [int(one.get("published", 0)) for one in of_robots]
+        unheard = sum(int(one.get("unheard", 0)) for one in of_robots)
         fusion = {key: int(totals.get("/map_fusion", {}).get(key, 0)) for key in FUSION}
-        return {"least": min(published), "published": sum(published), **fusion}
+        return {
+            "least": min(published), "published": sum(published), "unheard": unheard, **fusion
+        }  # fmt: skip
+
+    def listen_for(seconds: float) -> None:
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            rclpy.spin_once(listener, timeout_sec=0.1)
 
     end_s = time.monotonic() + DEADLINE_S
     # All of them publish, and are heard.
@@ -200,11 +217,16 @@ def watch(robots: list[str], seconds: float) -> None:
         rclpy.spin_once(listener, timeout_sec=0.1)
     print("begun", flush=True)
     before, began_s = counts(), time.monotonic()
-    while time.monotonic() < began_s + seconds:
-        rclpy.spin_once(listener, timeout_sec=0.1)
-    after = counts()
-    told = {name: after[name] - before[name] for name in ("published", *FUSION)}
-    print(json.dumps(told | {"seconds": time.monotonic() - began_s}), flush=True)
+    listen_for(seconds)
+    published = counts()["published"] - before["published"]
+    told = {"published": published, "seconds": time.monotonic() - began_s}
+    print(json.dumps(told), flush=True)
+    known: dict[str, int] = {}
+    while known != counts():
+        known = counts()
+        listen_for(SETTLED_S)
+    del known["least"]
+    print(json.dumps(known), flush=True)
     rclpy.try_shutdown()
 
 

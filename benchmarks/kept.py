@@ -55,6 +55,6 @@ class KeptResults:
         assert self._folder is not None
         digest = hashlib.sha256(code(_MAKERS) + world(scenario))
         digest.update((Path(__file__).parent / "methods.py").read_bytes())
-        digest.update(repr((method.merges_by_maximum, method.trusts_poses)).encode())
+        digest.update(repr((method.merges_by_maximum, method.trusted_axes)).encode())
         digest.update(method.parameters().model_dump_json().encode())
         return self._folder / f"{digest.hexdigest()[:24]}.json"

@@ -2,7 +2,8 @@
 
 Real processes: one cone_reconstructor a robot and one map_fusion.  This process stands for the
 robots' drivers: it publishes traces that were simulated before, stamped with the time at which
-they are sent, and listens to the map.
+they are sent, and listens to the map.  "Dropped" is what fusion says that it dropped from its
+queue, "dropped before" what reconstructors say.
 
     python benchmarks/live_path.py --robots 1 2 4 8
 """
@@ -135,8 +136,8 @@ def _measure(
     _spin_until(executor, lambda: all(p.get_subscription_count() for p in publishers))
     _spin_until(executor, lambda: all(node.count_subscribers(f"/{n}/cone") for n in names))
     _send(node, executor, publishers, rate_hz, 2.0)
-    _spin(executor, 2.0)
-    before, cpu = observed.total("/map_fusion", "fused"), fleet.cpu_seconds()
+    # What was sent first must not be counted among what comes later.
+    before, cpu = _settled(executor, observed), fleet.cpu_seconds()
     sent_s = _send(node, executor, publishers, rate_hz, seconds)
     used = {name: spent - cpu[name] for name, spent in fleet.cpu_seconds().items()}
     fused = _settled(executor, observed) - before
@@ -146,6 +147,8 @@ def _measure(
         "robots": len(names),
         "sent": len(sent_s),
         "lost": len(sent_s) - fused,
+        "dropped": observed.total("/map_fusion", "dropped"),
+        "dropped_before": sum(observed.total(name, "dropped") for name in used),
         "late": observed.total("/map_fusion", "late"),
         "latency_p50_ms": round(1000 * float(np.percentile(latencies_s, 50)), 1),
         "latency_p95_ms": round(1000 * float(np.percentile(latencies_s, 95)), 1),

@@ -3,7 +3,7 @@
     python benchmarks/planner.py [--scenario FILE] [--start X Y] [--goal X Y] [-o PICTURE]
 
 The global costmap is that of ``config/nav2/costmaps.yaml``.  nav2 itself needs a ROS installation;
-here stand NumPy replicas: ``StaticLayer`` as in `costmap`, ``InflationLayer::computeCost``
+here stand NumPy replicas: ``StaticLayer`` of `nav2_layers`, ``InflationLayer::computeCost``
 (inflation_layer.hpp), and the costs of ``NavFn`` (navfn.hpp: ``COST_NEUTRAL``, ``COST_FACTOR``;
 navfn.cpp: ``setCostmap``), whose potential is that of Dijkstra's algorithm, here by cells.
 """
@@ -12,13 +12,15 @@ from __future__ import annotations
 
 import argparse
 import heapq
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from costmap import FREE, LETHAL, ROOT, UNKNOWN, static_layer
+from costmap import ROOT
+from nav2_layers import FREE, LETHAL, ROBOT_RADIUS_M, UNKNOWN, static_layer
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
@@ -31,8 +33,6 @@ from usmap_ros.trial import Trial, try_scenario
 #: As in nav2: cost of a cell that the robot's inscribed circle would touch something from, and
 #: what each cell costs a path.
 INSCRIBED, COST_NEUTRAL, COST_FACTOR = 253, 50, 0.8
-#: ``robot_radius`` of the costmap.
-ROBOT_RADIUS_M = 0.15
 _NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if row or column]
 
 
@@ -46,11 +46,14 @@ def global_costmap(occupancy: OccupancyMap, file: Path = ROOT / "config/nav2/cos
     layer = content["global_costmap"]["global_costmap"]["ros__parameters"]["inflation_layer"]
     costs = np.full(occupancy.geometry.shape, UNKNOWN, np.uint8)
     static_layer(_at_origin(occupancy), costs)
-    distance_m = distance_transform_edt(costs != LETHAL) * occupancy.geometry.resolution_m
-    falling = np.exp(-layer["cost_scaling_factor"] * (distance_m - ROBOT_RADIUS_M))
-    inflated = np.where(distance_m <= ROBOT_RADIUS_M, INSCRIBED, (INSCRIBED - 1) * falling)
-    inflated[distance_m > layer["inflation_radius"]] = FREE
-    inflated[distance_m == 0.0] = LETHAL
+    resolution_m = occupancy.geometry.resolution_m
+    cells = distance_transform_edt(costs != LETHAL)
+    # nav2 makes a polygon of 16 corners of the radius, and of that takes the inscribed circle.
+    beyond_m = cells * resolution_m - ROBOT_RADIUS_M * np.cos(np.pi / 16)
+    falling = np.exp(-layer["cost_scaling_factor"] * beyond_m)
+    inflated = np.where(beyond_m <= 0.0, INSCRIBED, np.floor((INSCRIBED - 1) * falling))
+    inflated[cells > np.ceil(layer["inflation_radius"] / resolution_m)] = FREE
+    inflated[cells == 0.0] = LETHAL
     # Inflation leaves what is unknown unknown, unless the robot would touch something there.
     is_raised = np.where(costs == UNKNOWN, inflated >= INSCRIBED, inflated > costs)
     return np.where(is_raised, inflated, costs).astype(np.uint8)
@@ -81,14 +84,21 @@ def plan(
         tuple(int(cell) for cell in np.floor((np.array(place) - origin_m) / resolution_m)[::-1])
         for place in (start_m, goal_m)
     )
-    rows, columns = np.array(_cheapest(step, start, goal)).T
+    for cell, place in ((start, start_m), (goal, goal_m)):
+        if not (0 <= cell[0] < step.shape[0] and 0 <= cell[1] < step.shape[1]):
+            raise NoPathError(f"({place[0]:g}, {place[1]:g}) m lies outside of the map")
+    found = _cheapest(step, start, goal)
+    if not found:
+        ends = " to ".join(f"({place[0]:g}, {place[1]:g}) m" for place in (start_m, goal_m))
+        raise NoPathError(f"no path leads from {ends}: something stands in every way")
+    rows, columns = np.array(found).T
     return occupancy.geometry.cell_centers_m(rows, columns)
 
 
 def _cheapest(
     step: np.ndarray[Any, Any], start: tuple[int, ...], goal: tuple[int, ...]
 ) -> list[tuple[int, ...]]:
-    """Cells from start to goal, by Dijkstra's algorithm."""
+    """Cells from start to goal, by Dijkstra's algorithm; none if there is no way."""
     potential = np.full(step.shape, np.inf)
     before: dict[tuple[int, ...], tuple[int, ...]] = {}
     potential[start] = 0.0
@@ -110,7 +120,7 @@ def _cheapest(
             if there < potential[beside]:
                 potential[beside], before[beside] = there, cell
                 heapq.heappush(waiting, (there, beside))
-    raise NoPathError(f"from cell {start} to cell {goal}")
+    return []
 
 
 def length_m(path_m: np.ndarray[Any, Any]) -> float:
@@ -134,7 +144,10 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=None)
     arguments = parser.parse_args()
     trial = try_scenario(Scenario.load(arguments.scenario))
-    path_m = plan(trial.occupancy, tuple(arguments.start), tuple(arguments.goal))
+    try:
+        path_m = plan(trial.occupancy, tuple(arguments.start), tuple(arguments.goal))
+    except NoPathError as error:
+        sys.exit(f"planner: {error}")
     print(
         f"{length_m(path_m):.2f} m long, at least {clearance_m(path_m, trial.truth):.2f} m from"
         " the centres of all cells in which something stands"

@@ -132,11 +132,20 @@ def by_cell(pings: int) -> dict[str, float]:
 
 
 def of_range(range_m: float) -> Scenario:
-    """The scenario of poles, with transducers of a range and a world that is as much larger."""
-    content = Scenario.load(SCENARIO).model_dump()
+    """The scenario of poles, with transducers of a range and a world that is as much larger.
+
+    Who means to hear so far sends louder, or lower: at its range, each hears what one of the
+    scenario hears at its own, which air and distance would else keep from it.
+    """
+    scenario = Scenario.load(SCENARIO)
+    _, trace = next(simulate(scenario))
+    before_m, loss_db_m = trace.transducer.max_range_m, 2.0 * trace.channel.attenuation_db_m
+    quieter = (before_m / range_m) ** 2 * 10.0 ** (-loss_db_m * (range_m - before_m) / 20.0)
+    content = scenario.model_dump()
     for robot in content["robots"]:
         for transducer in robot["transducers"]:
             transducer["max_range_m"] = range_m
+            transducer["receiver"]["noise_std"] *= quieter
     side_m = max(10.0, 2.0 * range_m)
     content["world"]["area_m"] = [0.0, side_m, 0.0, side_m]
     return Scenario.from_mapping(content, "range")

@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, help="page in Markdown to write the numbers into")
     arguments = parser.parse_args()
     console = Console()
-    results: dict[str, Any] = {"machine": machine()}
+    results: dict[str, Any] = {}
     for path in sorted(HERE.glob("*.py")):
         if path.stem == "run":
             continue
@@ -39,6 +39,7 @@ def main() -> None:
         console.print(f"Running {path.stem}")
         results[path.stem] = module.run()
         console.print(table(path.stem, results[path.stem]))
+    results["machine"] = machine()
     arguments.output.mkdir(parents=True, exist_ok=True)
     written = arguments.output / "benchmarks.json"
     written.write_text(json.dumps(results, indent=2) + "\n")
@@ -51,8 +52,9 @@ def page(results: dict[str, dict[str, Any]]) -> str:
     """All numbers in Markdown; each benchmark's docstring says what it measures."""
     made_with = ", ".join(f"{name} {value}" for name, value in results["machine"].items())
     parts = [
-        f"\nMeasured by `make bench` on two cores of a shared virtual machine: {made_with}. Times\n"
-        "differ from machine to machine; ratios of one run do much less.\n"
+        "\nMeasured by `make bench` on two cores of a shared virtual machine:\n"
+        f"{made_with}.\nTimes differ from machine to machine, and grow with the load: at 10 and"
+        " more, by a quarter to a half. Ratios of\none run differ much less.\n"
     ]
     for name, numbers in results.items():
         if name == "machine":
@@ -89,6 +91,8 @@ def machine() -> dict[str, str]:
         "python": platform.python_version(),
         "numpy": np.__version__,
         "processor": platform.machine(),
+        # Of the last quarter of an hour.
+        "load": f"{os.getloadavg()[2]:.0f}",
     }
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,15 @@ SHARED = Path(os.environ.get("USMAP_SHARED", Path(__file__).parents[2] / "shared
 
 if TYPE_CHECKING:
     from usmap_ros.reconstruction.operators import SensingOperator
+
+
+@pytest.fixture(autouse=True)
+def _untouched_logging() -> Iterator[None]:
+    """Leave the package's logger as it was: the command line takes it for itself."""
+    logger = logging.getLogger("usmap_ros")
+    before = logger.level, logger.propagate, logger.handlers
+    yield
+    logger.level, logger.propagate, logger.handlers = before
 
 
 @pytest.fixture(scope="session")

@@ -92,8 +92,9 @@ def check_all(field: str, values: NDArray[np.floating], bound: Bound) -> None:
     MalformedMessageError
         Naming the field, how many entries are out of bounds, and one of them.
     """
-    wrong = ~((values >= bound.least) & (values <= bound.greatest))
-    if np.any(wrong):
+    right = (values >= bound.least) & (values <= bound.greatest)
+    if not right.all():
+        wrong = ~right
         first = float(np.asarray(values)[wrong].flat[0])
         raise MalformedMessageError(
             field,

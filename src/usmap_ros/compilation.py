@@ -71,7 +71,9 @@ def map_all_ways() -> None:
     cones = [_cone_from(0.1 * number, TRANSDUCER) for number in range(10)]
     for cone in cones:
         pipeline.fuse(cone)
-    pipeline.fusion.expected_by_others({"one": cones[:5], "other": cones[5:]})
+    by_others = pipeline.fusion.by_others()
+    assert by_others is not None
+    by_others.expected({"one": cones[:5], "other": cones[5:]})
     occupancy = pipeline.occupancy_map()
     best_views(occupancy, candidate_poses(occupancy), TRANSDUCER, 1)
 

@@ -104,7 +104,7 @@ class EchoCone:
                 )
             bounds.check_all(name, column, bound)
         self._validate_bearings()
-        if np.any(np.diff(self.ranges_m) < 0.0):
+        if (self.ranges_m[1:] < self.ranges_m[:-1]).any():
             raise MalformedMessageError("ranges", "do not ascend")
         bounds.check("limit_step", self.limit_step_m, bounds.LIMIT_STEP)
         bounds.check("residual", self.residual, bounds.RESIDUAL)

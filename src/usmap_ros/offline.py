@@ -153,7 +153,7 @@ def map_bag(
         if left_out:
             raise BagError(", ".join(map(str, bag.paths)), "all of its robots are left out")
         raise nothing_usable(bag)
-    run.robots = consistency.findings(pipeline.fusion.expected_by_others)
+    run.robots = consistency.findings(pipeline.fusion.by_others())
     return run
 
 

@@ -18,7 +18,7 @@ def test_the_versions_it_names_are_those_that_are_required() -> None:
         )
     }
     named = re.findall(r"'(\w+>=[\d.]+)'", PAGE)
-    assert len(named) == 6
+    assert len(named) == 7
     for requirement in map(Requirement, named):
         assert required[requirement.name] == requirement.specifier
 

@@ -13,7 +13,7 @@ import usmap_ros
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "own_sensor.md").read_text(encoding="utf-8")
-(EXAMPLE,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+EXAMPLE, _ = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
 (DESCRIPTION,) = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
 (COMMANDS,) = re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL)
 #: What the page describes: a burst that resonances round off, late, in a converter's counts.

@@ -30,6 +30,7 @@ EXECUTABLES = [
     "cone_reconstructor",
     "echo_driver",
     "map_fusion",
+    "serial_driver",
     "usmap",
 ]
 #: Enough to see that tests run on what colcon built: all of them run without it anyway.

@@ -12,7 +12,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
     {"arrays", "compiled", "cores", "errors", "parent"},
-    {"bounds"},
+    {"bounds", "special"},
     {"geometry"},
     {"acoustics"},
     {"grids", "parameters", "transducer_array"},
@@ -25,6 +25,7 @@ LAYERS = [
         "resting_level",
         "range_cones",
         "repeats",
+        "ringing",
         "soundings",
         "two_elements",
         "views",
@@ -35,6 +36,7 @@ LAYERS = [
     {"parallel", "plotting"},
     {"compilation", "offline", "trial"},
     {"collection", "demo", "live", "paper"},
+    {"drivers"},
     {"nodes"},
     {"cli"},
 ]

@@ -14,6 +14,7 @@ EXECUTABLES = {
     "cone_reconstructor",
     "echo_driver",
     "map_fusion",
+    "serial_driver",
     "usmap",
 }
 

@@ -160,18 +160,31 @@ def test_poses_may_be_taken_at_their_word(methods: ModuleType, scenes: ModuleTyp
     method = methods.METHODS["no_covariance"]
     (_, cone), *_ = recordings.cones(world, method.parameters().reconstruction, None)
     assert cone.pose.planar_covariance.any()
-    assert not methods._certain(cone).pose.covariance.any()
+    exact = methods._certain(cone, method.trusted_axes)
+    assert not exact.pose.planar_covariance.any()
+    straight = methods._certain(cone, methods.METHODS["no_heading"].trusted_axes)
+    assert straight.pose.planar_covariance[2, 2] == 0.0
+    assert straight.pose.planar_covariance[0, 0] == cone.pose.planar_covariance[0, 0]
 
 
 def test_solvers_are_measured_by_the_objects_they_find(benchmark: ModuleType) -> None:
     solvers = importlib.import_module("solvers")
-    ranges_m = np.array([1.0, 1.01, 2.0, 2.5, 3.0])
-    found = solvers.clusters(np.array([0.5, 1.0, 0.01, 0.6j, 0.0]), ranges_m)
+    places = solvers.Places(np.array([1.0, 1.01, 2.0, 2.5, 3.0]), np.full(5, 0.1))
+    found, amplitudes = solvers.clusters(np.array([0.5, 1.0, 0.01, 0.6j, 0.0]), places)
     assert found.tolist() == [1.01, 2.5]
+    assert amplitudes.tolist() == pytest.approx([0.1, 0.06])
     figures = solvers.accuracy("one", [found, np.zeros(0)], [np.array([1.0, 2.0]), np.array([1.0])])
     assert figures["one_found"] == pytest.approx(1 / 3)
     assert figures["one_false"] == 0.5
     assert figures["one_error_mm"] == pytest.approx(10.0)
+
+
+def test_solvers_are_compared_where_equally_few_echoes_are_false(benchmark: ModuleType) -> None:
+    solvers = importlib.import_module("solvers")
+    heard = np.array([1.0, 2.0, 2.5, 3.0]), np.array([0.5, 0.3, 0.2, 0.1])
+    truth = np.array([1.01, 3.02, 4.0])
+    assert solvers.found_at(2.0, [heard], [truth]) == pytest.approx(2 / 3)
+    assert solvers.found_at(1.0, [heard], [truth]) == pytest.approx(1 / 3)
 
 
 def test_the_page_on_scaling_has_the_models_table(benchmark: ModuleType) -> None:

@@ -2,8 +2,9 @@
 
 Neither program runs here.  What they know was read in their sources: properties and plugins of
 ros2/rviz (commit f7112b1a, rviz_common and rviz_default_plugins), settings of the panels 3D, Plot
-and DiagnosticSummary of foxglove/studio (the last versions before its source was closed).  Both
-leave out in silence what they do not know.
+and DiagnosticSummary of foxglove/studio (the last versions before its source was closed) and of
+lichtblick-suite/lichtblick, which goes on from it (commit 66adecb9).  All leave out in silence what
+they do not know.
 """
 
 import json
@@ -53,7 +54,8 @@ PANELS = {
         "publish", "imageMode", "synchronize",
     },
     "Plot": {
-        "title", "paths", "minYValue", "maxYValue", "showLegend", "legendDisplay", "isSynced",
+        "foxglovePanelTitle", "lichtblickPanelTitle", "paths", "minYValue", "maxYValue",
+        "showLegend", "legendDisplay", "isSynced",
         "xAxisVal", "xAxisPath", "followingViewWidth", "showXAxisLabels", "showYAxisLabels",
         "sidebarDimension", "minXValue", "maxXValue", "showPlotValuesInLegend",
     },

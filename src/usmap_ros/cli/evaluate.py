@@ -37,7 +37,13 @@ def evaluate(
     from usmap_ros.mapping.scoring import score
 
     occupancy, paths = load_map(folder)
-    result = score(occupancy, load_truth(truth), paths.views(max_range))
+    views = paths.views(max_range)
+    if max_range is not None and (views is None or paths.views() is not None):
+        raise typer.BadParameter(
+            f"{folder} holds {'no pings' if views is None else 'the beams of all its pings'}",
+            param_hint="'--max-range'",
+        )
+    result = score(occupancy, load_truth(truth), views)
     if as_json:
         # JSON knows no NaN.
         finite = {

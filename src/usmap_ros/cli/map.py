@@ -15,6 +15,8 @@ from usmap_ros.cli.elapsed import seconds_since_start
 from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from usmap_ros.offline import MappingRun
     from usmap_ros.parameters import PipelineParameters
 
@@ -91,9 +93,12 @@ def map_bags(
     # Programs are not asked: whoever writes one says what it replaces.
     if (output / GRID_FILE).exists() and sys.stdin.isatty() and not (force or is_continued):
         typer.confirm(f"{output}: holds a map already; replace it?", abort=True, err=True)
+    _refuse_twice("mapping.method", "--method", method, settings)
+    _refuse_twice("mapping.resolution_m", "--resolution", resolution, settings)
     chosen = [f"mapping.method={method}"] if method else []
     parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
     order = _Order(output, parameters, jobs, passes, without or [])
+    _refuse_idle(order, scheduler)
     recordings = find_recordings(bags, besides=output)
     if scheduler is None and set(recordings) == set(bags):
         _map_together(order, bags, resume, as_json=as_json)
@@ -114,6 +119,40 @@ class _Order:
     without: list[str]
 
 
+def _refuse_twice(key: str, option: str, value: object, settings: list[str] | None) -> None:
+    """Refuse a parameter that is set in two ways: one of them would do nothing."""
+    if value is not None and any(text.partition("=")[0].strip() == key for text in settings or []):
+        raise typer.BadParameter(f"{key} is set by --set as well", param_hint=f"'{option}'")
+
+
+def _refuse_idle(order: _Order, scheduler: str | None) -> None:
+    """Refuse options that would do nothing, before there is any work."""
+    from usmap_ros.errors import UsmapError
+    from usmap_ros.pipeline import Pipeline
+
+    if order.jobs and scheduler not in (None, "local"):
+        raise typer.BadParameter("is up to the cluster's workers", param_hint="'--jobs'")
+    # Without a single ping it costs nothing.
+    pipeline = Pipeline(order.parameters)
+    try:
+        pipeline.refine(order.passes)
+    except UsmapError as error:
+        raise typer.BadParameter(str(error), param_hint="'--passes'") from error
+
+
+def _refuse_absent(without: list[str], topics: Iterable[str]) -> None:
+    """Refuse to leave out who is not there."""
+    from usmap_ros.mapping.consistency import is_of
+
+    known = sorted(topics)
+    for name in without:
+        if not any(is_of(topic, [name]) for topic in known):
+            raise typer.BadParameter(
+                f"{name!r} is nobody's name here; there are {', '.join(known)}",
+                param_hint="'--without'",
+            )
+
+
 def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_json: bool) -> None:
     """Map recordings as if they were one."""
     from usmap_ros.io.bag_reader import BagReader
@@ -131,6 +170,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
         BagReader(bags) as bag,
         map_folder(order.output),
     ):
+        _refuse_absent(order.without, bag.ping_topics())
         # Not before it is known that all there is to read can be read.
         console.compile_loops()
         with console.progress(
@@ -171,6 +211,7 @@ def _map_collection(
     for text in [*done.warnings, *(f"{name}: {cause}" for name, cause in done.failed.items())]:
         typer.echo(f"usmap: warning: {text}", err=True)
     _tell(order.output, done.run, summary, as_json=as_json)
+    _refuse_absent(order.without, {*done.run.without, *done.run.robots})
     if done.failed:
         raise UsmapError(
             f"{len(done.failed)} of {len(recordings)} recordings could not be used; the map is of"

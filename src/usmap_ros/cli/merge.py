@@ -9,6 +9,9 @@ import typer
 
 from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
 
+#: Parameters of mapping that joining maps obeys.
+OBEYED = ("prior", "least_log_odds", "greatest_log_odds", "most_cells")
+
 
 def merge(
     maps: Annotated[
@@ -29,6 +32,12 @@ def merge(
     from usmap_ros.io.map_files import RobotPaths, load_map, map_folder, save_map
     from usmap_ros.mapping.merging import merge_maps
 
+    for setting in settings or []:
+        if setting.partition("=")[0].strip() not in {f"mapping.{name}" for name in OBEYED}:
+            raise typer.BadParameter(
+                f"{setting!r} changes nothing: maps are joined by mapping.{', '.join(OBEYED)}",
+                param_hint="'--set'",
+            )
     parameters = pipeline_parameters(parameters_file, settings)
     paths, loaded = RobotPaths(), []
     for folder in dict.fromkeys(maps):

@@ -59,6 +59,9 @@ def plan(
     if as_json:
         typer.echo(json.dumps([asdict(view) for view in views], indent=2))
         return
+    if not views:
+        typer.echo(f"{folder}: no ping is expected to settle anything")
+        return
     console.print_table(
         f"{folder}: best of {len(poses)} poses", ["x (m)", "y (m)", "heading (rad)", "score"],
         [[f"{v.x_m:.2f}", f"{v.y_m:.2f}", f"{v.yaw_rad:.2f}", f"{v.score:.2f}"] for v in views],

@@ -14,8 +14,11 @@ from dataclasses import dataclass, field
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.5, 30.0
 #: A process that lived this long is healthy again: its next restart comes soon.
 _HEALTHY_AFTER_S = 30.0
-#: How long processes get to end, by the signal that asks them to.
-_PATIENCE_S = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))
+#: How long processes get to end, by the signal that asks them to.  Below 10 s in all; one that has
+#: not listened to SIGINT by then has hung, and would not listen to SIGTERM either.
+_PATIENCE_S = ((signal.SIGINT, 8.0), (signal.SIGKILL, 1.0))
+#: For the last lines that processes have written.
+_LAST_LINES_S = 0.5
 _POLL_S = 0.1
 
 #: Tells a process who keeps it running, so that it can end if that is killed.
@@ -145,8 +148,9 @@ class Supervisor:
                 assert task.process is not None
                 task.process.send_signal(number)
             self._wait_for(alive, patience_s)
+        end_s = time.monotonic() + _LAST_LINES_S
         for reader in self._readers:
-            reader.join(timeout=1.0)
+            reader.join(max(0.0, end_s - time.monotonic()))
 
     def _wait_for(self, tasks: Sequence[Task], patience_s: float) -> None:
         end_s = time.monotonic() + patience_s

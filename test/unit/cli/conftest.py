@@ -96,3 +96,19 @@ def workspace(recorded: Path, tmp_path: Path) -> Path:
     """Give a copy of `recorded` that may be changed."""
     shutil.copytree(recorded, tmp_path / "work")
     return tmp_path / "work"
+
+
+@pytest.fixture(scope="session")
+def undecided(
+    usmap: Callable[..., Done], recorded: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Give a folder with a map of a few pings, which leave open where the poles are."""
+    folder = tmp_path_factory.mktemp("undecided")
+    scenario = (
+        (recorded / "scenario.yaml").read_text().replace("duration_s: 1.0", "duration_s: 0.3")
+    )
+    (folder / "scenario.yaml").write_text(scenario)
+    for arguments in (["simulate", "scenario.yaml", "-o", "bag"], ["map", "bag", "-o", "map"]):
+        done = usmap(*arguments, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    return folder

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from usmap_ros.live import supervisor as supervisor_module
 from usmap_ros.live.supervisor import Supervisor, Task
 
 FOREVER = "import time; print('up', flush=True); time.sleep(60)"
@@ -81,13 +82,20 @@ def test_a_process_that_keeps_dying_is_started_ever_more_slowly(  # type: ignore
 def test_a_process_that_does_not_end_is_told_more_firmly(  # type: ignore[no-untyped-def]
     run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    patience = ((signal.SIGINT, 0.5), (signal.SIGTERM, 300.0))
+    patience = ((signal.SIGINT, 0.5), (signal.SIGKILL, 300.0))
     monkeypatch.setattr("usmap_ros.live.supervisor._PATIENCE_S", patience)
     supervisor, lines = run(task("a", STUBBORN))
     until(lambda: lines == ["[a] up"])
     supervisor.stop()
     until(lambda: supervisor.tasks[0].process.poll() is not None)
-    assert lines[1:] == ["[a] does not end; sending it SIGTERM"]
+    assert lines[1:] == ["[a] does not end; sending it SIGKILL"]
+
+
+def test_all_processes_are_gone_within_ten_seconds() -> None:
+    asked_s = sum(patience_s for _, patience_s in supervisor_module._PATIENCE_S)
+    assert asked_s + supervisor_module._LAST_LINES_S < 10.0
+    # Nothing gets away: the last signal cannot be ignored.
+    assert supervisor_module._PATIENCE_S[-1][0] == signal.SIGKILL
 
 
 def test_it_ends_by_itself_when_it_is_told_how_long() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosbags.rosbag2 import Reader
 
 from usmap_ros.cone import EchoCone
@@ -90,6 +91,26 @@ def test_a_replay_waits_until_reconstructors_know_who_listens(
     live.spin(1.5)
     assert node.health.total("published") == 0
     reports.publish(report("2"))
+    live.until(lambda: node.health.total("published"))
+
+
+def test_a_replay_waits_until_it_knows_who_reads_its_traces(
+    live: Any, traces: Traces, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reconstructor is matched before its name or its cones are known; it was left behind."""
+    with new_bag(tmp_path / "bag") as writer:
+        for _, trace in traces[:5]:
+            writer.write_trace("/robot1/echo", trace)
+    known: list[TopicEndpointInfo] = []
+    monkeypatch.setattr(BagReplay, "get_subscriptions_info_by_topic", lambda *_: known)
+    live.listen(ECHO, "/robot1/echo")
+    node = live.add(BagReplay, bag=str(tmp_path / "bag"), wait_s=300.0, rate=10.0)
+    live.until(lambda: node.count_subscribers("/robot1/echo"))
+    for name in (None, "_NODE_NAME_UNKNOWN_", "cone_reconstructor"):
+        known[:] = [TopicEndpointInfo(node_name=name)] if name else []
+        live.spin(1.0)
+        assert node.health.total("published") == 0, name
+    known[:] = [TopicEndpointInfo(node_name="rviz")]
     live.until(lambda: node.health.total("published"))
 
 

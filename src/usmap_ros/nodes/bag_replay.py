@@ -26,7 +26,6 @@ from usmap_ros.live.interfaces import (
     BAG_REPLAY,
     CLOCK,
     CONE,
-    CONE_RECONSTRUCTOR,
     DIAGNOSTICS,
     ECHO,
     NODES,
@@ -34,6 +33,7 @@ from usmap_ros.live.interfaces import (
     Qos,
 )
 from usmap_ros.live.readers import LAG_S, Readers
+from usmap_ros.nodes.plumbing.audience import Audience
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, every, qos_profile, serve, subscribe
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
@@ -101,7 +101,8 @@ class BagReplay(Node):
             raise
         self._readers, self._backlog = Readers(), Backlog()
         self._attendance = Attendance(time.monotonic() + parameters.wait_s)
-        self._cone_topics = self._listen_to_readers()
+        publishers = {topic: output.publisher for topic, output in self._outputs.items()}
+        self._audience = Audience(self, publishers, self._listen_to_readers())
         subscribe(self, DIAGNOSTICS, self._hear_reports)
         self._clock_publisher = advertise(self, CLOCK) if parameters.clock else None
         serve(self, PAUSE, self._pause)
@@ -150,6 +151,8 @@ class BagReplay(Node):
 
     def _answered(self, topic: str, payload: bytes) -> None:
         stamp_ns = header_stamp_ns(memoryview(payload), 0)
+        # One who came after the start is waited for as soon as he answers.
+        self._readers.add(topic)
         self._readers.answered(topic, stamp_ns, time.monotonic())
         self._backlog.sent()
 
@@ -207,23 +210,10 @@ class BagReplay(Node):
 
         If nobody comes, the wait that was asked for is enough.
         """
-        missing = [
-            topic
-            for topic, output in self._outputs.items()
-            if not output.publisher.get_subscription_count()
-        ]
-        read = {t: cones for t, cones in self._cone_topics.items() if self._is_read(t, cones)}
-        listeners = {cones: self.count_subscribers(cones) for cones in read.values()}
-        # One who listens to the cones is this node.
-        missing += [cones for cones, count in listeners.items() if count < 2]
-        makers = {
-            endpoint.node_namespace.rstrip("/") + "/" + endpoint.node_name: listeners[cones]
-            for cones in read.values()
-            for endpoint in self.get_publishers_info_by_topic(cones)
-        }
-        missing += [cones for cones in read.values() if not self.count_publishers(cones)]
-        if not self._attendance.is_complete(now_s, missing, makers):
+        missing = self._audience.missing()
+        if not self._attendance.is_complete(now_s, missing, self._audience.makers()):
             return False
+        read = self._audience.read()
         if self._report_due_s is None:
             self._report_due_s = now_s + (_FIRST_REPORT_S if self._has_cones(read) else 0.0)
         if not self._backlog and now_s < self._report_due_s:
@@ -233,13 +223,6 @@ class BagReplay(Node):
         if missing:
             self.get_logger().info(f"nobody listens to {', '.join(missing)}")
         return True
-
-    def _is_read(self, traces: str, cones: str) -> bool:
-        """Whether traces will become cones: somebody publishes these, or is about to."""
-        if self.count_publishers(cones):
-            return True
-        readers = self.get_subscriptions_info_by_topic(traces)
-        return any(reader.node_name == CONE_RECONSTRUCTOR.name for reader in readers)
 
     def _has_cones(self, read: dict[str, str]) -> bool:
         """Whether somebody hears cones of the recording, or cones made of its traces."""

@@ -16,8 +16,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 try:
     import numba
-    from numba.core.caching import IndexDataCacheFile
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
     from numba.core.registry import CPUDispatcher
+    from numba.core.runtime.nrt import rtsys
 except ImportError:
     IS_COMPILED = False
 else:
@@ -86,26 +87,38 @@ def _kept(dispatcher: Any, function: Function) -> Function:
         dispatcher.enable_caching()
         # Numba may keep its caches otherwise in another version; then they are as it makes them.
         with suppress(AttributeError, OSError):
-            _renew_with_helpers(dispatcher, function)
+            dispatcher._cache = _cache(dispatcher)
     COMPILED.append(dispatcher)
     return cast("Function", dispatcher)
 
 
-def _renew_with_helpers(kept: Any, function: Callable[..., Any]) -> None:
-    """Keep a function apart from what it was when it, or a function that it may call, was another.
+def _cache(dispatcher: Any) -> Any:
+    """What keeps a function apart from what it was when it, or one that it may call, was another.
 
     Numba looks at the file of the function only, but the machine code has its helpers in it.  All
     compiled functions that its module has imported count, for those that stand below it in its
     file may call them, too.  Old and new have files of their own, because Numba fails on what it
     kept of a class that is not where it was.
     """
-    known = function.__globals__
+    known = dispatcher.py_func.__globals__
     helpers = [known[name] for name in sorted(known) if hasattr(known[name], "py_func")]
-    own = kept._cache._cache_file
-    stamp = _digest([repr(own._source_stamp), *map(_stamp, helpers)])
-    name = f"{kept._cache._impl.filename_base}-{stamp[:8]}"
-    kept_in: Any = IndexDataCacheFile
-    kept._cache._cache_file = kept_in(kept.stats.cache_path, name, stamp)
+
+    class Cache(FunctionCache):
+        def __init__(self, function: Callable[..., Any]) -> None:
+            super().__init__(function)  # type: ignore[no-untyped-call]
+            stamp = _digest([repr(self._cache_file._source_stamp), *map(_stamp, helpers)])
+            name = f"{self._impl.filename_base}-{stamp[:8]}"
+            kept_in: Any = IndexDataCacheFile
+            self._cache_file = kept_in(self._cache_path, name, stamp)
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            # Numba would first learn all that it can compile, which takes longer than to load what
+            # is compiled already; it learns it anyway as soon as there is something to compile.
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+
+    return Cache(dispatcher.py_func)
 
 
 def _stamp(helper: Any) -> str:

@@ -3,6 +3,7 @@
 import importlib
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -196,3 +197,33 @@ def test_the_page_on_scaling_has_the_models_table(benchmark: ModuleType) -> None
     # What is not by the fleet is by the robot.
     assert thousand["Mbit/s"] == pytest.approx(100.0 * ten["Mbit/s"])
     assert thousand["Mbit/s a fusion"] < 1.5 * ten["Mbit/s a fusion"]
+
+
+@pytest.fixture
+def echoes(benchmark: ModuleType) -> ModuleType:
+    return importlib.import_module("echoes")
+
+
+def test_the_same_echoes_are_told_from_others(echoes: ModuleType) -> None:
+    cones = echoes.reconstructed("iq", 6)
+    before = echoes.columns(cones)
+    again = echoes.change(before, echoes.columns(echoes.reconstructed("iq", 6)))
+    assert again.is_none
+    assert again.pings == 6
+    assert again.echoes > 6
+
+    moved = {**before, "ranges_m": before["ranges_m"] + 2e-6}
+    assert not echoes.change(before, moved).is_none
+    louder = {**before, "amplitudes": before["amplitudes"] * 1.0001}
+    assert not echoes.change(before, louder).is_none
+    names = ("ranges_m", "range_stds_m", "amplitudes", "amplitude_stds")
+    one_less = replace(cones[3], **{name: getattr(cones[3], name)[1:] for name in names})
+    fewer = echoes.change(before, echoes.columns([*cones[:3], one_less, *cones[4:]]))
+    assert not fewer.is_none
+    assert fewer.same_count == 5
+
+
+def test_echoes_of_other_pings_are_not_compared(echoes: ModuleType) -> None:
+    few, more = (echoes.columns(echoes.reconstructed("iq", pings)) for pings in (3, 6))
+    with pytest.raises(ValueError, match="other pings"):
+        echoes.change(few, more)

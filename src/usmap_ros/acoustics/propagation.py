@@ -147,7 +147,7 @@ class Channel:
     def _corner_legs_m(self, range_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distance of points, and that of the corners below them."""
         direct_m = np.asarray(range_m, dtype=float)
-        return direct_m, np.hypot(direct_m, self.floor_height_m)
+        return direct_m, np.sqrt(direct_m**2 + self.floor_detour_m2)
 
     def _legs_m(
         self, range_m: FloatArray, rise_m: FloatArray | None = None
@@ -164,7 +164,14 @@ class Channel:
     @property
     def floor_detour_m2(self) -> float:
         """What a leg over the floor has, squared, beyond the square of the straight one."""
+        if self.has_corners:
+            return self.floor_height_m**2
         return float(self._floor_detour_m2(self.object_rise_m))
+
+    @property
+    def floor_legs(self) -> int:
+        """How many more legs over the floor each path has than the one before it."""
+        return 2 if self.has_corners else 1
 
     def _floor_detour_m2(self, rise_m: FloatArray | float) -> FloatArray:
         object_height_m = np.maximum(self.floor_height_m + rise_m, 0.0)

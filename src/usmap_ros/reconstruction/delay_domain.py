@@ -175,24 +175,23 @@ class DelayDomainOperator:
         rate_hz = self.sampling.sample_rate_hz
         time_s = self.template.grid_s(POINTS, POINTS_PER_CYCLE, POINTS_PER_POINT)
         values = self.template(time_s)
+        windows, phases = np.divmod(self._path_index, self.oversampling)
         return SampledMatrix(
             polyphase=np.ascontiguousarray(self._polyphase),
-            windows=self._path_index // self.oversampling,
-            phases=self._path_index % self.oversampling,
-            path_delays_s=self._grid_delays_s,
-            ranges_m=self.ranges_m,
-            proxy_weights=self.path_weights / self._norms,
-            echo_weights=self.path_weights * self._norms,
-            values=values,
-            slopes=self.template.slope(time_s).astype(values.dtype, copy=False),
+            delays_s=self._grid_delays_s,
+            places=phases * self._window_count + windows,
+            weights=np.array([self.path_weights / self._norms, self.path_weights * self._norms]),
+            pulse=np.array([values, self.template.slope(time_s).astype(values.dtype, copy=False)]),
             duration_s=self.template.duration_s,
             sample_rate_hz=rate_hz,
             start_delay_s=self.sampling.start_delay_s,
             sample_count=self.sample_count,
+            grid_start_s=self._grid_start_s,
             delay_step_s=self.delay_step_s,
             band=self._band,
             sound_speed_m_s=self.channel.sound_speed_m_s,
             floor_detour_m2=self.channel.floor_detour_m2,
+            floor_legs=self.channel.floor_legs,
         )
 
     # ------------------------------------------------------------------ off the grid

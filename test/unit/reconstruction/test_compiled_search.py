@@ -1,18 +1,21 @@
 """Compiled, the search finds what it finds by the sensing operator alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import to_baseband
 from usmap_ros.reconstruction.cosamp import Halt
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.delay_search import compiled_search, operator_search
 from usmap_ros.reconstruction.sampled.band import without_negatives
-from usmap_ros.reconstruction.sampled.search import loudness
+from usmap_ros.reconstruction.sampled.matched import loudness
 
 FLOOR = Channel(343.0, 1.3, floor_height_m=0.4, floor_reflectivity=0.6)
+CORNERS = replace(FLOOR, floor_model=FloorModel.CORNER)
 PINGS = 12
 
 
@@ -40,7 +43,9 @@ def both(trace, **fields):
 @pytest.mark.parametrize(
     "reception", ["iq", "envelope", "raw", "square", "tone_iq", "chirp_iq", "chirp_envelope"]
 )
-@pytest.mark.parametrize("channel", [Channel(343.0), FLOOR], ids=["air", "floor"])
+@pytest.mark.parametrize(
+    "channel", [Channel(343.0), FLOOR, CORNERS], ids=["air", "floor", "corners"]
+)
 def test_the_same_echoes(hear, reception, channel):
     different, residuals = 0, []
     for seed in range(PINGS):

@@ -10,25 +10,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray, Signal
+from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.compiled import compiled_within, inlined
-from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, replace, strengths
-from usmap_ros.reconstruction.sampled.matrix import (
-    Places,
-    SampledMatrix,
-    columns_of,
-    refilter,
-)
+from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, strengths
+from usmap_ros.reconstruction.sampled.matched import Heard, first_at, refilter
+from usmap_ros.reconstruction.sampled.matrix import Places, SampledMatrix, columns_of
 
-#: Why the solver stopped; places in `HALTS` of `usmap_ros.reconstruction.sampled.search`.
+#: Why the solver stopped; places in `HALTS` of `usmap_ros.reconstruction.delay_search`.
 NOISE_LEVEL, NOTHING_LEFT, STABLE_SUPPORT, NO_PROGRESS, ITERATIONS = 0, 1, 2, 3, 4
+#: Blocks of which the loudest is kept in mind, so that to choose one not all are looked at.
+STRETCH = 64
 
 
 @compiled_within
 def cosamp(
     matrix: SampledMatrix,
     places: Places,
-    heard: tuple[Signal, Signal, Signal],
+    heard: Heard,
     thresholds: FloatArray,
     warm_start: IndexArray,
     limits: tuple[int, int, bool],
@@ -41,9 +39,9 @@ def cosamp(
         Φ.
     places : Places
         Where its blocks are.
-    heard : (samples,), (samples,) and (oversampling, windows) arrays
-        The signal; what is left of it, and the matched filter's output of that.  These two are
-        brought up to date.
+    heard : Heard
+        The signal, and the matched filter's output for what is left of it, which is brought up
+        to date.
     thresholds : (blocks,) array
         Score that a block must exceed to be taken up, and to be kept.
     warm_start : (n,) integer array
@@ -58,7 +56,7 @@ def cosamp(
     iterations, halt : int
         Iterations done, and why no more were.
     """
-    signal, unexplained, filtered = heard
+    signal = heard.signal
     sparsity, max_iterations, non_negative = limits
     best = least_squares(matrix, places, warm_start, signal, non_negative)
     kept = _pruning(matrix, best, thresholds, sparsity)
@@ -68,9 +66,8 @@ def cosamp(
     for iteration in range(1, max_iterations + 1):
         if best.power <= 0.0:
             return best, done, NOISE_LEVEL
-        refilter(matrix, unexplained, best.residual, filtered)
-        replace(unexplained, best.residual)
-        scores = signal_proxy(matrix, places, filtered, best, non_negative)
+        refilter(matrix, heard, best.residual, non_negative)
+        scores = signal_proxy(matrix, places, heard, best, non_negative)
         identified = _identification(matrix, scores, thresholds, best.support, 2 * sparsity)
         if len(identified) == 0:
             return best, done, NOTHING_LEFT
@@ -90,25 +87,19 @@ def cosamp(
 
 @compiled_within
 def signal_proxy(
-    matrix: SampledMatrix, places: Places, filtered: Signal, fit: Fit, non_negative: bool
+    matrix: SampledMatrix, places: Places, heard: Heard, fit: Fit, non_negative: bool
 ) -> FloatArray:
     """Form signal proxy y ← Φ* v, and how well each block by itself explains v.
 
     Blocks that were moved off the grid and left the support are looked at where they are now;
     those of the support explain nothing that is left.
     """
-    scores = np.zeros(len(places.moved))
-    for block in range(len(scores)):
-        for path in range(matrix.windows.shape[1]):
-            value = filtered[matrix.phases[block, path], matrix.windows[block, path]]
-            # What would need a negative coefficient cannot explain anything.
-            size = max(value.real, 0.0) if non_negative else np.sqrt(value.real**2 + value.imag**2)
-            scores[block] += matrix.proxy_weights[block, path] * size
+    scores = heard.scores.copy()
     for block in fit.support:
         scores[block] = 0.0
     one = np.empty(1, np.int64)
-    for block in range(len(scores)):
-        if not places.moved[block] or scores[block] == 0.0:
+    for block in places.blocks:
+        if scores[block] == 0.0:
             continue
         one[0], scores[block] = block, 0.0
         columns = columns_of(matrix, places, one)
@@ -117,11 +108,11 @@ def signal_proxy(
             for tap in range(columns.values.shape[1]):
                 value += np.conj(columns.values[number, tap]) * fit.residual[begin + tap]
             size = max(value.real, 0.0) if non_negative else abs(value)
-            scores[block] += matrix.proxy_weights[block, columns.paths[number]] * size
+            scores[block] += matrix.weights[0, block, columns.paths[number]] * size
     return scores
 
 
-@inlined
+@compiled_within
 def _identification(
     matrix: SampledMatrix,
     scores: FloatArray,
@@ -130,25 +121,37 @@ def _identification(
     count: int,
 ) -> IndexArray:
     """Identify large components: Ω ← supp(y_2s), none within the bands of the support."""
-    free = scores > limits
-    for block in support:
-        free[max(0, block - matrix.band) : block + matrix.band + 1] = False
-    candidates, last = np.empty(len(scores), np.int64), 0
+    stretches = (len(scores) + STRETCH - 1) // STRETCH
+    loudest, free = np.empty(stretches), np.zeros(stretches * STRETCH)
     for block in range(len(scores)):
-        if free[block]:
-            candidates[last] = block
-            last += 1
-    candidates, chosen = candidates[:last], np.empty(count, np.int64)
+        free[block] = scores[block] if scores[block] > limits[block] else 0.0
+    for block in support:
+        free[max(0, block - matrix.band) : block + matrix.band + 1] = 0.0
+    for stretch in range(stretches):
+        loudest[stretch] = _loudest(free, stretch)
+    chosen = np.empty(count, np.int64)
     for number in range(count):
-        best = len(scores)
-        for block in candidates:
-            if free[block] and (best == len(scores) or scores[block] > scores[best]):
-                best = int(block)
-        if best == len(scores):
+        best = 0
+        for stretch in range(1, stretches):
+            if loudest[stretch] > loudest[best]:
+                best = stretch
+        if stretches == 0 or loudest[best] == 0.0:
             return chosen[:number]
-        chosen[number] = best
-        _drop_rivals(matrix, candidates, free, best)
+        block = best * STRETCH
+        while free[block] < loudest[best]:
+            block += 1
+        chosen[number] = block
+        _drop_rivals(matrix, free, loudest, block)
     return chosen
+
+
+@inlined
+def _loudest(scores: FloatArray, stretch: int) -> float:
+    """Loudest score of a stretch of blocks."""
+    loudest = 0.0
+    for block in range(stretch * STRETCH, (stretch + 1) * STRETCH):
+        loudest = max(loudest, scores[block])
+    return loudest
 
 
 @inlined
@@ -167,17 +170,18 @@ def _support_merger(support: IndexArray, identified: IndexArray) -> IndexArray:
 
 
 @inlined
-def _drop_rivals(
-    matrix: SampledMatrix, candidates: IndexArray, free: BoolArray, chosen: int
-) -> None:
-    """Leave out candidates of which any path falls into the band of any path of the chosen one."""
+def _drop_rivals(matrix: SampledMatrix, free: FloatArray, loudest: FloatArray, chosen: int) -> None:
+    """Leave out blocks of which any path falls into the band of any path of the chosen one."""
     band_s = (matrix.band + 0.5) * matrix.delay_step_s
-    own_s = matrix.path_delays_s[chosen]
-    for block in candidates:
-        for delay_s in matrix.path_delays_s[block]:
-            for near_s in own_s:
-                if abs(delay_s - near_s) < band_s:
-                    free[block] = False
+    blocks, paths = matrix.delays_s.shape
+    for near_s in matrix.delays_s[chosen]:
+        for path in range(paths):
+            first = block = first_at(matrix.delays_s[:, path], near_s - band_s)
+            while block < blocks and matrix.delays_s[block, path] < near_s + band_s:
+                free[block] = 0.0
+                block += 1
+            for stretch in range(first // STRETCH, (block + STRETCH - 1) // STRETCH):
+                loudest[stretch] = _loudest(free, stretch)
 
 
 @compiled_within
@@ -185,7 +189,9 @@ def _pruning(matrix: SampledMatrix, estimate: Fit, limits: FloatArray, sparsity:
     """Prune to obtain next approximation: the support of b_s, less what is below its limit."""
     found = strengths(matrix, estimate)
     loud = np.zeros(len(found), np.bool_)
-    for _ in range(min(sparsity, len(found))):
+    if len(found) <= sparsity:
+        loud[:] = True
+    for _ in range(sparsity if len(found) > sparsity else 0):
         best = len(found)
         for number in range(len(found)):
             if not loud[number] and (best == len(found) or found[number] > found[best]):

@@ -21,6 +21,7 @@ from usmap_ros.reconstruction.sampled.matrix import (
     columns_of,
     looked_up,
     margin,
+    range_m,
 )
 
 #: Ridge of least squares, and of the information on delays.  Columns that are alike get equal
@@ -89,7 +90,7 @@ def least_squares(
         _make_non_negative(gram, begins, factor, fitted)
     else:
         solve(factor, begins, fitted)
-    coefficients = np.zeros((len(support), places.delays_s.shape[1]), np.complex128)
+    coefficients = np.zeros((len(support), matrix.delays_s.shape[1]), np.complex128)
     residual = signal.copy()
     for number in range(len(fitted)):
         coefficients[columns.blocks[number], columns.paths[number]] = fitted[number]
@@ -114,15 +115,10 @@ def _make_non_negative(gram: Signal, begins: IndexArray, factor: Signal, right: 
     solve(factor, begins, right)
     for row in range(len(right)):
         if right[row].real < 0.0:
-            replace(right, without_negatives(real_gram, begins, real_right))
+            found = without_negatives(real_gram, begins, real_right)
+            for place in range(len(right)):
+                right[place] = found[place]
             return
-
-
-@inlined
-def replace(old: Signal, new: Signal) -> None:
-    """Put numbers into the place of others; with a slice, messages for misfits are compiled too."""
-    for place in range(len(old)):
-        old[place] = new[place]
 
 
 @compiled_within
@@ -131,7 +127,7 @@ def strengths(matrix: SampledMatrix, fit: Fit) -> FloatArray:
     found = np.zeros(len(fit.support))
     for number, block in enumerate(fit.support):
         for path in range(fit.coefficients.shape[1]):
-            found[number] += matrix.echo_weights[block, path] * abs(fit.coefficients[number, path])
+            found[number] += matrix.weights[1, block, path] * abs(fit.coefficients[number, path])
     return found
 
 
@@ -236,16 +232,16 @@ def _slopes(matrix: SampledMatrix, places: Places, fit: Fit) -> Signal:
     count, taps = columns.values.shape
     slopes = np.zeros((count, taps), np.complex128)
     for number in range(count):
-        rate, path = 1.0, columns.paths[number]
-        if path > 0:
-            direct_m = places.ranges_m[fit.support[columns.blocks[number]]]
+        rate, legs = 1.0, columns.paths[number] * matrix.floor_legs
+        if legs > 0:
+            direct_m = range_m(matrix, places, fit.support[columns.blocks[number]])
             slope = direct_m / np.sqrt(direct_m**2 + matrix.floor_detour_m2)
-            rate = slope if path > 1 else 0.5 * (1.0 + slope)
+            rate = 0.5 * ((2 - legs) + legs * slope)
         factor = -rate * fit.fitted[number]
         sample = columns.first[number] - beside
         for tap in range(max(0, -sample), min(taps, matrix.sample_count - sample)):
             age_s = columns.ages_s[number] + tap / matrix.sample_rate_hz
-            slopes[number, tap] = factor * looked_up(matrix.slopes, matrix, age_s)
+            slopes[number, tap] = factor * looked_up(matrix, 1, age_s)
     return slopes
 
 

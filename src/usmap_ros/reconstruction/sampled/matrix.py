@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray, Signal
+from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.compiled import compiled_within, inlined
 
 #: Points at which a pulse is tabulated, and further ones a cycle of its phase.  Linear between
@@ -17,22 +17,20 @@ POINTS_PER_POINT = 16
 
 
 class SampledMatrix(NamedTuple):
-    """The sensing matrix Φ as numbers and arrays, for compiled code.
+    """The sensing matrix Φ as numbers and few arrays, for compiled code.
 
     Attributes
     ----------
     polyphase : (oversampling, taps) array
         The pulse at every delay between two samples.
-    windows, phases : (blocks, paths) integer arrays
-        Where each path of a block is on the grid of delays: the sample with which its window
-        begins, and the number of the delay between samples.
-    path_delays_s : (blocks, paths) array
-        Delays of the paths, on the grid.
-    ranges_m : (blocks,) array
-        Ranges of the blocks, on the grid.
-    proxy_weights, echo_weights : (blocks, paths) arrays
+    delays_s : (blocks, paths) array
+        Where each path of a block is on the grid of delays.
+    places : (blocks, paths) integer array
+        Where that is in the matched filter's output, which has all windows of one delay between
+        samples together.
+    weights : (2, blocks, paths) array
         What a block's score has of each path's product with a signal, and of its coefficient.
-    values, slopes : (points,) arrays
+    pulse : (2, points) array
         The pulse and its derivative (1/s), from its start to its end.
     duration_s : float
         Length of the pulse.
@@ -40,50 +38,47 @@ class SampledMatrix(NamedTuple):
         When samples are taken.
     sample_count : int
         How many they are.
-    delay_step_s : float
-        Of the grid.
+    grid_start_s, delay_step_s : float
+        First delay of the grid, and from one to the next.
     band : int
         Blocks to either side of a chosen one in which no other is chosen.
     sound_speed_m_s, floor_detour_m2 : float
         Of the channel: the square of a leg over the floor is longer than that of the straight one
         by the latter.
+    floor_legs : int
+        How many more legs over the floor each path has than the one before it.
     """
 
     polyphase: Signal
-    windows: IndexArray
-    phases: IndexArray
-    path_delays_s: FloatArray
-    ranges_m: FloatArray
-    proxy_weights: FloatArray
-    echo_weights: FloatArray
-    values: Signal
-    slopes: Signal
+    delays_s: FloatArray
+    places: IndexArray
+    weights: FloatArray
+    pulse: Signal
     duration_s: float
     sample_rate_hz: float
     start_delay_s: float
     sample_count: int
+    grid_start_s: float
     delay_step_s: float
     band: int
     sound_speed_m_s: float
     floor_detour_m2: float
+    floor_legs: int
 
 
 class Places(NamedTuple):
-    """Where the blocks are, on the grid until they are moved.
+    """Where the blocks are that are not on the grid any more.
 
     Attributes
     ----------
-    ranges_m : (blocks,) array
-        Ranges.
-    delays_s : (blocks, paths) array
-        Delays of all paths.
-    moved : (blocks,) bool array
-        Which are off the grid.
+    blocks : (n,) integer array
+        Which they are, ascending.
+    ranges_m : (all blocks,) array
+        Their ranges; 0 of blocks on the grid.
     """
 
+    blocks: IndexArray
     ranges_m: FloatArray
-    delays_s: FloatArray
-    moved: BoolArray
 
 
 class Columns(NamedTuple):
@@ -127,28 +122,56 @@ def with_margin(matrix: SampledMatrix, signal: Signal) -> Signal:
 @inlined
 def on_grid(matrix: SampledMatrix) -> Places:
     """All blocks where the grid has them."""
-    moved = np.zeros(len(matrix.ranges_m), np.bool_)
-    return Places(matrix.ranges_m.copy(), matrix.path_delays_s.copy(), moved)
+    return Places(np.empty(0, np.int64), np.zeros(len(matrix.delays_s)))
+
+
+@inlined
+def range_m(matrix: SampledMatrix, places: Places, block: int) -> float:
+    """Range of a block."""
+    if places.ranges_m[block] > 0.0:
+        return float(places.ranges_m[block])
+    return float(0.5 * matrix.sound_speed_m_s * matrix.delays_s[block, 0])
+
+
+@inlined
+def delay_s(matrix: SampledMatrix, places: Places, block: int, path: int) -> float:
+    """Delay of a path of a block: on the grid rounded to it, off the grid exact."""
+    direct_m = places.ranges_m[block]
+    if direct_m == 0.0:
+        return float(matrix.delays_s[block, path])
+    legs = path * matrix.floor_legs
+    if legs == 0:
+        return float(2.0 * direct_m / matrix.sound_speed_m_s)
+    via_floor_m = np.sqrt(direct_m**2 + matrix.floor_detour_m2)
+    return float(((2 - legs) * direct_m + legs * via_floor_m) / matrix.sound_speed_m_s)
 
 
 @compiled_within
-def move(matrix: SampledMatrix, places: Places, support: IndexArray, steps_s: FloatArray) -> None:
-    """Make the direct paths of `support` later by `steps_s`, and the others with them."""
-    speed = matrix.sound_speed_m_s
+def moved(
+    matrix: SampledMatrix, places: Places, support: IndexArray, steps_s: FloatArray
+) -> Places:
+    """Make the direct paths of `support`, ascending, later by `steps_s`, the others with them."""
     for number, block in enumerate(support):
-        direct_m = places.ranges_m[block] + 0.5 * speed * steps_s[number]
-        places.ranges_m[block] = direct_m
-        places.delays_s[block, 0] = 2.0 * direct_m / speed
-        if places.delays_s.shape[1] > 1:
-            via_floor_m = np.sqrt(direct_m**2 + matrix.floor_detour_m2)
-            places.delays_s[block, 1] = (direct_m + via_floor_m) / speed
-            places.delays_s[block, 2] = 2.0 * via_floor_m / speed
-        places.moved[block] = True
+        step_m = 0.5 * matrix.sound_speed_m_s * steps_s[number]
+        places.ranges_m[block] = range_m(matrix, places, block) + step_m
+    both = np.empty(len(places.blocks) + len(support), np.int64)
+    one = other = last = 0
+    while one < len(places.blocks) or other < len(support):
+        is_new = one == len(places.blocks) or (
+            other < len(support) and support[other] < places.blocks[one]
+        )
+        block = support[other] if is_new else places.blocks[one]
+        one += one < len(places.blocks) and places.blocks[one] == block
+        other += other < len(support) and support[other] == block
+        both[last] = block
+        last += 1
+    return Places(both[:last], places.ranges_m)
 
 
 @compiled_within
-def looked_up(table: Signal, matrix: SampledMatrix, age_s: float) -> Any:
-    """Value of `matrix.values` or `matrix.slopes` at a time after the pulse's start."""
+def looked_up(matrix: SampledMatrix, which: int, age_s: float) -> Any:
+    """Value of the pulse, or of its derivative, at a time after its start."""
+    table = matrix.pulse[which]
     if age_s < 0.0 or age_s > matrix.duration_s:
         return 0.0 * table[0]
     place = age_s * (len(table) - 1) / matrix.duration_s
@@ -160,21 +183,25 @@ def looked_up(table: Signal, matrix: SampledMatrix, age_s: float) -> Any:
 @compiled_within
 def columns_of(matrix: SampledMatrix, places: Places, support: IndexArray) -> Columns:
     """Columns of all paths of the blocks of a support."""
-    beside = margin(matrix)
-    count, taps = support.size * places.delays_s.shape[1], beside - 1
+    beside, paths = margin(matrix), matrix.delays_s.shape[1]
+    count, taps = support.size * paths, beside - 1
     delays_s = np.empty(count)
-    blocks, paths = np.empty(count, np.int64), np.empty(count, np.int64)
+    of_block, of_path = np.empty(count, np.int64), np.empty(count, np.int64)
     # Few, and most often in order already: sorted by insertion.
     for column in range(count):
-        block, path = column // places.delays_s.shape[1], column % places.delays_s.shape[1]
-        delay_s = places.delays_s[support[block], path]
+        block, path = column // paths, column % paths
+        later_s = delay_s(matrix, places, support[block], path)
         at = column
-        while at > 0 and delays_s[at - 1] > delay_s:
-            delays_s[at], blocks[at], paths[at] = delays_s[at - 1], blocks[at - 1], paths[at - 1]
+        while at > 0 and delays_s[at - 1] > later_s:
+            delays_s[at], of_block[at], of_path[at] = (
+                delays_s[at - 1],
+                of_block[at - 1],
+                of_path[at - 1],
+            )
             at -= 1
-        delays_s[at], blocks[at], paths[at] = delay_s, block, path
+        delays_s[at], of_block[at], of_path[at] = later_s, block, path
     first, ages_s = np.empty(count, np.int64), np.empty(count)
-    values = np.zeros((count, taps), matrix.values.dtype)
+    values = np.zeros((count, taps), matrix.pulse.dtype)
     for column in range(count):
         number = int(np.ceil((delays_s[column] - matrix.start_delay_s) * matrix.sample_rate_hz))
         number = max(-taps, min(number, matrix.sample_count))
@@ -182,40 +209,5 @@ def columns_of(matrix: SampledMatrix, places: Places, support: IndexArray) -> Co
         first[column] = number + beside
         for tap in range(max(0, -number), min(taps, matrix.sample_count - number)):
             age_s = (number + tap) / matrix.sample_rate_hz + matrix.start_delay_s - delays_s[column]
-            values[column, tap] = looked_up(matrix.values, matrix, age_s)
-    return Columns(blocks, paths, first, values, ages_s)
-
-
-@compiled_within
-def matched_filter(
-    matrix: SampledMatrix, signal: Signal, filtered: Signal, begin: int, end: int
-) -> None:
-    """Φᴴ r on the grid, as far as samples from `begin` to before `end` of a signal matter."""
-    taps = margin(matrix)
-    windows = filtered.shape[1]
-    begin, end = max(0, begin - taps), min(windows, end)
-    for phase in range(filtered.shape[0]):
-        row = filtered[phase, begin:end]
-        row[:] = 0.0
-        for tap in range(taps):
-            factor = np.conj(matrix.polyphase[phase, tap])
-            heard = signal[begin + 1 + tap : end + 1 + tap]
-            for window in range(len(row)):
-                row[window] += factor * heard[window]
-
-
-@compiled_within
-def refilter(matrix: SampledMatrix, before: Signal, after: Signal, filtered: Signal) -> None:
-    """Bring a matched filter's output up to date where a signal has changed."""
-    end, place, taps = len(after), 0, margin(matrix)
-    while place < end:
-        if before[place] == after[place]:
-            place += 1
-            continue
-        begin = last = place
-        # Changes within a pulse of each other are worth one pass.
-        while place < end and place - last <= taps:
-            if before[place] != after[place]:
-                last = place
-            place += 1
-        matched_filter(matrix, after, filtered, begin, last + 1)
+            values[column, tap] = looked_up(matrix, 0, age_s)
+    return Columns(of_block, of_path, first, values, ages_s)

@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled, compiled_within, inlined
+from usmap_ros.compiled import compiled, inlined
 from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
-from usmap_ros.reconstruction.sampled.fit import delay_step, least_squares, strengths
+from usmap_ros.reconstruction.sampled.fit import delay_step, strengths
+from usmap_ros.reconstruction.sampled.matched import heard_in, loudness, refilter, score
 from usmap_ros.reconstruction.sampled.matrix import (
     SampledMatrix,
     margin,
-    move,
+    moved,
     on_grid,
-    refilter,
-    with_margin,
+    range_m,
 )
 
 
@@ -97,18 +97,17 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     how : Search
         How to search.
     """
-    padded, places = with_margin(matrix, signal), on_grid(matrix)
-    rows, taps = matrix.polyphase.shape
-    filtered = np.zeros((rows, matrix.sample_count + taps - 1), np.complex128)
-    refilter(matrix, np.zeros(len(padded), np.complex128), padded, filtered)
+    heard, places = heard_in(matrix, signal), on_grid(matrix)
+    windows = heard.filtered.shape[1]
     # Of either sign; not written as a literal, for which all would be compiled once more.
     rectified = how.non_negative & False
-    silent = least_squares(matrix, places, np.empty(0, np.int64), padded, rectified)
-    scores = signal_proxy(matrix, places, filtered, silent, rectified)
-    thresholds = noise + how.model_error * loudness(scores, _pulse_blocks(matrix))
-    heard = (padded, padded.copy(), filtered)
+    score(matrix, heard, 0, windows, rectified)
+    thresholds = noise + how.model_error * loudness(heard.scores, _pulse_blocks(matrix))
+    if how.non_negative:
+        score(matrix, heard, 0, windows, how.non_negative)
+    nothing = np.empty(0, np.int64)
     limits = (how.sparsity, how.max_iterations, how.non_negative)
-    fit, iterations, halt = cosamp(matrix, places, heard, thresholds, silent.support, limits)
+    fit, iterations, halt = cosamp(matrix, places, heard, thresholds, nothing, limits)
     step_s, stds_s = np.zeros(len(fit.support)), np.zeros(len(fit.support))
     if how.refinements >= 0:
         step_s, stds_s = delay_step(matrix, places, fit)
@@ -119,18 +118,20 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         if largest < how.settled:
             break
         before = fit.support
-        move(matrix, places, before, step_s)
+        places = moved(matrix, places, before, step_s)
         fit, iterations, halt = cosamp(matrix, places, heard, thresholds, before, limits)
         if largest < how.small and same(fit.support, before):
             step_s = np.zeros(len(before))
             break
         step_s, stds_s = delay_step(matrix, places, fit)
     # The last step is worth taking, but not worth another fit.
-    move(matrix, places, fit.support, step_s)
-    refilter(matrix, heard[1], fit.residual, filtered)
+    places = moved(matrix, places, fit.support, step_s)
+    refilter(matrix, heard, fit.residual, rectified)
+    if how.non_negative:
+        score(matrix, heard, 0, windows, rectified)
     beside, ranges_m = margin(matrix), np.empty(len(fit.support))
     for number, block in enumerate(fit.support):
-        ranges_m[number] = places.ranges_m[block]
+        ranges_m[number] = range_m(matrix, places, block)
     return Found(
         fit.support,
         fit.coefficients,
@@ -139,32 +140,10 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         stds_s,
         strengths(matrix, fit),
         thresholds,
-        signal_proxy(matrix, places, filtered, fit, rectified),
+        signal_proxy(matrix, places, heard, fit, rectified),
         iterations,
         halt,
     )
-
-
-@compiled_within
-def loudness(scores: FloatArray, reach: int) -> FloatArray:
-    """Loudest score within `reach` blocks of each."""
-    count = len(scores)
-    loudest = np.empty(count)
-    # Blocks of which one may be the loudest of a window yet to come, by falling score.
-    waiting = np.empty(count, np.int64)
-    begin = end = 0
-    for block in range(count + reach):
-        if block < count:
-            while end > begin and scores[waiting[end - 1]] <= scores[block]:
-                end -= 1
-            waiting[end] = block
-            end += 1
-        centre = block - reach
-        if centre >= 0:
-            while waiting[begin] < centre - reach:
-                begin += 1
-            loudest[centre] = scores[waiting[begin]]
-    return loudest
 
 
 @inlined

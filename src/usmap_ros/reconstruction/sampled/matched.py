@@ -1,0 +1,150 @@
+"""The matched filter, and what its output says of every block, kept up to date.
+
+What an echo explains changes the residual within a pulse's length of it only: beyond that, neither
+filter nor scores are looked at again.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from usmap_ros.arrays import FloatArray, Signal
+from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.reconstruction.sampled.matrix import SampledMatrix, margin
+
+
+class Heard(NamedTuple):
+    """A signal, and what its matched filter says of what is left of it.
+
+    Attributes
+    ----------
+    signal, unexplained : (samples,) arrays
+        The signal between its margins, and what is left of it.
+    filtered : (oversampling, windows) array
+        The matched filter's output for what is left.
+    sizes : (oversampling * windows,) array
+        Its magnitudes, or its positive parts where coefficients must not be negative.
+    scores : (blocks,) array
+        How well each block, on the grid and by itself, explains what is left.
+    """
+
+    signal: Signal
+    unexplained: Signal
+    filtered: Signal
+    sizes: FloatArray
+    scores: FloatArray
+
+
+@inlined
+def heard_in(matrix: SampledMatrix, signal: Signal) -> Heard:
+    """A signal of which nothing is explained yet."""
+    beside = margin(matrix)
+    padded = np.zeros(matrix.sample_count + 2 * beside, np.complex128)
+    for sample in range(matrix.sample_count):
+        padded[beside + sample] = signal[sample]
+    rows, windows = matrix.polyphase.shape[0], matrix.sample_count + beside - 1
+    filtered = np.empty((rows, windows), np.complex128)
+    sizes, scores = np.empty(rows * windows), np.empty(len(matrix.delays_s))
+    heard = Heard(padded, padded.copy(), filtered, sizes, scores)
+    _filter(matrix, heard, 0, windows)
+    return heard
+
+
+@compiled_within
+def refilter(matrix: SampledMatrix, heard: Heard, residual: Signal, non_negative: bool) -> None:
+    """Bring filter and scores up to date where the residual has changed."""
+    end, place, taps = len(residual), 0, margin(matrix)
+    while place < end:
+        if heard.unexplained[place] == residual[place]:
+            place += 1
+            continue
+        begin = last = place
+        # Changes within a pulse of each other are worth one pass.
+        while place < end and place - last <= taps:
+            if heard.unexplained[place] != residual[place]:
+                heard.unexplained[place] = residual[place]
+                last = place
+            place += 1
+        first, stop = max(0, begin - taps), min(heard.filtered.shape[1], last + 1)
+        _filter(matrix, heard, first, stop)
+        score(matrix, heard, first, stop, non_negative)
+
+
+@compiled_within
+def _filter(matrix: SampledMatrix, heard: Heard, begin: int, end: int) -> None:
+    """Φᴴ r on the grid, in windows from `begin` to before `end`."""
+    taps = margin(matrix)
+    for phase in range(heard.filtered.shape[0]):
+        row = heard.filtered[phase, begin:end]
+        row[:] = 0.0
+        # Two at a time, for half as many ways to memory and back.
+        for tap in range(0, taps - 1, 2):
+            factor = np.conj(matrix.polyphase[phase, tap])
+            next_factor = np.conj(matrix.polyphase[phase, tap + 1])
+            samples = heard.unexplained[begin + 1 + tap : end + 1 + tap]
+            next_samples = heard.unexplained[begin + 2 + tap : end + 2 + tap]
+            for window in range(len(row)):
+                row[window] += factor * samples[window] + next_factor * next_samples[window]
+        if taps % 2:
+            factor = np.conj(matrix.polyphase[phase, taps - 1])
+            samples = heard.unexplained[begin + taps : end + taps]
+            for window in range(len(row)):
+                row[window] += factor * samples[window]
+
+
+@compiled_within
+def score(matrix: SampledMatrix, heard: Heard, begin: int, end: int, non_negative: bool) -> None:
+    """Bring scores up to date with the filter's output in windows from `begin` to before `end`."""
+    rows, windows = heard.filtered.shape
+    for phase in range(rows):
+        row, sizes = heard.filtered[phase], heard.sizes[phase * windows : (phase + 1) * windows]
+        if non_negative:
+            # What would need a negative coefficient cannot explain anything.
+            for window in range(begin, end):
+                sizes[window] = max(row[window].real, 0.0)
+        else:
+            for window in range(begin, end):
+                sizes[window] = np.sqrt(row[window].real ** 2 + row[window].imag ** 2)
+    for path in range(matrix.delays_s.shape[1]):
+        delays_s = matrix.delays_s[:, path]
+        # Half a step before the first delay of a window.
+        stop = first_at(delays_s, matrix.grid_start_s + (end * rows - 0.5) * matrix.delay_step_s)
+        start_s = matrix.grid_start_s + (begin * rows - 0.5) * matrix.delay_step_s
+        for block in range(first_at(delays_s, start_s), stop):
+            heard.scores[block] = 0.0
+            for one in range(matrix.delays_s.shape[1]):
+                size = heard.sizes[matrix.places[block, one]]
+                heard.scores[block] += matrix.weights[0, block, one] * size
+
+
+@compiled_within
+def first_at(ascending: FloatArray, number: float) -> int:
+    """Place of the first of ascending numbers that is not below another."""
+    begin, end = 0, len(ascending)
+    while begin < end:
+        middle = (begin + end) // 2
+        if ascending[middle] < number:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@compiled_within
+def loudness(scores: FloatArray, reach: int) -> FloatArray:
+    """Loudest score within `reach` blocks of each."""
+    count, width = len(scores), 2 * reach + 1
+    loudest, longer = np.empty(count + 2 * reach), np.empty(count + 2 * reach)
+    for place in range(len(loudest)):
+        loudest[place] = scores[min(max(place - reach, 0), count - 1)]
+    # Every step doubles the stretch that each entry is the maximum of.
+    stretch = 1
+    while stretch < width:
+        step = min(stretch, width - stretch)
+        for place in range(len(loudest) - step):
+            longer[place] = max(loudest[place], loudest[place + step])
+        loudest, longer = longer, loudest
+        stretch += step
+    return loudest[:count]

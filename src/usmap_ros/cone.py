@@ -16,6 +16,16 @@ from usmap_ros.geometry import Pose
 #: `EchoCone.detection_limits` count half decibels up from here (dB re amplitude 1).
 LIMIT_FLOOR_DB = -100.0
 LIMIT_STEP_DB = 0.5
+#: What the numbers of an echo may be, by the names that messages have for them.
+_ECHO = {
+    "ranges": bounds.RANGE,
+    "range_stds": bounds.RANGE_STD,
+    "amplitudes": bounds.LOUDNESS,
+    "amplitude_stds": bounds.LOUDNESS,
+}
+_LEAST, _GREATEST = (
+    np.array([[getattr(bound, end)] for bound in _ECHO.values()]) for end in ("least", "greatest")
+)
 
 
 @dataclass(frozen=True)
@@ -91,18 +101,17 @@ class EchoCone:
         """Raise `MalformedMessageError` as `validate` does, for all but what a trace says, too."""
         bounds.check("object_rise", self.object_rise_m, bounds.OBJECT_RISE)
         bounds.check_count("ranges", len(self.ranges_m), bounds.MAX_ECHOES)
-        columns = {
-            "ranges": (self.ranges_m, bounds.RANGE),
-            "range_stds": (self.range_stds_m, bounds.RANGE_STD),
-            "amplitudes": (self.amplitudes, bounds.LOUDNESS),
-            "amplitude_stds": (self.amplitude_stds, bounds.LOUDNESS),
-        }
-        for name, (column, bound) in columns.items():
+        columns = (self.ranges_m, self.range_stds_m, self.amplitudes, self.amplitude_stds)
+        for name, column in zip(_ECHO, columns, strict=True):
             if len(column) != len(self.ranges_m):
                 raise MalformedMessageError(
                     name, f"has {len(column)} entries, ranges has {len(self.ranges_m)}"
                 )
-            bounds.check_all(name, column, bound)
+        # All at once takes a third of the time, and nearly every cone is right.
+        together = np.array(columns)
+        if not ((together >= _LEAST) & (together <= _GREATEST)).all():
+            for (name, bound), column in zip(_ECHO.items(), columns, strict=True):
+                bounds.check_all(name, column, bound)
         self._validate_bearings()
         if (self.ranges_m[1:] < self.ranges_m[:-1]).any():
             raise MalformedMessageError("ranges", "do not ascend")

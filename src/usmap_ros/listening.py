@@ -51,20 +51,20 @@ def listened(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> Ech
     rate_hz, start_s = trace.sample_rate_hz, trace.start_delay_s
     count = trace.sampling.sample_count
     # Sound of another transducer may come a shorter way, but by no more than their distance.
-    apart_m = max(math.hypot(*one.mount.position_m) for one in trace.sent)
+    apart_m = max(math.hypot(*one.mount.position_m.tolist()) for one in trace.sent)
     nearest_m = 2.0 * trace.transducer.min_range_m - apart_m
     nearest_s = nearest_m / trace.channel.sound_speed_m_s
     magnitude = np.abs(trace.signal())
-    nearest = max(0, int(np.floor((nearest_s - start_s) * rate_hz)))
+    nearest = max(0, math.floor((nearest_s - start_s) * rate_hz))
     if from_s:
-        valid = int(np.ceil((from_s - start_s) * rate_hz))
+        valid = math.ceil((from_s - start_s) * rate_hz)
     else:
         valid = _rung_out(trace, magnitude, nearest)
     first = max(nearest, valid)
     # Without a single sample left there would be nothing to reconstruct, and no error either.
     first = min(first, count - 1)
     if until_s:
-        stop = min(count, max(first + 1, int(np.ceil((until_s - start_s) * rate_hz))))
+        stop = min(count, max(first + 1, math.ceil((until_s - start_s) * rate_hz)))
     else:
         stop = first + _muted_from(trace, magnitude[first:])
     return trace if (first, stop) == (0, count) else trace.cut(first, stop)
@@ -104,22 +104,29 @@ def _ringing_from(magnitude: FloatArray, emitting: int, latest: int, nearest: in
     With a trigger that comes late, or resonances that rise slowly, it begins late; then it has to
     be the loudest of all from before any echo, or to clip, as no echo does so early.
     """
-    loudest = int(np.argmax(magnitude))
+    loudest = int(magnitude.argmax())
     peak = magnitude[loudest]
     begins = []
-    if emitting > 0 and magnitude[:emitting].max() >= _RINGING_OVER_LOUDEST * peak:
-        begins.append((0, magnitude[:emitting].max()))
+    if emitting > 0 and (at_first := magnitude[:emitting].max()) >= _RINGING_OVER_LOUDEST * peak:
+        begins.append((0, at_first))
     if loudest < nearest:
         begins.append((loudest, peak))
-    early = magnitude[: emitting + latest] if emitting > 0 else magnitude[:0]
-    clipped = np.flatnonzero(early == peak)
-    if len(clipped) >= _CLIPPED_SAMPLES:
-        begins.append((int(clipped[0]), peak))
+    # The first of the samples that clip is the loudest one, too.
+    if emitting > 0 and loudest < emitting + latest:
+        early = magnitude[: emitting + latest]
+        if np.count_nonzero(early == peak) >= _CLIPPED_SAMPLES:
+            begins.append((loudest, peak))
     # What is usual is asked for last, and rarely, because that takes longest.
-    if not begins:
+    if not any(_may_be_unusual(heard, magnitude) for _, heard in begins):
         return None
     usual = _RINGING_OVER_USUAL * median(magnitude)
     return next((begin for begin, heard in begins if heard >= usual), None)
+
+
+def _may_be_unusual(heard: float, magnitude: FloatArray) -> bool:
+    """False only of what is too faint, whatever is usual."""
+    louder = np.count_nonzero(_RINGING_OVER_USUAL * magnitude > heard)
+    return bool(2 * louder <= len(magnitude) + 1)
 
 
 def _muted_from(trace: EchoTrace, magnitude: FloatArray) -> int:
@@ -129,7 +136,8 @@ def _muted_from(trace: EchoTrace, magnitude: FloatArray) -> int:
     segments = count // segment
     if segments < _LEAST_SEGMENTS:
         return count
-    if float(magnitude[-segment:].mean()) ** 2 > _MUTED_BELOW_STATED * trace.noise_std**2 > 0.0:
+    at_end = float(magnitude[-segment:].sum()) / segment
+    if at_end**2 > _MUTED_BELOW_STATED * trace.noise_std**2 > 0.0:
         return count
     # From the end, so that it is a whole number of segments long.
     blocks = magnitude[count - segments * segment :].reshape(segments, segment)

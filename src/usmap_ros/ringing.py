@@ -23,9 +23,9 @@ def without_ringing(cone: EchoCone, ringing: RingingParameters) -> EchoCone:
     ringing : RingingParameters
         What is heard in every ping.
     """
-    loudness = _LOUDER * np.asarray(ringing.amplitudes)
-    if not loudness.any():
+    if not any(ringing.amplitudes):
         return cone
+    loudness = _LOUDER * np.asarray(ringing.amplitudes)
     at_m = np.asarray(ringing.ranges_m)
     near = np.abs(cone.ranges_m[:, np.newaxis] - at_m) < _WIDTH_M
     kept = ~np.any(near & (cone.amplitudes[:, np.newaxis] <= loudness), axis=1)

@@ -5,6 +5,7 @@ import pytest
 from scipy import ndimage
 from scipy import special as scipy_special
 
+from usmap_ros.arrays import quantiles
 from usmap_ros.mapping.normals import connected_parts
 from usmap_ros.special import entropy, logistic, logit, normal_quantile, running_maximum
 
@@ -46,3 +47,10 @@ def test_connected_parts(share):
     # The same parts, under whatever numbers.
     together = np.unique(np.stack([found[inside], expected[inside]]), axis=1)
     assert together.shape[1] == count == len(np.unique(found[inside]))
+
+
+@pytest.mark.parametrize("count", [1, 2, 20, 745])
+def test_quantiles_are_those_of_numpy(count):
+    values = np.random.default_rng(count).normal(size=count)
+    shares = (0.0, 0.05, 0.25, 1.0)
+    np.testing.assert_allclose(quantiles(values, *shares), np.quantile(values, shares))

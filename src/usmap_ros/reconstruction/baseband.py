@@ -6,6 +6,7 @@ free, which is what lets delays be found between samples although a wavelength i
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -18,7 +19,7 @@ from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.compiled import compiled
 from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.template import Template
-from usmap_ros.trace import EchoTrace, Emission, Encoding
+from usmap_ros.trace import EchoTrace, Encoding
 
 #: Baseband samples per second and hertz of the pulse's bandwidth, at least, after decimation of a
 #: raw trace: eight samples on a pulse without a sweep.
@@ -98,15 +99,22 @@ def to_baseband(trace: EchoTrace) -> Baseband:
         noise_std=noise_std,
         echo_noise_std=echo_noise_std,
         noise_skewness=skewness,
-        templates=tuple(_sampled_template(trace, emission) for emission in trace.sent),
+        templates=tuple(
+            _sampled_template(
+                emission.transducer.pulse,
+                trace.transducer.pulse.carrier_hz,
+                trace.encoding is Encoding.ENVELOPE,
+            )
+            for emission in trace.sent
+        ),
     )
 
 
-def _sampled_template(trace: EchoTrace, emission: Emission) -> Template:
+@lru_cache(maxsize=16)
+def _sampled_template(pulse: Pulse, carrier_hz: float, is_envelope: bool) -> Template:
     """What an echo looks like in samples that are taken as they are."""
-    pulse = emission.transducer.pulse
-    if trace.encoding is not Encoding.ENVELOPE:
-        return Template(0.0, pulse.length_s, pulse, None, trace.transducer.pulse.carrier_hz)
+    if not is_envelope:
+        return Template(0.0, pulse.length_s, pulse, None, carrier_hz)
     if pulse.sweep_hz != 0.0:
         # A magnitude knows nothing of a sweep: what is left of a chirp is its window.
         pulse = replace(pulse, shape=PulseShape.HANN_BURST, sweep_hz=0.0)
@@ -121,15 +129,15 @@ def _demodulated(trace: EchoTrace) -> Baseband:
     sent = [emission.transducer.pulse for emission in trace.sent]
     bandwidth_hz = max(2.0 * abs(p.carrier_hz - pulse.carrier_hz) + p.bandwidth_hz for p in sent)
     decimation = max(1, int(rate_hz / (SAMPLES_PER_BANDWIDTH * bandwidth_hz)))
-    taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
     filtered = _mixed_down(
-        trace.samples, taps, decimation, pulse.carrier_hz / rate_hz, trace.start_delay_s * rate_hz
+        trace.samples, decimation, pulse.carrier_hz / rate_hz, trace.start_delay_s * rate_hz
     )
-    # The low-pass takes the edges of the band from the noise, where the pulse has nothing: what
-    # is left is as dense as white noise that is stronger by this factor.
-    passed = float(np.sqrt(decimation * np.sum(taps**2)))
-    gain = 2.0 / float(np.sqrt(decimation))
-    noise_std = trace.noise_std * gain or _estimate_noise(filtered) / passed
+    noise_std = trace.noise_std * 2.0 / math.sqrt(decimation)
+    if noise_std == 0.0:
+        # The low-pass takes the edges of the band from the noise, where the pulse has nothing:
+        # what is left is as dense as white noise that is stronger by this factor.
+        taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
+        noise_std = _estimate_noise(filtered) / float(np.sqrt(decimation * np.sum(taps**2)))
     return Baseband(
         signal=filtered,
         sampling=Sampling(rate_hz / decimation, trace.start_delay_s, len(filtered)),
@@ -154,7 +162,6 @@ def _low_pass(decimation: int, carrier_per_sample: float) -> FloatArray:
 
 def _mixed_down(
     samples: NDArray[np.floating],
-    taps: FloatArray,
     decimation: int,
     carrier_per_sample: float,
     start_samples: float,
@@ -164,26 +171,45 @@ def _mixed_down(
     Mixing first and then filtering is the same as filtering with taps that are mixed the other
     way, and then mixing what is left: so the exponential is of the decimated samples only.
     """
-    band = 2.0 * taps * np.exp(2j * np.pi * carrier_per_sample * np.arange(len(taps)))
     # Of one kind, whoever owns the memory: for each kind all would be compiled once more.
     doubles = samples.astype(np.float64)
-    filtered = _decimated(doubles, np.array([band.real, band.imag]), decimation)
-    at = start_samples + decimation * np.arange(len(filtered))
-    mixed: NDArray[np.complex128] = filtered * np.exp(-2j * np.pi * carrier_per_sample * at)
-    return mixed
+    band = _band_pass(decimation, carrier_per_sample)
+    filtered = _decimated(doubles, band, decimation)
+    filtered *= _carrier(carrier_per_sample, start_samples, decimation, len(filtered))
+    return filtered
+
+
+@lru_cache(maxsize=16)
+def _band_pass(decimation: int, carrier_per_sample: float) -> FloatArray:
+    """Twice the taps of the low-pass, mixed up to the carrier, the last first: shape (2, taps)."""
+    taps = _low_pass(decimation, carrier_per_sample)
+    band = 2.0 * taps * np.exp(2j * np.pi * carrier_per_sample * np.arange(len(taps)))
+    return np.array([band.real[::-1], band.imag[::-1]])
+
+
+@lru_cache(maxsize=16)
+def _carrier(
+    carrier_per_sample: float, start_samples: float, decimation: int, count: int
+) -> NDArray[np.complex128]:
+    """What mixes decimated samples down."""
+    at = start_samples + decimation * np.arange(count)
+    return np.asarray(np.exp(-2j * np.pi * carrier_per_sample * at))
 
 
 @compiled
 def _decimated(samples: FloatArray, taps: FloatArray, decimation: int) -> NDArray[np.complex128]:
-    """Every so many samples of the convolution with complex taps, given as (2, taps) array."""
+    """Every so many samples of the convolution with complex taps, given the last first."""
     count, length = taps.shape[1], len(samples) + taps.shape[1] - 1
     filtered = np.empty((length + decimation - 1) // decimation, np.complex128)
     for number in range(len(filtered)):
-        last = number * decimation
+        begin = number * decimation - count + 1
+        first, end = max(0, -begin), min(count, len(samples) - begin)
+        heard = samples[begin + first : begin + end]
+        in_phase, quadrature = taps[0, first:end], taps[1, first:end]
         real = imaginary = 0.0
-        for tap in range(max(0, last - len(samples) + 1), min(count, last + 1)):
-            real += taps[0, tap] * samples[last - tap]
-            imaginary += taps[1, tap] * samples[last - tap]
+        for tap in range(len(heard)):
+            real += in_phase[tap] * heard[tap]
+            imaginary += quadrature[tap] * heard[tap]
         filtered[number] = complex(real, imaginary)
     return filtered
 
@@ -200,7 +226,7 @@ def _filtered_template(
     age_s = time_s[:, np.newaxis] - np.arange(len(taps)) / rate_hz
     table = _envelope_between_samples(pulse, carrier_hz, rate_hz, age_s) @ taps
     template = Template(0.0, float(time_s[-1]), pulse, tuple(table), carrier_hz)
-    delay_jitter_s, amplitude_jitter, misfit = _sampling_errors(template, rate_hz, decimation, taps)
+    delay_jitter_s, amplitude_jitter, misfit = _sampling_errors(template, rate_hz, decimation)
     return replace(
         template,
         delay_jitter_s=float(delay_jitter_s),
@@ -229,9 +255,7 @@ def _envelope_between_samples(
     return window
 
 
-def _sampling_errors(
-    template: Template, rate_hz: float, decimation: int, taps: FloatArray
-) -> FloatArray:
+def _sampling_errors(template: Template, rate_hz: float, decimation: int) -> FloatArray:
     """RMS error of delay (s) and amplitude, and misfit, of an echo without any noise, (3,).
 
     They come from how edges fall among raw samples, and from what the low-pass lets through of the
@@ -243,7 +267,7 @@ def _sampling_errors(
     for share in (np.arange(JITTER_DELAYS) * GOLDEN_RATIO) % 1.0:
         delay_s = (1.0 + share) * decimation / rate_hz
         waveform = pulse.waveform(raw_s - delay_s)
-        heard = _mixed_down(waveform, taps, decimation, carrier_hz / rate_hz, 0.0)
+        heard = _mixed_down(waveform, decimation, carrier_hz / rate_hz, 0.0)
         age_s = np.arange(len(heard)) * decimation / rate_hz - delay_s
         shape = template(age_s)
         amplitude = np.vdot(shape, heard) / np.vdot(shape, shape)

@@ -65,7 +65,11 @@ def make_cone(
     MalformedMessageError
         If what was found is no cone that could be sent to others.
     """
-    order = np.argsort(echoes.ranges_m)
+    columns = np.array(
+        [echoes.ranges_m, echoes.range_stds_m, echoes.amplitudes, echoes.amplitude_stds]
+    )
+    columns = columns[:, np.argsort(echoes.ranges_m)].astype(np.float32)
+    ranges_m, range_stds_m, amplitudes, amplitude_stds = columns
     cone = EchoCone(
         stamp_ns=trace.stamp_ns,
         frame_id=trace.frame_id,
@@ -74,10 +78,10 @@ def make_cone(
         transducer=trace.transducer.stated,
         attenuation_db_m=trace.channel.attenuation_db_m,
         object_rise_m=trace.channel.object_rise_m,
-        ranges_m=echoes.ranges_m[order].astype(np.float32),
-        range_stds_m=echoes.range_stds_m[order].astype(np.float32),
-        amplitudes=echoes.amplitudes[order].astype(np.float32),
-        amplitude_stds=echoes.amplitude_stds[order].astype(np.float32),
+        ranges_m=ranges_m,
+        range_stds_m=range_stds_m,
+        amplitudes=amplitudes,
+        amplitude_stds=amplitude_stds,
         # As the message has it, so that a recorded cone is the same as one just made.
         limit_step_m=float(np.float32(limit_step_m)),
         detection_limits=encode_limits(limit_amplitudes),

@@ -162,6 +162,10 @@ class DelayDomainOperator:
         """Band of delays in which two echoes cannot be told apart."""
         return slice(max(0, block - self._band), block + self._band + 1)
 
+    def bands(self, support: IndexArray) -> tuple[IndexArray, IndexArray]:
+        """Where the bands about blocks begin, and where they end."""
+        return np.maximum(support - self._band, 0), support + self._band + 1
+
     def rivals(self, block: int) -> slice | IndexArray:
         """Blocks of which any path falls into the band of any path of `block`."""
         if self.block_size == 1:
@@ -254,7 +258,12 @@ class DelayDomainOperator:
         """Blocks that a pulse spans."""
         return int(np.ceil(self.template.duration_s / self.delay_step_s))
 
-    @property
+    @cached_property
+    def extra_paths(self) -> FloatArray:
+        """Weights of all paths but the first, or what stands in for them, shape (blocks,)."""
+        return np.asarray(self.path_weights.sum(axis=1) - 1.0)
+
+    @cached_property
     def template_skewness(self) -> float:
         """Share of a sample's skewness that is left in the matched filter's output.
 

@@ -108,7 +108,8 @@ def compiled_search(
             small=SMALL_STEP,
         ),
     )
-    halt = HALTS[found.halt] if baseband.signal.any() else Halt.SILENCE
+    is_silent = len(found.support) == 0 and not baseband.signal.any()
+    halt = Halt.SILENCE if is_silent else HALTS[found.halt]
     is_complex = np.iscomplexobj(baseband.signal)
     solution = Solution(
         found.support,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -82,11 +83,13 @@ def reconstruct_delays(
     found = search(operator, baseband, parameters)
     solution = found.solution
     echoes = _echoes(trace, baseband, operator, found, parameters)
-    numbers = pulse_numbers(operator, solution.support, len(trace.sent))
-    by_pulse = tuple(echoes.where(numbers == number) for number in range(len(trace.sent)))
-    norm = float(np.linalg.norm(baseband.signal))
+    by_pulse: tuple[Echoes, ...] = (echoes,)
+    if len(trace.sent) > 1:
+        numbers = pulse_numbers(operator, solution.support, len(trace.sent))
+        by_pulse = tuple(echoes.where(numbers == number) for number in range(len(trace.sent)))
+    norm = math.sqrt(np.vdot(baseband.signal, baseband.signal).real)
     cone = make_cone(
-        replace(trace, pose=_heard_from(trace)),
+        _from_the_middle(trace),
         by_pulse[0],
         _limits(trace, baseband, operator, found, parameters),
         parameters.limit_step_m,
@@ -95,17 +98,17 @@ def reconstruct_delays(
     return DelayReconstruction(baseband, operator, solution, cone, by_pulse)
 
 
-def _heard_from(trace: EchoTrace) -> Pose:
-    """Pose of the cone: the transducer's, or half way to the one that sent if it only listened.
+def _from_the_middle(trace: EchoTrace) -> EchoTrace:
+    """The trace, heard half way to the transducer that sent if its own only listened.
 
     As far as objects are farther than the two are apart, sound that goes there and back between
     them has been as far as if both were in the middle.
     """
     first = trace.sent[0]
     if trace.is_own(first):
-        return trace.pose
+        return trace
     middle = trace.pose.compose(Pose(0.5 * first.mount.position_m, NO_TURN))
-    return replace(trace.pose, position_m=middle.position_m)
+    return replace(trace, pose=replace(trace.pose, position_m=middle.position_m))
 
 
 def _operator(
@@ -188,10 +191,11 @@ def _limits(
         found.strengths,
         parameters.masking,
     )
-    if trace.encoding is Encoding.ENVELOPE:
-        limits = unbiased(limits, baseband.template, baseband.echo_noise_std)
     own = operator.blocks(0)
     minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
-    return binned_maximum(
+    greatest = binned_maximum(
         limits[own], operator.ranges_m[own], minimum_m, parameters.limit_step_m, maximum_m
     )
+    if trace.encoding is Encoding.ENVELOPE:
+        return unbiased(greatest, baseband.template, baseband.echo_noise_std)
+    return greatest

@@ -28,8 +28,8 @@ def noise_thresholds(
         skewness = baseband.noise_skewness * operator.template_skewness
         deviations = quantile + (quantile**2 - 1.0) * skewness / 6.0
     # Every further path adds the mean modulus of its noise to the weighted sum of `scores`.
-    extra_paths = operator.path_weights.sum(axis=1) - 1.0
-    thresholds: FloatArray = baseband.noise_std * (deviations + RAYLEIGH_MEAN * extra_paths)
+    extra = RAYLEIGH_MEAN * operator.extra_paths
+    thresholds: FloatArray = baseband.noise_std * (deviations + extra)
     return thresholds
 
 
@@ -47,12 +47,10 @@ def unreported(
     echo, where no second one is reported, it is `masking` times that echo: a louder object
     would have made the echo itself louder.
     """
-    bands = [operator.excluded(block) for block in support]
-    begins = np.array([band.start for band in bands], dtype=np.int64)
-    ends = np.array([band.stop for band in bands], dtype=np.int64)
+    begins, ends = operator.bands(support)
     scores = np.maximum(thresholds, residual_scores)
     _mask(scores, thresholds, begins, ends, masking * echo_scores)
-    amplitudes: FloatArray = scores / operator.unit_norms
+    amplitudes: FloatArray = np.divide(scores, operator.unit_norms, out=scores)
     return amplitudes
 
 
@@ -84,16 +82,17 @@ def binned_maximum(
 ) -> FloatArray:
     """Largest value in each range bin; bins that hold no range are without limit."""
     bins = max(1, int(np.ceil((stop_m - start_m) / step_m - 1e-9)))
-    index = ((ranges_m - start_m) / step_m).astype(np.int64)
-    return _largest(values, index, bins)
+    return _largest(values, ranges_m, start_m, step_m, bins)
 
 
 @compiled
-def _largest(values: FloatArray, index: IndexArray, bins: int) -> FloatArray:
-    """Largest of the values that have each index; infinite where there is none."""
+def _largest(
+    values: FloatArray, ranges_m: FloatArray, start_m: float, step_m: float, bins: int
+) -> FloatArray:
+    """Largest of the values in each of so many range bins; infinite where there is none."""
     largest, is_empty = np.zeros(bins), np.ones(bins, np.bool_)
     for number in range(len(values)):
-        one = index[number]
+        one = int((ranges_m[number] - start_m) / step_m)
         if 0 <= one < bins:
             largest[one] = values[number] if is_empty[one] else max(largest[one], values[number])
             is_empty[one] = False

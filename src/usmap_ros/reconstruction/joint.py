@@ -35,6 +35,7 @@ class JointOperator:
         self.ranges_m = np.concatenate([part.ranges_m for part in parts])
         self.unit_norms = np.concatenate([part.unit_norms for part in parts])
         self.path_weights = np.concatenate([part.path_weights for part in parts])
+        self.extra_paths = np.concatenate([part.extra_paths for part in parts])
         self.template_skewness = np.repeat([part.template_skewness for part in parts], counts)
 
     def blocks(self, part: int) -> slice:
@@ -96,10 +97,19 @@ class JointOperator:
 
     def excluded(self, block: int) -> slice:
         """Band of delays of the same pulse in which two echoes cannot be told apart."""
-        number, local = self._place(block)
-        band, start = self.parts[number].excluded(local), int(self._starts[number])
-        # A band ends where its pulse's blocks do.
-        return slice(start + band.start, min(start + band.stop, int(self._ends[number])))
+        begins, ends = self.bands(np.array([block]))
+        return slice(int(begins[0]), int(ends[0]))
+
+    def bands(self, support: IndexArray) -> tuple[IndexArray, IndexArray]:
+        """Where the bands about blocks begin, and where they end."""
+        begins, ends = np.empty_like(support), np.empty_like(support)
+        for number, part in enumerate(self.parts):
+            start, places = self._starts[number], self._places(number, support)
+            local_begins, local_ends = part.bands(support[places] - start)
+            begins[places] = start + local_begins
+            # A band ends where its pulse's blocks do.
+            ends[places] = np.minimum(start + local_ends, self._ends[number])
+        return begins, ends
 
     def rivals(self, block: int) -> IndexArray:
         """Blocks of any pulse that overlaps with the echo.

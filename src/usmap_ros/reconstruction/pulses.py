@@ -9,7 +9,7 @@ from usmap_ros.trace import EchoTrace, Encoding
 def check_pulses(trace: EchoTrace) -> None:
     """Raise `MalformedMessageError` unless every pulse in the air can be looked for."""
     pulses = [emission.transducer.pulse for emission in trace.sent]
-    if len(set(pulses)) < len(pulses):
+    if len(pulses) > 1 and len(set(pulses)) < len(pulses):
         raise MalformedMessageError(
             "transducer.pulse_shape",
             "and the pulse's other numbers are those of two transducers that ping at once: nothing"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
@@ -34,8 +35,10 @@ class Reconstruction:
         What fusion is told.
     received, residual : (samples,) arrays
         The signal that was explained, and what the echoes leave of it; complex or real.
-    delays_s : (samples,) array
-        Delay of the echo that peaks at each sample.
+    sampling : Sampling
+        When its samples were taken.
+    peak_s : float
+        How long after its delay an echo peaks.
     noise_std : float
         Standard deviation of the noise of `received`, of the complex value where it is complex.
     """
@@ -44,8 +47,14 @@ class Reconstruction:
     cone: EchoCone
     received: Signal
     residual: Signal
-    delays_s: FloatArray
+    sampling: Sampling
+    peak_s: float
     noise_std: float
+
+    @property
+    def delays_s(self) -> FloatArray:
+        """Delay of the echo that peaks at each sample."""
+        return self.sampling.times_s - self.peak_s
 
 
 def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconstruction:
@@ -122,7 +131,8 @@ def _by_delays(trace: EchoTrace, found: DelayReconstruction, cone: EchoCone) -> 
         cone,
         baseband.signal,
         found.solution.residual,
-        baseband.sampling.times_s - peak_s,
+        baseband.sampling,
+        peak_s,
         baseband.noise_std,
     )
 
@@ -142,6 +152,7 @@ def _by_cells(trace: EchoTrace, parameters: ReconstructionParameters) -> Reconst
         without_ringing(cell_cone(trace, found, parameters), parameters.ringing),
         received,
         residual,
-        trace.sample_times_s() - trace.transducer.pulse.peak_s,
+        trace.sampling,
+        trace.transducer.pulse.peak_s,
         noise_std,
     )

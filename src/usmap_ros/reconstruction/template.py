@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -45,6 +45,14 @@ class Template:
     delay_jitter_s: float = 0.0
     amplitude_jitter: float = 0.0
     misfit: float = 0.0
+
+    def __hash__(self) -> int:
+        # Worked out once: caches ask with every ping, and a table has hundreds of entries.
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((self.start_s, self.duration_s, self.pulse, self.table, self.mixed_by_hz))
 
     def __call__(self, time_s: FloatArray) -> Signal:
         """Envelope at times after the echo's delay."""

@@ -11,7 +11,7 @@ from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.reconstruction.told import told
-from usmap_ros.resting_level import at_rest_zero
+from usmap_ros.resting_level import _is_around_zero, _median_level, at_rest_zero
 from usmap_ros.simulation import hear, simulate
 from usmap_ros.simulation.receiver import Receiver
 from usmap_ros.simulation.scenario import Scenario
@@ -35,6 +35,17 @@ def test_level_that_samples_rest_at_is_taken_off(encoding):
     assert at_rest_zero(trace) is trace
     cone = reconstruct(lifted, DEFAULTS).cone
     assert cone.ranges_m == pytest.approx([1.5], abs=0.002)
+
+
+def test_no_median_is_needed_to_know_that_noise_is_around_zero():
+    generator = np.random.default_rng(0)
+    spared = []
+    for level in np.repeat([0.0, 0.1, 0.5, 0.6, 0.7, 0.8, 1.0, 3.0], 20):
+        samples = generator.normal(size=generator.integers(2, 900)) + level
+        samples[: len(samples) // 10] *= 100.0
+        spared.append(_is_around_zero(samples, 1))
+        assert not (spared[-1] and _median_level(samples))
+    assert np.mean(spared[:40]) > 0.9
 
 
 @pytest.mark.parametrize("encoding", Encoding)

@@ -16,7 +16,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
@@ -24,11 +24,12 @@ from typing import Any
 
 import numpy as np
 
+from usmap_ros.cone import EchoCone
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.offline import map_bag, peak_memory_mb
-from usmap_ros.parallel import Outcome, Reconstructors, RecordedTrace
+from usmap_ros.parallel import Reconstructors
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
@@ -77,10 +78,10 @@ def read(bag: Path) -> None:
     cone = pipeline.reconstruct(next(simulate(Scenario.load(SCENARIO)))[1])
 
     class Told(Reconstructors):
-        def cones(self, traces: Iterable[RecordedTrace]) -> Iterator[Outcome]:
-            for topic, trace in traces:
+        def cones(self, bag: BagReader) -> Iterator[tuple[str, EchoCone]]:
+            for topic, trace in bag.traces():
                 named = {"child_frame_id": trace.child_frame_id, "pose": trace.pose}
-                yield topic, trace.stamp_ns, replace(cone, stamp_ns=trace.stamp_ns, **named)
+                yield topic, replace(cone, stamp_ns=trace.stamp_ns, **named)
 
     pipeline.fuse = lambda cone: None  # type: ignore[method-assign]
     with BagReader([bag]) as reader:

@@ -24,10 +24,11 @@ from typing import Any
 
 import numpy as np
 
+from usmap_ros.cluster import cluster
 from usmap_ros.collection import find_recordings, map_collection
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.parallel import cluster, worker_processes
+from usmap_ros.parallel import worker_processes
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.simulation import Scenario, simulate
 

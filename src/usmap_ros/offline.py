@@ -6,7 +6,7 @@ import heapq
 import logging
 import sys
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from usmap_ros.amplitude_scale import AmplitudeScales
-from usmap_ros.calibration.fitness import PulseSurvey
+from usmap_ros.calibration.fitness import PULSES_OF, PulseSurvey
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
@@ -125,9 +125,8 @@ def map_bag(
     extent = Extent(pipeline.parameters.mapping, with_reach=False)
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
-    pulses = PulseSurvey(pipeline.parameters.reconstruction)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
-    for topic, cone in recorded_cones(bag, workers, pulses):
+    for topic, cone in recorded_cones(bag, workers):
         if is_of(topic, without):
             left_out.add(topic)
             continue
@@ -146,23 +145,26 @@ def map_bag(
         paths.add(topic, x_m, y_m, Beam.of(cone))
         if on_cone is not None:
             on_cone(topic, cone)
+    pulses = PulseSurvey(pipeline.parameters.reconstruction)
+    for topic, trace in bag.first_traces(PULSES_OF):
+        pulses.add(topic, trace)
     for topic, problem in [*scales.problems().items(), *pulses.problems().items()]:
         logger.warning("%s: %s", topic, problem)
     run.skipped, run.without = dict(bag.skipped.by_field), sorted(left_out)
     if not run.pings:
         if left_out:
             raise BagError(", ".join(map(str, bag.paths)), "all of its robots are left out")
-        raise nothing_usable(bag)
+        raise nothing_usable(bag.paths, bag.skipped.by_field)
     run.robots = consistency.findings(pipeline.fusion.by_others())
     return run
 
 
-def nothing_usable(bag: BagReader) -> BagError:
-    """Error of a recording of which every ping was skipped."""
-    causes = ", ".join(f"{field} ({n})" for field, n in bag.skipped.by_field.most_common())
+def nothing_usable(paths: Iterable[str | Path], skipped: Counter[str]) -> BagError:
+    """Error of recordings of which every ping was skipped."""
+    causes = ", ".join(f"{field} ({n})" for field, n in skipped.most_common())
     return BagError(
-        ", ".join(map(str, bag.paths)),
-        f"none of its {bag.skipped.total} pings can be used, by field: {causes}",
+        ", ".join(map(str, paths)),
+        f"none of its {skipped.total()} pings can be used, by field: {causes}",
     )
 
 
@@ -196,31 +198,14 @@ class AmplitudeSurvey:
         return self._scales.problems()
 
 
-def recorded_cones(
-    bag: BagReader, workers: Reconstructors, pulses: PulseSurvey | None = None
-) -> Iterator[tuple[str, EchoCone]]:
+def recorded_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
     """Cones of a recording: reconstructed from traces, or else as recorded.
 
     Never both, because a recorded cone most often stems from a recorded trace, and evidence must
     not count twice.  Readings of robots that measure ranges only come in between.
     """
-    yield from heapq.merge(
-        _traced_cones(bag, workers, pulses), bag.range_cones(), key=lambda entry: entry[1].stamp_ns
-    )
-
-
-def _traced_cones(
-    bag: BagReader, workers: Reconstructors, pulses: PulseSurvey | None
-) -> Iterator[tuple[str, EchoCone]]:
-    if not bag.trace_count:
-        yield from bag.cones()
-        return
-    traces = bag.traces() if pulses is None else pulses.watch(bag.traces())
-    for topic, stamp_ns, outcome in workers.cones(traces):
-        if isinstance(outcome, MalformedMessageError):
-            bag.skipped.add(f"{topic} at {stamp_ns / 1e9:.6f} s", outcome)
-        else:
-            yield topic, outcome
+    cones = workers.cones(bag) if bag.trace_count else bag.cones()
+    yield from heapq.merge(cones, bag.range_cones(), key=lambda entry: entry[1].stamp_ns)
 
 
 def resume_map(folder: Path, parameters: PipelineParameters) -> tuple[Pipeline, RobotPaths]:

@@ -6,22 +6,20 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import (
-    BrokenExecutor,
     Executor,
     Future,
     ProcessPoolExecutor,
-    as_completed,
 )
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from itertools import islice
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.errors import FileError, MalformedMessageError, UsmapError
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.stretch import Skip, TraceStretch
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.parent import end_with_parent
 from usmap_ros.pipeline import Pipeline
@@ -29,23 +27,13 @@ from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
 from usmap_ros.soundings import soundings
 from usmap_ros.trace import EchoTrace
 
-#: A trace and the topic that it came on; what became of it.
+#: A trace and the topic that it came on.
 RecordedTrace = tuple[str, EchoTrace]
-Outcome = tuple[str, int, EchoCone | MalformedMessageError]
 
-#: Soundings that are handed to a worker at once, so that the handing over does not count.
-BATCH = 16
+#: Traces that a worker gets at once, so that the handing over does not count.
+BATCH = 32
 #: Batches under way for each worker: enough to keep it busy, and memory flat.
 BATCHES_AHEAD = 2
-
-#: Address of a cluster that is to be started here.
-LOCAL = "local"
-#: How often Dask tries again what failed because of the worker, not of the work.
-RETRIES = 3
-#: Dask's error for work at which one worker after the other died.
-_KILLED = "KilledWorker"
-
-_Result = TypeVar("_Result")
 
 
 def available_cores() -> int:
@@ -57,7 +45,7 @@ def available_cores() -> int:
 
 
 class Reconstructors:
-    """Processes that reconstruct traces, or this one alone.
+    """Processes that reconstruct the traces of recordings, or this one alone.
 
     Parameters
     ----------
@@ -76,34 +64,114 @@ class Reconstructors:
         processes: int = 1,
     ) -> None:
         self.processes = processes
-        # Workers are sent the parameters: the pipeline itself has a map in it.
-        self._parameters = pipeline.parameters.reconstruction
-        self._noise = pipeline.noise
+        self._pipeline = pipeline
         self._executor = executor
         self._ahead = BATCHES_AHEAD * processes
 
-    def cones(self, traces: Iterable[RecordedTrace]) -> Iterator[Outcome]:
-        """Reconstruct traces, in their order; those of transducers that pinged at once, together.
+    def cones(self, bag: BagReader) -> Iterator[tuple[str, EchoCone]]:
+        """Yield topic and cone of a recording's traces, in their order.
 
-        Yields
-        ------
-        (topic, stamp_ns, EchoCone or MalformedMessageError)
-            The error says why a trace could not be reconstructed.
+        Those that cannot be used are accounted for in `bag.skipped`.
         """
-        # What pings share is found here, where all of them pass.
-        told = ((topic, self._noise.tell(trace)) for topic, trace in traces)
         if self._executor is None:
-            for sounding in soundings(told):
-                yield from _reconstruct_batch([sounding], self._parameters)
+            yield from cones_of(bag.traces(), self._pipeline, bag.skipped.add)
             return
-        remaining = soundings(told)
-        under_way: deque[Future[list[Outcome]]] = deque()
+        # Workers read for themselves: a trace takes as long to hand over as to read.
+        remaining = bag.trace_stretch.cuts(BATCH)
+        under_way: deque[Future[StretchCones]] = deque()
         while True:
-            while len(under_way) < self._ahead and (batch := list(islice(remaining, BATCH))):
-                under_way.append(self._executor.submit(_reconstruct_batch, batch, self._parameters))
+            while len(under_way) < self._ahead and (stretch := next(remaining, None)) is not None:
+                under_way.append(self._submit(self._executor, stretch))
             if not under_way:
                 return
-            yield from under_way.popleft().result()
+            found = under_way.popleft().result()
+            for source, error in found.skipped:
+                bag.skipped.add(source, error)
+            yield from found.cones
+
+    def _submit(self, executor: Executor, stretch: TraceStretch) -> Future[StretchCones]:
+        # What pings share is found here, where all of them pass; the pipeline has a map in it.
+        levels = self._pipeline.noise.levels(stretch.traces_without_noise())
+        # An open file cannot be sent.
+        stretch.messages.close()
+        parameters = self._pipeline.parameters.reconstruction
+        return executor.submit(stretch_cones, stretch, levels, parameters)
+
+
+@dataclass(frozen=True)
+class StretchCones:
+    """What became of the traces of a stretch.
+
+    Parameters
+    ----------
+    cones : list of (str, EchoCone)
+        Topic and cone of each trace, in their order.
+    skipped : list of (str, MalformedMessageError)
+        Source of each trace that could not be used, and why.
+    """
+
+    cones: list[tuple[str, EchoCone]]
+    skipped: list[tuple[str, MalformedMessageError]]
+
+
+def stretch_cones(
+    stretch: TraceStretch, levels: Sequence[float], parameters: ReconstructionParameters
+) -> StretchCones:
+    """Read and reconstruct a stretch of a recording.
+
+    Parameters
+    ----------
+    stretch : TraceStretch
+        The traces.
+    levels : sequence of float
+        Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
+    parameters : ReconstructionParameters
+        Of reconstruction.
+    """
+    skipped: list[tuple[str, MalformedMessageError]] = []
+    untold = iter(levels)
+
+    def told(trace: EchoTrace) -> EchoTrace:
+        return trace if trace.noise_std > 0.0 else replace(trace, noise_std=next(untold))
+
+    def skip(source: str, error: MalformedMessageError) -> None:
+        skipped.append((source, error))
+
+    try:
+        traces = ((topic, told(trace)) for topic, trace in stretch.traces(skip))
+        return StretchCones(list(_cones(traces, parameters, skip)), skipped)
+    finally:
+        stretch.messages.close()
+
+
+def cones_of(
+    traces: Iterable[RecordedTrace], pipeline: Pipeline, skip: Skip
+) -> Iterator[tuple[str, EchoCone]]:
+    """Reconstruct traces here, in their order; those of transducers that pinged at once, together.
+
+    Parameters
+    ----------
+    traces : iterable of (str, EchoTrace)
+        In the order of their stamps.
+    pipeline : Pipeline
+        Its reconstruction is what is done.
+    skip : callable
+        Told of traces that cannot be reconstructed.
+    """
+    told = ((topic, pipeline.noise.tell(trace)) for topic, trace in traces)
+    return _cones(told, pipeline.parameters.reconstruction, skip)
+
+
+def _cones(
+    told: Iterable[RecordedTrace], parameters: ReconstructionParameters, skip: Skip
+) -> Iterator[tuple[str, EchoCone]]:
+    for sounding in soundings(told):
+        found = reconstruct_sounding([trace for _, trace in sounding], parameters)
+        for (topic, trace), one in zip(sounding, found, strict=True):
+            if isinstance(one, MalformedMessageError):
+                skip(f"{topic} at {trace.stamp_ns / 1e9:.6f} s", one)
+            elif one is not None:
+                yield topic, one.cone
 
 
 @contextmanager
@@ -142,100 +210,6 @@ def worker_processes(processes: int) -> Iterator[Executor | None]:
             executor.shutdown(wait=True, cancel_futures=True)
 
 
-@contextmanager
-def cluster(scheduler: str, workers: int) -> Iterator[Executor]:
-    """Workers of a Dask cluster, which take over the work of those that die.
-
-    Parameters
-    ----------
-    scheduler : str
-        Address of its scheduler, such as ``tcp://10.0.0.1:8786``; "local" starts a cluster.
-    workers : int
-        How many processes a local one has.
-
-    Raises
-    ------
-    UsmapError
-        If Dask is not installed, or there is no scheduler at that address.
-    """
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise UsmapError(
-            "a scheduler needs Dask, which 'pip install usmap_ros[dask]' installs"
-        ) from error
-    with ExitStack() as stack:
-        place: Any = scheduler
-        if scheduler == LOCAL:
-            place = stack.enter_context(
-                LocalCluster(
-                    n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0"
-                )
-            )
-        try:
-            client = stack.enter_context(Client(place))
-        except (OSError, ValueError) as error:
-            raise UsmapError(f"{scheduler}: no Dask scheduler answers: {error}") from error
-        # Each piece of work is new: results of an earlier run need not be those of this one.
-        yield stack.enter_context(client.get_executor(pure=False, retries=RETRIES))
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Why a piece of work was not done."""
-
-    cause: str
-
-
-def results(
-    executor: Executor | None, function: Callable[..., _Result], work: Sequence[tuple[Any, ...]]
-) -> Iterator[tuple[int, _Result | Failure]]:
-    """Have pieces of work done, by this process if there is no executor.
-
-    Parameters
-    ----------
-    executor : Executor, optional
-        Processes, here or elsewhere.
-    function : callable
-        Does a piece of work.
-    work : sequence of tuples
-        Arguments of each piece.
-
-    Yields
-    ------
-    (number, result)
-        Of each piece, as they are done; errors of this package, and the death of a worker, are
-        results, too.
-    """
-    if executor is None:
-        for number, arguments in enumerate(work):
-            yield number, _attempt(function, *arguments)
-        return
-    futures = {
-        executor.submit(_attempt, function, *arguments): number
-        for number, arguments in enumerate(work)
-    }
-    for future in as_completed(futures):
-        try:
-            yield futures[future], future.result()
-        except BrokenExecutor:
-            yield futures[future], Failure("a worker process died, perhaps for want of memory")
-        except Exception as error:
-            if type(error).__name__ != _KILLED:
-                raise
-            yield futures[future], Failure("several workers died at it, perhaps for want of memory")
-
-
-def _attempt(function: Callable[..., _Result], *arguments: Any) -> _Result | Failure:
-    # The error itself may not survive the way from one process to another.
-    try:
-        return function(*arguments)
-    except FileError as error:
-        return Failure(error.cause)
-    except UsmapError as error:
-        return Failure(str(error))
-
-
 def _begin_worker(parent: int) -> None:
     """Leave it to the process that forked this one to answer signals, and end with it."""
     # A terminal's Ctrl-C comes to all processes; one of them is to speak.
@@ -248,16 +222,3 @@ def _can_fork() -> bool:
     """Whether this process has one thread only, those that Python does not know of included."""
     threads = Path("/proc/self/task")
     return threads.is_dir() and len(list(threads.iterdir())) == 1
-
-
-def _reconstruct_batch(
-    batch: list[list[RecordedTrace]], parameters: ReconstructionParameters
-) -> list[Outcome]:
-    outcomes: list[Outcome] = []
-    for sounding in batch:
-        found = reconstruct_sounding([trace for _, trace in sounding], parameters)
-        for (topic, trace), one in zip(sounding, found, strict=True):
-            if one is not None:
-                outcome = one if isinstance(one, MalformedMessageError) else one.cone
-                outcomes.append((topic, trace.stamp_ns, outcome))
-    return outcomes

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NoReturn
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.scoring import Score, score
-from usmap_ros.parallel import Reconstructors
+from usmap_ros.parallel import cones_of
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation.recording import simulate
@@ -66,9 +67,7 @@ def try_traces(
     pipeline = Pipeline(parameters)
     range_only = RangeSensorFusion(pipeline.parameters.mapping)
     cones = []
-    for _, _, cone in Reconstructors(pipeline).cones(traces):
-        if isinstance(cone, MalformedMessageError):
-            raise cone
+    for _, cone in cones_of(traces, pipeline, _refuse):
         pipeline.fuse(cone)
         range_only.fuse(cone)
         cones.append(cone)
@@ -82,6 +81,10 @@ def try_traces(
         score=score(occupancy, truth, views),
         range_only_score=score(range_map, truth, views),
     )
+
+
+def _refuse(source: str, error: MalformedMessageError) -> NoReturn:
+    raise error
 
 
 def try_scenario(scenario: Scenario, parameters: PipelineParameters | None = None) -> Trial:

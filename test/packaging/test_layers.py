@@ -33,7 +33,7 @@ LAYERS = [
     {"io"},
     {"simulation", "reconstruction", "mapping"},
     {"calibration", "importing", "pipeline"},
-    {"parallel", "plotting"},
+    {"cluster", "parallel", "plotting"},
     {"compilation", "offline", "trial"},
     {"collection", "demo", "live", "paper"},
     {"drivers"},

@@ -5,14 +5,18 @@ import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.parallel import Outcome, available_cores, reconstructors
+from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.stretch import TraceStretch
+from usmap_ros.parallel import BATCH, available_cores, reconstructors
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.trace import EchoTrace, Encoding
 
 BAG = Path(__file__).parents[2] / "bags" / "yard"
@@ -21,12 +25,7 @@ BAG = Path(__file__).parents[2] / "bags" / "yard"
 @pytest.fixture(scope="module")
 def traces() -> list[tuple[str, EchoTrace]]:
     with BagReader([BAG]) as bag:
-        return [(topic, trace) for topic, trace in bag.traces()][:40]
-
-
-def outcomes(traces: list[tuple[str, EchoTrace]], processes: int) -> list[Outcome]:
-    with reconstructors(Pipeline(), processes) as workers:
-        return list(workers.cones(traces))
+        return list(bag.traces())[:120]
 
 
 #: In a process of its own: this one may have threads, and then does not fork.
@@ -41,22 +40,60 @@ def cones(processes):
     with reconstructors(Pipeline(), processes) as workers:
         assert workers.processes == processes
         with BagReader([Path({bag!r})]) as bag:
-            return list(workers.cones(bag.traces()))
+            found = list(workers.cones(bag))
+            return found, dict(bag.skipped.by_field)
 
-for alone, shared in zip(cones(1), cones(2), strict=True):
-    assert alone[:2] == shared[:2]
-    assert np.array_equal(alone[2].ranges_m, shared[2].ranges_m)
-    assert np.array_equal(alone[2].detection_limits, shared[2].detection_limits)
-print("the same")
+(alone, alone_skipped), (shared, shared_skipped) = cones(1), cones(2)
+assert alone_skipped == shared_skipped
+for (topic, one), (other_topic, other) in zip(alone, shared, strict=True):
+    assert topic == other_topic
+    assert one.stamp_ns == other.stamp_ns
+    assert np.array_equal(one.ranges_m, other.ranges_m)
+    assert np.array_equal(one.detection_limits, other.detection_limits)
+    assert one.bearings_rad is other.bearings_rad or np.array_equal(
+        one.bearings_rad, other.bearings_rad, equal_nan=True)
+print("the same,", len(shared))
 """
+SCENARIOS = Path(__file__).parents[2] / "config" / "scenarios"
 
 
-def test_two_processes_give_the_cones_of_one() -> None:
-    script = COMPARE.format(bag=str(BAG))
+@pytest.fixture(scope="module")
+def without_noise(
+    traces: list[tuple[str, EchoTrace]], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Pings of which most do not state their noise, and some cannot be used."""
+    bag = tmp_path_factory.mktemp("noise") / "bag"
+    with new_bag(bag) as writer:
+        for number, (topic, trace) in enumerate(traces):
+            # Real samples at half the rate that the carrier needs.
+            aliased = {"encoding": Encoding.RAW, "sample_rate_hz": 50_000.0}
+            changed: dict[str, Any] = {} if number % 7 == 0 else {"noise_std": 0.0}
+            writer.write_trace(
+                topic, replace(trace, **changed, **(aliased if number % 13 == 0 else {}))
+            )
+    return bag
+
+
+@pytest.fixture(scope="module")
+def simultaneous(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Pings of transducers that belong together."""
+    bag = tmp_path_factory.mktemp("simultaneous") / "bag"
+    scenario = Scenario.load(SCENARIOS / "two_transducers.yaml")
+    with new_bag(bag) as writer:
+        for topic, trace in islice(simulate(scenario), 90):
+            writer.write_trace(topic, trace)
+    return bag
+
+
+@pytest.mark.parametrize("name", ["yard", "without_noise", "simultaneous"])
+def test_two_processes_give_the_cones_of_one(name: str, request: pytest.FixtureRequest) -> None:
+    bag = BAG if name == "yard" else request.getfixturevalue(name)
+    script = COMPARE.format(bag=str(bag))
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=False
     )
-    assert done.stdout == "the same\n", done.stderr
+    assert done.stdout.startswith("the same"), done.stderr
+    assert int(done.stdout.split()[-1]) > BATCH
 
 
 def test_a_process_with_threads_works_alone() -> None:
@@ -72,32 +109,29 @@ def test_a_process_with_threads_works_alone() -> None:
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-def test_a_trace_that_cannot_be_reconstructed_is_named(
-    traces: list[tuple[str, EchoTrace]], processes: int
+def test_a_trace_that_cannot_be_reconstructed_is_accounted_for(
+    without_noise: Path, traces: list[tuple[str, EchoTrace]], processes: int
 ) -> None:
-    topic, trace = traces[3]
-    # Real samples at half the rate that the carrier needs.
-    aliased = replace(trace, encoding=Encoding.RAW, sample_rate_hz=50_000.0)
-    found = outcomes([*traces[:3], (topic, aliased), *traces[4:6]], processes)
-    (error,) = [outcome for _, _, outcome in found if isinstance(outcome, MalformedMessageError)]
-    assert error.field == "sample_rate"
-    assert found[3][2] is error
-    assert found[3][:2] == (topic, trace.stamp_ns)
+    with reconstructors(Pipeline(), processes) as workers, BagReader([without_noise]) as bag:
+        found = list(workers.cones(bag))
+        assert bag.skipped.by_field == {"sample_rate": len(traces[::13])}
+    stamps_ns = [trace.stamp_ns for number, (_, trace) in enumerate(traces) if number % 13]
+    assert [cone.stamp_ns for _, cone in found] == stamps_ns
 
 
-def test_traces_are_not_all_taken_in_at_once(traces: list[tuple[str, EchoTrace]]) -> None:
-    taken = 0
+def test_a_recording_is_not_taken_in_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    cuts, taken = TraceStretch.cuts, 0
 
-    def counted() -> Iterator[tuple[str, EchoTrace]]:
+    def counted(stretch: TraceStretch, length: int) -> Iterator[TraceStretch]:
         nonlocal taken
-        for _ in range(10):
-            for recorded in traces:
-                taken += 1
-                yield recorded
+        for cut in cuts(stretch, 5):
+            taken += 1
+            yield cut
 
-    with reconstructors(Pipeline(), 2) as workers:
-        next(workers.cones(counted()))
-        assert taken < 100
+    monkeypatch.setattr(TraceStretch, "cuts", counted)
+    with reconstructors(Pipeline(), 2) as workers, BagReader([BAG]) as bag:
+        next(workers.cones(bag))
+        assert taken <= 4 < bag.trace_count // 5
 
 
 def test_there_is_a_core_to_work_on() -> None:

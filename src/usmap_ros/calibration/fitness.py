@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
 
 from usmap_ros.calibration.pulse import measure_pulse
 from usmap_ros.parameters import ReconstructionParameters
@@ -11,6 +10,8 @@ from usmap_ros.trace import EchoTrace
 
 #: Every so manyth trace of a topic is kept, so many at most, and of no more bytes than this.
 _EVERY, _KEPT, _KEPT_BYTES = 2, 40, 4_000_000
+#: Traces of a topic, the first ones, after which no more are wanted.
+PULSES_OF = _EVERY * _KEPT
 
 
 class PulseSurvey:
@@ -36,12 +37,6 @@ class PulseSurvey:
         has_room = len(kept) < min(_KEPT, _KEPT_BYTES // max(trace.samples.nbytes, 1))
         if is_wanted and has_room:
             kept.append(trace)
-
-    def watch(self, traces: Iterable[tuple[str, EchoTrace]]) -> Iterator[tuple[str, EchoTrace]]:
-        """Pass traces on, and take them into account."""
-        for topic, trace in traces:
-            self.add(topic, trace)
-            yield topic, trace
 
     def is_full(self, topic: str) -> bool:
         """Whether no more traces of a topic are wanted."""

@@ -189,10 +189,11 @@ def _map_collection(
     order: _Order, recordings: list[Path], scheduler: str | None, *, as_json: bool
 ) -> None:
     """Map many recordings, each by itself as far as that goes; a second run takes up the first."""
+    from usmap_ros.cluster import cluster
     from usmap_ros.collection import map_collection
     from usmap_ros.errors import UsmapError
     from usmap_ros.io.map_files import map_folder, save_map, save_summary
-    from usmap_ros.parallel import available_cores, cluster, worker_processes
+    from usmap_ros.parallel import available_cores, worker_processes
 
     with map_folder(order.output):
         console.compile_loops()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usmap_ros.collection.cones import ConesFile
+from usmap_ros.collection.cones import Cones
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import RobotPaths
@@ -39,20 +39,20 @@ class AreaMap:
     run: MappingRun
 
 
-def areas_of(files: Sequence[ConesFile]) -> list[list[ConesFile]]:
+def areas_of(files: Sequence[Cones]) -> list[list[Cones]]:
     """Group recordings: those of different groups do not reach the same places.
 
     Parameters
     ----------
-    files : sequence of ConesFile
+    files : sequence of Cones
         In any order.
 
     Returns
     -------
-    areas : list of lists of ConesFile
+    areas : list of lists of Cones
         In the order of their first recordings' names.
     """
-    areas: list[tuple[tuple[float, ...], list[ConesFile]]] = []
+    areas: list[tuple[tuple[float, ...], list[Cones]]] = []
     for file in files:
         box, members = tuple(file.box_m), [file]
         # A box that grows by another one may touch a third.
@@ -61,8 +61,8 @@ def areas_of(files: Sequence[ConesFile]) -> list[list[ConesFile]]:
             box = _around([box, *(other for other, _ in touching)])
             members += [file for _, others in touching for file in others]
         areas.append((box, members))
-    groups = [sorted(members, key=lambda file: file.path) for _, members in areas]
-    return sorted(groups, key=lambda group: group[0].path)
+    groups = [sorted(members, key=lambda file: file.paths) for _, members in areas]
+    return sorted(groups, key=lambda group: group[0].paths)
 
 
 def _touch(one: Sequence[float], other: Sequence[float]) -> bool:

@@ -1,37 +1,46 @@
-"""A recording's traces as a file of cones, which is made once and found again."""
+"""A recording's traces as files of cones, which are made once and found again."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import logging
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from usmap_ros import __version__
+from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.skipped import SkippedMessages
 from usmap_ros.io.storage import is_recording
+from usmap_ros.io.stretch import TraceStretch
 from usmap_ros.offline import nothing_usable, recorded_cones
-from usmap_ros.parallel import Reconstructors
+from usmap_ros.parallel import Reconstructors, stretch_cones
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.reconstruction.shared_noise import SharedNoise
+
+#: Pings that are reconstructed at once: some seconds of work.
+STRETCH = 2000
 
 
 @dataclass(frozen=True)
-class ConesFile:
-    """The cones of a recording.
+class Cones:
+    """The cones of a recording, or of a stretch of it.
 
     Parameters
     ----------
-    path : str
-        Recording that holds them.
+    paths : list of str
+        Recordings that hold them.
     box_m : tuple of float
         Lowest x and y, and highest x and y, that its pings reach.
     skipped : dict
@@ -40,10 +49,30 @@ class ConesFile:
         What there was to be said of the recording.
     """
 
-    path: str
+    paths: list[str]
     box_m: tuple[float, float, float, float]
     skipped: dict[str, int]
     warnings: list[str]
+
+
+@dataclass(frozen=True)
+class Divided:
+    """A long recording: what is known of it, and the stretches that anybody may reconstruct.
+
+    Parameters
+    ----------
+    name : path
+        Where its cones would be, had it been reconstructed as a whole.
+    begun : Cones
+        What did not have to be reconstructed.
+    stretches : list of (path, TraceStretch, list of float)
+        Where cones are to be written, of which traces, and levels of noise of those that state
+        none.
+    """
+
+    name: Path
+    begun: Cones
+    stretches: list[tuple[Path, TraceStretch, list[float]]]
 
 
 def find_recordings(places: Sequence[Path], besides: Path) -> list[Path]:
@@ -76,42 +105,135 @@ def _below(folder: Path, besides: Path) -> Iterator[Path]:
             yield from _below(entry, besides)
 
 
-def cones_file(recording: Path, folder: Path, parameters: PipelineParameters) -> ConesFile:
+def cones_of_recording(
+    recording: Path, folder: Path, parameters: PipelineParameters, length: int
+) -> Cones | Divided:
     """Reconstruct a recording into a file in `folder`, unless that was done before.
+
+    Parameters
+    ----------
+    recording : path
+        The recording.
+    folder : path
+        Where cones are kept.
+    parameters : PipelineParameters
+        Of reconstruction.
+    length : int
+        Traces from which on it is only divided.
 
     Raises
     ------
     BagError
         If the recording cannot be used, or its cones cannot be written.
     """
-    cones = folder / f"{recording.name}-{_digest(recording, parameters)}"
-    told = cones.parent / f"{cones.name}.json"
+    name = folder / f"{recording.name}-{_digest(recording, parameters)}"
+    if (kept := _kept(name)) is not None:
+        return kept
+    with _warnings() as warnings, BagReader([recording]) as bag:
+        # What had to be unpacked lies in a folder of this process.
+        is_long = bag.trace_count > length and not bag.is_unpacked
+        pipeline = Pipeline(parameters)
+        stretches = list(_stretches(bag, pipeline.noise, name, length)) if is_long else []
+        workers = Reconstructors(pipeline)
+        cones = bag.range_cones() if is_long else recorded_cones(bag, workers)
+        made = _write(name, cones, bag.skipped)
+    if is_long:
+        return Divided(name, replace(made, warnings=warnings), stretches)
+    if not made.paths:
+        raise nothing_usable([recording], bag.skipped.by_field)
+    return keep(name, replace(made, warnings=warnings))
+
+
+def _stretches(
+    bag: BagReader, noise: SharedNoise, name: Path, length: int
+) -> Iterator[tuple[Path, TraceStretch, list[float]]]:
+    for number, stretch in enumerate(bag.trace_stretch.cuts(length)):
+        levels = noise.levels(stretch.traces_without_noise())
+        # Files that are open cannot be sent.
+        stretch.messages.close()
+        yield name.parent / f"{name.name}-{length}-{number}", stretch, levels
+
+
+def cones_of_stretch(
+    name: Path, stretch: TraceStretch, levels: list[float], parameters: PipelineParameters
+) -> Cones:
+    """Reconstruct a stretch of a recording into a file, unless that was done before.
+
+    Raises
+    ------
+    BagError
+        If its cones cannot be written.
+    """
+    if (kept := _kept(name)) is not None:
+        return kept
+    with _warnings() as warnings:
+        found = stretch_cones(stretch, levels, parameters.reconstruction)
+        skipped = SkippedMessages()
+        for source, error in found.skipped:
+            skipped.add(source, error)
+        made = _write(name, found.cones, skipped)
+    return keep(name, replace(made, warnings=warnings))
+
+
+def joined(name: Path, parts: Sequence[Cones]) -> Cones:
+    """The cones of a recording from those of its stretches.
+
+    Raises
+    ------
+    BagError
+        If there are none, or what is known of them cannot be written.
+    """
+    skipped = Counter[str]()
+    for part in parts:
+        skipped.update(part.skipped)
+    paths = [path for part in parts for path in part.paths]
+    if not paths:
+        raise nothing_usable([name], skipped)
+    boxes = np.array([part.box_m for part in parts])
+    west, south = map(float, boxes[:, :2].min(axis=0))
+    east, north = map(float, boxes[:, 2:].max(axis=0))
+    warnings = [text for part in parts for text in part.warnings]
+    return keep(name, Cones(paths, (west, south, east, north), dict(skipped), warnings))
+
+
+def keep(name: Path, cones: Cones) -> Cones:
+    """Note what cones there are, once they are complete."""
+    told = _note(name)
     try:
-        # It is written last: what it speaks of is complete.
-        return ConesFile(**json.loads(told.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
-        made = _reconstruct(recording, cones, parameters)
-    try:
-        write_atomically(told, json.dumps(asdict(made)).encode())
+        told.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(told, json.dumps(asdict(cones)).encode())
     except OSError as error:
         raise BagError(told, f"cannot be written: {error.strerror}") from error
-    return made
+    return cones
 
 
-def _reconstruct(recording: Path, cones: Path, parameters: PipelineParameters) -> ConesFile:
+def _kept(name: Path) -> Cones | None:
+    """Cones that were made before."""
+    try:
+        return Cones(**json.loads(_note(name).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _note(name: Path) -> Path:
+    return name.parent / f"{name.name}.json"
+
+
+def _write(name: Path, cones: Iterable[tuple[str, EchoCone]], skipped: SkippedMessages) -> Cones:
+    """Write cones into a recording, if there are any."""
     lowest_m, highest_m = np.full(2, np.inf), np.full(2, -np.inf)
-    with _warnings() as warnings, BagReader([recording]) as bag:
-        with new_bag(cones, replace=True) as writer:
-            for topic, cone in recorded_cones(bag, Reconstructors(Pipeline(parameters))):
+    coming = iter(cones)
+    first = next(coming, None)
+    if first is not None:
+        with new_bag(name, replace=True) as writer:
+            for topic, cone in chain([first], coming):
                 writer.write_cone(topic, cone)
                 position_m, reach_m = cone.pose.position_m[:2], cone.transducer.max_range_m
                 lowest_m = np.minimum(lowest_m, position_m - reach_m)
                 highest_m = np.maximum(highest_m, position_m + reach_m)
-        if not np.isfinite(lowest_m).all():
-            raise nothing_usable(bag)
-        west, south, east, north = map(float, (*lowest_m, *highest_m))
-        skipped = dict(bag.skipped.by_field)
-    return ConesFile(str(cones), (west, south, east, north), skipped, warnings)
+    west, south, east, north = map(float, (*lowest_m, *highest_m))
+    paths = [] if first is None else [str(name)]
+    return Cones(paths, (west, south, east, north), dict(skipped.by_field), [])
 
 
 def _digest(recording: Path, parameters: PipelineParameters) -> str:

@@ -10,14 +10,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from usmap_ros.cluster import Failure, attempt, results
 from usmap_ros.collection.areas import AreaMap, areas_of, fuse_area
-from usmap_ros.collection.cones import ConesFile, cones_file
+from usmap_ros.collection.cones import (
+    STRETCH,
+    Cones,
+    Divided,
+    cones_of_recording,
+    cones_of_stretch,
+    joined,
+)
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.offline import MappingRun
-from usmap_ros.parallel import Failure, results
 from usmap_ros.parameters import PipelineParameters
 
 #: Folder, beside the map, of the cones of all recordings: a second run finds them there.
@@ -67,6 +74,7 @@ def map_collection(
     passes: int = 0,
     without: Sequence[str] = (),
     step: Callable[[], None] = lambda: None,
+    stretch: int = STRETCH,
 ) -> Collected:
     """Map recordings: each to cones, areas apart, and their maps to one.
 
@@ -86,32 +94,25 @@ def map_collection(
         Topics, or robots, whose pings stay out of the map.
     step : callable
         Called twice for each recording: when its cones are there, and when it is mapped.
+    stretch : int
+        Pings of a recording from which on it is divided among workers.
 
     Raises
     ------
     UsmapError
         If nothing could be mapped, or the whole map would be too large.
     """
-    folder = (output / CONES_FOLDER).resolve()
-    work = [(recording.resolve(), folder, parameters) for recording in recordings]
-    files: dict[int, ConesFile] = {}
-    failed: dict[str, str] = {}
-    for number, made in results(executor, cones_file, work):
-        step()
-        if isinstance(made, Failure):
-            failed[str(recordings[number])] = made.cause
-            step()
-        else:
-            files[number] = made
+    files, failed = _reconstructed(recordings, output, parameters, executor, stretch, step)
     areas = areas_of(list(files.values()))
-    names = {file.path: str(recordings[number]) for number, file in files.items()}
+    names = {str(file.paths): str(recordings[number]) for number, file in files.items()}
     fuse = partial(fuse_area, parameters=parameters, passes=passes, without=tuple(without))
     maps: dict[int, AreaMap] = {}
-    for number, fused in results(executor, fuse, [([f.path for f in area],) for area in areas]):
+    work = [([path for file in area for path in file.paths],) for area in areas]
+    for number, fused in results(executor, fuse, work):
         for _ in areas[number]:
             step()
         if isinstance(fused, Failure):
-            failed[", ".join(names[file.path] for file in areas[number])] = fused.cause
+            failed[", ".join(names[str(file.paths)] for file in areas[number])] = fused.cause
         else:
             maps[number] = fused
     if not maps:
@@ -130,6 +131,54 @@ def map_collection(
         _joined_runs([area.run for area in merged], skipped),
         len(recordings), len(merged), failed, warnings,
     )  # fmt: skip
+
+
+def _reconstructed(
+    recordings: Sequence[Path],
+    output: Path,
+    parameters: PipelineParameters,
+    executor: Executor | None,
+    length: int,
+    step: Callable[[], None],
+) -> tuple[dict[int, Cones], dict[str, str]]:
+    """Cones of each recording by its number, and why others have none."""
+    folder = (output / CONES_FOLDER).resolve()
+    found: dict[int, Cones | Failure] = {}
+    divided: dict[int, Divided] = {}
+    whole = [(recording.resolve(), folder, parameters, length) for recording in recordings]
+    for number, made in results(executor, cones_of_recording, whole):
+        if isinstance(made, Divided):
+            divided[number] = made
+        else:
+            found[number] = made
+            step()
+    owners = [
+        (number, place) for number in divided for place in range(len(divided[number].stretches))
+    ]
+    work = [(*divided[number].stretches[place], parameters) for number, place in owners]
+    parts: dict[int, dict[int, Cones | Failure]] = {number: {} for number in divided}
+    for done, made in results(executor, cones_of_stretch, work):
+        number, place = owners[done]
+        parts[number][place] = made
+        if len(parts[number]) == len(divided[number].stretches):
+            found[number] = _joined(divided[number], parts[number])
+            step()
+    failed = {
+        str(recordings[number]): one.cause
+        for number, one in sorted(found.items())
+        if isinstance(one, Failure)
+    }
+    for _ in failed:
+        step()
+    return {n: one for n, one in sorted(found.items()) if isinstance(one, Cones)}, failed
+
+
+def _joined(recording: Divided, parts: dict[int, Cones | Failure]) -> Cones | Failure:
+    """A recording's cones, or the first reason why there are none."""
+    made = [parts[place] for place in sorted(parts)]
+    failures = [part for part in made if isinstance(part, Failure)]
+    cones = [part for part in made if isinstance(part, Cones)]
+    return failures[0] if failures else attempt(joined, recording.name, [recording.begun, *cones])
 
 
 def _joined_runs(runs: Sequence[MappingRun], skipped: Counter[str]) -> MappingRun:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import struct
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -11,17 +10,12 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, TypeVar
 
-import numpy as np
-from rosbags.serde import SerdeError
-
-from usmap_ros.arrays import IntArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError, UsmapError
 from usmap_ros.io.conversions import (
     array_from_message,
     cone_from_message,
     range_from_message,
-    trace_from_message,
 )
 from usmap_ros.io.definitions import check_definition
 from usmap_ros.io.message_types import (
@@ -31,11 +25,11 @@ from usmap_ros.io.message_types import (
     RANGE,
     TRANSDUCER_ARRAY,
     TRANSFORMS,
-    typestore,
 )
 from usmap_ros.io.recorded_poses import RecordedPoses
 from usmap_ros.io.skipped import SkippedMessages
 from usmap_ros.io.storage import MessageIndex, RecordedTopic, Storage, open_storage
+from usmap_ros.io.stretch import Files, TraceStretch, merged
 from usmap_ros.soundings import TransducerArrays
 from usmap_ros.trace import EchoTrace
 
@@ -47,10 +41,6 @@ MAPPED_TYPES = (ECHO_TRACE, ECHO_CONE, TRANSDUCER_ARRAY)
 RANGE_TYPES = (RANGE, ODOMETRY, TRANSFORMS)
 
 _Content = TypeVar("_Content")
-
-_MAX_OPEN_FILES = 64
-#: What rosbags raises on bytes that are no message of the type; older versions let more through.
-_DECODING_ERRORS = (SerdeError, struct.error, ValueError, IndexError, AssertionError)
 
 
 class BagReader:
@@ -95,21 +85,21 @@ class BagReader:
         self._read_count = 0
         self.topics: list[RecordedTopic] = []
         self._storages: list[Storage] = []
-        self._open_storages: list[Storage] = []
+        self._files = Files(self._storages)
         self._scratch = TemporaryDirectory(prefix="usmap_")
         try:
-            self._indexes = self._scan()
+            indexes = self._scan()
         except BaseException:
             self.close()
             raise
-        self._tables = {
-            message_type: _merge(self._indexes, message_type)
+        self._messages = {
+            message_type: merged(indexes, self._files, message_type)
             for message_type in MAPPED_TYPES + RANGE_TYPES
         }
         if not self.trace_count and not self.cone_count and not self.range_count:
             self.close()
-            raise BagError(", ".join(map(str, self.paths)), self._why_nothing())
-        self._warn_of_damage()
+            raise BagError(", ".join(map(str, self.paths)), self._why_nothing(indexes))
+        self._warn_of_damage(indexes)
 
     def __enter__(self) -> BagReader:
         """Return the reader itself."""
@@ -128,29 +118,29 @@ class BagReader:
 
     def close(self) -> None:
         """Close all files."""
-        for storage in self._storages:
-            storage.close()
+        self._files.close()
         self._scratch.cleanup()
 
     @property
     def trace_count(self) -> int:
         """Number of echo traces, malformed ones included."""
-        return len(self._tables[ECHO_TRACE])
+        return len(self._messages[ECHO_TRACE])
 
     @property
     def cone_count(self) -> int:
         """Number of echo cones, malformed ones included."""
-        return len(self._tables[ECHO_CONE])
+        return len(self._messages[ECHO_CONE])
 
     @property
     def range_count(self) -> int:
         """Number of readings of robots that measure ranges only, malformed ones included."""
-        if not len(self._tables[RANGE]):
-            return 0
-        return sum(
-            self._is_alone(self._indexes[number].topics[self._indexes[number].topic[row]].name)
-            for number, row in self._tables[RANGE]
-        )
+        counts = self._messages[RANGE].topic_counts()
+        return sum(count for topic, count in counts.items() if self._is_alone(topic))
+
+    @property
+    def is_unpacked(self) -> bool:
+        """Whether a file was unpacked, so that only who has this reader can read it."""
+        return any(Path(self._scratch.name).iterdir())
 
     def ping_topics(self) -> list[str]:
         """Names of the topics with traces, cones, or ranges, each once."""
@@ -163,12 +153,24 @@ class BagReader:
         What it lacks of its pulse, and the other pulses in the air, come from the recording's
         `TransducerArray` messages.
         """
-        arrays = TransducerArrays(
-            array for _, array in self._contents(TRANSDUCER_ARRAY, array_from_message)
+        self._read_count += self.trace_count
+        return self.trace_stretch.traces(self.skipped.add)
+
+    @cached_property
+    def trace_stretch(self) -> TraceStretch:
+        """All echo traces, to be read elsewhere; who does tells `skipped` of malformed ones."""
+        arrays = self._contents(TRANSDUCER_ARRAY, array_from_message)
+        return TraceStretch(
+            self._messages[ECHO_TRACE], TransducerArrays(array for _, array in arrays)
         )
-        return self._contents(
-            ECHO_TRACE, lambda message: arrays.complete(trace_from_message(message))
-        )
+
+    def first_traces(self, count: int) -> Iterator[tuple[str, EchoTrace]]:
+        """Yield topic and content of the first `count` traces of each topic, as far as they are."""
+        if not self.trace_count:
+            return iter(())
+        first = self._messages[ECHO_TRACE].first_of_each(count)
+        arrays = self.trace_stretch.arrays
+        return TraceStretch(first, arrays).traces(lambda source, error: None)
 
     def cones(self) -> Iterator[tuple[str, EchoCone]]:
         """Yield topic and content of every well-formed echo cone."""
@@ -211,36 +213,8 @@ class BagReader:
     def _contents(
         self, message_type: str, convert: Callable[[Any], _Content]
     ) -> Iterator[tuple[str, _Content]]:
-        for storage_number, row in self._tables[message_type]:
-            self._read_count += 1
-            index = self._indexes[storage_number]
-            topic = index.topics[index.topic[row]].name
-            try:
-                yield topic, convert(self._message(storage_number, row, message_type))
-            except MalformedMessageError as error:
-                stamp_s = index.stamp_ns[row] / 1e9
-                path = self._storages[storage_number].path
-                self.skipped.add(f"{path}: {topic} at {stamp_s:.6f} s", error)
-
-    def _message(self, storage_number: int, row: int, message_type: str) -> Any:
-        storage, index = self._storages[storage_number], self._indexes[storage_number]
-        self._keep_open(storage)
-        payload = storage.payload(index.block[row], index.offset[row], index.size[row])
-        try:
-            # The stubs of rosbags know bytes only; a view spares a copy.
-            return typestore().deserialize_cdr(payload, message_type)
-        except _DECODING_ERRORS as error:
-            raise MalformedMessageError("message", "cannot be decoded") from error
-
-    def _keep_open(self, storage: Storage) -> None:
-        """Hold no more files open than the operating system lets a process have."""
-        if self._open_storages and self._open_storages[-1] is storage:
-            return
-        if storage in self._open_storages:
-            self._open_storages.remove(storage)
-        self._open_storages.append(storage)
-        if len(self._open_storages) > _MAX_OPEN_FILES:
-            self._open_storages.pop(0).close()
+        self._read_count += len(self._messages[message_type])
+        return self._messages[message_type].contents(convert, self.skipped.add)
 
     def _scan(self) -> list[MessageIndex]:
         """Index every file; fills `_storages` and `topics`."""
@@ -264,8 +238,8 @@ class BagReader:
             if recorded.message_type in MAPPED_TYPES:
                 check_definition(storage.path, recorded)
 
-    def _warn_of_damage(self) -> None:
-        for storage, index in zip(self._storages, self._indexes, strict=True):
+    def _warn_of_damage(self, indexes: Sequence[MessageIndex]) -> None:
+        for storage, index in zip(self._storages, indexes, strict=True):
             if index.damage is not None:
                 stamps = index.stamp_ns
                 seconds = (max(stamps) - min(stamps)) / 1e9 if stamps else 0.0
@@ -275,8 +249,8 @@ class BagReader:
                     index.damage.kept_bytes, index.damage.total_bytes,
                 )  # fmt: skip
 
-    def _why_nothing(self) -> str:
-        for index in self._indexes:
+    def _why_nothing(self, indexes: Sequence[MessageIndex]) -> str:
+        for index in indexes:
             if index.damage is not None:
                 return f"{index.damage.cause} before its first echo trace"
         types = sorted({recorded.message_type for recorded in self.topics})
@@ -292,39 +266,3 @@ def _each_once(paths: Sequence[str | Path]) -> list[Path]:
             logger.warning("%s: is given more than once, and read once", path)
         once.setdefault(path.resolve(), path)
     return list(once.values())
-
-
-class _Table:
-    """Places of all messages of one type, in the order in which they are to come."""
-
-    def __init__(self, storage_numbers: IntArray, rows: IntArray) -> None:
-        self._storage_numbers = storage_numbers
-        self._rows = rows
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __iter__(self) -> Iterator[tuple[int, int]]:
-        for storage_number, row in zip(self._storage_numbers, self._rows, strict=True):
-            yield int(storage_number), int(row)
-
-
-def _merge(indexes: list[MessageIndex], message_type: str) -> _Table:
-    """Order all messages of a type by stamp, then topic, then file and place in it."""
-    topics = sorted({recorded.name for index in indexes for recorded in index.topics})
-    rank = {topic: number for number, topic in enumerate(topics)}
-    stamps, ranks, storage_numbers, rows = [], [], [], []
-    for storage_number, index in enumerate(indexes):
-        is_wanted = np.array(
-            [recorded.message_type == message_type for recorded in index.topics], dtype=bool
-        )
-        topic_rank = np.array([rank[recorded.name] for recorded in index.topics], dtype=np.int64)
-        number = np.asarray(index.topic)
-        wanted = np.flatnonzero(is_wanted[number]) if len(number) else np.zeros(0, dtype=np.int64)
-        stamps.append(np.asarray(index.stamp_ns)[wanted])
-        ranks.append(topic_rank[number[wanted]])
-        storage_numbers.append(np.full(len(wanted), storage_number))
-        rows.append(wanted)
-    # lexsort is stable, and its last key counts most.
-    order = np.lexsort((np.concatenate(ranks), np.concatenate(stamps)))
-    return _Table(np.concatenate(storage_numbers)[order], np.concatenate(rows)[order])

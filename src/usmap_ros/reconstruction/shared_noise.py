@@ -7,6 +7,7 @@ Pings of one receiver have the same noise.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -53,6 +54,10 @@ class SharedNoise:
         if not level.estimates:
             return trace
         return replace(trace, noise_std=float(np.median(level.estimates)))
+
+    def levels(self, traces: Iterable[EchoTrace]) -> list[float]:
+        """Levels that `tell` gives traces; 0 for those that tell none."""
+        return [self.tell(trace).noise_std for trace in traces]
 
     def _listen(self, level: _Level, trace: EchoTrace) -> None:
         try:

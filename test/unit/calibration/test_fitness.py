@@ -15,8 +15,8 @@ STATED = ReconstructionParameters()
 def problems(name: str, parameters: ReconstructionParameters = STATED) -> dict[str, str]:
     scenario = Scenario.load(SCENARIOS / f"{name}.yaml").model_copy(update={"duration_s": 4.0})
     survey = PulseSurvey(parameters)
-    for _ in survey.watch(simulate(scenario)):
-        pass
+    for topic, trace in simulate(scenario):
+        survey.add(topic, trace)
     return survey.problems()
 
 

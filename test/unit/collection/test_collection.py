@@ -13,7 +13,8 @@ import pytest
 
 from usmap_ros.collection import cones, find_recordings, map_collection
 from usmap_ros.collection.areas import areas_of
-from usmap_ros.collection.cones import ConesFile
+from usmap_ros.collection.cones import Cones
+from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
@@ -22,8 +23,10 @@ from usmap_ros.offline import map_bag
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.trace import Encoding
 
 SCENARIO = Path(__file__).parents[3] / "config" / "scenarios" / "poles.yaml"
+TOGETHER = SCENARIO.with_name("two_transducers.yaml")
 PARAMETERS = PipelineParameters()
 
 
@@ -95,24 +98,74 @@ def test_a_second_run_takes_up_the_first(
     recordings = find_recordings([tmp_path / "bags"], tmp_path)
     first = map_collection(recordings, tmp_path / "map", PARAMETERS)
     made: list[Path] = []
-    reconstruct = cones._reconstruct
-    monkeypatch.setattr(
-        cones, "_reconstruct", lambda *of: (made.append(of[0]), reconstruct(*of))[1]
-    )
+    write = cones._write
+    monkeypatch.setattr(cones, "_write", lambda *of: (made.append(of[0]), write(*of))[1])
     assert_same(map_collection(recordings, tmp_path / "map", PARAMETERS).occupancy, first.occupancy)
     assert made == []
     (file,) = recordings[1].glob("*.mcap")
     os.utime(file, ns=(0, 0))
     map_collection(recordings, tmp_path / "map", PARAMETERS)
-    assert made == [recordings[1].resolve()]
+    assert [path.name.rpartition("-")[0] for path in made] == [recordings[1].name]
+
+
+@pytest.fixture(scope="module")
+def long(fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give one recording: noise that is not stated, pings that cannot be used, two transducers."""
+    bag = tmp_path_factory.mktemp("long") / "bag"
+    with BagReader(find_recordings([fleet / "here"], bag)) as reader, new_bag(bag) as writer:
+        for number, (topic, trace) in enumerate(reader.traces()):
+            noise_std = trace.noise_std if number % 7 == 0 else 0.0
+            # In some, the carrier is beyond what real samples at that rate can hold.
+            encoding = Encoding.RAW if number % 9 == 0 else trace.encoding
+            writer.write_trace(topic, replace(trace, noise_std=noise_std, encoding=encoding))
+        for topic, trace in islice(simulate(Scenario.load(TOGETHER)), 8):
+            writer.write_trace(topic, trace)
+    return bag
+
+
+def test_a_long_recording_that_is_divided_gives_the_same_map(long: Path, tmp_path: Path) -> None:
+    pipeline = Pipeline(PARAMETERS)
+    with BagReader([long]) as bag:
+        together = map_bag(bag, pipeline, RobotPaths())
+    done = map_collection([long], tmp_path, PARAMETERS, stretch=5)
+    assert_same(done.occupancy, pipeline.occupancy_map())
+    assert (done.run.pings, done.run.echoes) == (together.pings, together.echoes)
+    assert done.run.skipped == together.skipped != {}
+    assert len(list((tmp_path / "cones").glob("*.json"))) > 6
+
+
+def test_a_divided_recording_is_taken_up_where_it_was_left(
+    long: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = map_collection([long], tmp_path, PARAMETERS, stretch=5)
+    notes = sorted((tmp_path / "cones").glob("*.json"), key=lambda path: len(path.name))
+    # As if the work had ended before one stretch was done.
+    notes[0].unlink()
+    notes[-1].unlink()
+    made: list[Path] = []
+    write = cones._write
+    monkeypatch.setattr(cones, "_write", lambda *of: (made.append(of[0]), write(*of))[1])
+    again = map_collection([long], tmp_path, PARAMETERS, stretch=5)
+    assert_same(again.occupancy, first.occupancy)
+    # First come readings of ranges, of which there are none.
+    assert [path.name for path in made] == [notes[0].stem, notes[-1].stem]
+
+
+def test_a_divided_recording_with_nothing_usable_is_named(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    with new_bag(bag) as writer:
+        for topic, trace in islice(simulate(Scenario.load(SCENARIO)), 12):
+            writer.write_trace(topic, replace(trace, encoding=Encoding.RAW))
+    with pytest.raises(UsmapError, match=r"none of its 12 pings can be used.*sample_rate \(12\)"):
+        map_collection([bag], tmp_path / "map", PARAMETERS, stretch=5)
 
 
 def test_boxes_that_touch_by_way_of_a_third_are_one_area() -> None:
-    def file(name: str, west: float, east: float) -> ConesFile:
-        return ConesFile(name, (west, 0.0, east, 5.0), {}, [])
+    def file(name: str, west: float, east: float) -> Cones:
+        return Cones([name], (west, 0.0, east, 5.0), {}, [])
 
     files = [file("a", 0, 10), file("b", 30, 40), file("far", 90, 95), file("c", 9, 31)]
-    names = [[member.path for member in area] for area in areas_of(files)]
+    names = [[path for member in area for path in member.paths] for area in areas_of(files)]
     assert names == [["a", "b", "c"], ["far"]]
     assert areas_of(files[:3]) == [[files[0]], [files[1]], [files[2]]]
 
@@ -123,39 +176,40 @@ import os, signal, sys
 from pathlib import Path
 from usmap_ros.collection import find_recordings, map_collection
 from usmap_ros.io.map_files import save_map
-from usmap_ros.parallel import cluster
+from usmap_ros.cluster import cluster
 from usmap_ros.parameters import PipelineParameters
 
-fleet, folder = map(Path, sys.argv[1:])
+fleet, folder, workers, kill = *map(Path, sys.argv[1:3]), *map(int, sys.argv[3:])
 steps = 0
-with cluster("local", 2) as executor:
+with cluster("local", workers) as executor:
     before = executor._client.run(os.getpid)
 
     def step():
         global steps
         steps += 1
-        if steps == 1:
+        if kill and steps == 1:
             os.kill(next(iter(before.values())), signal.SIGKILL)
 
     done = map_collection(find_recordings([fleet], folder), folder, PipelineParameters(), executor,
-                          step=step)
+                          step=step, stretch=3)
 save_map(folder, done.occupancy)
 assert steps == 12, steps
 assert not done.failed, done.failed
-print(len(before), "workers, one killed")
+print(len(before), "workers,", kill, "killed")
 """
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("workers", "killed"), [(1, 0), (2, 0), (4, 0), (2, 1)])
 def test_a_cluster_gives_the_same_map_though_a_worker_is_killed(
-    fleet: Path, expected: OccupancyMap, tmp_path: Path
+    fleet: Path, expected: OccupancyMap, tmp_path: Path, workers: int, killed: int
 ) -> None:
     pytest.importorskip("distributed")
     done = subprocess.run(
-        [sys.executable, "-c", ON_A_CLUSTER, str(fleet), str(tmp_path)],
+        [sys.executable, "-c", ON_A_CLUSTER, str(fleet), str(tmp_path), str(workers), str(killed)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.stdout == "2 workers, one killed\n", done.stderr
+    assert done.stdout == f"{workers} workers, {killed} killed\n", done.stderr
     assert_same(load_map(tmp_path)[0], expected)

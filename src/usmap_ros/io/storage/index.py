@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from array import array
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -136,6 +136,9 @@ class Storage(Protocol):
 
     def payload(self, block: int, offset: int, size: int) -> memoryview:
         """Fetch the serialized message at a place that `scan` noted."""
+
+    def part(self, blocks: Iterable[int]) -> Storage:
+        """The same file as `payload` needs it for some blocks, to be sent to another process."""
 
     def close(self) -> None:
         """Let go of the file and of cached content; `payload` opens it again."""

@@ -12,7 +12,7 @@ import logging
 import struct
 import zlib
 from collections import OrderedDict
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -73,7 +73,7 @@ class McapFile:
         self._file_path = path
         self._compression = compression
         self._file: BinaryIO | None = None
-        self._chunks: list[_Chunk] = []
+        self._chunks: dict[int, _Chunk] = {}
         self._chunk_cache: OrderedDict[int, bytes] = OrderedDict()
 
     def scan(self, wanted: Container[str]) -> MessageIndex:
@@ -81,7 +81,7 @@ class McapFile:
         with self._file_path.open("rb") as file:
             scan = _Scan(self.path, file, wanted, self._compression)
             scan.run()
-        self._chunks = scan.chunks
+        self._chunks = dict(enumerate(scan.chunks))
         return scan.index
 
     def payload(self, block: int, offset: int, size: int) -> memoryview:
@@ -91,6 +91,12 @@ class McapFile:
         else:
             payload = memoryview(self._chunk_content(block))[offset : offset + size]
         return memoryview(decompress(payload, self._compression)) if self._compression else payload
+
+    def part(self, blocks: Iterable[int]) -> McapFile:
+        """The same file, of which only some chunks are known."""
+        part = McapFile(self._file_path, self.path, self._compression)
+        part._chunks = {block: self._chunks[block] for block in blocks if block != _IN_FILE}
+        return part
 
     def close(self) -> None:
         """Let go of the file and of cached chunks."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from pathlib import Path
 
 from usmap_ros.errors import BagError, shortened
@@ -65,6 +65,10 @@ class SqliteFile:
         row = self._open().execute(query, (offset,)).fetchone()
         # A damaged index may no longer find what a walk through the table found.
         return self._unpack(row[0] if row and isinstance(row[0], bytes) else b"")
+
+    def part(self, blocks: Iterable[int]) -> SqliteFile:
+        """The same file: a row is found by its number alone."""
+        return SqliteFile(self._file_path, self.path, self._compression)
 
     def close(self) -> None:
         """Close the database."""

@@ -1,0 +1,230 @@
+"""Messages of recordings by the places where they lie, to be read here or in another process."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.serde import SerdeError
+
+from usmap_ros.arrays import IntArray
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.io.conversions import trace_from_message
+from usmap_ros.io.message_types import typestore
+from usmap_ros.io.storage import MessageIndex, Storage
+from usmap_ros.soundings import TransducerArrays
+from usmap_ros.trace import EchoTrace
+
+#: Where a message lies: number of its file and of its topic, stamp of its header, and what
+#: `Storage.payload` takes.
+PLACE = np.dtype(
+    [
+        ("storage", np.int32),
+        ("topic", np.int32),
+        ("stamp_ns", np.int64),
+        ("block", np.int64),
+        ("offset", np.int64),
+        ("size", np.int64),
+    ]
+)
+
+#: Called with the source of a malformed message and what is wrong with it.
+Skip = Callable[[str, MalformedMessageError], None]
+_Content = TypeVar("_Content")
+
+_MAX_OPEN_FILES = 64
+#: Places that are made Python's numbers at once.
+_AT_ONCE = 256
+#: What rosbags raises on bytes that are no message of the type; older versions let more through.
+_DECODING_ERRORS = (SerdeError, struct.error, ValueError, IndexError, AssertionError)
+
+
+class Files:
+    """Files of recordings, no more of them open than the operating system lets a process have.
+
+    Parameters
+    ----------
+    storages : list of Storage
+        The files.
+    """
+
+    def __init__(self, storages: list[Storage]) -> None:
+        self._storages = storages
+        self._open: list[Storage] = []
+
+    def __getitem__(self, number: int) -> Storage:
+        """Return a file, which may be opened from now on."""
+        storage = self._storages[number]
+        if not (self._open and self._open[-1] is storage):
+            if storage in self._open:
+                self._open.remove(storage)
+            self._open.append(storage)
+            if len(self._open) > _MAX_OPEN_FILES:
+                self._open.pop(0).close()
+        return storage
+
+    def close(self) -> None:
+        """Close all files."""
+        for storage in self._storages:
+            storage.close()
+        self._open = []
+
+
+class Stretch:
+    """Messages of one type that follow one another in the order of stamps.
+
+    A cut of it can be sent to another process, which then reads these messages and no others.
+
+    Parameters
+    ----------
+    message_type : str
+        Such as ``usmap_msgs/msg/EchoTrace``.
+    files : Files
+        Those that the messages lie in.
+    topics : sequence of str
+        Names of topics.
+    places : (n,) array of PLACE
+        Where each message lies.
+    """
+
+    def __init__(
+        self, message_type: str, files: Files, topics: Sequence[str], places: NDArray[Any]
+    ) -> None:
+        self.topics = topics
+        self._type = message_type
+        self._files = files
+        self._places = places
+
+    def __len__(self) -> int:
+        """Count the messages."""
+        return len(self._places)
+
+    def topic_counts(self) -> dict[str, int]:
+        """Number of messages of each topic that has any."""
+        counts = np.bincount(self._places["topic"], minlength=len(self.topics))
+        return {topic: int(n) for topic, n in zip(self.topics, counts, strict=True) if n}
+
+    def first_of_each(self, count: int) -> Stretch:
+        """The first messages of each topic, `count` at most."""
+        numbers = self._places["topic"]
+        first = [np.flatnonzero(numbers == topic)[:count] for topic in range(len(self.topics))]
+        chosen = np.sort(np.concatenate([np.zeros(0, np.int64), *first]))
+        return Stretch(self._type, self._files, self.topics, self._places[chosen])
+
+    def ends(self, length: int) -> list[int]:
+        """Where stretches of about a length end, so that no stamp is in two of them."""
+        stamps_ns, ends = self._places["stamp_ns"], [0]
+        while ends[-1] < len(self):
+            last_ns = stamps_ns[min(ends[-1] + length, len(self)) - 1]
+            ends.append(int(np.searchsorted(stamps_ns, last_ns, side="right")))
+        return ends[1:]
+
+    def cut(self, first: int, stop: int) -> Stretch:
+        """Messages from `first` to before `stop`, with files of their own."""
+        places = self._places[first:stop].copy()
+        used, numbers = np.unique(places["storage"], return_inverse=True)
+        blocks = [set(places["block"][numbers == number].tolist()) for number in range(len(used))]
+        storages = [self._files[int(n)].part(own) for n, own in zip(used, blocks, strict=True)]
+        places["storage"] = numbers
+        return Stretch(self._type, Files(storages), self.topics, places)
+
+    def contents(
+        self, convert: Callable[[Any], _Content], skip: Skip
+    ) -> Iterator[tuple[str, _Content]]:
+        """Yield topic and content of every well-formed message.
+
+        Parameters
+        ----------
+        convert : callable
+            Makes content of a message.
+        skip : callable
+            Told of malformed messages.
+        """
+        for first in range(0, len(self), _AT_ONCE):
+            for number, topic, stamp_ns, *place in self._places[first : first + _AT_ONCE].tolist():
+                name = self.topics[topic]
+                try:
+                    yield name, convert(self._message(number, *place))
+                except MalformedMessageError as error:
+                    skip(f"{self._files[number].path}: {name} at {stamp_ns / 1e9:.6f} s", error)
+
+    def close(self) -> None:
+        """Close its files."""
+        self._files.close()
+
+    def _message(self, number: int, block: int, offset: int, size: int) -> Any:
+        payload = self._files[number].payload(block, offset, size)
+        try:
+            # The stubs of rosbags know bytes only; a view spares a copy.
+            return typestore().deserialize_cdr(payload, self._type)
+        except _DECODING_ERRORS as error:
+            raise MalformedMessageError("message", "cannot be decoded") from error
+
+
+@dataclass(frozen=True)
+class TraceStretch:
+    """Echo traces that follow one another in a recording, and what completes them.
+
+    Parameters
+    ----------
+    messages : Stretch
+        Where the traces lie.
+    arrays : TransducerArrays
+        Of the whole recording.
+    """
+
+    messages: Stretch
+    arrays: TransducerArrays
+
+    def __len__(self) -> int:
+        """Count the traces, malformed ones included."""
+        return len(self.messages)
+
+    def traces(self, skip: Skip) -> Iterator[tuple[str, EchoTrace]]:
+        """Yield topic and content of every well-formed trace, and tell `skip` of the others."""
+        return self.messages.contents(self._completed, skip)
+
+    def traces_without_noise(self) -> Iterator[EchoTrace]:
+        """Yield the well-formed ones of those traces that do not state their noise."""
+
+        def completed(message: Any) -> EchoTrace | None:
+            return None if message.noise_std > 0.0 else self._completed(message)
+
+        for _, trace in self.messages.contents(completed, lambda source, error: None):
+            if trace is not None:
+                yield trace
+
+    def cuts(self, length: int) -> Iterator[TraceStretch]:
+        """Cut it into stretches of about a length, with those of one stamp in the same."""
+        first = 0
+        for stop in self.messages.ends(length):
+            yield TraceStretch(self.messages.cut(first, stop), self.arrays)
+            first = stop
+
+    def _completed(self, message: Any) -> EchoTrace:
+        return self.arrays.complete(trace_from_message(message))
+
+
+def merged(indexes: Sequence[MessageIndex], files: Files, message_type: str) -> Stretch:
+    """All messages of a type, in the order of stamp, then topic, then file and place in it."""
+    names = sorted({recorded.name for index in indexes for recorded in index.topics})
+    rank = {name: number for number, name in enumerate(names)}
+    parts = [np.zeros(0, PLACE)]
+    for number, index in enumerate(indexes):
+        is_wanted = np.array([topic.message_type == message_type for topic in index.topics], bool)
+        ranks = np.array([rank[topic.name] for topic in index.topics], dtype=np.int64)
+        topics: IntArray = np.asarray(index.topic)
+        rows = np.flatnonzero(is_wanted[topics]) if len(topics) else np.zeros(0, np.int64)
+        part = np.zeros(len(rows), PLACE)
+        part["storage"], part["topic"] = number, ranks[topics[rows]] if len(rows) else 0
+        for name in ("stamp_ns", "block", "offset", "size"):
+            part[name] = np.asarray(getattr(index, name))[rows]
+        parts.append(part)
+    places = np.concatenate(parts)
+    # lexsort is stable, and its last key counts most.
+    order = np.lexsort((places["topic"], places["stamp_ns"]))
+    return Stretch(message_type, files, names, places[order])

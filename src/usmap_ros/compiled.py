@@ -26,8 +26,14 @@ else:
     IS_COMPILED = not vars(numba.config)["DISABLE_JIT"]
 
 #: How all functions are compiled.  Nobody calls one from C, and what C would call takes a tenth of
-#: the compiler's time.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True, "no_cfunc_wrapper": True}
+#: the compiler's time.  None touches an object of Python's: other threads, as that which receives
+#: messages, run meanwhile.
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": True,
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+}
 #: All functions whose machine code is kept on disk.
 COMPILED: list[Any] = []
 

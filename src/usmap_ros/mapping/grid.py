@@ -106,6 +106,18 @@ class TiledGrid:
         slots: IndexArray = tiles * TILE_CELLS + inside
         return slots
 
+    def cover(self, top: int, bottom: int, left: int, right: int) -> None:
+        """Make all tiles from one row and column of tiles to others, which are left out."""
+        first_row, first_column = self._directory_origin
+        rows, columns = self._directory.shape
+        low, start = top - first_row, left - first_column
+        high, end = bottom - first_row, right - first_column
+        is_inside = low >= 0 and start >= 0 and high <= rows and end <= columns
+        if is_inside and (self._directory[low:high, start:end] >= 0).all():
+            return
+        grid = np.meshgrid(np.arange(top, bottom), np.arange(left, right), indexing="ij")
+        self._cover(grid[0].ravel(), grid[1].ravel())
+
     def cells(self, chosen: NDArray[np.bool_]) -> tuple[IndexArray, IndexArray, IndexArray]:
         """Rows, columns and slots of the chosen cells.
 

@@ -26,7 +26,7 @@ from usmap_ros.mapping.superposition.learning import (
     weigh_bins,
 )
 from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look, look_of
-from usmap_ros.mapping.superposition.sight import deal_proof
+from usmap_ros.mapping.superposition.sight import HIDDEN, OWN_STEPS, deal_proof
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 
@@ -74,7 +74,8 @@ class Area:
 
     def learn(self, look: Look) -> float:
         """Learn from a look; returns its log-likelihood before."""
-        before = sum(log_likelihood(look, b, v) for b, v in enumerate(self.expected(look)))
+        heard = zip(look.kind, look.power, look.limit, self.expected(look), strict=True)
+        before = sum(log_likelihood(*of_a_bin) for of_a_bin in heard)
         learn(look, self.see(look), self.powers, 0.5, self.work.scratch)
         return before
 
@@ -262,13 +263,41 @@ def test_rays_behind_an_opaque_wall_are_dark(area: Area, make_cone: MakeCone) ->
     depth = area.nothing.copy()
     for y_m in np.arange(-0.375, 0.4, 0.05):
         depth[area.slot(1.025, y_m)] = 5.0
-    area.work.see(look, area.tiles, depth, area.nothing)
+    area.work.see(look, area.tiles, depth, depth)
     rays = area.work.scratch.rays
     middle = len(rays.in_sight) // 2
     at_m = (np.arange(rays.in_sight.shape[1]) + 0.5) * rays.step_m
     assert np.all(rays.in_sight[middle, at_m < 1.04] == 1.0)  # the wall does not hide itself
     assert np.all(rays.in_sight[middle, at_m > 1.2] < 0.01)
     assert np.all(rays.in_sight[0] == 1.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_shadows_are_those_of_rays_followed_step_by_step(
+    area: Area, make_cone: MakeCone, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    look = look_of(make_cone(x_m=0.02, y_m=0.01, yaw_rad=rng.uniform(-0.2, 0.2)), PARAMETERS)
+    depth = area.nothing.copy()
+    cells_m = np.arange(0.325, 2.0, 0.05), np.arange(-0.675, 0.7, 0.05)
+    for x_m, y_m in zip(*(rng.choice(at_m, 30) for at_m in cells_m), strict=True):
+        depth[area.slot(x_m, y_m)] = rng.uniform(0.1, 3.0)
+    area.work.see(look, area.tiles, depth, depth)
+    rays = area.work.scratch.rays
+    count, steps = rays.in_sight.shape
+    off_rad = ((np.arange(count) + 0.5) / count * 2.0 - 1.0) * look.half_angle_rad
+    at_m = (np.arange(steps) + 0.5) * rays.step_m
+    for ray, angle in enumerate(look.heading_rad + off_rad):
+        x_m, y_m = look.x_m + at_m * np.cos(angle), look.y_m + at_m * np.sin(angle)
+        inside = (x_m < 2.2) & (np.abs(y_m) < 1.5)
+        passed = [
+            np.exp(-depth[area.slot(x, y)] * rays.step_m / 0.05) if is_inside else 1.0
+            for x, y, is_inside in zip(x_m, y_m, inside, strict=True)
+        ]
+        expected = np.cumprod([1.0] * OWN_STEPS + passed[:-OWN_STEPS])
+        np.testing.assert_allclose(
+            rays.in_sight[ray], np.where(expected < HIDDEN, 0.0, expected), rtol=1e-4
+        )
 
 
 def test_proof_ends_a_cell_before_what_the_sound_came_back_from(

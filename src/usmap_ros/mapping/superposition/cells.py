@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import inlined
-from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE
+from usmap_ros.mapping.grid import TILE_SIDE
 
+#: A tile's side as a power of two: to shift is a tenth of the work of a division.
+TILE_BITS = TILE_SIDE.bit_length() - 1
+_INSIDE = TILE_SIDE - 1
 #: Quarters of a cell: what stands in a cell is placed to half its side.
 QUARTERS = 4
 
@@ -36,8 +39,8 @@ class Tiles(NamedTuple):
 @inlined
 def slot_at(row: int, column: int, tiles: Tiles) -> int:
     """Slot of a cell; -1 where there is no tile."""
-    tile_row = row // TILE_SIDE - tiles.first_row
-    tile_column = column // TILE_SIDE - tiles.first_column
+    tile_row = (row >> TILE_BITS) - tiles.first_row
+    tile_column = (column >> TILE_BITS) - tiles.first_column
     if tile_row < 0 or tile_column < 0:
         return -1
     if tile_row >= tiles.directory.shape[0] or tile_column >= tiles.directory.shape[1]:
@@ -45,7 +48,8 @@ def slot_at(row: int, column: int, tiles: Tiles) -> int:
     tile = tiles.directory[tile_row, tile_column]
     if tile < 0:
         return -1
-    return int(tile * TILE_CELLS + (row % TILE_SIDE) * TILE_SIDE + column % TILE_SIDE)
+    inside = ((row & _INSIDE) << TILE_BITS) | (column & _INSIDE)
+    return int((tile << 2 * TILE_BITS) | inside)
 
 
 @inlined
@@ -61,7 +65,7 @@ def slot_beside(slot: int, row: int, column: int, rows: int, columns: int, tiles
     tiles : Tiles
         The grid.
     """
-    inside_row, inside_column = slot % TILE_CELLS // TILE_SIDE + rows, slot % TILE_SIDE + columns
+    inside_row, inside_column = ((slot >> TILE_BITS) & _INSIDE) + rows, (slot & _INSIDE) + columns
     if 0 <= inside_row < TILE_SIDE and 0 <= inside_column < TILE_SIDE:
-        return slot + rows * TILE_SIDE + columns
+        return slot + (rows << TILE_BITS) + columns
     return slot_at(row + rows, column + columns, tiles)

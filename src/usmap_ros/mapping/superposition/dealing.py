@@ -25,11 +25,14 @@ from usmap_ros.mapping.superposition.powers import Bins, Contributions, expect
 from usmap_ros.mapping.superposition.seen import Rays, Seen, find_cells, place_cells
 from usmap_ros.mapping.superposition.shares import Shares, add_shares
 from usmap_ros.mapping.superposition.sight import (
-    cast_rays,
+    cast_shadows,
     deal_presence,
     deal_proof,
     deal_silence,
 )
+
+#: Instead of a number of cells: there are more than there is room for.
+MORE_ROOM = -1
 
 
 class Scratch(NamedTuple):
@@ -90,31 +93,40 @@ class Rules(NamedTuple):
 
 
 @compiled
-def look_around(
+def look_at(
     look: Look,
     tiles: Tiles,
-    depth: NDArray[np.float32],
-    among: NDArray[np.float32],
-    rays: Rays,
-    seen: Seen,
-) -> int:
-    """Cast a look's rays, and list the cells in its cone that are not 0 in `among`."""
-    cast_rays(look, tiles, depth, rays)
-    return find_cells(look, tiles, among, seen)
-
-
-@compiled
-def expect_listed(
-    look: Look,
-    res: float,
     all_bins: NDArray[np.int32],
-    listed: int,
-    power: NDArray[np.float32],
+    known: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
     scratch: Scratch,
 ) -> int:
-    """Work out what is expected of the cells listed; returns how many of them the look sees."""
+    """Work out what a look is expected to hear; returns how many cells it sees.
+
+    Parameters
+    ----------
+    look : Look
+        The ping.
+    tiles : Tiles
+        The grid.
+    all_bins : (bins + 1,) int32 array
+        0, 1, 2 and so on.
+    known : three arrays
+        Optical depth of each cell, whether it may hold something, and the power of each quarter.
+    scratch : Scratch
+        Set.
+
+    Returns
+    -------
+    count : int
+        `MORE_ROOM` if there are more cells than `scratch` has room for.
+    """
     rays, seen, bins, parts = scratch
-    count = place_cells(look, res, all_bins, rays, seen, listed)
+    depth, among, power = known
+    listed = find_cells(look, tiles, among, seen)
+    if listed == len(seen.slot):
+        return MORE_ROOM
+    cast_shadows(look, tiles.resolution_m, seen, listed, depth, rays)
+    count = place_cells(look, tiles.resolution_m, all_bins, rays, seen, listed)
     expect(look, seen, count, power, parts, bins)
     return count
 
@@ -151,7 +163,7 @@ def deal(
     rules : Rules
         How much counts.
     scratch : Scratch
-        After `expect_listed`.
+        After `look_at`.
     said : Said
         Added to.
     """

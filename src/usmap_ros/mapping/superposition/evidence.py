@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within
+from usmap_ros.compiled import compiled, compiled_within, inlined
 from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
-from usmap_ros.mapping.superposition.powers import BLOCK_BINS, CELL_BINS, Bins, Contributions
+from usmap_ros.mapping.superposition.powers import BLOCK_BINS, COLUMNS, Bins, Contributions
 from usmap_ros.mapping.superposition.seen import Seen
 
 #: Share of an echo's expected power that must come from a cell to prove the way to it.
@@ -24,6 +24,8 @@ MOST_AGAINST = 0.25
 CERTAINLY_SILENT = 20.0
 #: A contribution below this share of what is expected in a bin neither explains nor contradicts.
 LEAST_SHARE = 0.05
+#: Range bins of a block before those of its cell, and after them.
+BLOCK_MARGIN = (np.uint64(BLOCK_BINS) - COLUMNS) // np.uint64(2)
 
 
 class Evidence(NamedTuple):
@@ -70,27 +72,31 @@ class Bounds(NamedTuple):
 def prepare_bins(look: Look, bins: Bins) -> None:
     """Set `log_likelihood` of each range bin: of what was heard there, as the map expects it."""
     for b in range(len(look.kind)):
-        bins.log_likelihood[b] = log_likelihood(look, b, bins.expected[b])
+        bins.log_likelihood[b] = log_likelihood(
+            look.kind[b], look.power[b], look.limit[b], bins.expected[b]
+        )
 
 
-@compiled_within
-def log_likelihood(look: Look, b: int, expected: float) -> float:
+@inlined
+def log_likelihood(kind: int, power: float, limit: float, expected: float) -> float:
     """Log-likelihood of an echo's power, or of silence up to a limit, with an expected power."""
-    if look.kind[b] == ECHO:
-        return float(-look.power[b] / expected - math.log(expected))
-    if look.kind[b] == SILENCE and look.limit[b] < CERTAINLY_SILENT * expected:
-        return math.log1p(-math.exp(-look.limit[b] / expected))
+    if kind == ECHO:
+        return -power / expected - math.log(expected)
+    if kind == SILENCE and limit < CERTAINLY_SILENT * expected:
+        return math.log1p(-math.exp(-limit / expected))
     return 0.0
 
 
-@compiled_within
+@inlined
 def log_ratio_without(look: Look, bins: Bins, b: int, part: float, most: float) -> float:
     """Log-likelihood ratio of a bin with a contribution to one without it, bounded by `most`.
 
     No single echo may prove more, since it may come from something that is not in the model.
     """
-    without = max(bins.expected[b] - part, look.noise)
-    ratio = bins.log_likelihood[b] - log_likelihood(look, b, without)
+    without = max(bins.expected[b] - part, np.float32(look.noise))
+    ratio = bins.log_likelihood[b] - log_likelihood(
+        look.kind[b], look.power[b], look.limit[b], without
+    )
     return float(min(max(ratio, -most), most))
 
 
@@ -123,32 +129,34 @@ def add_evidence(
     evidence : Evidence
         `own` and `block` are added to, `relevant` is set to 1 for cells of which anything is said.
     """
-    expected, block, margin = bins.expected, parts.block, (BLOCK_BINS - CELL_BINS) // 2
+    expected, block, most = bins.expected, parts.block, bounds.of_a_bin
     for cell in range(count):
-        slot, start = seen.slot[cell], parts.first_bin[cell]
+        slot, start = seen.slot[cell], seen.first_bin[cell]
         gain, counts = 0.0, False
-        for column in range(max(0, -start), parts.columns[cell]):
+        for column in range(COLUMNS):
             part, b = parts.parts[cell, column], start + column
-            if part > 0.0 and part > LEAST_SHARE * expected[b]:
-                gain += log_ratio_without(look, bins, b, part, bounds.of_a_bin)
+            if part > LEAST_SHARE * expected[b]:
+                gain += log_ratio_without(look, bins, b, part, most)
                 counts = True
         if not counts:
             continue
         evidence.relevant[slot] = 1.0
         add_gain(evidence.own, slot, gain, bounds)
-        _sum_block(seen, parts, tiles, cell, start - margin)
+        start -= min(start, BLOCK_MARGIN)
         gain = 0.0
-        for index in range(BLOCK_BINS):
-            part, b = block[index], start - margin + index
-            if part > 0.0 and part > LEAST_SHARE * expected[b]:
-                gain += log_ratio_without(look, bins, b, part, bounds.of_a_bin)
+        for index in range(_sum_block(seen, parts, tiles, cell, start)):
+            part, b = block[index], start + index
+            if part > LEAST_SHARE * expected[b]:
+                gain += log_ratio_without(look, bins, b, part, most)
         add_gain(evidence.block, slot, gain, bounds)
 
 
-@compiled_within
-def _sum_block(seen: Seen, parts: Contributions, tiles: Tiles, cell: int, start: int) -> None:
-    """Contributions of a cell and its neighbours, from range bin `start` on."""
-    block, first_bin, columns = parts.block, parts.first_bin, parts.columns
+@inlined
+def _sum_block(
+    seen: Seen, parts: Contributions, tiles: Tiles, cell: int, start: np.uint64
+) -> np.uint64:
+    """Contributions of a cell and its neighbours, from bin `start` on; returns how many bins."""
+    block, last = parts.block, np.uint64(0)
     own, row, column = seen.slot[cell], seen.row[cell], seen.column[cell]
     for index in range(BLOCK_BINS):
         block[index] = 0.0
@@ -157,10 +165,13 @@ def _sum_block(seen: Seen, parts: Contributions, tiles: Tiles, cell: int, start:
             slot = slot_beside(own, row, column, up, right, tiles)
             neighbour = seen.place[slot] if slot >= 0 else -1
             if neighbour >= 0:
-                offset = first_bin[neighbour] - start
-                last = min(columns[neighbour], BLOCK_BINS - offset)
-                for index in range(max(0, -offset), last):
-                    block[offset + index] += parts.parts[neighbour, index]
+                offset = seen.first_bin[neighbour] - start
+                # Without a sign: before the start would be far beyond the end.
+                if offset <= 2 * BLOCK_MARGIN:
+                    last = max(last, offset + COLUMNS)
+                    for index in range(COLUMNS):
+                        block[offset + index] += parts.parts[neighbour, index]
+    return last
 
 
 @compiled_within
@@ -202,12 +213,11 @@ def prove_rays(
     for cell in range(count):
         if belief[seen.slot[cell]] < 0.0:
             continue
-        start = parts.first_bin[cell]
-        for column in range(max(0, -start), parts.columns[cell]):
+        start = seen.first_bin[cell]
+        for column in range(COLUMNS):
             b = start + column
-            if look.kind[b] != ECHO:
-                continue
-            if parts.parts[cell, column] > PROVING_SHARE * bins.expected[b]:
+            is_most = parts.parts[cell, column] > PROVING_SHARE * bins.expected[b]
+            if is_most and look.kind[b] == ECHO:
                 reach_m = look.least_range_m + (b + 0.5) * look.bin_m
                 _widen(look, reach_m, seen.ray[cell], tiles.resolution_m, proven_m)
 

@@ -134,43 +134,50 @@ class SuperpositionFusion(Fusion):
     def _take_up(self, cone: EchoCone, source: str) -> None:
         look = look_of(cone, self.parameters)
         self._cover(look)
-        explained = self._suspect(look)
         if len(self._window) == self.parameters.window:
             self._retire()
+        count = self._suspect(look)
+        is_explained = count is not None
         self._window.append(look)
         self._sources.append(source)
         if not self._has_lasting and len(self._window) >= self._fresh_start:
             self._start_over()
+            count = None
         if self._are_few:
             return
-        if not explained:
+        if not is_explained:
             for recent in range(max(0, len(self._window) - 1 - RECENT), len(self._window) - 1):
                 self._learn(self._window[recent])
-        self._deal(look, SHOWN, is_taught=True)
-        count = len(self._window)
-        early = min(MOST_PASSES * count, EARLY_VISITS // count)
+        self._deal(look, SHOWN, is_taught=True, count=count)
+        pings = len(self._window)
+        early = min(MOST_PASSES * pings, EARLY_VISITS // pings)
         for _ in range(max(self.parameters.revisits, early)):
             self._visit()
 
     def _cover(self, look: Look) -> None:
         """Make tiles wherever the look reaches."""
         side_m, reach_m = TILE_SIDE * self.parameters.resolution_m, look.greatest_range_m
-        columns, rows = (
-            np.arange(math.floor((center_m - reach_m) / side_m), (center_m + reach_m) / side_m)
+        (left, right), (top, bottom) = (
+            (math.floor((center_m - reach_m) / side_m), math.ceil((center_m + reach_m) / side_m))
             for center_m in (look.x_m, look.y_m)
         )
-        grid = np.meshgrid(rows.astype(np.intp), columns.astype(np.intp), indexing="ij")
-        self._grid.slots(grid[0].ravel() * TILE_SIDE, grid[1].ravel() * TILE_SIDE)
+        self._grid.cover(top, bottom, left, right)
 
-    def _suspect(self, look: Look) -> bool:
-        """Suspect every cell that may have returned an unexplained echo; whether there is none."""
-        layer = self._grid.layer
-        self._expect(look)
+    def _suspect(self, look: Look) -> int | None:
+        """Suspect every cell that may have returned an unexplained echo.
+
+        Returns
+        -------
+        count : int or None
+            Of cells that the look sees, if there is no such echo: what is expected of them is known
+            until another look is visited.
+        """
+        layer, count = self._grid.layer, self._expect(look)
         found = self._work.find_sources(look, self._tiles(), layer(EVERYWHERE))
         if found is None:
-            return True
+            return count
         seed_unexplained(look, *found, self._work.scratch.bins, layer(POWER), layer(ALIVE))
-        return False
+        return None
 
     def _start_over(self) -> None:
         """Explain the pings so far from the start, if they are few enough."""
@@ -259,21 +266,27 @@ class SuperpositionFusion(Fusion):
         """Move the powers in a ping's cone towards what explains it."""
         self._learn_from(look, self._expect(look))
 
-    def _learn_from(self, look: Look, count: int) -> None:
-        powers = Powers(*(self._grid.layer(name) for name in Powers._fields))
-        least_news = 1.0 / (1 + len(self._window))
-        learn(look, count, powers, least_news, self._work.scratch)
+    def _deal(
+        self, look: Look, kind: str, *, is_taught: bool = False, count: int | None = None
+    ) -> None:
+        """Add what a ping says to the evidence of a kind; learn its powers too if asked to.
 
-    def _deal(self, look: Look, kind: str, *, is_taught: bool = False) -> None:
-        """Add what a ping says to the evidence of a kind; learn its powers too if asked to."""
+        If the number of cells that it sees is given, what is expected of them is known.
+        """
         layer = self._grid.layer
         own, block, clear, silent, *shares = (layer(_of(kind, name)) for name in EVIDENCE)
         said = Said(Evidence(own, block, clear, silent, layer(RELEVANT)), Shares(*shares))
-        count = self._expect(look)
+        if count is None:
+            count = self._expect(look)
         believed = (layer(BELIEF), layer(_of(SHOWN, CLEAR)))
         deal(look, self._tiles(), count, believed, self._rules, self._work.scratch, said)
         if is_taught:
             self._learn_from(look, count)
+
+    def _learn_from(self, look: Look, count: int) -> None:
+        powers = Powers(*(self._grid.layer(name) for name in Powers._fields))
+        least_news = 1.0 / (1 + len(self._window))
+        learn(look, count, powers, least_news, self._work.scratch)
 
     def _begin_pass(self) -> None:
         """Gather anew, beside what pings said that have left the window."""

@@ -91,7 +91,7 @@ def weigh_bins(look: Look, bins: Bins) -> None:
 
 @inlined
 def gradient_between(
-    bins: Bins, bin_count: int, low: float, high: float, heard: bool
+    bins: Bins, bin_count: int, low: float, high: float, heard: int
 ) -> tuple[float, float]:
     """Integrals over a stretch of range bins of both parts of the gradient.
 
@@ -103,14 +103,14 @@ def gradient_between(
         How many there are.
     low, high : float
         Where the stretch begins and ends.
-    heard : bool
-        Whether silent bins are left out.
+    heard : int
+        1 if silent bins are left out, else 0.
     """
     low, high = max(low, 0.0), min(high, float(bin_count))
     first, last = int(low), min(int(high), bin_count - 1)
     if low >= high:
         return 0.0, 0.0
-    below, above, up = low - first, high - last, 2 if heard else 0
+    below, above, up = low - first, high - last, 2 * heard
     sums, down = bins.gradient, up + 1
     raises = sums[last, up] + above * (sums[last + 1, up] - sums[last, up])
     raises -= sums[first, up] + below * (sums[first + 1, up] - sums[first, up])

@@ -13,7 +13,7 @@ from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, set_depth
-from usmap_ros.mapping.superposition.cells import Tiles
+from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_evidence, prepare_bins
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.workspace import Workspace
@@ -132,21 +132,21 @@ class MapByOthers:
     def _believed(
         self, own: NDArray[np.float32], block: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Cells that evidence speaks for, and how they hide what is behind them."""
+        """Powers of cells that evidence speaks for, and how they hide what is behind them."""
         log_odds = np.full_like(self._alive, self._scale.least)
         hiding, depth = np.zeros_like(self._alive), np.zeros_like(self._alive)
         cells = (self._slots, self._rows, self._columns, self._tiles)
         judge(*cells, own, block, self._scale, log_odds)
         find_hiding(*cells, own, block, self._scale, hiding)
         set_depth(*cells, hiding, self._opacity, depth)
-        return (log_odds > 0.0).astype(np.float32), depth
+        return np.where(np.repeat(log_odds > 0.0, QUARTERS), self._power, np.float32(0.0)), depth
 
     def _expected(
-        self, look: Look, among: NDArray[np.float32], depth: NDArray[np.float32]
+        self, look: Look, believed: NDArray[np.float32], depth: NDArray[np.float32]
     ) -> Expected:
         def power(seen: Look) -> FloatArray:
-            self._work.expect(seen, self._tiles, depth, among, self._power)
-            return self._work.scratch.bins.expected[: len(look.kind)].copy()
+            self._work.expect(seen, self._tiles, depth, self._alive, believed)
+            return self._work.scratch.bins.expected[: len(look.kind)].astype(float)
 
         return Expected(look, power(look), np.array([power(_turned(look, by)) for by in TURNS_RAD]))
 

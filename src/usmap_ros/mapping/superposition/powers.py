@@ -24,37 +24,51 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within, inlined
+from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.look import SILENCE, Look
 from usmap_ros.mapping.superposition.seen import Seen
 
 #: Range bins that a cell can reach into, and a block of nine cells.
 CELL_BINS, BLOCK_BINS = 16, 48
+#: Rows of `Bins.counted`: of a quarter that is silent as far as is known, and of
+#: one that may have returned an echo.
+ALL_BINS, NOT_SILENT = 0, 1
+#: The same for loops: places counted without a sign cannot be meant from the end of an array, and
+#: the compiler sees that they lie one beside the other.
+COLUMNS = np.uint64(CELL_BINS)
 #: Columns of `Bins.gradient`.
 GRADIENTS = 4
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
 class Bins(NamedTuple):
-    """Numbers for each range bin of a look; arrays of shape (bins,), and may be longer.
+    """Numbers for each range bin of a look.
+
+    Arrays go on for `CELL_BINS` after the last bin, so that no cell's bins are beyond them, and may
+    be longer.  Numbers are single and loops of fixed length: so the compiler works out all bins of
+    a cell at once.
 
     Parameters
     ----------
-    expected : float64 array
+    counted : (2, bins) float32 array
+        1 for bins that count, 0 for others, for both kinds of quarters.
+    expected : (bins,) float32 array
         λ.
-    squares : float64 array
+    squares : (bins,) float32 array
         Sum of the squared contributions to λ.
-    log_likelihood : float64 array
+    log_likelihood : (bins,) float32 array
         Of what was heard.
     gradient : (bins, GRADIENTS) float64 array
-        Sums over the bins before each, and in the last row over all, of the two parts of the
-        gradient of the log-likelihood with respect to λ: what raises the powers that
-        contribute, and what lowers them; then the same of bins that are not silent.
+        Sums over the bins before each of the two parts of the gradient of the log-likelihood with
+        respect to λ: what raises the powers that contribute, and what lowers them; then the same
+        of bins that are not silent.
     """
 
-    expected: NDArray[np.float64]
-    squares: NDArray[np.float64]
-    log_likelihood: NDArray[np.float64]
+    counted: NDArray[np.float32]
+    expected: NDArray[np.float32]
+    squares: NDArray[np.float32]
+    log_likelihood: NDArray[np.float32]
     gradient: NDArray[np.float64]
 
 
@@ -63,26 +77,20 @@ class Contributions(NamedTuple):
 
     Parameters
     ----------
-    first_bin : (cells,) integer array
-        Range bin of the first column.
-    columns : (cells,) integer array
-        How many columns hold anything.
     parts : (cells, CELL_BINS) float32 array
-        Contributions to λ.
-    block : (BLOCK_BINS,) float64 array
+        Contributions to λ, from the cell's first bin on.
+    block : (BLOCK_BINS,) float32 array
         Room for those of a cell and its eight neighbours.
     """
 
-    first_bin: NDArray[np.int64]
-    columns: NDArray[np.int64]
     parts: NDArray[np.float32]
-    block: NDArray[np.float64]
+    block: NDArray[np.float32]
 
 
 @inlined
-def overlap(b: int, low: float, high: float) -> float:
-    """How much of a stretch of range bins lies in one of them."""
-    return min(high, b + 1.0) - max(low, float(b))
+def overlap(column: np.float32, low: np.float32, high: np.float32) -> np.float32:
+    """How much of a stretch of range bins lies in one of them, all counted from the same."""
+    return max(min(high, column + _ONE) - max(low, column), _ZERO)
 
 
 @inlined
@@ -118,44 +126,62 @@ def expect(
     parts : Contributions
         Set.
     bins : Bins
-        `expected` and `squares` are set.
+        `counted`, `expected` and `squares` are set.
     """
-    expected, squares, row = bins.expected, bins.squares, np.empty(CELL_BINS, np.float32)
-    for b in range(len(look.kind)):
-        expected[b], squares[b] = look.noise, 0.0
+    has_bearings = _clear_bins(look, bins)
+    counted, expected, squares = bins.counted, bins.expected, bins.squares
     for cell in range(count):
-        low, columns = seen.low, 0
-        start = math.floor(min(low[cell, 0], low[cell, 1], low[cell, 2], low[cell, 3]))
-        for column in range(CELL_BINS):
-            row[column] = 0.0
-        for quarter in range(QUARTERS):
-            returned = seen.weight[cell] * power[seen.slot[cell] * QUARTERS + quarter]
-            if returned > 0.0:
-                last = _spread(look, seen, cell, quarter, returned * seen.density[cell], start, row)
-                columns = max(columns, last - start)
-        parts.first_bin[cell], parts.columns[cell] = start, columns
-        for column in range(CELL_BINS):
-            parts.parts[cell, column] = row[column]
-        for column in range(max(0, -start), columns):
-            expected[start + column] += row[column]
-            squares[start + column] += row[column] * row[column]
+        start, first = seen.first_bin[cell], np.float32(seen.first_bin[cell])
+        scale, at = seen.weight[cell] * seen.density[cell], seen.slot[cell] * QUARTERS
+        # One by one: what is read again within the loop below could have been written there.
+        v0, v1, v2, v3 = power[at], power[at + 1], power[at + 2], power[at + 3]
+        if v0 + v1 + v2 + v3 == _ZERO:
+            for column in range(CELL_BINS):
+                parts.parts[cell, column] = _ZERO
+            continue
+        v0, v1, v2, v3 = scale * v0, scale * v1, scale * v2, scale * v3
+        low, high = seen.low, seen.high
+        low0, low1 = low[cell, 0] - first, low[cell, 1] - first
+        low2, low3 = low[cell, 2] - first, low[cell, 3] - first
+        high0, high1 = high[cell, 0] - first, high[cell, 1] - first
+        high2, high3 = high[cell, 2] - first, high[cell, 3] - first
+        kind0, kind1 = seen.heard[cell, 0], seen.heard[cell, 1]
+        kind2, kind3 = seen.heard[cell, 2], seen.heard[cell, 3]
+        for column in range(COLUMNS):
+            b, edge = start + column, np.float32(column)
+            part = v0 * counted[kind0, b] * overlap(edge, low0, high0)
+            part += v1 * counted[kind1, b] * overlap(edge, low1, high1)
+            part += v2 * counted[kind2, b] * overlap(edge, low2, high2)
+            part += v3 * counted[kind3, b] * overlap(edge, low3, high3)
+            parts.parts[cell, column] = part
+            if not has_bearings:
+                expected[b] += part
+                squares[b] += part * part
+        if has_bearings:
+            _fit_bearings(look, seen, cell, parts, bins)
 
 
-@compiled_within
-def _spread(
-    look: Look,
-    seen: Seen,
-    cell: int,
-    quarter: int,
-    density: float,
-    start: int,
-    row: NDArray[np.float32],
-) -> int:
-    """Add a quarter's power to the range bins from `start` on; returns the one after its last."""
-    heard, bearing = seen.heard[cell, quarter], seen.bearing[cell]
-    low, high = seen.low[cell, quarter], seen.high[cell, quarter]
-    last: int = min(math.floor(high) + 1, len(look.kind), start + CELL_BINS)
-    for b in range(max(math.floor(low), 0), last):
-        if not (heard and look.kind[b] == SILENCE):
-            row[b - start] += density * bearing_fit(look, b, bearing) * overlap(b, low, high)
-    return last
+@inlined
+def _clear_bins(look: Look, bins: Bins) -> bool:
+    """Expect nothing but noise; returns whether the direction of any echo is known."""
+    count, has_bearings = len(look.kind), False
+    for b in range(count + CELL_BINS):
+        bins.expected[b], bins.squares[b] = look.noise, _ZERO
+        bins.counted[ALL_BINS, b] = bins.counted[NOT_SILENT, b] = _ZERO
+    for b in range(count):
+        bins.counted[ALL_BINS, b] = _ONE
+        bins.counted[NOT_SILENT, b] = _ONE if look.kind[b] != SILENCE else _ZERO
+        has_bearings = has_bearings or look.bearing_weight[b] != _ZERO
+    return has_bearings
+
+
+@inlined
+def _fit_bearings(look: Look, seen: Seen, cell: int, parts: Contributions, bins: Bins) -> None:
+    """Count what a cell contributes by how well its direction fits each echo's."""
+    for column in range(COLUMNS):
+        b, part = seen.first_bin[cell] + column, parts.parts[cell, column]
+        if part > _ZERO:
+            part *= bearing_fit(look, b, seen.bearing[cell])
+            parts.parts[cell, column] = part
+            bins.expected[b] += part
+            bins.squares[b] += part * part

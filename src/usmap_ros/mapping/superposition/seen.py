@@ -28,12 +28,16 @@ class Rays(NamedTuple):
         Share of the sound that reaches each step unblocked.
     proven_m : (rays,) float32 array
         How far along each ray sound is known to have gone, because it came back.
+    loudness : (steps,) float32 array
+        Power that an object would return from each step, with a gain of 1, over what would have
+        been reported; 0 where that is not known.
     step_m : float
         Length of a step.
     """
 
     in_sight: NDArray[np.float32]
     proven_m: NDArray[np.float32]
+    loudness: NDArray[np.float32]
     step_m: float
 
 
@@ -54,8 +58,10 @@ class Seen(NamedTuple):
         Range bins, with fractions, between which each quarter's power lies; see `place_cells`.
     density : (cells,) float32 array
         Share of a quarter's power in each bin that lies between.
-    heard : (cells, QUARTERS) bool array
-        Whether there is an echo between: only bins count then that are not silent.
+    first_bin : (cells,) uint64 array
+        Range bin in which the first of the quarters begins; 0 if that is before all.
+    heard : (cells, QUARTERS) uint8 array
+        1 if there is an echo between, else 0: only bins count then that are not silent.
     weight : (cells,) float32 array
         Power that each quarter would return if it scattered with power 1.
     place : (slots,) int32 array
@@ -70,7 +76,8 @@ class Seen(NamedTuple):
     low: NDArray[np.float32]
     high: NDArray[np.float32]
     density: NDArray[np.float32]
-    heard: NDArray[np.bool_]
+    first_bin: NDArray[np.uint64]
+    heard: NDArray[np.uint8]
     weight: NDArray[np.float32]
     place: NDArray[np.int32]
 
@@ -209,13 +216,16 @@ def place_cells(
         seen.slot[count], seen.row[count], seen.column[count] = slot, row, column
         seen.place[slot] = count
         along_x, along_y = along_x / look.bin_m, along_y / look.bin_m
+        least = middle
         for quarter in range(QUARTERS):
             center = middle + (along_x if quarter & 1 else -along_x)
             center += along_y if quarter & 2 else -along_y
             first, last = int(max(center - blurred, 0.0)), math.floor(center + blurred)
             heard = next_echo[min(first, bin_count)] <= last
             half = blurred if heard else depth
-            seen.heard[count, quarter] = heard
+            seen.heard[count, quarter] = 1 if heard else 0
             seen.low[count, quarter], seen.high[count, quarter] = center - half, center + half
+            least = min(least, center - half)
+        seen.first_bin[count] = max(math.floor(least), 0)
         count += 1
     return count

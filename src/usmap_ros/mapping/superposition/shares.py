@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.look import ECHO, Look
-from usmap_ros.mapping.superposition.powers import Bins, Contributions
+from usmap_ros.mapping.superposition.powers import COLUMNS, Bins, Contributions
 from usmap_ros.mapping.superposition.seen import Seen
 
 
@@ -53,13 +53,13 @@ def add_shares(
     shares : Shares
         Added to.
     """
+    expected, kind = bins.expected, look.kind
     for cell in range(count):
-        best = -1.0
-        start = parts.first_bin[cell]
-        for column in range(max(0, -start), parts.columns[cell]):
-            part, b = parts.parts[cell, column], start + column
-            if part > 0.0 and look.kind[b] == ECHO:
-                best = max(best, part / bins.expected[b])
+        start, best = seen.first_bin[cell], -1.0
+        for column in range(COLUMNS):
+            part = parts.parts[cell, column]
+            if part > 0.0 and kind[start + column] == ECHO:
+                best = max(best, part / expected[start + column])
         if best >= 0.0:
             slot = seen.slot[cell]
             direction = look.heading_rad + seen.bearing[cell]

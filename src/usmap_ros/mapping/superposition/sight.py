@@ -7,55 +7,87 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.superposition.cells import Tiles, slot_at
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_gain
 from usmap_ros.mapping.superposition.look import SILENCE, Look
-from usmap_ros.mapping.superposition.seen import Rays, power_gain
+from usmap_ros.mapping.superposition.seen import Rays, Seen, power_gain
 
 #: Visibility below which silence says nothing, and a ray is not followed any further.
 LEAST_SIGHT = 0.3
 LEAST_TRUST = 0.02
 #: Share of the sound below which none counts.
-HIDDEN = 1e-4
+HIDDEN = np.float32(1e-4)
+#: Steps behind the one that hides from which on it does.
+OWN_STEPS = 3
 #: Radius of the place that a robot itself takes up.
 PRESENCE_M = 0.12
 
 
 @compiled
-def cast_rays(look: Look, tiles: Tiles, depth: NDArray[np.float32], rays: Rays) -> None:
+def cast_shadows(
+    look: Look, res: float, seen: Seen, listed: int, depth: NDArray[np.float32], rays: Rays
+) -> None:
     """Share of the sound that reaches each step of each ray, by the cells' optical depth.
 
-    A surface does not hide itself: the two steps before a place do not count.
+    A step in a cell that hides takes its share of the sound from all that are `OWN_STEPS` or more
+    behind it: a surface does not hide itself.
 
     Parameters
     ----------
     look : Look
         The ping.
-    tiles : Tiles
-        The grid.
+    res : float
+        Side of a cell, m.
+    seen : Seen
+        Cells in the cone; `slot`, `row` and `column` are used.
+    listed : int
+        How many there are.
     depth : (slots,) float32 array
         Optical depth of each cell for sound that crosses it.
     rays : Rays
         `in_sight` is set.
     """
-    ray_count, steps = rays.in_sight.shape
-    res = tiles.resolution_m
-    for ray in range(ray_count):
-        angle = look.heading_rad + ((ray + 0.5) / ray_count * 2.0 - 1.0) * look.half_angle_rad
-        x_step, y_step = math.cos(angle) * rays.step_m, math.sin(angle) * rays.step_m
-        in_sight, last, before_last = 1.0, 0.0, 0.0
+    in_sight = rays.in_sight
+    ray_count, steps = in_sight.shape
+    in_sight[:] = 1.0
+    any_hides = False
+    for cell in range(listed):
+        if depth[seen.slot[cell]] > 0.0:
+            _hide_behind(look, res, seen.row[cell], seen.column[cell], depth[seen.slot[cell]], rays)
+            any_hides = True
+    for ray in range(ray_count if any_hides else 0):
+        passed = np.float32(1.0)
         for step in range(steps):
-            rays.in_sight[ray, step] = in_sight
-            row = math.floor((look.y_m + (step + 0.5) * y_step) / res)
-            column = math.floor((look.x_m + (step + 0.5) * x_step) / res)
-            slot = slot_at(row, column, tiles)
-            here = depth[slot] * rays.step_m / res if slot >= 0 else 0.0
-            if before_last > 0.0:
-                in_sight *= math.exp(-before_last)
-                if in_sight < HIDDEN:
-                    in_sight = 0.0
-            before_last, last = last, here
+            passed *= in_sight[ray, step]
+            in_sight[ray, step] = passed if passed >= HIDDEN else 0.0
+
+
+@inlined
+def _hide_behind(look: Look, res: float, row: int, column: int, depth: float, rays: Rays) -> None:
+    """Weaken each ray `OWN_STEPS` after each of its steps that lies in a cell."""
+    ray_count, steps = rays.in_sight.shape
+    ray_width = 2.0 * look.half_angle_rad / ray_count
+    x, y = (column + 0.5) * res - look.x_m, (row + 0.5) * res - look.y_m
+    # No corner of a cell is farther from its middle.
+    distance, around = math.sqrt(x * x + y * y), 0.75 * res
+    bearing = math.atan2(y, x) - look.heading_rad
+    bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
+    half = math.pi if distance <= around else math.asin(around / distance)
+    first = math.floor((bearing - half + look.half_angle_rad) / ray_width - 0.5)
+    last = math.ceil((bearing + half + look.half_angle_rad) / ray_width - 0.5)
+    if look.half_angle_rad < math.pi:
+        first, last = max(first, 0), min(last, ray_count - 1)
+    start = max(math.floor((distance - around) / rays.step_m - 0.5), 0)
+    end = min(math.ceil((distance + around) / rays.step_m), steps - OWN_STEPS)
+    share = np.float32(math.exp(-depth * rays.step_m / res))
+    for ray in range(first, min(last + 1, first + ray_count)):
+        angle = look.heading_rad + (ray + 0.5) * ray_width - look.half_angle_rad
+        x_step, y_step = math.cos(angle) * rays.step_m, math.sin(angle) * rays.step_m
+        for step in range(start, end):
+            is_row = math.floor((look.y_m + (step + 0.5) * y_step) / res) == row
+            if is_row and math.floor((look.x_m + (step + 0.5) * x_step) / res) == column:
+                rays.in_sight[ray % ray_count, step + OWN_STEPS] *= share
 
 
 @compiled
@@ -150,22 +182,19 @@ def deal_silence(
     silent : (slots,) float32 array
         Added to.
     """
-    ray_count, steps = rays.in_sight.shape
-    res = tiles.resolution_m
+    ray_count, res = len(rays.in_sight), tiles.resolution_m
     ray_width = 2.0 * look.half_angle_rad / ray_count
     a_step = math.exp(-rays.step_m / trust_m)
     level = math.sqrt(look.axis_x * look.axis_x + look.axis_y * look.axis_y)
+    last = _find_loudness(look, median_power, rays)
     for ray in range(ray_count):
         off_axis = ((ray + 0.5) / ray_count * 2.0 - 1.0) * look.half_angle_rad
-        angle = look.heading_rad + off_axis
-        x_step, y_step = math.cos(angle) * rays.step_m, math.sin(angle) * rays.step_m
+        angle, ahead = look.heading_rad + off_axis, level * math.cos(off_axis)
+        x_step, y_step = math.cos(angle) * rays.step_m / res, math.sin(angle) * rays.step_m / res
         proven = 1.0
-        for step in range(steps):
-            distance = (step + 0.5) * rays.step_m
-            if distance >= look.greatest_range_m:
-                break
-            row = math.floor((look.y_m + (step + 0.5) * y_step) / res)
-            column = math.floor((look.x_m + (step + 0.5) * x_step) / res)
+        for step in range(last):
+            row = math.floor(look.y_m / res + (step + 0.5) * y_step)
+            column = math.floor(look.x_m / res + (step + 0.5) * x_step)
             slot = slot_at(row, column, tiles)
             if slot < 0:
                 break
@@ -174,15 +203,30 @@ def deal_silence(
             trust = rays.in_sight[ray, step] * proven
             if trust < LEAST_TRUST:
                 break
-            slant = math.sqrt(distance * distance + look.rise_m * look.rise_m)
-            b = int((slant - look.least_range_m) / look.bin_m)
-            if slant < look.least_range_m or b >= len(look.kind) or look.kind[b] != SILENCE:
+            loudness = rays.loudness[step]
+            if loudness == 0.0 or trust <= LEAST_SIGHT:
                 continue
-            cosine = (level * math.cos(off_axis) * distance + look.axis_z * look.rise_m) / slant
-            if trust > LEAST_SIGHT and cosine > look.cos_half_angle:
-                spread = math.exp(-look.absorption_per_m * slant) / slant**4
-                gain = power_gain(look, cosine)
-                audible = math.exp(-look.limit[b] / (gain * spread * median_power + 1e-30))
+            distance = (step + 0.5) * rays.step_m
+            slant = math.sqrt(distance * distance + look.rise_m * look.rise_m)
+            cosine = (ahead * distance + look.axis_z * look.rise_m) / slant
+            if cosine > look.cos_half_angle:
+                audible = math.exp(-1.0 / (power_gain(look, cosine) * loudness + 1e-30))
                 # Near the transducer several rays cross a cell, and count once between them.
                 sharing = max(1.0, res / (distance * ray_width))
                 silent[slot] += (trust - LEAST_SIGHT) / (1.0 - LEAST_SIGHT) * audible / sharing
+
+
+@inlined
+def _find_loudness(look: Look, median_power: float, rays: Rays) -> int:
+    """Set `loudness` of all steps in reach; returns how many those are."""
+    for step in range(len(rays.loudness)):
+        distance = (step + 0.5) * rays.step_m
+        if distance >= look.greatest_range_m:
+            return step
+        slant = math.sqrt(distance * distance + look.rise_m * look.rise_m)
+        b = int((slant - look.least_range_m) / look.bin_m)
+        rays.loudness[step] = 0.0
+        if slant >= look.least_range_m and b < len(look.kind) and look.kind[b] == SILENCE:
+            spread = math.exp(-look.absorption_per_m * slant) / (slant * slant * slant * slant)
+            rays.loudness[step] = spread * median_power / look.limit[b]
+    return len(rays.loudness)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.dealing import Scratch, expect_listed, look_around
+from usmap_ros.mapping.superposition.dealing import MORE_ROOM, Scratch, look_at
 from usmap_ros.mapping.superposition.learning import find_unexplained
 from usmap_ros.mapping.superposition.look import Look
 from usmap_ros.mapping.superposition.powers import (
@@ -20,6 +20,7 @@ from usmap_ros.mapping.superposition.powers import (
     Contributions,
 )
 from usmap_ros.mapping.superposition.seen import Rays, Seen, find_cells, place_cells
+from usmap_ros.mapping.superposition.sight import cast_shadows
 
 #: Rays into which a beam is divided.
 RAYS = 64
@@ -29,7 +30,7 @@ class Workspace:
     """Scratch memory for one visit at a time."""
 
     def __init__(self) -> None:
-        rays = Rays(np.ones((RAYS, 1), np.float32), np.zeros(RAYS, np.float32), 1.0)
+        rays = _rays(1, 1.0)
         #: Of the last visit.
         self.scratch = Scratch(rays, _seen(0, np.empty(0, np.int32)), _bins(0), _contributions(0))
         # How many cells the last visit has listed.
@@ -40,10 +41,16 @@ class Workspace:
     def see(
         self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
     ) -> tuple[Seen, int]:
-        """Cells that a look sees past what is in the way, of those that are not 0 in `among`."""
-        listed = self._look_around(look, tiles, depth, among)
+        """Cells that a look sees past what is in the way, of those that are not 0 in `among`.
+
+        Nothing else is in the way, whatever its depth.
+        """
+        self._prepare(look, tiles, len(among))
+        listed = self._list(lambda seen: find_cells(look, tiles, among, seen))
         rays, seen, _, _ = self.scratch
-        self._count = place_cells(look, tiles.resolution_m, self._all_bins, rays, seen, listed)
+        res = tiles.resolution_m
+        cast_shadows(look, res, seen, listed, depth, rays)
+        self._count = place_cells(look, res, self._all_bins, rays, seen, listed)
         return seen, self._count
 
     def expect(
@@ -61,11 +68,13 @@ class Workspace:
         count : int
             Number of the cells; they, and what is expected, are in `scratch`.
         """
-        listed = self._look_around(look, tiles, depth, among)
-        self._count = expect_listed(
-            look, tiles.resolution_m, self._all_bins, listed, power, self.scratch
-        )
-        return self._count
+        self._prepare(look, tiles, len(among))
+        while True:
+            self._count = look_at(look, tiles, self._all_bins, (depth, among, power), self.scratch)
+            if self._count != MORE_ROOM:
+                return self._count
+            self._count = 0
+            self._enlarge()
 
     def find_sources(
         self, look: Look, tiles: Tiles, everywhere: NDArray[np.float32]
@@ -82,14 +91,6 @@ class Workspace:
         self._count = place_cells(look, tiles.resolution_m, self._unexplained, rays, seen, listed)
         return seen, self._count
 
-    def _look_around(
-        self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
-    ) -> int:
-        """Cast a look's rays, and list cells in its cone."""
-        self._prepare(look, tiles, len(among))
-        rays = self.scratch.rays
-        return self._list(lambda seen: look_around(look, tiles, depth, among, rays, seen))
-
     def _list(self, find: Callable[[Seen], int]) -> int:
         """List cells, with more room for them as long as it is filled."""
         while (listed := find(self.scratch.seen)) == len(self.scratch.seen.slot):
@@ -105,9 +106,8 @@ class Workspace:
             seen = seen._replace(place=np.full(slots, -1, np.int32))
         steps = math.ceil(look.greatest_range_m / tiles.resolution_m) + 2
         if steps > rays.in_sight.shape[1] or rays.step_m != tiles.resolution_m:
-            in_sight = np.ones((RAYS, steps), np.float32)
-            rays = Rays(in_sight, rays.proven_m, tiles.resolution_m)
-        if len(look.kind) >= len(bins.expected):
+            rays = _rays(steps, tiles.resolution_m)
+        if len(look.kind) + CELL_BINS > len(bins.expected):
             bins = _bins(len(look.kind))
             self._all_bins = np.arange(len(look.kind) + 1, dtype=np.int32)
             self._unexplained = np.empty(len(look.kind) + 1, np.int32)
@@ -120,21 +120,27 @@ class Workspace:
         self.scratch = self.scratch._replace(seen=seen, parts=parts)
 
 
+def _rays(steps: int, step_m: float) -> Rays:
+    in_sight, loudness = np.ones((RAYS, steps), np.float32), np.zeros(steps, np.float32)
+    return Rays(in_sight, np.zeros(RAYS, np.float32), loudness, step_m)
+
+
 def _seen(cells: int, place: NDArray[np.int32]) -> Seen:
     slot, row, column, ray = (np.empty(cells, np.int64) for _ in range(4))
     low, high = (np.empty((cells, QUARTERS), np.float32) for _ in range(2))
     bearing, density, weight = (np.empty(cells, np.float32) for _ in range(3))
-    heard = np.empty((cells, QUARTERS), np.bool_)
-    return Seen(slot, row, column, ray, bearing, low, high, density, heard, weight, place)
+    first_bin, heard = np.empty(cells, np.uint64), np.empty((cells, QUARTERS), np.uint8)
+    return Seen(
+        slot, row, column, ray, bearing, low, high, density, first_bin, heard, weight, place
+    )
 
 
 def _contributions(cells: int) -> Contributions:
-    parts = np.empty((cells, CELL_BINS), np.float32)
-    first_bin, columns = (np.zeros(cells, np.int64) for _ in range(2))
-    return Contributions(first_bin, columns, parts, np.empty(BLOCK_BINS))
+    return Contributions(np.empty((cells, CELL_BINS), np.float32), np.empty(BLOCK_BINS, np.float32))
 
 
 def _bins(count: int) -> Bins:
-    # One more than there are bins: sums before each, and of all.
-    expected, squares, log_likelihood = (np.empty(count + 1) for _ in range(3))
-    return Bins(expected, squares, log_likelihood, np.empty((count + 1, GRADIENTS)))
+    length = count + CELL_BINS
+    expected, squares, log_likelihood = (np.zeros(length, np.float32) for _ in range(3))
+    counted, gradient = np.zeros((2, length), np.float32), np.zeros((length, GRADIENTS))
+    return Bins(counted, expected, squares, log_likelihood, gradient)

@@ -218,7 +218,7 @@ def test_robots_join_and_leave(live: Any, cones: Cones) -> None:
                                           "/robot3/cone", 50)  # fmt: skip
     live.spin(0.5)
     assert stranger.get_subscription_count() == 0
-    assert set(node._topics._subscriptions) == {"/robot1/cone", "/robot2/cone"}
+    assert node._topics.names == {"/robot1/cone", "/robot2/cone"}
     assert live.set_parameter("/map_fusion", "topic_pattern", ".*").successful
     live.until(stranger.get_subscription_count)
 

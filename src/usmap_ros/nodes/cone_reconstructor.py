@@ -6,6 +6,7 @@ import time
 import traceback
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.mapping.free_space import free_space
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
+from usmap_ros.nodes.plumbing.inbox import Inbox
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.pose_sources import NoPoseError
 from usmap_ros.nodes.plumbing.range_input import RangeInput
@@ -106,6 +108,7 @@ class ConeReconstructor(Node):
         subscribe(self, TRANSDUCERS, self._learn)
         self._queue: deque[_Job] = deque()
         self._worker = Worker(self, self._step)
+        self._inbox = Inbox(self)
         parameters = self.parameters.value
         self._ranges = RangeInput(self, self.health, parameters) if self._has_ranges else None
         names = self.parameters.value.transducers or [""]
@@ -114,6 +117,7 @@ class ConeReconstructor(Node):
 
     def close(self) -> None:
         """Finish the trace at hand."""
+        self._inbox.close()
         self._worker.stop()
 
     def _connect(self, transducer: str) -> _Outputs:
@@ -125,7 +129,7 @@ class ConeReconstructor(Node):
             scan=advertise(self, FREE_SCAN, within(transducer, FREE_SCAN)),
             scale=AmplitudeScale(),
         )
-        subscribe(self, topic, lambda message: self._receive(outputs, message), outputs.topic)
+        self._inbox.add(topic, partial(self._receive, outputs), outputs.topic)
         return outputs
 
     @property
@@ -165,7 +169,7 @@ class ConeReconstructor(Node):
 
     def _receive(self, outputs: _Outputs, message: Any) -> None:
         self.health.work("received")
-        depth = self.parameters.value.queue_depth
+        depth = self.parameters.value.queue_depth * len(self._outputs)
         while len(self._queue) >= depth:
             self._queue.popleft()
             self.health.problem(

@@ -24,7 +24,6 @@ from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.parameters.fields import is_among
 from usmap_ros.parameters.nodes import MapFusionParameters
 
-_RETRY_S = 0.02
 #: Of the time that the map on disk may lag behind, when the next checkpoint is begun: the rest is
 #: for writing it, and for what else there is to do.
 _BEGUN_AFTER = 0.75
@@ -99,14 +98,10 @@ class MapFusion(LifecycleNode):
         session = self.session
         assert session is not None  # Only what is configured is activated.
         receive = partial(self._receive, session)
-        self._topics = topics = ConeTopics(self, self.parameters.value.cone_topics, receive)
+        listed = self.parameters.value.cone_topics
+        self._topics = topics = ConeTopics(self, listed, receive, session.retry_transforms)
         look = partial(self._look_for_robots, session, topics)
-        callbacks: tuple[Callable[[], None], ...] = (
-            look,
-            session.publish,
-            session.keep,
-            session.retry_transforms,
-        )
+        callbacks: tuple[Callable[[], None], ...] = (look, session.publish, session.keep)
         self._timers_of_life = [
             every(self, period_s, callback)
             for period_s, callback in zip(self._periods_s(), callbacks, strict=True)
@@ -187,10 +182,10 @@ class MapFusion(LifecycleNode):
             timer.timer_period_ns = round(period_s * 1e9)
 
     def _periods_s(self) -> tuple[float, ...]:
-        """How often an active node looks for robots, publishes, keeps, and asks for transforms."""
+        """How often an active node looks for robots, publishes, and keeps the map."""
         now = self.parameters.value
         begun_s = _BEGUN_AFTER * now.checkpoint_period_s
-        return now.discovery_period_s, 1.0 / now.publish_rate_hz, begun_s, _RETRY_S
+        return now.discovery_period_s, 1.0 / now.publish_rate_hz, begun_s
 
     # ---- cones
 

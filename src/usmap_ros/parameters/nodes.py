@@ -183,7 +183,10 @@ class ConeReconstructorParameters(NodeParameters):
         " and left/cone; an empty name stands for echo and cone.",
     )
     queue_depth: int = quantity(
-        20, "Traces that wait to be reconstructed; beyond it the oldest is dropped.", ge=1, le=10000
+        20,
+        "Traces a transducer that wait to be reconstructed; beyond it the oldest is dropped.",
+        ge=1,
+        le=10000,
     )
     latency_limit_s: float = _latency_limit()
     cell_resolution_m: float = quantity(

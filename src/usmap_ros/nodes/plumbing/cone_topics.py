@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
 
 from usmap_ros.live.interfaces import CONE
-from usmap_ros.nodes.plumbing.endpoints import subscribe
+from usmap_ros.nodes.plumbing.inbox import Inbox
 
 
 class ConeTopics:
     """Subscribes to cone topics as they appear; robots may join and leave at any time.
+
+    Cones are taken in a thread of its own.
 
     Parameters
     ----------
@@ -23,15 +26,28 @@ class ConeTopics:
         Topics to fuse; empty: every one that there is.
     on_cone : callable
         Gets topic and message.
+    after : callable
+        As of `Inbox`.
     """
 
-    def __init__(self, node: Node, listed: list[str], on_cone: Callable[[str, Any], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        listed: list[str],
+        on_cone: Callable[[str, Any], None],
+        after: Callable[[], float | None],
+    ) -> None:
         self._node = node
         self._on_cone = on_cone
         self._is_listed = any(listed)
-        self._subscriptions: dict[str, Any] = {}
+        self._inbox = Inbox(node, after)
         for name in filter(None, listed):
             self._subscribe(node.resolve_topic_name(name))
+
+    @property
+    def names(self) -> set[str]:
+        """Topics that are listened to."""
+        return self._inbox.topics
 
     def look(self, pattern: str) -> dict[str, bool]:
         """Subscribe to what is new; tells of every topic whether somebody publishes on it.
@@ -47,22 +63,18 @@ class ConeTopics:
                 for name, types in self._node.get_topic_names_and_types()
                 if CONE.message_type in types and re.fullmatch(pattern, name)
             }
-            for name in found - self._subscriptions.keys():
+            for name in found - self.names:
                 self._node.get_logger().info(f"fusing {name}")
                 self._subscribe(name)
             # A subscription keeps its own topic alive, so only the pattern ever ends one: a robot
             # that comes back is heard from its first cone on.
-            for name in self._subscriptions.keys() - found:
-                self._node.destroy_subscription(self._subscriptions.pop(name))
-        return {name: self._node.count_publishers(name) > 0 for name in sorted(self._subscriptions)}
+            for name in self.names - found:
+                self._inbox.remove(name)
+        return {name: self._node.count_publishers(name) > 0 for name in sorted(self.names)}
 
     def destroy(self) -> None:
         """Let go of all topics."""
-        for subscription in self._subscriptions.values():
-            self._node.destroy_subscription(subscription)
-        self._subscriptions.clear()
+        self._inbox.close()
 
     def _subscribe(self, name: str) -> None:
-        self._subscriptions[name] = subscribe(
-            self._node, CONE, lambda message: self._on_cone(name, message), name
-        )
+        self._inbox.add(CONE, partial(self._on_cone, name), name)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -56,6 +57,7 @@ def subscribe(
     callback: Callable[[Any], None],
     name: str | None = None,
     raw: bool = False,
+    group: CallbackGroup | None = None,
 ) -> Any:
     """Subscription to a topic, under another name if one is given; `raw`: as bytes.
 
@@ -64,7 +66,12 @@ def subscribe(
     """
     qos = replace(topic.qos, depth=_DEEPER * topic.qos.depth)
     return node.create_subscription(
-        interface_class(topic.message_type), name or topic.name, callback, qos_profile(qos), raw=raw
+        interface_class(topic.message_type),
+        name or topic.name,
+        callback,
+        qos_profile(qos),
+        callback_group=group,
+        raw=raw,
     )
 
 

@@ -33,6 +33,10 @@ class ForeignCones:
         self._on_cone = on_cone
         self._waiting: deque[tuple[float, str, EchoCone]] = deque()
 
+    def __len__(self) -> int:
+        """Count those that wait."""
+        return len(self._waiting)
+
     def add(self, topic: str, cone: EchoCone, frame_id: str, wait_s: float) -> None:
         """Move a cone into the frame `frame_id`, within `wait_s`."""
         self._waiting.append((time.monotonic() + wait_s, topic, cone))
@@ -55,7 +59,3 @@ class ForeignCones:
                 )
             else:
                 self._on_cone(topic, moved)
-
-    def clear(self) -> None:
-        """Forget all that wait."""
-        self._waiting.clear()

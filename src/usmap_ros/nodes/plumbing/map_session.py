@@ -22,6 +22,8 @@ from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
 from usmap_ros.repeats import RepeatedPingError
 
+#: How often it is looked whether a transform has come that a cone waits for.
+_RETRY_S = 0.02
 #: Why cones are lost, by what they are counted as.
 _LOSSES = {
     "dropped": "cones come faster than they are fused",
@@ -33,8 +35,8 @@ _LOSSES = {
 class MapSession:
     """A map from the node's configuration to its clean-up.
 
-    Cones are taken in the executor's thread and fused in a worker's; another worker publishes and
-    keeps the map, so that neither waits for large messages or for a disk.
+    Cones are taken in one thread and fused in another; a third publishes and keeps the map, so
+    that neither waits for large messages or for a disk.
 
     Parameters
     ----------
@@ -136,9 +138,16 @@ class MapSession:
             wait_s = self._parameters.value.transform_wait_s
             self._foreign_cones.add(topic, cone, frame_id, wait_s)
 
-    def retry_transforms(self) -> None:
-        """Move cones of other frames whose transforms have come by now."""
+    def retry_transforms(self) -> float | None:
+        """Move cones of other frames whose transforms have come by now.
+
+        Returns
+        -------
+        pause_s : float or None
+            When to try again; None: not before another cone has come.
+        """
         self._foreign_cones.retry(self.fusion.frame_id)
+        return _RETRY_S if len(self._foreign_cones) else None
 
     def _hand_over(self, topic: str, cone: EchoCone) -> None:
         if not self._parameters.value.is_in_area(*map(float, cone.pose.position_m[:2])):

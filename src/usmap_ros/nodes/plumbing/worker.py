@@ -20,10 +20,18 @@ class Worker:
     step : callable
         Does one piece of work. Returns the seconds after which it wants to be called again,
         0 for at once, or None if only when woken.
+    interrupt : callable, optional
+        Ends a wait within `step`.
     """
 
-    def __init__(self, node: Node, step: Callable[[], float | None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        step: Callable[[], float | None],
+        interrupt: Callable[[], None] = lambda: None,
+    ) -> None:
         self._step = step
+        self._interrupt = interrupt
         self._node = node
         self._awake = threading.Event()
         self._is_stopping = False
@@ -35,11 +43,12 @@ class Worker:
     def wake(self) -> None:
         """Have `step` called."""
         self._awake.set()
+        self._interrupt()
 
     def stop(self) -> None:
         """End the thread after the piece of work that it is at."""
         self._is_stopping = True
-        self._awake.set()
+        self.wake()
         self._thread.join()
         self._node.destroy_guard_condition(self._alarm)
 

@@ -1,0 +1,154 @@
+"""Messages that come often, taken without rclpy's executor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any
+
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+
+from usmap_ros.live.interfaces import Topic
+from usmap_ros.nodes.plumbing.endpoints import subscribe
+from usmap_ros.nodes.plumbing.worker import Worker
+
+#: Messages that come within so long are taken together: of forty robots two or three.
+_GATHER_S = 0.004
+
+
+class _Apart(MutuallyExclusiveCallbackGroup):
+    """Keeps the executor from waiting for anything of this group.
+
+    Not even for events: they share a condition with the messages, each of which would wake it.
+    """
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """A subscription and who gets its messages."""
+
+    subscription: Any
+    callback: Callable[[Any], None]
+
+
+class Inbox:
+    """Subscriptions whose messages are taken in a thread of their own, all that wait at a time.
+
+    rclpy's executor lists all that a node waits for anew after each message, some forty things for
+    one subscription, and makes a task of each callback: a millisecond of a core or more.  Here,
+    the subscriptions alone are listed, once for all messages that wait.
+
+    Parameters
+    ----------
+    node : Node
+        Whose subscriptions they are.
+    after : callable, optional
+        Called whenever messages were taken; returns after how many seconds it wants to be called
+        though none may have come, None: never.
+    """
+
+    def __init__(self, node: Node, after: Callable[[], float | None] = lambda: None) -> None:
+        self._node, self._after = node, after
+        self._group = _Apart()
+        self._lock = Lock()
+        self._slots: dict[str, _Slot] = {}
+        self._patience_s: float | None = None
+        # Not one of the node's own, which its executor would answer.
+        self._bell = GuardCondition(None, None, context=node.context)
+        self._worker = Worker(node, self._take, self._bell.trigger)
+
+    @property
+    def topics(self) -> set[str]:
+        """Names as they were given to `add`."""
+        return set(self._slots)
+
+    def add(self, topic: Topic, callback: Callable[[Any], None], name: str) -> None:
+        """Subscribe to a topic under a name, for a callback that is called in the thread."""
+        subscription = subscribe(self._node, topic, callback, name, group=self._group)
+        with self._lock:
+            self._slots[name] = _Slot(subscription, callback)
+        self._worker.wake()
+
+    def remove(self, name: str) -> None:
+        """Let go of a topic."""
+        with self._lock:
+            slot = self._slots.pop(name)
+        self._node.destroy_subscription(slot.subscription)
+        self._worker.wake()
+
+    def close(self) -> None:
+        """End the thread, and let go of all topics."""
+        self._worker.stop()
+        for name in self.topics:
+            self.remove(name)
+        self._bell.destroy()
+
+    def _take(self) -> float:
+        """Wait for messages, and hand over all that there are; runs in the thread."""
+        with self._lock:
+            slots = list(self._slots.values())
+        with ExitStack() as in_use:
+            held: dict[int, _Slot] = {}
+            for slot in slots:
+                # A topic may have been let go of since.
+                with suppress(InvalidHandle):
+                    in_use.enter_context(slot.subscription.handle)
+                    held[slot.subscription.handle.pointer] = slot
+            ready = self._ready(held)
+            for pointer in ready:
+                _empty(held[pointer])
+            if not ready:
+                self._answer_events(held.values())
+        self._patience_s = self._after()
+        return _GATHER_S
+
+    def _ready(self, held: dict[int, _Slot]) -> list[int]:
+        """Which of the subscriptions have messages, once any has."""
+        context = self._node.context.handle
+        wait_set = rclpy_implementation.WaitSet(len(held), 1, 0, 0, 0, 0, context)
+        wait_set.clear_entities()
+        for slot in held.values():
+            wait_set.add_subscription(slot.subscription.handle)
+        wait_set.add_guard_condition(self._bell.handle)
+        wait_set.wait(-1 if self._patience_s is None else round(self._patience_s * 1e9))
+        return list(wait_set.get_ready_entities("subscription"))
+
+    def _answer_events(self, held: Iterable[_Slot]) -> None:
+        """Let rclpy say what is wrong with a subscription: what woke us may have been that."""
+        events = [event for slot in held for event in slot.subscription.event_handlers]
+        if not events:
+            return
+        context = self._node.context.handle
+        wait_set = rclpy_implementation.WaitSet(0, 0, 0, 0, 0, len(events), context)
+        wait_set.clear_entities()
+        waited_for = []
+        with ExitStack() as in_use:
+            for event in events:
+                with suppress(InvalidHandle):
+                    in_use.enter_context(event)
+                    event.add_to_wait_set(wait_set)
+                    waited_for.append(event)
+            wait_set.wait(0)
+            for event in waited_for:
+                with suppress(InvalidHandle):
+                    if event.is_ready(wait_set):
+                        event.callback(event.take_data())
+
+
+def _empty(slot: _Slot) -> None:
+    """Hand over what waits on a subscription, a queue full at most."""
+    subscription = slot.subscription
+    for _ in range(subscription.qos_profile.depth):
+        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if taken is None:
+            return
+        slot.callback(taken[0])

@@ -1,9 +1,10 @@
 """How many robots the live nodes keep up with, and how long an echo takes into the published map.
 
-Real processes: one cone_reconstructor a robot and one map_fusion.  This process stands for the
-robots' drivers: it publishes traces that were simulated before, stamped with the time at which
-they are sent, and listens to the map.  "Dropped" is what fusion says that it dropped from its
-queue, "dropped before" what reconstructors say.
+Real processes: one map_fusion, and one cone_reconstructor a robot, or one for several (`--shared`).
+This process stands for the robots' drivers: it publishes traces that were simulated and serialized
+before, stamped with the time at which they are sent, and listens to the map; what that costs is
+given as "load cores".  "Dropped" is what fusion says that it dropped from its queue, "dropped
+before" what reconstructors say.
 
     python benchmarks/live_path.py --robots 1 2 4 8
 """
@@ -16,9 +17,12 @@ import json
 import os
 import random
 import signal
+import struct
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +30,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
 
 from usmap_ros.io.conversions import trace_to_message
 from usmap_ros.live.interfaces import DIAGNOSTICS, ECHO, MAP
@@ -35,6 +40,8 @@ from usmap_ros.nodes.plumbing.run import prepare_environment
 from usmap_ros.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[1]
+#: What every serialized message begins with: its byte order.
+_HEADER_BYTES = 4
 _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
@@ -63,11 +70,16 @@ class Observed:
 class Fleet:
     """The nodes under test, as processes."""
 
-    def __init__(self, robots: list[str], publish_rate_hz: float) -> None:
-        self.processes = {
-            f"/{robot}/cone_reconstructor": self._start("cone_reconstructor", robot)
-            for robot in robots
-        }
+    def __init__(self, robots: list[str], publish_rate_hz: float, is_shared: bool) -> None:
+        if is_shared:
+            transducers = f"transducers:={json.dumps(robots)}"
+            shared = self._start("cone_reconstructor", "", "-p", transducers)
+            self.processes = {"/cone_reconstructor": shared}
+        else:
+            self.processes = {
+                f"/{robot}/cone_reconstructor": self._start("cone_reconstructor", robot)
+                for robot in robots
+            }
         self.processes["/map_fusion"] = self._start(
             "map_fusion", "", "-p", f"publish_rate_hz:={publish_rate_hz}"
         )
@@ -75,7 +87,7 @@ class Fleet:
     def _start(self, node: str, namespace: str, *arguments: str) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"usmap_ros.nodes.{node}", "--ros-args"]
         command += ["-r", f"__ns:=/{namespace}", "--log-level", "error", *arguments]
-        return subprocess.Popen(command, start_new_session=True)
+        return subprocess.Popen(command)
 
     def cpu_seconds(self) -> dict[str, float]:
         """Processor time that each process has used."""
@@ -97,35 +109,53 @@ class Fleet:
                 process.wait()
 
 
-def messages(count: int) -> list[Any]:
-    """Messages of simulated traces."""
+def traces(robots: int, count: int) -> list[list[bytearray]]:
+    """Serialized messages of simulated traces, for each robot."""
     scenario = Scenario.load(ROOT / "config/scenarios/poles.yaml")
     types = RosMessageTypes()
-    return [trace_to_message(t, types) for _, t in itertools.islice(simulate(scenario), count)]
+    found = [trace_to_message(t, types) for _, t in itertools.islice(simulate(scenario), count)]
+    serialized: list[list[bytearray]] = []
+    for number in range(robots):
+        for message in found:
+            message.child_frame_id = f"robot{number}/sonar"
+        serialized.append([bytearray(serialize_message(message)) for message in found])
+    return serialized
 
 
-def measure(robots: int, rate_hz: float, seconds: float, publish_rate_hz: float) -> dict[str, Any]:
+def stamped(trace: bytearray, now_ns: int) -> bytes:
+    """Set the stamp of a serialized trace, which begins with it."""
+    struct.pack_into("<iI", trace, _HEADER_BYTES, *divmod(now_ns, 10**9))
+    return bytes(trace)
+
+
+def measure(
+    robots: int, rate_hz: float, seconds: float, publish_rate_hz: float, is_shared: bool = False
+) -> dict[str, Any]:
     """Run a fleet for some seconds."""
     # A domain of its own: the nodes of the measurement before may still be leaving theirs.
     os.environ["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     names = [f"robot{number}" for number in range(robots)]
-    fleet = Fleet(names, publish_rate_hz)
+    fleet = Fleet(names, publish_rate_hz, is_shared)
     rclpy.init()
     node = rclpy.create_node("benchmark")
+    # Maps are listened to in a thread of their own, so that a ping costs no more than publishing.
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    listener = threading.Thread(target=executor.spin)
+    listener.start()
     try:
-        return _measure(node, executor, fleet, names, rate_hz, seconds)
+        return _measure(node, fleet, names, rate_hz, seconds)
     finally:
         fleet.end()
-        node.destroy_node()
         executor.shutdown()
+        listener.join()
+        node.destroy_node()
         rclpy.shutdown()
 
 
 def _measure(
-    node: Any, executor: Any, fleet: Fleet, names: list[str], rate_hz: float, seconds: float
+    node: Any, fleet: Fleet, names: list[str], rate_hz: float, seconds: float
 ) -> dict[str, Any]:
     observed = Observed()
     for topic, callback in ((MAP, observed.on_map), (DIAGNOSTICS, observed.on_diagnostics)):
@@ -133,14 +163,16 @@ def _measure(
             interface_class(topic.message_type), topic.name, callback, qos_profile(topic.qos)
         )
     publishers = [advertise(node, ECHO, f"/{name}/echo") for name in names]
-    _spin_until(executor, lambda: all(p.get_subscription_count() for p in publishers))
-    _spin_until(executor, lambda: all(node.count_subscribers(f"/{n}/cone") for n in names))
-    _send(node, executor, publishers, rate_hz, 2.0)
+    _wait_until(lambda: all(p.get_subscription_count() for p in publishers))
+    _wait_until(lambda: all(node.count_subscribers(f"/{n}/cone") for n in names))
+    content = [itertools.cycle(found) for found in traces(len(names), 60)]
+    _send(publishers, content, rate_hz, 2.0)
     # What was sent first must not be counted among what comes later.
-    before, cpu = _settled(executor, observed), fleet.cpu_seconds()
-    sent_s = _send(node, executor, publishers, rate_hz, seconds)
+    before, cpu, own_cpu = _settled(observed), fleet.cpu_seconds(), time.process_time()
+    sent_s = _send(publishers, content, rate_hz, seconds)
     used = {name: spent - cpu[name] for name, spent in fleet.cpu_seconds().items()}
-    fused = _settled(executor, observed) - before
+    load_cores = (time.process_time() - own_cpu) / seconds
+    fused = _settled(observed) - before
     latencies_s = _latencies(sent_s, observed.map_arrivals)
     fusion_cores = used.pop("/map_fusion") / seconds
     return {
@@ -154,14 +186,17 @@ def _measure(
         "latency_p95_ms": round(1000 * float(np.percentile(latencies_s, 95)), 1),
         "fusion_cores": round(fusion_cores, 2),
         "reconstruction_cores": round(sum(used.values()) / seconds, 2),
+        "load_cores": round(load_cores, 2),
     }
 
 
 def _send(
-    node: Any, executor: Any, publishers: list[Any], rate_hz: float, seconds: float
+    publishers: list[Any],
+    content: list[Iterator[bytearray]],
+    rate_hz: float,
+    seconds: float,
 ) -> list[float]:
     """Publish at a rate for each robot, spread over time; when each message was stamped."""
-    content = itertools.cycle(messages(60))
     start_s, count = time.monotonic(), round(rate_hz * seconds)
     offsets_s = [number / len(publishers) / rate_hz for number in range(len(publishers))]
     due = sorted(
@@ -172,11 +207,9 @@ def _send(
     sent_s = []
     for due_s, number in due:
         while (left_s := due_s - time.monotonic()) > 0.0:
-            executor.spin_once(timeout_sec=left_s)
-        message, now = next(content), time.time_ns()
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
-        message.child_frame_id = f"robot{number}/sonar"
-        publishers[number].publish(message)
+            time.sleep(left_s)
+        now = time.time_ns()
+        publishers[number].publish(stamped(next(content[number]), now))
         sent_s.append(now / 1e9)
     return sent_s
 
@@ -188,27 +221,21 @@ def _latencies(sent_s: list[float], arrivals: list[tuple[float, float]]) -> list
     return [arrivals[i][0] - s for s, i in zip(sent_s, first, strict=True) if i < len(arrivals)]
 
 
-def _spin(executor: Any, seconds: float) -> None:
-    end_s = time.monotonic() + seconds
-    while (left_s := end_s - time.monotonic()) > 0.0:
-        executor.spin_once(timeout_sec=left_s)
-
-
-def _settled(executor: Any, observed: Observed) -> int:
+def _settled(observed: Observed) -> int:
     """How many cones are fused once no more are: what waits in a queue is not lost."""
     fused = -1
     while fused != (now := observed.total("/map_fusion", "fused")):
         fused = now
-        _spin(executor, 3.0)
+        time.sleep(3.0)
     return fused
 
 
-def _spin_until(executor: Any, condition: Any, timeout_s: float = 60.0) -> None:
+def _wait_until(condition: Any, timeout_s: float = 60.0) -> None:
     end_s = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end_s:
             raise TimeoutError("the nodes do not find each other")
-        executor.spin_once(timeout_sec=0.1)
+        time.sleep(0.1)
 
 
 def run() -> dict[str, Any]:
@@ -229,10 +256,19 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=15.0, help="pings a robot, Hz")
     parser.add_argument("--seconds", type=float, default=10.0, help="duration of each measurement")
     parser.add_argument("--publish-rate", type=float, default=10.0, help="of the map, Hz")
+    parser.add_argument(
+        "--shared", action="store_true", help="one cone_reconstructor for all robots"
+    )
     arguments = parser.parse_args()
     prepare_environment()
     for robots in arguments.robots:
-        result = measure(robots, arguments.rate, arguments.seconds, arguments.publish_rate)
+        result = measure(
+            robots,
+            arguments.rate,
+            arguments.seconds,
+            arguments.publish_rate,
+            arguments.shared,
+        )
         print(json.dumps(result), flush=True)
 
 

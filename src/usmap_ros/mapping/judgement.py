@@ -54,6 +54,8 @@ class Court:
     ) -> None:
         self._parameters, self._cones, self._between = parameters, cones, between
         self._agreements: dict[str, Agreement] = {}
+        # What `_apart` has found, which takes as long as to map everything again.
+        self._heard_apart: dict[str, tuple[Agreement, list[Agreement]]] = {}
 
     def screen(self, by_others: MapByOthers) -> dict[str, Finding]:
         """Judge all by the map that they have made together."""
@@ -102,6 +104,8 @@ class Court:
 
     def _apart(self, topic: str) -> tuple[Agreement, list[Agreement]]:
         """How a robot agrees with the map of the others, and they with one another, without it."""
+        if topic in self._heard_apart:
+            return self._heard_apart[topic]
         others = {t: own for t, own in self._cones.items() if t != topic}
         apart = SuperpositionFusion(self._parameters)
         cones = (cone for own in others.values() for cone in own)
@@ -111,7 +115,8 @@ class Court:
         by_others = apart.by_others()
         own = by_others.expected(self._cones, self._between, of=[topic])[topic]
         among_them = by_others.expected(others, self._between).values()
-        return agreement(own), [agreement(pings) for pings in among_them]
+        self._heard_apart[topic] = agreement(own), [agreement(pings) for pings in among_them]
+        return self._heard_apart[topic]
 
 
 def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:

@@ -197,7 +197,9 @@ def calibrated(log_odds: NDArray[np.float32], scale: Scale) -> NDArray[np.float3
     return np.where(log_odds > scale.prior, turned_out, log_odds).astype(np.float32)
 
 
-def beside_free_space(log_odds: NDArray[np.float32], scale: Scale) -> NDArray[np.float32]:
+def beside_free_space(
+    log_odds: NDArray[np.float32], shown: NDArray[np.float32], scale: Scale
+) -> NDArray[np.float32]:
     """Log-odds that cells turned out to have which sound is known to have passed.
 
     Sound passes through a cell and comes back from it where a surface begins: a quarter of the
@@ -207,10 +209,11 @@ def beside_free_space(log_odds: NDArray[np.float32], scale: Scale) -> NDArray[np
     ----------
     log_odds : (n,) float32 array
         By `judge`, not clamped.
+    shown : (n,) float32 array
+        The same after `calibrated`.
     scale : Scale
         Of the evidence.
     """
-    shown = calibrated(log_odds, scale)
     is_enough = evidence_of(log_odds, scale) >= PASSED_EVIDENCE * scale.threshold
     least = np.where(is_enough, np.float32(PASSED_LOG_ODDS), shown)
     raised: NDArray[np.float32] = np.maximum(shown, least)

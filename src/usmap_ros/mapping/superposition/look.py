@@ -111,9 +111,7 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
         Cell size and the error of range that nobody states.
     """
     transducer, beam = cone.transducer, cone.transducer.beam
-    x, y, z, w = cone.pose.orientation
-    axis_x, axis_y = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w)
-    axis_z = 2.0 * (x * z - y * w)
+    axis_x, axis_y, axis_z = cone.pose.rotation[:, 0]
     position_variance, bearing_std = _uncertainty(cone)
     half_angle = min(float(beam.half_angle_rad) + WIDENING_STDS * bearing_std, np.pi)
     bin_m = max(FINEST_BIN_M, parameters.resolution_m / BINS_PER_CELL)

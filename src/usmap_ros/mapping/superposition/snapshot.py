@@ -76,4 +76,5 @@ class Snapshot:
         if self.are_few:
             return self.suspects.log_odds
         raw = self.suspects.log_odds
-        return np.where(is_exposed, beside_free_space(raw, self.scale), calibrated(raw, self.scale))
+        shown = calibrated(raw, self.scale)
+        return np.where(is_exposed, beside_free_space(raw, shown, self.scale), shown)

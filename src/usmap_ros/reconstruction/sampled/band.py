@@ -54,7 +54,7 @@ def factorise(gram: Signal, begins: IndexArray, ridge: float) -> Signal:
 @compiled_within
 def solve(factor: Signal, begins: IndexArray, right: Signal) -> None:
     """Put the solution of L Lᴴ x = b into the place of b."""
-    half_solve(factor, begins, right)
+    half_solve(factor, begins, right, len(right))
     for row in range(len(right) - 1, -1, -1):
         diagonal = factor[row, row].real
         value = right[row] / diagonal if diagonal > 0.0 else 0.0 * right[row]
@@ -64,12 +64,12 @@ def solve(factor: Signal, begins: IndexArray, right: Signal) -> None:
 
 
 @compiled_within
-def half_solve(factor: Signal, begins: IndexArray, right: Signal) -> None:
-    """Put the solution of L x = b into the place of b."""
+def half_solve(factor: Signal, begins: IndexArray, right: Signal, end: int) -> None:
+    """Put the solution of L x = b, both of which are 0 from `end` on, into the place of b."""
     start = 0
-    while start < len(right) and right[start] == 0.0:
+    while start < end and right[start] == 0.0:
         start += 1
-    for row in range(start, len(right)):
+    for row in range(start, end):
         total = right[row]
         for column in range(max(begins[row], start), row):
             total -= factor[row, column] * right[column]

@@ -38,17 +38,18 @@ class Heard(NamedTuple):
 
 
 @inlined
-def heard_in(matrix: SampledMatrix, signal: Signal) -> Heard:
+def heard_in(matrix: SampledMatrix, signal: Signal, non_negative: bool) -> Heard:
     """A signal of which nothing is explained yet."""
     beside = margin(matrix)
     padded = np.zeros(matrix.sample_count + 2 * beside, np.complex128)
+    unexplained = np.zeros(len(padded), np.complex128)
     for sample in range(matrix.sample_count):
         padded[beside + sample] = signal[sample]
     rows, windows = matrix.polyphase.shape[0], matrix.sample_count + beside - 1
-    filtered = np.empty((rows, windows), np.complex128)
-    sizes, scores = np.empty(rows * windows), np.empty(len(matrix.delays_s))
-    heard = Heard(padded, padded.copy(), filtered, sizes, scores)
-    _filter(matrix, heard, 0, windows)
+    filtered = np.zeros((rows, windows), np.complex128)
+    sizes, scores = np.zeros(rows * windows), np.zeros(len(matrix.delays_s))
+    heard = Heard(padded, unexplained, filtered, sizes, scores)
+    refilter(matrix, heard, padded, non_negative)
     return heard
 
 
@@ -107,16 +108,20 @@ def score(matrix: SampledMatrix, heard: Heard, begin: int, end: int, non_negativ
         else:
             for window in range(begin, end):
                 sizes[window] = np.sqrt(row[window].real ** 2 + row[window].imag ** 2)
+    # Half a step before the first delay of a window.
+    start_s = matrix.grid_start_s + (begin * rows - 0.5) * matrix.delay_step_s
+    stop_s = matrix.grid_start_s + (end * rows - 0.5) * matrix.delay_step_s
+    done = len(heard.scores)
     for path in range(matrix.delays_s.shape[1]):
         delays_s = matrix.delays_s[:, path]
-        # Half a step before the first delay of a window.
-        stop = first_at(delays_s, matrix.grid_start_s + (end * rows - 0.5) * matrix.delay_step_s)
-        start_s = matrix.grid_start_s + (begin * rows - 0.5) * matrix.delay_step_s
-        for block in range(first_at(delays_s, start_s), stop):
-            heard.scores[block] = 0.0
+        # Longer paths that take as long are of nearer blocks.
+        first, stop = first_at(delays_s, start_s), min(done, first_at(delays_s, stop_s))
+        for block in range(first, stop):
+            total = 0.0
             for one in range(matrix.delays_s.shape[1]):
-                size = heard.sizes[matrix.places[block, one]]
-                heard.scores[block] += matrix.weights[0, block, one] * size
+                total += matrix.weights[0, block, one] * heard.sizes[matrix.places[block, one]]
+            heard.scores[block] = total
+        done = first
 
 
 @compiled_within
@@ -136,9 +141,13 @@ def first_at(ascending: FloatArray, number: float) -> int:
 def loudness(scores: FloatArray, reach: int) -> FloatArray:
     """Loudest score within `reach` blocks of each."""
     count, width = len(scores), 2 * reach + 1
+    if count == 0:
+        return scores
     loudest, longer = np.empty(count + 2 * reach), np.empty(count + 2 * reach)
-    for place in range(len(loudest)):
-        loudest[place] = scores[min(max(place - reach, 0), count - 1)]
+    for place in range(reach):
+        loudest[place], loudest[reach + count + place] = scores[0], scores[count - 1]
+    for place in range(count):
+        loudest[reach + place] = scores[place]
     # Every step doubles the stretch that each entry is the maximum of.
     stretch = 1
     while stretch < width:

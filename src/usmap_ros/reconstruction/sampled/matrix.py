@@ -169,12 +169,11 @@ def moved(
 
 
 @compiled_within
-def looked_up(matrix: SampledMatrix, which: int, age_s: float) -> Any:
+def looked_up(table: Signal, duration_s: float, age_s: float) -> Any:
     """Value of the pulse, or of its derivative, at a time after its start."""
-    table = matrix.pulse[which]
-    if age_s < 0.0 or age_s > matrix.duration_s:
+    if age_s < 0.0 or age_s > duration_s:
         return 0.0 * table[0]
-    place = age_s * (len(table) - 1) / matrix.duration_s
+    place = age_s * (len(table) - 1) / duration_s
     before = min(int(place), len(table) - 2)
     share = place - before
     return (1.0 - share) * table[before] + share * table[before + 1]
@@ -209,5 +208,5 @@ def columns_of(matrix: SampledMatrix, places: Places, support: IndexArray) -> Co
         first[column] = number + beside
         for tap in range(max(0, -number), min(taps, matrix.sample_count - number)):
             age_s = (number + tap) / matrix.sample_rate_hz + matrix.start_delay_s - delays_s[column]
-            values[column, tap] = looked_up(matrix, 0, age_s)
+            values[column, tap] = looked_up(matrix.pulse[0], matrix.duration_s, age_s)
     return Columns(of_block, of_path, first, values, ages_s)

@@ -9,7 +9,7 @@ import numpy as np
 from usmap_ros.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.compiled import compiled, inlined
 from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
-from usmap_ros.reconstruction.sampled.fit import delay_step, strengths
+from usmap_ros.reconstruction.sampled.fit import strengths
 from usmap_ros.reconstruction.sampled.matched import heard_in, loudness, refilter, score
 from usmap_ros.reconstruction.sampled.matrix import (
     SampledMatrix,
@@ -18,6 +18,7 @@ from usmap_ros.reconstruction.sampled.matrix import (
     on_grid,
     range_m,
 )
+from usmap_ros.reconstruction.sampled.steps import delay_step
 
 
 class Search(NamedTuple):
@@ -97,15 +98,14 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     how : Search
         How to search.
     """
-    heard, places = heard_in(matrix, signal), on_grid(matrix)
-    windows = heard.filtered.shape[1]
-    # Of either sign; not written as a literal, for which all would be compiled once more.
-    rectified = how.non_negative & False
-    score(matrix, heard, 0, windows, rectified)
+    # Not written as literals, for which all would be compiled once more; of either sign.
+    nothing, rectified = np.empty(0, np.int64), how.non_negative & False
+    begin, places = len(nothing), on_grid(matrix)
+    heard = heard_in(matrix, signal, rectified)
+    end = heard.filtered.shape[1]
     thresholds = noise + how.model_error * loudness(heard.scores, _pulse_blocks(matrix))
     if how.non_negative:
-        score(matrix, heard, 0, windows, how.non_negative)
-    nothing = np.empty(0, np.int64)
+        score(matrix, heard, begin, end, how.non_negative)
     limits = (how.sparsity, how.max_iterations, how.non_negative)
     fit, iterations, halt = cosamp(matrix, places, heard, thresholds, nothing, limits)
     step_s, stds_s = np.zeros(len(fit.support)), np.zeros(len(fit.support))
@@ -128,7 +128,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     places = moved(matrix, places, fit.support, step_s)
     refilter(matrix, heard, fit.residual, rectified)
     if how.non_negative:
-        score(matrix, heard, 0, windows, rectified)
+        score(matrix, heard, begin, end, rectified)
     beside, ranges_m = margin(matrix), np.empty(len(fit.support))
     for number, block in enumerate(fit.support):
         ranges_m[number] = range_m(matrix, places, block)

@@ -43,7 +43,7 @@ def surface_normals(
     """
     normal_rad = np.full(believed.shape, np.nan, np.float32)
     rows, columns = np.nonzero(believed)
-    moments, heard = _sums_around(rows, columns, believed, weight, heard_from)
+    moments, heard = _sums_around(believed, weight[rows, columns], heard_from[rows, columns])
     mass = np.maximum(moments[0], 1e-12)
     mean_x, mean_y = moments[1] / mass, moments[2] / mass
     xx = moments[3] / mass - mean_x**2
@@ -68,36 +68,61 @@ def connected_parts(inside: BoolArray) -> IndexArray:
 
     Returns
     -------
-    numbers : (rows, columns) int array
-        Equal within a part; -1 outside of all.
+    numbers : (n,) int array
+        Of the cells inside, row by row: equal within a part.
     """
-    padded = np.pad(inside, 1)
-    place = np.full(padded.shape, -1)
-    place[padded] = np.arange(np.count_nonzero(padded))
+    beside = _Beside(inside, 1)
     pairs = []
     for row, column in _ONWARD:
-        ends = np.stack([place, np.roll(place, (-row, -column), (0, 1))])
-        pairs.append(ends[:, (ends >= 0).all(axis=0)])
+        neighbour = beside(row, column)
+        there = np.flatnonzero(neighbour >= 0)
+        pairs.append(np.stack([there, neighbour[there]]))
     first, second = np.concatenate(pairs, axis=1)
-    parts = np.arange(np.count_nonzero(padded))
+    parts = np.arange(np.count_nonzero(inside))
     while (parts[first] != parts[second]).any():
         lower = np.minimum(parts[first], parts[second])
         np.minimum.at(parts, parts[first], lower)
         np.minimum.at(parts, parts[second], lower)
         while (parts[parts] != parts).any():
             parts = parts[parts]
-    place[padded] = parts
-    return place[1:-1, 1:-1]
+    return parts
+
+
+class _Beside:
+    """Finds the cells beside others, among those inside, which are few of a large map.
+
+    Parameters
+    ----------
+    inside : (rows, columns) bool array
+        The cells.
+    reach : int
+        How far it looks.
+    """
+
+    def __init__(self, inside: BoolArray, reach: int) -> None:
+        rows, columns = np.nonzero(inside)
+        height, self._width = inside.shape[0] + 2 * reach, inside.shape[1] + 2 * reach
+        self._places = (rows + reach) * self._width + columns + reach
+        self._numbers = np.full(height * self._width, -1, dtype=np.int32)
+        self._numbers[self._places] = np.arange(len(rows))
+
+    def __call__(self, rows: int, columns: int) -> IndexArray:
+        """Number of the cell so far from each; -1 where there is none."""
+        numbers: IndexArray = self._numbers[self._places + rows * self._width + columns]
+        return numbers
 
 
 def _sums_around(
-    rows: NDArray[np.intp],
-    columns: NDArray[np.intp],
-    believed: BoolArray,
-    weight: FloatArray,
-    heard_from: FloatArray,
+    believed: BoolArray, weight: FloatArray, heard_from: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Sums over the cells around each that hang together with it.
+
+    Parameters
+    ----------
+    believed : (rows, columns) bool array
+        Of which n are.
+    weight, heard_from : (n,) and (n, 2) arrays
+        Of those.
 
     Returns
     -------
@@ -106,16 +131,12 @@ def _sums_around(
     heard : (2, n) array
         Of the directions from which they were heard.
     """
-    parts = connected_parts(np.pad(believed, REACH_CELLS))
-    weights = np.pad(weight, REACH_CELLS)
-    directions = np.pad(heard_from, ((REACH_CELLS, REACH_CELLS),) * 2 + ((0, 0),))
-    rows, columns = rows + REACH_CELLS, columns + REACH_CELLS
-    own = parts[rows, columns]
-    moments, heard = np.zeros((6, len(rows))), np.zeros((2, len(rows)))
+    parts, beside = connected_parts(believed), _Beside(believed, REACH_CELLS)
+    moments, heard = np.zeros((6, len(parts))), np.zeros((2, len(parts)))
     for y in range(-REACH_CELLS, REACH_CELLS + 1):
         for x in range(-REACH_CELLS, REACH_CELLS + 1):
-            there = rows + y, columns + x
-            share = weights[there] * (parts[there] == own)
+            there = beside(y, x)
+            share = weight[there] * ((there >= 0) & (parts[there] == parts))
             moments += share * np.array([[1.0], [x], [y], [x * x], [y * y], [x * y]])
-            heard += share * directions[there].T
+            heard += share * heard_from[there].T
     return moments, heard

@@ -90,10 +90,11 @@ def _kept(dispatcher: Any, function: Function) -> Function:
     """Keep the machine code of a function on disk, where there is a folder for it."""
     # Numba's word for: neither the package's folder nor the user's cache can be written.
     with suppress(RuntimeError):
-        dispatcher.enable_caching()
-        # Numba may keep its caches otherwise in another version; then they are as it makes them.
-        with suppress(AttributeError, OSError):
+        try:
             dispatcher._cache = _cache(dispatcher)
+        except (AttributeError, OSError):
+            # Numba keeps its caches otherwise in this version; then they are as it makes them.
+            dispatcher.enable_caching()
     COMPILED.append(dispatcher)
     return cast("Function", dispatcher)
 

@@ -32,6 +32,8 @@ RecordedTrace = tuple[str, EchoTrace]
 
 #: Traces that a worker gets at once, so that the handing over does not count.
 BATCH = 32
+#: A recording of fewer traces is mapped before processes for them would have begun.
+WORTH_A_POOL = 300
 #: Batches under way for each worker: enough to keep it busy, and memory flat.
 BATCHES_AHEAD = 2
 

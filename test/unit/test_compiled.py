@@ -73,14 +73,14 @@ def test_a_class_may_move_to_another_module(folder: Path) -> None:
 
 
 def test_without_a_folder_to_keep_it_in_a_function_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    from numba.core.registry import CPUDispatcher
+    from numba.core.caching import FunctionCache
 
-    def enable_caching(dispatcher: CPUDispatcher) -> None:
+    def no_folder(cache: FunctionCache, function: object) -> None:
         raise RuntimeError("cannot cache function: no locator available")
 
     def negative(x: int) -> int:
         return -x
 
-    monkeypatch.setattr(CPUDispatcher, "enable_caching", enable_caching)
+    monkeypatch.setattr(FunctionCache, "__init__", no_folder)
     monkeypatch.setattr(usmap_ros.compiled, "COMPILED", [])
     assert compiled(negative)(-2) == 2

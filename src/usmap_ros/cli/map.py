@@ -63,7 +63,10 @@ def map_bags(
     jobs: Annotated[
         int,
         typer.Option(
-            "--jobs", "-j", min=0, help="Processes that reconstruct; 0: one for each core."
+            "--jobs",
+            "-j",
+            min=0,
+            help="Processes that reconstruct; 0: one for each core if the recording is long.",
         ),
     ] = 0,
     scheduler: Annotated[
@@ -158,24 +161,23 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
     from usmap_ros.offline import map_bag, resume_map
-    from usmap_ros.parallel import available_cores, reconstructors
+    from usmap_ros.parallel import WORTH_A_POOL, available_cores, reconstructors
     from usmap_ros.pipeline import Pipeline
 
     if resume is None:
         pipeline, paths = Pipeline(order.parameters), RobotPaths()
     else:
         pipeline, paths = resume_map(resume, order.parameters)
-    with (
-        reconstructors(pipeline, order.jobs or available_cores()) as workers,
-        BagReader(bags) as bag,
-        map_folder(order.output),
-    ):
+    with BagReader(bags) as bag, map_folder(order.output):
         _refuse_absent(order.without, bag.ping_topics())
         # Not before it is known that all there is to read can be read.
         console.compile_loops()
-        with console.progress(
-            "mapping", (bag.trace_count or bag.cone_count) + bag.range_count
-        ) as step:
+        cores = available_cores() if bag.trace_count > WORTH_A_POOL else 1
+        pings = (bag.trace_count or bag.cone_count) + bag.range_count
+        with (
+            reconstructors(pipeline, order.jobs or cores) as workers,
+            console.progress("mapping", pings) as step,
+        ):
             run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
         pipeline.refine(order.passes)
         occupancy = pipeline.occupancy_map()

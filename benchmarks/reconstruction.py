@@ -13,7 +13,7 @@ version of the paper's dictionary by its cells.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -51,13 +51,12 @@ def run(pings: int = 60, dense_pings: int = 5) -> dict[str, Any]:
         reconstruct(trace, parameters)
     delay_domain, build, solve, cells = [], [], [], []
     every = max(1, pings // dense_pings)
-    for number, trace in enumerate(traces):
-        delay_domain.append(_milliseconds(lambda trace=trace: reconstruct(trace, parameters)))
-        if number % every == 0:
-            build_ms, solve_ms, shape = dense(trace)
-            build.append(build_ms)
-            solve.append(solve_ms)
-            cells.append(_milliseconds(lambda trace=trace: paper(trace)))
+    for trace, *others in (traces[begin : begin + every] for begin in range(0, pings, every)):
+        delay_domain.extend(spent_ms([trace, *others], parameters))
+        build_ms, solve_ms, shape = dense(trace)
+        build.append(build_ms)
+        solve.append(solve_ms)
+        cells.append(_milliseconds(lambda trace=trace: paper(trace)))
     ours, theirs = float(np.median(delay_domain)), float(np.median(np.add(build, solve)))
     return {
         "pings": pings,
@@ -84,15 +83,7 @@ def by_scene(pings: int) -> dict[str, float]:
         for encoding in RATES_HZ:
             traces = [trace for _, trace in islice(simulate(received(scene, encoding)), pings)]
             reconstruct(traces[0], parameters)
-            # The median of three, of each ping: what else runs on the machine comes and goes.
-            turns = [
-                [
-                    _milliseconds(lambda trace=trace: reconstruct(trace, parameters))
-                    for trace in traces
-                ]
-                for _ in range(3)
-            ]
-            spent = np.median(turns, axis=0)
+            spent = spent_ms(traces, parameters)
             found = [reconstruct_delays(listened(trace), parameters) for trace in traces]
             pairs = [
                 (
@@ -111,6 +102,17 @@ def by_scene(pings: int) -> dict[str, float]:
             figures[f"{name}_most_echoes_ms"] = float(spent[most].mean())
             figures[f"{name}_search_times_longer_by_numpy"] = float(by_numpy / compiled)
     return figures
+
+
+def spent_ms(
+    traces: Sequence[EchoTrace], parameters: ReconstructionParameters
+) -> NDArray[np.float64]:
+    """Milliseconds for each ping: the median of three, for what else runs comes and goes."""
+    turns = [
+        [_milliseconds(lambda trace=trace: reconstruct(trace, parameters)) for trace in traces]
+        for _ in range(3)
+    ]
+    return np.asarray(np.median(turns, axis=0))
 
 
 def by_range(pings: int) -> dict[str, float]:

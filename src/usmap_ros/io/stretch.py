@@ -213,18 +213,26 @@ def merged(indexes: Sequence[MessageIndex], files: Files, message_type: str) -> 
     """All messages of a type, in the order of stamp, then topic, then file and place in it."""
     names = sorted({recorded.name for index in indexes for recorded in index.topics})
     rank = {name: number for number, name in enumerate(names)}
-    parts = [np.zeros(0, PLACE)]
+    rows, storages, topics = [], [], []
     for number, index in enumerate(indexes):
         is_wanted = np.array([topic.message_type == message_type for topic in index.topics], bool)
-        ranks = np.array([rank[topic.name] for topic in index.topics], dtype=np.int64)
-        topics: IntArray = np.asarray(index.topic)
-        rows = np.flatnonzero(is_wanted[topics]) if len(topics) else np.zeros(0, np.int64)
-        part = np.zeros(len(rows), PLACE)
-        part["storage"], part["topic"] = number, ranks[topics[rows]] if len(rows) else 0
-        for name in ("stamp_ns", "block", "offset", "size"):
-            part[name] = np.asarray(getattr(index, name))[rows]
-        parts.append(part)
-    places = np.concatenate(parts)
+        ranks = np.array([rank[topic.name] for topic in index.topics], dtype=np.int32)
+        of_topic: IntArray = np.asarray(index.topic)
+        own = np.flatnonzero(is_wanted[of_topic]) if len(of_topic) else np.zeros(0, np.intp)
+        rows.append(own)
+        storages.append(np.full(len(own), number, np.int32))
+        topics.append(ranks[of_topic[own]] if len(own) else np.zeros(0, np.int32))
+
+    def column(name: str) -> IntArray:
+        pairs = zip(indexes, rows, strict=True)
+        return np.concatenate([np.asarray(getattr(index, name))[own] for index, own in pairs])
+
     # lexsort is stable, and its last key counts most.
-    order = np.lexsort((places["topic"], places["stamp_ns"]))
-    return Stretch(message_type, files, names, places[order])
+    order = np.lexsort((np.concatenate(topics), column("stamp_ns")))
+    # One column after the other: recordings may have millions of messages.
+    places = np.zeros(len(order), PLACE)
+    places["storage"] = np.concatenate(storages)[order]
+    places["topic"] = np.concatenate(topics)[order]
+    for name in ("stamp_ns", "block", "offset", "size"):
+        places[name] = column(name)[order]
+    return Stretch(message_type, files, names, places)

@@ -82,9 +82,13 @@ def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> ND
     belief : (rows, columns) float32 array
         Greatest probability by the evidence of each cell and its neighbours.
     """
-    probability = np.clip(np.maximum(explained, belief), 0.0, 1.0).astype(np.float64)
-    nats = entropy(probability) + entropy(1.0 - probability)
-    bits: NDArray[np.float32] = np.clip(nats / np.log(2.0), 0.0, 1.0).astype(np.float32)
+    probability = np.clip(np.maximum(explained, belief), 0.0, 1.0)
+    bits = np.zeros_like(probability)
+    # Nothing is suspected in most cells of a map, and logarithms take long.
+    in_doubt = (probability > 0.0) & (probability < 1.0)
+    likely = probability[in_doubt].astype(np.float64)
+    nats = entropy(likely) + entropy(1.0 - likely)
+    bits[in_doubt] = np.clip(nats / np.log(2.0), 0.0, 1.0)
     return bits
 
 

@@ -15,7 +15,7 @@ from usmap_ros.parameters.nodes import MapFusionParameters
 
 #: What the check may take of a core while it runs, and in the long run, unless that would make it
 #: wait for more than so many of its periods.
-_SHARE_WHILE_RUNNING, _SHARE, _MOST_PERIODS = 0.5, 0.1, 10.0
+_SHARE_WHILE_RUNNING, _SHARE, _MOST_PERIODS = 0.2, 0.1, 10.0
 
 
 class _StoppedError(Exception):

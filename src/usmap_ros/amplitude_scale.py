@@ -6,7 +6,9 @@ such as a converter's counts, mean reflectivities that nothing has, and a map th
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict, deque
+from statistics import median
 
 import numpy as np
 
@@ -43,7 +45,7 @@ class AmplitudeScale:
         """By how much samples are too large, 1 where nothing speaks against their units."""
         if len(self._log_reflectivities) < _LEAST_PINGS:
             return 1.0
-        typical = float(np.exp(np.median(self._log_reflectivities)))
+        typical = math.exp(median(self._log_reflectivities))
         if LEAST_REFLECTIVITY <= typical <= GREATEST_REFLECTIVITY:
             return 1.0
         return typical / _USUAL_REFLECTIVITY

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.special import logit
 
 #: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.
 OWN_SHARE = 0.25
@@ -52,6 +54,17 @@ class Scale(NamedTuple):
     least: float
     greatest: float
     prior: float
+
+
+def scale_of(parameters: MappingParameters) -> Scale:
+    """How evidence becomes log-odds by the parameters."""
+    return Scale(
+        threshold=parameters.evidence_threshold,
+        slope=parameters.evidence_slope,
+        least=parameters.least_log_odds,
+        greatest=parameters.greatest_log_odds,
+        prior=logit(parameters.prior),
+    )
 
 
 @compiled_within

@@ -30,6 +30,7 @@ from usmap_ros.mapping.superposition.sight import (
     deal_proof,
     deal_silence,
 )
+from usmap_ros.parameters import MappingParameters
 
 #: Instead of a number of cells: there are more than there is room for.
 MORE_ROOM = -1
@@ -90,6 +91,21 @@ class Rules(NamedTuple):
     proof: float
     trust_m: float
     median_power: float
+
+
+def rules_of(parameters: MappingParameters) -> Rules:
+    """How much of a ping counts by the parameters."""
+    bounds = Bounds(
+        of_a_bin=parameters.most_evidence_a_bin,
+        of_all=parameters.most_evidence,
+        forgetting=parameters.forgetting,
+    )
+    return Rules(
+        bounds=bounds,
+        proof=parameters.proof_rays,
+        trust_m=parameters.silence_trust_m,
+        median_power=parameters.reflectivity**2,
+    )
 
 
 @compiled

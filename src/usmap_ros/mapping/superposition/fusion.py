@@ -12,51 +12,44 @@ from numpy.typing import NDArray
 from usmap_ros.arrays import IndexArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
+from usmap_ros.mapping.export import LOG_ODDS
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_SIDE
-from usmap_ros.mapping.superposition.belief import (
-    SILENT_LOOK,
-    Scale,
-    find_hiding,
-    judge,
-    set_depth,
-    uncalibrated,
-)
+from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, scale_of, set_depth
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.dealing import Rules, Said, deal, learn
-from usmap_ros.mapping.superposition.evidence import Bounds, Evidence
+from usmap_ros.mapping.superposition.dealing import Said, deal, learn, rules_of
+from usmap_ros.mapping.superposition.evidence import Evidence
 from usmap_ros.mapping.superposition.few import explain, judge_first
-from usmap_ros.mapping.superposition.layers import Suspects, directions_heard_from
+from usmap_ros.mapping.superposition.layers import Suspects
 from usmap_ros.mapping.superposition.learning import LEAST_POWER, Powers, seed_unexplained
 from usmap_ros.mapping.superposition.look import Look, look_of
+from usmap_ros.mapping.superposition.names import (
+    ALIVE,
+    ATTRACTION,
+    BELIEF,
+    DEFAULTS,
+    DEPTH,
+    EVERYWHERE,
+    EVIDENCE,
+    GATHERED,
+    HIDING,
+    LASTING,
+    LOOKS,
+    POWER,
+    PRESSURE,
+    RELEVANT,
+    SEVERAL,
+    SHOWN,
+    VACANCY,
+    layer_of,
+)
 from usmap_ros.mapping.superposition.others import MapByOthers
+from usmap_ros.mapping.superposition.resuming import take_up_evidence
 from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.shares import Shares
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.special import logit
-
-#: Power of each quarter of a cell, the two averages that it is learnt from, from how many looks,
-#: and whether there is any.
-POWER, ATTRACTION, PRESSURE, LOOKS = "power", "attraction", "pressure", "looks"
-ALIVE = "alive"
-#: As of the end of the last pass: log-odds, the belief that a cell belongs to something that hides
-#: what is behind it, and its optical depth; and cells of which the pass under way said anything.
-BELIEF, HIDING, DEPTH, RELEVANT = "belief", "hiding", "depth", "relevant"
-#: By the first few pings: logarithm of the probability that a cell is empty.
-VACANCY = "vacancy"
-#: A layer of ones.
-EVERYWHERE = "everywhere"
-#: Evidence: of cells by themselves, of blocks, of rays that passed, of silence; and the cells'
-#: shares in what was heard.
-EVIDENCE = ("own", "block", CLEAR, SILENT, *Shares._fields)
-#: It is kept thrice: what the map shows, what the pass under way has gathered so far, and what
-#: pings have left behind that are no longer in the window.
-SHOWN, GATHERED, LASTING = "shown", "gathered", "lasting"
-#: Layers with several values a cell.
-SEVERAL = dict.fromkeys((POWER, ATTRACTION, PRESSURE), QUARTERS)
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
 MOST_PASSES, EARLY_VISITS = 40, 60
@@ -93,11 +86,7 @@ class SuperpositionFusion(Fusion):
     LASTING_LAYERS = (POWER,)
 
     def __init__(self, parameters: MappingParameters) -> None:
-        names = [POWER, ATTRACTION, PRESSURE, LOOKS, ALIVE, BELIEF, HIDING, DEPTH, RELEVANT]
-        names += [VACANCY]
-        names += [_of(kind, name) for kind in (SHOWN, GATHERED, LASTING) for name in EVIDENCE]
-        layers = {**dict.fromkeys(names, 0.0), EVERYWHERE: 1.0}
-        super().__init__(parameters, layers, SEVERAL)
+        super().__init__(parameters, DEFAULTS, SEVERAL)
         self._window: deque[Look] = deque()
         # Of each ping in the window, who heard it.
         self._sources: deque[str] = deque()
@@ -110,24 +99,7 @@ class SuperpositionFusion(Fusion):
         self._work = Workspace()
         # Without occlusion everything is transparent.
         self._opacity = parameters.opacity if parameters.occlusion else 0.0
-        bounds = Bounds(
-            of_a_bin=parameters.most_evidence_a_bin,
-            of_all=parameters.most_evidence,
-            forgetting=parameters.forgetting,
-        )
-        self._rules = Rules(
-            bounds=bounds,
-            proof=parameters.proof_rays,
-            trust_m=parameters.silence_trust_m,
-            median_power=parameters.reflectivity**2,
-        )
-        self._scale = Scale(
-            threshold=parameters.evidence_threshold,
-            slope=parameters.evidence_slope,
-            least=parameters.least_log_odds,
-            greatest=parameters.greatest_log_odds,
-            prior=logit(parameters.prior),
-        )
+        self._rules, self._scale = rules_of(parameters), scale_of(parameters)
 
     # ------------------------------------------------------------------ a new ping
 
@@ -274,11 +246,11 @@ class SuperpositionFusion(Fusion):
         If the number of cells that it sees is given, what is expected of them is known.
         """
         layer = self._grid.layer
-        own, block, clear, silent, *shares = (layer(_of(kind, name)) for name in EVIDENCE)
+        own, block, clear, silent, *shares = (layer(layer_of(kind, name)) for name in EVIDENCE)
         said = Said(Evidence(own, block, clear, silent, layer(RELEVANT)), Shares(*shares))
         if count is None:
             count = self._expect(look)
-        believed = (layer(BELIEF), layer(_of(SHOWN, CLEAR)))
+        believed = (layer(BELIEF), layer(layer_of(SHOWN, CLEAR)))
         deal(look, self._tiles(), count, believed, self._rules, self._work.scratch, said)
         if is_taught:
             self._learn_from(look, count)
@@ -292,21 +264,21 @@ class SuperpositionFusion(Fusion):
         """Gather anew, beside what pings said that have left the window."""
         layer = self._grid.layer
         for name in EVIDENCE:
-            lasting = layer(_of(LASTING, name)) if self._has_lasting else 0.0
-            layer(_of(GATHERED, name))[:] = lasting
+            lasting = layer(layer_of(LASTING, name)) if self._has_lasting else 0.0
+            layer(layer_of(GATHERED, name))[:] = lasting
 
     def _end_pass(self) -> None:
         """Show what the pass has gathered, and renew what hides what."""
         self._next = 0
         layer, tiles = self._grid.layer, self._tiles()
         for name in EVIDENCE:
-            self._grid.exchange(_of(SHOWN, name), _of(GATHERED, name))
+            self._grid.exchange(layer_of(SHOWN, name), layer_of(GATHERED, name))
         alive = layer(ALIVE)
         given_up = np.flatnonzero(
             (alive > 0.0) & (layer(RELEVANT) == 0.0) & (layer(LOOKS) >= FAIR_LOOKS)
         )
         # What pings found that have left the window stays, though none is left to say it again.
-        given_up = given_up[layer(_of(LASTING, "block"))[given_up] <= 0.0]
+        given_up = given_up[layer(layer_of(LASTING, "block"))[given_up] <= 0.0]
         layer(POWER).reshape(-1, QUARTERS)[given_up] = 0.0
         alive[given_up] = 0.0
         layer(LOOKS)[given_up] = 0.0
@@ -315,7 +287,7 @@ class SuperpositionFusion(Fusion):
         layer(HIDING)[:] = 0.0
         layer(DEPTH)[:] = 0.0
         suspected = rows, columns, slots = self._grid.cells(alive > 0.0)
-        evidence = (layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block")), self._scale)
+        evidence = (layer(layer_of(SHOWN, "own")), layer(layer_of(SHOWN, "block")), self._scale)
         self._judge(suspected, self._scale, layer(BELIEF))
         find_hiding(slots, rows, columns, tiles, *evidence, layer(HIDING))
         set_depth(slots, rows, columns, tiles, layer(HIDING), self._opacity, layer(DEPTH))
@@ -332,7 +304,7 @@ class SuperpositionFusion(Fusion):
         if self._are_few:
             judge_first(slots, rows, columns, self._tiles(), layer(VACANCY), scale, log_odds)
             return
-        own, block = layer(_of(SHOWN, "own")), layer(_of(SHOWN, "block"))
+        own, block = layer(layer_of(SHOWN, "own")), layer(layer_of(SHOWN, "block"))
         judge(slots, rows, columns, self._tiles(), own, block, scale, log_odds)
 
     def _tiles(self) -> Tiles:
@@ -356,9 +328,9 @@ class SuperpositionFusion(Fusion):
         self._judge(suspected, open_scale, layer(LOG_ODDS))
         slots = suspected[-1]
         log_odds = layer(LOG_ODDS)[slots]
-        shares = Shares(*(layer(_of(SHOWN, name))[slots] for name in Shares._fields))
+        shares = Shares(*(layer(layer_of(SHOWN, name))[slots] for name in Shares._fields))
         return Snapshot(
-            self._grid.copied({CLEAR: _of(SHOWN, CLEAR), SILENT: _of(SHOWN, SILENT)}),
+            self._grid.copied({CLEAR: layer_of(SHOWN, CLEAR), SILENT: layer_of(SHOWN, SILENT)}),
             Suspects(*suspected, log_odds, shares),
             self._are_few, scale, self.parameters, self.frame_id, self.stamp_ns,
         ).occupancy_map  # fmt: skip
@@ -373,27 +345,4 @@ class SuperpositionFusion(Fusion):
         """
         super().resume(occupancy)
         self._has_lasting = True
-        layer, scale = self._grid.layer, self._scale
-        log_odds, known = layer(LOG_ODDS), layer(LOG_ODDS) != np.float32(scale.prior)
-        # Silence that could make a cell so unlikely would have made it observed.
-        in_doubt = (layer(EXPOSURE) == 0.0) & (log_odds < scale.prior - SILENT_LOOK)
-        suspected = known & ((log_odds > scale.prior) | in_doubt)
-        free = known & ~suspected
-        evidence = np.where(suspected, uncalibrated(log_odds, scale), 0.0)
-        proof = layer(EXPOSURE) * (self.parameters.proof_rays / self.parameters.observed_exposure)
-        silence = np.where(free, (scale.prior - log_odds) / SILENT_LOOK, 0.0)
-        heard = directions_heard_from(self._grid, occupancy)
-        for kind in (SHOWN, LASTING):
-            layer(_of(kind, "own"))[:] = evidence
-            layer(_of(kind, "block"))[:] = evidence
-            layer(_of(kind, "heard_x"))[:], layer(_of(kind, "heard_y"))[:] = heard
-            layer(_of(kind, "clear"))[:] = proof
-            layer(_of(kind, "silent"))[:] = silence
-        layer(ALIVE)[:] = suspected
-        power = np.where(suspected, self.parameters.reflectivity**2, 0.0)
-        layer(POWER)[:] = np.repeat(power, QUARTERS)
-
-
-def _of(kind: str, name: str) -> str:
-    """Name of a layer of evidence."""
-    return f"{kind} {name}"
+        take_up_evidence(self._grid, occupancy, self.parameters, self._scale)

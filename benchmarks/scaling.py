@@ -26,6 +26,7 @@ import numpy as np
 
 from usmap_ros.cluster import cluster
 from usmap_ros.collection import find_recordings, map_collection
+from usmap_ros.collection.cones import STRETCH
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parallel import worker_processes
@@ -52,7 +53,7 @@ def write(folder: Path, areas: int, pings: int) -> None:
 
 
 def measure(
-    bags: Path, name: str, place: AbstractContextManager[Any], *, kill: bool = False
+    bags: Path, name: str, place: AbstractContextManager[Any], stretch: int, *, kill: bool = False
 ) -> tuple[dict[str, Any], OccupancyMap]:
     """Map a folder of recordings; figures, and the map."""
     with tempfile.TemporaryDirectory() as output, place as executor:
@@ -66,7 +67,9 @@ def measure(
                 os.kill(min(executor._client.run(os.getpid).values()), signal.SIGKILL)
 
         started_s = time.perf_counter()
-        done = map_collection(recordings, Path(output), PipelineParameters(), executor, step=step)
+        done = map_collection(
+            recordings, Path(output), PipelineParameters(), executor, step=step, stretch=stretch
+        )
         seconds = time.perf_counter() - started_s
     told = {
         "on": name,
@@ -94,6 +97,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--areas", type=int, default=4)
     parser.add_argument("--pings", type=int, default=600, help="in each area")
+    parser.add_argument("--stretch", type=int, default=STRETCH, help="pings a worker gets at once")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4])
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -108,7 +112,7 @@ def main() -> None:
         ]
         first: OccupancyMap | None = None
         for name, place, kill in ways:
-            told, occupancy = measure(bags, name, place(), kill=kill)
+            told, occupancy = measure(bags, name, place(), arguments.stretch, kill=kill)
             first = first or occupancy
             print(json.dumps(told | difference(first, occupancy)), flush=True)
 

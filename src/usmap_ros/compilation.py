@@ -64,17 +64,20 @@ def reconstruct_chirps() -> None:
 
 
 def map_all_ways() -> None:
-    """Map few pings and many, compare robots, and ask where to look next."""
+    """Map few pings and many, and compare robots."""
     from usmap_ros.simulation.points import TRANSDUCER
 
-    pipeline = Pipeline()
-    cones = [_cone_from(0.1 * number, TRANSDUCER) for number in range(10)]
-    for cone in cones:
-        pipeline.fuse(cone)
+    pipeline, cones = _mapped(TRANSDUCER)
     by_others = pipeline.fusion.by_others()
     assert by_others is not None
     by_others.expected({"one": cones[:5], "other": cones[5:]})
-    occupancy = pipeline.occupancy_map()
+
+
+def plan_views() -> None:
+    """Ask where to look next."""
+    from usmap_ros.simulation.points import TRANSDUCER
+
+    occupancy = _mapped(TRANSDUCER)[0].occupancy_map()
     best_views(occupancy, candidate_poses(occupancy), TRANSDUCER, 1)
 
 
@@ -84,7 +87,11 @@ SESSION: dict[str, Callable[[], None]] = {
     map_all_ways.__name__: map_all_ways,
 }
 #: The same with what few need.
-ALL = {**SESSION, reconstruct_chirps.__name__: reconstruct_chirps}
+ALL = {
+    **SESSION,
+    reconstruct_chirps.__name__: reconstruct_chirps,
+    plan_views.__name__: plan_views,
+}
 
 
 def compile_if_needed(
@@ -210,6 +217,15 @@ def main(parent: str, name: str) -> None:
     # A terminal's Ctrl-C comes to all processes; one of them is to speak.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ALL[name]()
+
+
+def _mapped(transducer: Transducer) -> tuple[Pipeline, list[EchoCone]]:
+    """A pipeline with a map of some cones, and these."""
+    pipeline = Pipeline()
+    cones = [_cone_from(0.1 * number, transducer) for number in range(10)]
+    for cone in cones:
+        pipeline.fuse(cone)
+    return pipeline, cones
 
 
 def _cone_from(x_m: float, transducer: Transducer) -> EchoCone:

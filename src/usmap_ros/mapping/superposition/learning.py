@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look
-from usmap_ros.mapping.superposition.powers import Bins, bearing_fit
+from usmap_ros.mapping.superposition.powers import GRADIENTS, Bins, bearing_fit
 from usmap_ros.mapping.superposition.seen import Seen
 
 #: Share of the squared share of its strongest contributor by which a bin's power is steadier
@@ -66,9 +66,12 @@ def gamma_shape(squares: float, expected: float) -> float:
 def weigh_bins(look: Look, bins: Bins) -> None:
     """Set `gradient` from what was heard in each range bin."""
     sums = bins.gradient
-    sums[0] = 0.0
+    # One by one: to copy a row, the compiler adds what it takes to complain of its shape.
+    for column in range(GRADIENTS):
+        sums[0, column] = 0.0
     for b in range(len(look.kind)):
-        sums[b + 1] = sums[b]
+        for column in range(GRADIENTS):
+            sums[b + 1, column] = sums[b, column]
         if bins.squares[b] == 0.0:
             continue
         expected = bins.expected[b]

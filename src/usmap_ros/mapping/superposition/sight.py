@@ -50,7 +50,9 @@ def cast_shadows(
     """
     in_sight = rays.in_sight
     ray_count, steps = in_sight.shape
-    in_sight[:] = 1.0
+    for ray in range(ray_count):
+        for step in range(steps):
+            in_sight[ray, step] = 1.0
     any_hides = False
     for cell in range(listed):
         if depth[seen.slot[cell]] > 0.0:

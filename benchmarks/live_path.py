@@ -3,8 +3,9 @@
 Real processes: one map_fusion, and one cone_reconstructor a robot, or one for several (`--shared`).
 This process stands for the robots' drivers: it publishes traces that were simulated and serialized
 before, stamped with the time at which they are sent, and listens to the map; what that costs is
-given as "load cores".  "Dropped" is what fusion says that it dropped from its queue, "dropped
-before" what reconstructors say.
+given as "load cores", and as "others cores" what all other programs took of the machine: where
+they take much, latencies are theirs.  "Dropped" is what fusion says that it dropped from its
+queue, "dropped before" what reconstructors say.
 
     python benchmarks/live_path.py --robots 1 2 4 8
 """
@@ -109,6 +110,13 @@ class Fleet:
                 process.wait()
 
 
+def busy_seconds() -> float:
+    """Processor time that all programs of this machine have used."""
+    ticks = [int(field) for field in Path("/proc/stat").read_text().split("\n")[0].split()[1:9]]
+    idle, waiting = ticks[3:5]
+    return (sum(ticks) - idle - waiting) / _TICKS_PER_SECOND
+
+
 def traces(robots: int, count: int) -> list[list[bytearray]]:
     """Serialized messages of simulated traces, for each robot."""
     scenario = Scenario.load(ROOT / "config/scenarios/poles.yaml")
@@ -168,13 +176,17 @@ def _measure(
     content = [itertools.cycle(found) for found in traces(len(names), 60)]
     _send(publishers, content, rate_hz, 2.0)
     # What was sent first must not be counted among what comes later.
-    before, cpu, own_cpu = _settled(observed), fleet.cpu_seconds(), time.process_time()
+    before = _settled(observed)
+    cpu, own_cpu, all_cpu = fleet.cpu_seconds(), time.process_time(), busy_seconds()
     sent_s = _send(publishers, content, rate_hz, seconds)
     used = {name: spent - cpu[name] for name, spent in fleet.cpu_seconds().items()}
     load_cores = (time.process_time() - own_cpu) / seconds
+    all_cores = (busy_seconds() - all_cpu) / seconds
     fused = _settled(observed) - before
     latencies_s = _latencies(sent_s, observed.map_arrivals)
     fusion_cores = used.pop("/map_fusion") / seconds
+    reconstruction_cores = sum(used.values()) / seconds
+    others_cores = all_cores - fusion_cores - reconstruction_cores - load_cores
     return {
         "robots": len(names),
         "sent": len(sent_s),
@@ -185,8 +197,9 @@ def _measure(
         "latency_p50_ms": round(1000 * float(np.percentile(latencies_s, 50)), 1),
         "latency_p95_ms": round(1000 * float(np.percentile(latencies_s, 95)), 1),
         "fusion_cores": round(fusion_cores, 2),
-        "reconstruction_cores": round(sum(used.values()) / seconds, 2),
+        "reconstruction_cores": round(reconstruction_cores, 2),
         "load_cores": round(load_cores, 2),
+        "others_cores": round(others_cores, 2),
     }
 
 

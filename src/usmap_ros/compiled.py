@@ -111,6 +111,7 @@ def _cache(dispatcher: Any) -> Any:
     helpers = [known[name] for name in sorted(known) if hasattr(known[name], "py_func")]
 
     class Cache(FunctionCache):
+        # Numba gives the methods of its caches no types.
         def __init__(self, function: Callable[..., Any]) -> None:
             super().__init__(function)  # type: ignore[no-untyped-call]
             stamp = _digest([repr(self._cache_file._source_stamp), *map(_stamp, helpers)])

@@ -32,9 +32,6 @@ from usmap_ros.mapping.superposition.sight import (
 )
 from usmap_ros.parameters import MappingParameters
 
-#: Instead of a number of cells: there are more than there is room for.
-MORE_ROOM = -1
-
 
 class Scratch(NamedTuple):
     """Room for one visit.
@@ -134,13 +131,13 @@ def look_at(
     Returns
     -------
     count : int
-        `MORE_ROOM` if there are more cells than `scratch` has room for.
+        As many as `scratch` has room for if they do not fit.
     """
     rays, seen, bins, parts = scratch
     depth, among, power = known
     listed = find_cells(look, tiles, among, seen)
     if listed == len(seen.slot):
-        return MORE_ROOM
+        return listed
     cast_shadows(look, tiles.resolution_m, seen, listed, depth, rays)
     count = place_cells(look, tiles.resolution_m, all_bins, rays, seen, listed)
     expect(look, seen, count, power, parts, bins)

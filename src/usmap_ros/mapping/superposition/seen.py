@@ -92,6 +92,13 @@ def power_gain(look: Look, cosine: float) -> float:
 
 
 @inlined
+def bearing_of(look: Look, x: float, y: float) -> float:
+    """Direction off a look's heading, within half a turn, of a place seen from its transducer."""
+    bearing = math.atan2(y, x) - look.heading_rad
+    return bearing - 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
+
+
+@inlined
 def columns_in_cone(look: Look, y: float, res: float) -> tuple[int, int]:
     """First column, and the one after the last, that a cone may reach at `y` from its apex."""
     half = math.sqrt(max(look.greatest_range_m**2 - y * y, 0.0))
@@ -203,8 +210,7 @@ def place_cells(
         gain = power_gain(look, ahead / distance)
         if gain < LEAST_POWER_GAIN:
             continue
-        bearing = math.atan2(y, x) - look.heading_rad
-        bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
+        bearing = bearing_of(look, x, y)
         ray = min(max(int((bearing + look.half_angle_rad) * rays_per_rad), 0), ray_count - 1)
         in_sight = rays.in_sight[ray, min(int(distance / rays.step_m), steps - 1)]
         if in_sight == 0.0:

@@ -11,7 +11,7 @@ from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.superposition.cells import Tiles, slot_at
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_gain
 from usmap_ros.mapping.superposition.look import SILENCE, Look
-from usmap_ros.mapping.superposition.seen import Rays, Seen, power_gain
+from usmap_ros.mapping.superposition.seen import Rays, Seen, bearing_of, power_gain
 
 #: Visibility below which silence says nothing, and a ray is not followed any further.
 LEAST_SIGHT = 0.3
@@ -73,8 +73,7 @@ def _hide_behind(look: Look, res: float, row: int, column: int, depth: float, ra
     x, y = (column + 0.5) * res - look.x_m, (row + 0.5) * res - look.y_m
     # No corner of a cell is farther from its middle.
     distance, around = math.sqrt(x * x + y * y), 0.75 * res
-    bearing = math.atan2(y, x) - look.heading_rad
-    bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
+    bearing = bearing_of(look, x, y)
     half = math.pi if distance <= around else math.asin(around / distance)
     first = math.floor((bearing - half + look.half_angle_rad) / ray_width - 0.5)
     last = math.ceil((bearing + half + look.half_angle_rad) / ray_width - 0.5)

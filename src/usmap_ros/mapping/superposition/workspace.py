@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.dealing import MORE_ROOM, Scratch, look_at
+from usmap_ros.mapping.superposition.dealing import Scratch, look_at
 from usmap_ros.mapping.superposition.learning import find_unexplained
 from usmap_ros.mapping.superposition.look import Look
 from usmap_ros.mapping.superposition.powers import (
@@ -46,7 +46,7 @@ class Workspace:
         Nothing else is in the way, whatever its depth.
         """
         self._prepare(look, tiles, len(among))
-        listed = self._list(lambda seen: find_cells(look, tiles, among, seen))
+        listed = self._list(lambda room: find_cells(look, tiles, among, room.seen))
         rays, seen, _, _ = self.scratch
         res = tiles.resolution_m
         cast_shadows(look, res, seen, listed, depth, rays)
@@ -69,12 +69,9 @@ class Workspace:
             Number of the cells; they, and what is expected, are in `scratch`.
         """
         self._prepare(look, tiles, len(among))
-        while True:
-            self._count = look_at(look, tiles, self._all_bins, (depth, among, power), self.scratch)
-            if self._count != MORE_ROOM:
-                return self._count
-            self._count = 0
-            self._enlarge()
+        known = (depth, among, power)
+        self._count = self._list(lambda room: look_at(look, tiles, self._all_bins, known, room))
+        return self._count
 
     def find_sources(
         self, look: Look, tiles: Tiles, everywhere: NDArray[np.float32]
@@ -86,14 +83,14 @@ class Workspace:
         if not find_unexplained(look, self.scratch.bins, self._unexplained):
             return None
         self._prepare(look, tiles, len(everywhere))
-        listed = self._list(lambda seen: find_cells(look, tiles, everywhere, seen))
+        listed = self._list(lambda room: find_cells(look, tiles, everywhere, room.seen))
         rays, seen, _, _ = self.scratch
         self._count = place_cells(look, tiles.resolution_m, self._unexplained, rays, seen, listed)
         return seen, self._count
 
-    def _list(self, find: Callable[[Seen], int]) -> int:
+    def _list(self, find: Callable[[Scratch], int]) -> int:
         """List cells, with more room for them as long as it is filled."""
-        while (listed := find(self.scratch.seen)) == len(self.scratch.seen.slot):
+        while (listed := find(self.scratch)) == len(self.scratch.seen.slot):
             self._enlarge()
         return listed
 

@@ -10,13 +10,18 @@ Exit status 1 if anything was lost, hung, unreadable, different, or ended in a t
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import tempfile
 from pathlib import Path
+from typing import NoReturn
 
 from fleets import try_fleets
 from kills import try_kills
 from replays import try_replays
+
+#: What ends a trial before it is through.
+ENDINGS = (signal.SIGINT, signal.SIGTERM)
 
 
 def main() -> None:
@@ -42,6 +47,8 @@ def main() -> None:
             " interval; more on a machine that has other things to do",
         )
     arguments = parser.parse_args()
+    for number in ENDINGS:
+        signal.signal(number, _end)
     with tempfile.TemporaryDirectory() as folder:
         if arguments.trial == "fleets":
             figures, troubles = try_fleets(
@@ -63,6 +70,13 @@ def main() -> None:
     for trouble in troubles:
         print(f"TROUBLE {trouble}")
     sys.exit(1 if troubles else 0)
+
+
+def _end(number: int, _frame: object) -> NoReturn:
+    """End what was started, remove its folder, and then end; asking again changes nothing."""
+    for ending in ENDINGS:
+        signal.signal(ending, signal.SIG_IGN)
+    sys.exit(128 + number)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -61,6 +62,21 @@ class _Fleet:
         self.asked_s = time.time()
         self.process.send_signal(number)
 
+    def wait(self, longest_s: float) -> float:
+        """Wait until it has ended, and end it by force if it does not; how long it took (s)."""
+        try:
+            self.process.wait(longest_s)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        return time.time() - self.asked_s
+
+    def end(self, longest_s: float) -> None:
+        """End it, if the trial is interrupted before it does."""
+        if self.process.poll() is None:
+            self.ask_to_end(signal.SIGINT)
+            self.wait(longest_s)
+
     def troubles(self, took_s: float, patience_s: float) -> list[str]:
         """What was not as it should be."""
         found = []
@@ -106,16 +122,18 @@ def try_fleets(
     troubles: list[str] = []
     for first in range(0, count, at_once):
         fleets = [_Fleet(n, folder / str(n)) for n in range(first, min(first + at_once, count))]
-        for fleet in fleets:
-            fleet.start(scenario, parameters)
-        _wait_for_maps(fleets)
-        time.sleep(generator.uniform(0.0, 3.0))
-        for fleet in fleets:
-            fleet.ask_to_end(generator.choice([signal.SIGINT, signal.SIGTERM]))
-        for fleet in fleets:
-            took_s = _end(fleet, 4.0 * patience_s)
-            ends_s.append(took_s)
-            troubles += fleet.troubles(took_s, patience_s)
+        with ExitStack() as running:
+            for fleet in fleets:
+                fleet.start(scenario, parameters)
+                running.callback(fleet.end, patience_s)
+            _wait_for_maps(fleets)
+            time.sleep(generator.uniform(0.0, 3.0))
+            for fleet in fleets:
+                fleet.ask_to_end(generator.choice([signal.SIGINT, signal.SIGTERM]))
+            for fleet in fleets:
+                took_s = fleet.wait(4.0 * patience_s)
+                ends_s.append(took_s)
+                troubles += fleet.troubles(took_s, patience_s)
         print(f"{len(ends_s)} of {count}, {len(troubles)} troubles", file=sys.stderr, flush=True)
     ends_s.sort()
     return {
@@ -139,16 +157,6 @@ def _wait_for_maps(fleets: list[_Fleet]) -> None:
         if all((fleet.folder / "map" / GRID_FILE).exists() for fleet in fleets):
             return
         time.sleep(0.1)
-
-
-def _end(fleet: _Fleet, longest_s: float) -> float:
-    """Wait until a fleet has ended, and end it by force if it does not; how long it took (s)."""
-    try:
-        fleet.process.wait(longest_s)
-    except subprocess.TimeoutExpired:
-        fleet.process.kill()
-        fleet.process.wait()
-    return time.time() - fleet.asked_s
 
 
 def _children(supervisor: int) -> list[int]:

@@ -60,10 +60,12 @@ def try_replays(folder: Path, rates: list[float]) -> tuple[dict[str, str], list[
 
 def _replay(bag: Path, folder: Path, rate: float) -> dict[str, str]:
     """Map a bag live; what fusion said of it at last."""
-    nodes = [_node("map_fusion", "", checkpoint_path=folder)]
-    nodes += [_node("cone_reconstructor", robot) for robot in ROBOTS]
-    nodes.append(_node("bag_replay", "", bag=bag, rate=rate, wait_s=START_S))
+    nodes: list[subprocess.Popen[bytes]] = []
     try:
+        nodes.append(_node("map_fusion", "", checkpoint_path=folder))
+        for robot in ROBOTS:
+            nodes.append(_node("cone_reconstructor", robot))
+        nodes.append(_node("bag_replay", "", bag=bag, rate=rate, wait_s=START_S))
         return _until_fused()
     finally:
         for process in nodes:

@@ -43,6 +43,7 @@ else:
 
     from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
     from usmap_ros.nodes.plumbing.run import prepare_environment
+    from usmap_ros.nodes.plumbing.status import report_of
 
     prepare_environment()
 
@@ -169,6 +170,27 @@ def live(domain: int) -> Iterator[Live]:
     place = Live(domain)
     yield place
     place.close()
+
+
+class Diagnostics:
+    """The latest figures of every node."""
+
+    def __init__(self, live: Live) -> None:
+        self._messages = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 100)
+
+    def total(self, node: str, what: str) -> int:
+        """A node's latest count of something; 0 if it has not said any."""
+        for message in reversed(self._messages):
+            for status in message.status:
+                if status.name == node:
+                    return int(report_of(status).facts.get(what, "0"))
+        return 0
+
+
+@pytest.fixture
+def diagnostics(live: Live) -> Diagnostics:
+    """Give the figures that nodes report from now on."""
+    return Diagnostics(live)
 
 
 class Processes:

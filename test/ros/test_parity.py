@@ -40,36 +40,30 @@ def offline(bag: Path, folder: Path, settings: dict[str, Any]) -> OccupancyMap:
 
 
 def replay(
-    live: Any, processes: Any, bag: Path, folder: Path, rate: float, settings: dict[str, Any]
+    live: Any,
+    processes: Any,
+    diagnostics: Any,
+    bag: Path,
+    folder: Path,
+    rate: float,
+    settings: dict[str, Any],
 ) -> OccupancyMap:
     """Map that comes of replaying the bag through a reconstructor a robot, and fusion.
 
     With every wait and queue as it is by default, at whatever rate: the replay waits for all.
     """
-    diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 100)
     processes.start("map_fusion", save_path=folder, use_sim_time="true")
     options = {f"reconstruction__{name}": value for name, value in settings.items()}
     for robot in ROBOTS:
         processes.start("cone_reconstructor", robot, use_sim_time="true", **options)
     # A busy machine takes long to start so many.
     processes.start("bag_replay", bag=bag, rate=rate, wait_s=DEADLINE_S)
-    live.until(lambda: _total(diagnostics, "/map_fusion", "fused") == PINGS, DEADLINE_S)
+    live.until(lambda: diagnostics.total("/map_fusion", "fused") == PINGS, DEADLINE_S)
     for what in ("late", "dropped", "malformed", "refused", "failed"):
-        assert _total(diagnostics, "/map_fusion", what) == 0
+        assert diagnostics.total("/map_fusion", what) == 0
     assert live.call("std_srvs/srv/Trigger", "/map_fusion/save_map").success
     processes.end_all()
     return load_map(folder)[0]
-
-
-def _total(diagnostics: list[Any], node: str, what: str) -> int:
-    totals = [
-        int(value.value)
-        for message in diagnostics
-        for status in message.status
-        for value in status.values
-        if status.name == node and value.key == what
-    ]
-    return totals[-1] if totals else 0
 
 
 def same_cells(one: OccupancyMap, other: OccupancyMap) -> None:
@@ -93,7 +87,13 @@ def same_cells(one: OccupancyMap, other: OccupancyMap) -> None:
     ids=["real time", "as fast as its readers", "cells", "cells by nnls"],
 )
 def test_replay_through_the_nodes_gives_the_offline_map(
-    live: Any, processes: Any, bag: Path, tmp_path: Path, rate: float, settings: dict[str, Any]
+    live: Any,
+    processes: Any,
+    diagnostics: Any,
+    bag: Path,
+    tmp_path: Path,
+    rate: float,
+    settings: dict[str, Any],
 ) -> None:
-    lived = replay(live, processes, bag, tmp_path / "live", rate, settings)
+    lived = replay(live, processes, diagnostics, bag, tmp_path / "live", rate, settings)
     same_cells(lived, offline(bag, tmp_path / "map", settings))

@@ -28,30 +28,16 @@ def start_robot(processes: Any, robot: str) -> tuple[Any, Any]:
     )
 
 
-class Diagnostics:
-    """The latest figures of every node."""
-
-    def __init__(self, live: Any) -> None:
-        self._messages = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 100)
-
-    def total(self, node: str, what: str) -> int:
-        for message in reversed(self._messages):
-            for status in message.status:
-                if status.name == node:
-                    return int({v.key: v.value for v in status.values}.get(what, "0"))
-        return 0
-
-
 def test_three_robots_and_a_fusion_map_the_world(
     live: Any,
     processes: Any,
+    diagnostics: Any,
     poles: Scenario,
     nav2_qos: Any,
     assert_nav2_takes: Any,
     tmp_path: Path,
 ) -> None:
     grids = live.listen(GRID, "/map", nav2_qos)
-    diagnostics = Diagnostics(live)
     # However busy the machine is, cones wait.
     processes.start(
         "map_fusion", checkpoint_path=tmp_path / "map", publish_rate_hz=5.0, queue_depth=100_000
@@ -83,12 +69,11 @@ def test_three_robots_and_a_fusion_map_the_world(
 
 
 def test_a_killed_fusion_resumes_and_has_lost_an_interval_at_most(
-    live: Any, processes: Any, tmp_path: Path, nav2_qos: Any
+    live: Any, processes: Any, diagnostics: Any, tmp_path: Path, nav2_qos: Any
 ) -> None:
     folder = tmp_path / "map"
     options = {"checkpoint_path": folder, "checkpoint_period_s": 1.0, "publish_rate_hz": 10.0}
     grids = live.listen(GRID, "/map", nav2_qos)
-    diagnostics = Diagnostics(live)
     fusion = processes.start("map_fusion", **options)
     drivers = [start_robot(processes, robot)[0] for robot in ROBOTS]
     live.until(lambda: diagnostics.total("/map_fusion", "fused") > 150, timeout_s=300.0)

@@ -14,7 +14,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.grids import AMBIGUITY, NORMAL, OccupancyMap, TruthMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary, save_truth
+from usmap_ros.io.map_files import map_folder, save_map, save_summary, save_truth
 from usmap_ros.io.yaml_files import read_mapping
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.scoring import Score, score
@@ -24,6 +24,7 @@ from usmap_ros.pipeline import Pipeline
 from usmap_ros.plotting import draw, map_figure, save_figure
 from usmap_ros.plotting.animation import MapFrame, save_animation
 from usmap_ros.plotting.map import shown_extent
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.simulation import Scenario, record
 
 #: Shows how far something is that takes a number of steps; gives what tells of each step.

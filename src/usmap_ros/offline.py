@@ -20,7 +20,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.map_files import RobotPaths, load_map
+from usmap_ros.io.map_files import load_map
 from usmap_ros.mapping.consistency import Consistency, is_of
 from usmap_ros.mapping.extent import Extent
 from usmap_ros.mapping.finding import Finding
@@ -28,6 +28,7 @@ from usmap_ros.parallel import Reconstructors
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.repeats import SeenPings
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.trace import EchoTrace
 from usmap_ros.views import Beam
 

@@ -30,6 +30,7 @@ LAYERS = [
         "two_elements",
         "views",
     },
+    {"robot_paths"},
     {"io"},
     {"simulation", "reconstruction", "mapping"},
     {"calibration", "importing", "pipeline"},

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_VALUE, GridGeometry, OccupancyMap
-from usmap_ros.io.map_files import RobotPaths, load_map, load_truth, save_map
+from usmap_ros.io.map_files import load_map, load_truth, save_map
 from usmap_ros.io.nav2_map import load_nav2_map
+from usmap_ros.robot_paths import RobotPaths
 
 
 @st.composite

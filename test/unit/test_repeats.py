@@ -10,10 +10,10 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.offline import map_bag
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.repeats import RepeatedPingError, SeenPings
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.simulation import Scenario, simulate
 
 

@@ -33,7 +33,7 @@ from usmap_ros.io.conversions import (
     trace_from_message,
     trace_to_message,
 )
-from usmap_ros.io.map_files import GRID_FILE, RobotPaths, load_map, save_map
+from usmap_ros.io.map_files import GRID_FILE, load_map, save_map
 from usmap_ros.io.message_types import ECHO_TRACE, BagMessageTypes, typestore
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
@@ -41,6 +41,7 @@ from usmap_ros.io.yaml_files import load_yaml
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.trace import EchoTrace
 

@@ -159,10 +159,11 @@ def _refuse_absent(without: list[str], topics: Iterable[str]) -> None:
 def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_json: bool) -> None:
     """Map recordings as if they were one."""
     from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.io.map_files import RobotPaths, map_folder, save_map, save_summary
+    from usmap_ros.io.map_files import map_folder, save_map, save_summary
     from usmap_ros.offline import map_bag, resume_map
     from usmap_ros.parallel import WORTH_A_POOL, available_cores, reconstructors
     from usmap_ros.pipeline import Pipeline
+    from usmap_ros.robot_paths import RobotPaths
 
     if resume is None:
         pipeline, paths = Pipeline(order.parameters), RobotPaths()

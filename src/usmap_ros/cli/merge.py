@@ -29,8 +29,9 @@ def merge(
 
     No ping may be in two of them, or it counts twice.
     """
-    from usmap_ros.io.map_files import RobotPaths, load_map, map_folder, save_map
+    from usmap_ros.io.map_files import load_map, map_folder, save_map
     from usmap_ros.mapping.merging import merge_maps
+    from usmap_ros.robot_paths import RobotPaths
 
     for setting in settings or []:
         if setting.partition("=")[0].strip() not in {f"mapping.{name}" for name in OBEYED}:

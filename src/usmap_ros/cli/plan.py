@@ -13,7 +13,7 @@ from usmap_ros.cli import console
 
 if TYPE_CHECKING:
     from usmap_ros.acoustics.transducer import Transducer
-    from usmap_ros.io.map_files import RobotPaths
+    from usmap_ros.robot_paths import RobotPaths
 
 
 def plan(

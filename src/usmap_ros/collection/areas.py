@@ -11,10 +11,10 @@ import numpy as np
 from usmap_ros.collection.cones import Cones
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.offline import MappingRun, map_bag
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.robot_paths import RobotPaths
 
 #: How far areas are apart: farther than gaps in walls are bridged.
 MARGIN_M = 2.0

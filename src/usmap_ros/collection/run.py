@@ -22,10 +22,10 @@ from usmap_ros.collection.cones import (
 )
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.offline import MappingRun
 from usmap_ros.parameters import PipelineParameters
+from usmap_ros.robot_paths import RobotPaths
 
 #: Folder, beside the map, of the cones of all recordings: a second run finds them there.
 CONES_FOLDER = "cones"

@@ -18,10 +18,11 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.map_files import RobotPaths, load_map
+from usmap_ros.io.map_files import load_map
 from usmap_ros.offline import map_bag
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pipeline import Pipeline
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.trace import Encoding
 

@@ -10,7 +10,6 @@ from PIL import Image
 from usmap_ros.errors import MapFileError
 from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.map_files import (
-    RobotPaths,
     load_map,
     load_truth,
     map_folder,
@@ -19,6 +18,7 @@ from usmap_ros.io.map_files import (
     save_truth,
 )
 from usmap_ros.io.nav2_map import load_nav2_map
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.views import Beam
 
 

@@ -11,7 +11,6 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import odometry_to_message, transform_to_message
 from usmap_ros.io.conversions.common import header_to_message
-from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.io.message_types import (
     ODOMETRY,
     RANGE,
@@ -23,6 +22,7 @@ from usmap_ros.io.recorded_poses import RecordedPoses
 from usmap_ros.offline import map_bag
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.range_cones import RangeReading
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.simulation import hear
 
 TYPES = BagMessageTypes()

@@ -16,7 +16,6 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import FileError
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import AMBIGUITY, NORMAL, GridGeometry, OccupancyMap, TruthMap
-from usmap_ros.io.map_files import RobotPaths
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.plotting import (
@@ -29,6 +28,7 @@ from usmap_ros.plotting import (
 from usmap_ros.plotting.animation import MapFrame, save_animation
 from usmap_ros.plotting.map import robot_name, shown_extent
 from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct
+from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.trace import EchoTrace, Encoding
 
 ECHO_RANGE_M = 2.0

@@ -24,19 +24,18 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.serialization import serialize_message
 
-from usmap_ros.io.conversions import trace_to_message
+from usmap_ros.io.conversions import trace_to_cdr
 from usmap_ros.live.interfaces import DIAGNOSTICS, ECHO, MAP
 from usmap_ros.nodes.plumbing.endpoints import advertise, qos_profile
-from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
+from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import prepare_environment
 from usmap_ros.simulation import Scenario, simulate
 
@@ -120,14 +119,11 @@ def busy_seconds() -> float:
 def traces(robots: int, count: int) -> list[list[bytearray]]:
     """Serialized messages of simulated traces, for each robot."""
     scenario = Scenario.load(ROOT / "config/scenarios/poles.yaml")
-    types = RosMessageTypes()
-    found = [trace_to_message(t, types) for _, t in itertools.islice(simulate(scenario), count)]
-    serialized: list[list[bytearray]] = []
-    for number in range(robots):
-        for message in found:
-            message.child_frame_id = f"robot{number}/sonar"
-        serialized.append([bytearray(serialize_message(message)) for message in found])
-    return serialized
+    found = [trace for _, trace in itertools.islice(simulate(scenario), count)]
+    return [
+        [bytearray(trace_to_cdr(replace(t, child_frame_id=f"robot{number}/sonar"))) for t in found]
+        for number in range(robots)
+    ]
 
 
 def stamped(trace: bytearray, now_ns: int) -> bytes:

@@ -131,14 +131,16 @@ class Pose:
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` unless finite, turned by a unit, and of known error."""
-        if not np.isfinite(self.position_m).all():
+        # For every ping: of three or four numbers, Python's own take a fifth of the time.
+        position_m, orientation = self.position_m.tolist(), self.orientation.tolist()
+        if not all(map(math.isfinite, position_m)):
             raise MalformedMessageError("pose.position", "is not finite")
-        bounds.check_all("pose.position", self.position_m, bounds.POSITION)
-        bounds.check("pose.position.z", float(self.position_m[2]), bounds.HEIGHT)
-        if not np.isfinite(self.orientation).all():
+        if max(map(abs, position_m)) > bounds.POSITION.greatest:
+            bounds.check_all("pose.position", self.position_m, bounds.POSITION)
+        bounds.check("pose.position.z", position_m[2], bounds.HEIGHT)
+        if not all(map(math.isfinite, orientation)):
             raise MalformedMessageError("pose.orientation", "is not finite")
-        # Of numbers that are larger than any of a unit, none could be taken.
-        norm = math.hypot(*self.orientation.clip(-1e3, 1e3))
+        norm = math.hypot(*orientation)
         if abs(norm - 1.0) > QUATERNION_TOLERANCE:
             raise MalformedMessageError("pose.orientation", f"has norm {norm:.3g} instead of 1")
         if not self.covariance.any():

@@ -271,6 +271,10 @@ class EchoTrace:
             raise MalformedMessageError(
                 "samples", f"has {len(self.samples)} entries, which are not I/Q pairs"
             )
+        # What is not a number is the least and the greatest of those beside it.
+        least, greatest = np.minimum.reduce(self.samples), np.maximum.reduce(self.samples)
+        if bounds.AMPLITUDE.least <= least and greatest <= bounds.AMPLITUDE.greatest:
+            return
         bad = np.count_nonzero(~np.isfinite(self.samples))
         if bad:
             raise MalformedMessageError("samples", f"has {bad} of {len(self.samples)} not finite")

@@ -82,7 +82,7 @@ def test_files_and_names_of_the_page_exist() -> None:
         assert (ROOT / path).is_file(), path
     for link in re.findall(r"\]\((?!https?:)([^)#]+)\)", PAGE):
         assert (ROOT / "docs" / link).exists(), link
-    assert "def trace_to_message" in (ROOT / "src/usmap_ros/io/conversions/trace.py").read_text()
+    assert "def trace_to_cdr" in (ROOT / "src/usmap_ros/io/conversions/trace.py").read_text()
     assert (
         "class RosMessageTypes" in (ROOT / "src/usmap_ros/nodes/plumbing/ros_types.py").read_text()
     )

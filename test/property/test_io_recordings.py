@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +16,12 @@ from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.cone import EchoCone
-from usmap_ros.errors import BagError
+from usmap_ros.errors import BagError, MalformedMessageError
 from usmap_ros.geometry import Pose
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.conversions import (
-    cone_from_message,
-    cone_to_message,
-    trace_from_message,
-    trace_to_message,
-)
-from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, BagMessageTypes, typestore
+from usmap_ros.io.conversions import cone_from_cdr, cone_to_cdr, trace_from_cdr, trace_to_cdr
+from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, typestore
 from usmap_ros.trace import EchoTrace, Encoding
 
 EPOCH = 1_700_000_000_000_000_000
@@ -102,30 +98,63 @@ def cones(draw: st.DrawFn) -> EchoCone:
     )  # fmt: skip
 
 
-@given(traces())
-def test_a_trace_survives_recording(trace: EchoTrace) -> None:
-    raw = typestore().serialize_cdr(trace_to_message(trace, BagMessageTypes()), ECHO_TRACE)
-    found = trace_from_message(typestore().deserialize_cdr(raw, ECHO_TRACE))
+def by_rosbags(payload: bytes, message_type: str, *, is_little: bool) -> bytes:
+    """Give the same message as another library writes it that knows its definition alone."""
+    message = typestore().deserialize_cdr(payload, message_type)
+    return bytes(typestore().serialize_cdr(message, message_type, little_endian=is_little))
+
+
+@given(traces(), st.booleans())
+def test_a_trace_survives_recording(trace: EchoTrace, is_little: bool) -> None:
+    written = trace_to_cdr(trace)
+    assert by_rosbags(written, ECHO_TRACE, is_little=True) == written
+    found = trace_from_cdr(by_rosbags(written, ECHO_TRACE, is_little=is_little))
     np.testing.assert_array_equal(found.samples, trace.samples)
+    np.testing.assert_array_equal(found.pose.position_m, trace.pose.position_m)
     np.testing.assert_array_equal(found.pose.covariance, trace.pose.covariance)
     np.testing.assert_array_equal(found.pose.orientation, trace.pose.orientation)
     np.testing.assert_array_equal(
         found.transducer.beam.angles_rad, trace.transducer.beam.angles_rad
     )
+    np.testing.assert_array_equal(found.transducer.beam.gains, trace.transducer.beam.gains)
     assert found.transducer.pulse == trace.transducer.pulse
+    assert found.transducer.max_range_m == trace.transducer.max_range_m
     assert found.channel == trace.channel
     assert (found.stamp_ns, found.frame_id, found.child_frame_id, found.encoding) == (
         trace.stamp_ns, trace.frame_id, trace.child_frame_id, trace.encoding,
     )  # fmt: skip
+    assert (found.sample_rate_hz, found.start_delay_s, found.noise_std) == (
+        trace.sample_rate_hz, trace.start_delay_s, trace.noise_std,
+    )  # fmt: skip
 
 
-@given(cones())
-def test_a_cone_survives_recording(cone: EchoCone) -> None:
-    raw = typestore().serialize_cdr(cone_to_message(cone, BagMessageTypes()), ECHO_CONE)
-    found = cone_from_message(typestore().deserialize_cdr(raw, ECHO_CONE))
+@given(cones(), st.booleans())
+def test_a_cone_survives_recording(cone: EchoCone, is_little: bool) -> None:
+    written = cone_to_cdr(cone)
+    assert by_rosbags(written, ECHO_CONE, is_little=True) == written
+    found = cone_from_cdr(by_rosbags(written, ECHO_CONE, is_little=is_little))
     for name in ("ranges_m", "range_stds_m", "amplitudes", "amplitude_stds", "detection_limits"):
         np.testing.assert_array_equal(getattr(found, name), getattr(cone, name))
     assert (found.limit_step_m, found.residual) == (cone.limit_step_m, cone.residual)
+    assert (found.stamp_ns, found.frame_id, found.child_frame_id, found.attenuation_db_m) == (
+        cone.stamp_ns, cone.frame_id, cone.child_frame_id, cone.attenuation_db_m,
+    )  # fmt: skip
+
+
+@given(traces(), st.floats(0, 1, exclude_max=True))
+def test_a_message_that_ends_early_is_refused(trace: EchoTrace, share: float) -> None:
+    written = trace_to_cdr(trace)
+    with pytest.raises(MalformedMessageError):
+        trace_from_cdr(written[: int(share * len(written))])
+
+
+@given(cones(), st.data())
+def test_a_wrong_byte_breaks_nothing(cone: EchoCone, data: st.DataObject) -> None:
+    """What is read of it may be true, too; anything else but a refusal would be a mistake."""
+    payload = bytearray(cone_to_cdr(cone))
+    payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
+    with suppress(MalformedMessageError):
+        cone_from_cdr(bytes(payload))
 
 
 def recorded_trace(number: int) -> EchoTrace:

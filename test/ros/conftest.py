@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.io.conversions import cone_to_message, trace_to_message
+from usmap_ros.io.conversions import cone_to_cdr, trace_to_cdr
 from usmap_ros.live.supervisor import PARENT_VARIABLE
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, Scenario, simulate
@@ -40,8 +40,9 @@ else:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.parameter import Parameter
     from rclpy.qos import QoSProfile
+    from rclpy.serialization import deserialize_message
 
-    from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
+    from usmap_ros.nodes.plumbing.ros_types import interface_class
     from usmap_ros.nodes.plumbing.run import prepare_environment
     from usmap_ros.nodes.plumbing.status import report_of
 
@@ -277,13 +278,15 @@ def cones(traces: list[tuple[str, EchoTrace]]) -> list[tuple[str, EchoCone]]:
 @pytest.fixture
 def trace_message(traces: list[tuple[str, EchoTrace]]) -> Any:
     """Give a valid message of a trace."""
-    return trace_to_message(traces[0][1], RosMessageTypes())
+    trace_class = interface_class("usmap_msgs/msg/EchoTrace")
+    return deserialize_message(trace_to_cdr(traces[0][1]), trace_class)
 
 
 @pytest.fixture
 def cone_message(cones: list[tuple[str, EchoCone]]) -> Any:
     """Give a valid message of a cone."""
-    return cone_to_message(cones[0][1], RosMessageTypes())
+    cone_class = interface_class("usmap_msgs/msg/EchoCone")
+    return deserialize_message(cone_to_cdr(cones[0][1]), cone_class)
 
 
 @pytest.fixture

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 import yaml
+from rclpy.serialization import serialize_message
 
-from usmap_ros.io.conversions import array_from_message, cone_from_message
+from usmap_ros.io.conversions import array_from_cdr, cone_from_cdr
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.echo_driver import EchoDriver
 
@@ -49,12 +50,14 @@ def test_two_chirps_at_once_become_cones_with_bearings(live: Any, tmp_path: Path
     live.until(lambda: min(len(found) for found in cones.values()) > 2)
 
     for name, y_m in (("left", 0.06), ("right", -0.06)):
-        cone = cone_from_message(cones[name][-1])
+        cone = cone_from_cdr(serialize_message(cones[name][-1]))
         np.testing.assert_allclose(cone.ranges_m, [np.hypot(1.5, 0.4 - y_m)], atol=2e-3)
         assert cone.bearings_rad is not None
         np.testing.assert_allclose(cone.bearings_rad, [np.arctan2(0.4 - y_m, 1.5)], atol=0.03)
     # They pinged at once, and share the error of their robot's pose.
-    left, right = ({c.stamp_ns: c for c in map(cone_from_message, cones[n])} for n in cones)
+    left, right = (
+        {c.stamp_ns: c for c in map(cone_from_cdr, map(serialize_message, cones[n]))} for n in cones
+    )
     for stamp_ns in left.keys() & right.keys():
         apart = left[stamp_ns].pose.position_m - right[stamp_ns].pose.position_m
         np.testing.assert_allclose(apart, [0.0, 0.12, 0.0], atol=1e-9)
@@ -70,6 +73,6 @@ def test_who_comes_late_is_told_of_the_transducers(
     found = live.listen("usmap_msgs/msg/TransducerArray", "/bat/transducers", nav2_qos)
     live.until(lambda: len(found) == 1)
 
-    array = array_from_message(found[0])
+    array = array_from_cdr(serialize_message(found[0]))
     sweeps = [element.transducer.pulse.sweep_hz for element in array.elements]
     assert (array.frame_id, sweeps) == ("bat/base_link", [16e3, -16e3])

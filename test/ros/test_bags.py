@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import serialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosbags.rosbag2 import Reader
 
@@ -16,7 +17,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.conversions import trace_from_message, trace_to_message
+from usmap_ros.io.conversions import trace_from_cdr, trace_to_cdr
 from usmap_ros.live.attendance import LISTENERS
 from usmap_ros.live.backlog import ROOM, WAITING
 from usmap_ros.nodes.bag_recorder import BagRecorder
@@ -52,7 +53,7 @@ def test_everything_is_published_in_order_with_its_clock(
     live.until(lambda: sum(map(len, echoes)) == 30)
     for number, messages in enumerate(echoes):
         expected = [t.stamp_ns for topic, t in traces if topic == f"/robot{number + 1}/echo"]
-        assert [trace_from_message(m).stamp_ns for m in messages] == expected
+        assert [trace_from_cdr(serialize_message(m)).stamp_ns for m in messages] == expected
     times = [m.clock.sec + m.clock.nanosec / 1e9 for m in clock]
     assert times == sorted(times)
     first, last = traces[0][1].stamp_ns / 1e9, traces[-1][1].stamp_ns / 1e9
@@ -154,11 +155,11 @@ def test_a_replay_says_why_it_cannot_start(
 def test_what_is_recorded_can_be_read_by_everybody(
     live: Any, traces: Traces, tmp_path: Path
 ) -> None:
-    echo = live.peer.create_publisher(type(trace_to_message(traces[0][1], TYPES)), "/r/echo", 10)
+    echo = live.peer.create_publisher(interface_class("usmap_msgs/msg/EchoTrace"), "/r/echo", 10)
     node = live.add(BagRecorder, bag=str(tmp_path / "recorded"), topic_pattern="/r/.*")
     live.until(echo.get_subscription_count)
     for number, (_, trace) in enumerate(traces):
-        echo.publish(trace_to_message(trace, TYPES))
+        echo.publish(trace_to_cdr(trace))
         live.until(lambda n=number: node.health.total("received") == n + 1)
     live.remove(node)
     with BagReader([tmp_path / "recorded"]) as bag:

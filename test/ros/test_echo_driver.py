@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import serialize_message
 
 from usmap_ros.errors import ConfigurationError
 from usmap_ros.geometry import Pose
-from usmap_ros.io.conversions import odometry_to_message, trace_from_message
+from usmap_ros.io.conversions import odometry_to_message, trace_from_cdr
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.plumbing.ros_types import interface_class as type_of
@@ -26,7 +27,7 @@ def test_it_pings_at_the_rate_of_the_scenario(live: Any) -> None:
     node = live.add(EchoDriver, namespace="robot2", scenario=POLES, robot="robot2")
     echoes = live.listen(ECHO, "/robot2/echo")
     live.until(lambda: len(echoes) >= 5)
-    traces = [trace_from_message(message) for message in echoes]
+    traces = [trace_from_cdr(serialize_message(message)) for message in echoes]
     assert {trace.child_frame_id for trace in traces} == {"robot2/sonar"}
     assert np.diff([trace.stamp_ns for trace in traces]).min() > 0
     assert node.health.total("published") >= 5
@@ -42,7 +43,7 @@ def test_it_follows_its_path(live: Any, poles: Scenario) -> None:
     robot = poles.fleet(poles.scene())[0]
     assert node.get_clock().now().nanoseconds > 0
     for message in echoes[:3]:
-        trace = trace_from_message(message)
+        trace = trace_from_cdr(serialize_message(message))
         base = robot.motion.pose(trace.stamp_ns / 1e9 - start_s)
         expected = base.compose(robot.transducers[0].mount)
         np.testing.assert_allclose(trace.pose.position_m, expected.position_m, atol=1e-5)
@@ -83,7 +84,7 @@ def test_odometry_moves_the_robot(live: Any) -> None:
 
     live.until(is_moved)
     for message in echoes:
-        trace = trace_from_message(message)
+        trace = trace_from_cdr(serialize_message(message))
         np.testing.assert_allclose(trace.pose.position_m[:2], [4.25, 6.5])
         assert trace.pose.yaw_rad == pytest.approx(0.75)
 
@@ -140,7 +141,9 @@ def clocked(live: Any) -> Any:
             tell(round(time_s * 1e9) + tick * 50_000_000)
             live.spin(0.01)
             if len(echoes) >= pings:
-                return [trace_from_message(message).stamp_ns / 1e9 for message in echoes]
+                return [
+                    trace_from_cdr(serialize_message(message)).stamp_ns / 1e9 for message in echoes
+                ]
         raise AssertionError("it does not ping")
 
     return node, run_from

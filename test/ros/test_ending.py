@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from usmap_ros.cone import EchoCone
-from usmap_ros.io.conversions import cone_to_message
+from usmap_ros.io.conversions import cone_to_cdr
 from usmap_ros.io.map_files import load_map
 from usmap_ros.live import supervisor
 from usmap_ros.nodes.plumbing import run
@@ -69,7 +69,7 @@ def test_the_map_is_kept_however_often_fusion_is_asked_to_end(
     grids = live.listen("nav_msgs/msg/OccupancyGrid", "/map", 1)
     fusion = processes.run(command, "fusion")
     publisher = live.publisher("usmap_msgs/msg/EchoCone", "/robot1/cone", 50)
-    publisher.publish(cone_to_message(cones[0][1], TYPES))
+    publisher.publish(cone_to_cdr(cones[0][1]))
     live.until(lambda: grids, DEADLINE_S)
     fusion.send_signal(number)
     live.until(lambda: "keeping" in log_of(fusion), DEADLINE_S)

@@ -7,6 +7,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from usmap_ros.io.cdr import CdrReader
 from usmap_ros.live.interfaces import Qos, Topic
 from usmap_ros.nodes.plumbing.inbox import Inbox
 
@@ -24,11 +25,12 @@ class Listener(Node):
         self.inbox = Inbox(self)
 
     def listen(self, name: str) -> None:
-        self.inbox.add(TOPIC, lambda message: self.hear(name, message), name)
+        self.inbox.add(TOPIC, lambda payload: self.hear(name, payload), name)
 
-    def hear(self, name: str, message: Any) -> None:
-        assert message.data != "nonsense"
-        self.heard.append((name, message.data))
+    def hear(self, name: str, payload: bytes) -> None:
+        word = CdrReader(payload).text()
+        assert word != "nonsense"
+        self.heard.append((name, word))
         self.threads.add(threading.current_thread().name)
 
     def close(self) -> None:

@@ -118,6 +118,25 @@ def test_no_malformed_cone_stops_the_fusion(live: Any, cone_message: Any) -> Non
     assert "mapping.most_cells" in node.health.reason("malformed")
 
 
+@pytest.mark.parametrize(
+    ("node_class", "message_type", "topic"),
+    [
+        (ConeReconstructor, "usmap_msgs/msg/EchoTrace", "/echo"),
+        (MapFusion, "usmap_msgs/msg/EchoCone", "/robot1/cone"),
+    ],
+)
+def test_bytes_that_are_no_message_are_counted(
+    live: Any, node_class: Any, message_type: str, topic: str
+) -> None:
+    node = live.add(node_class)
+    publisher = live.publisher(message_type, topic, 50)
+    for number, payload in enumerate((bytes.fromhex("00010000"), b"nonsense" * 50)):
+        publisher.publish(payload)
+        live.until(lambda n=number: node.health.total("malformed") == n + 1)
+        assert "cannot be decoded" in node.health.reason("malformed")
+    assert node.health.total("failed") == 0
+
+
 def test_time_that_jumps_back_is_counted_and_mapping_goes_on(live: Any, cone_message: Any) -> None:
     node = live.add(MapFusion, order_wait_s=0.2)
     publisher = live.publisher("usmap_msgs/msg/EchoCone", "/robot1/cone", 50)

@@ -11,7 +11,8 @@ import pytest
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
 from usmap_ros.grids import LAYERS, NORMAL, GridGeometry, OccupancyMap
-from usmap_ros.io.conversions import cone_to_message, grid_from_message, points_from_message
+from usmap_ros.io.conversions import cone_to_cdr, grid_from_message, points_from_message
+from usmap_ros.io.conversions.common import header_to_message
 from usmap_ros.io.map_files import load_map
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.live.health import Level
@@ -24,7 +25,7 @@ from usmap_ros.nodes.plumbing.map_publisher import (
     normal_columns,
     placed,
 )
-from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario
@@ -40,7 +41,7 @@ def send(live: Any, cones: Cones) -> None:
     before = node.health.total("fused")
     publishers = {topic: live.publisher(CONE, topic, 50) for topic in sorted(dict(cones))}
     for topic, cone in cones:
-        publishers[topic].publish(cone_to_message(cone, TYPES))
+        publishers[topic].publish(cone_to_cdr(cone))
     live.until(lambda: node.health.total("fused") == before + len(cones))
 
 
@@ -52,7 +53,7 @@ def send_in_order(live: Any, cones: Cones) -> None:
     node = live.nodes[0]
     publishers = {topic: live.publisher(CONE, topic, 50) for topic in sorted(dict(cones))}
     for topic, cone in cones:
-        publishers[topic].publish(cone_to_message(cone, TYPES))
+        publishers[topic].publish(cone_to_cdr(cone))
     live.until(lambda: node.health.total("received") == len(cones))
     assert live.set_parameter("/map_fusion", "order_wait_s", 0.0).successful
     live.until(lambda: node.health.total("fused") == len(cones))
@@ -76,7 +77,7 @@ def test_the_map_is_that_of_the_pipeline(
     send_in_order(live, cones)
     occupancy = node.session.fusion.occupancy_map()
     np.testing.assert_array_equal(occupancy.log_odds, offline.log_odds)
-    last = cone_to_message(cones[-1][1], TYPES).header.stamp
+    last = header_to_message(cones[-1][1].stamp_ns, "", TYPES).stamp
     live.until(lambda: grids and grids[-1].header.stamp == last)
     geometry, values, frame_id, _ = grid_from_message(grids[-1])
     assert frame_id == "map"
@@ -115,7 +116,7 @@ def test_layers_are_those_of_the_pipeline(
     clouds = live.listen("sensor_msgs/msg/PointCloud2", "/map_normals", nav2_qos)
     grids = live.listen(GRID, "/map_ambiguity", nav2_qos)
     send_in_order(live, cones)
-    last = cone_to_message(cones[-1][1], TYPES).header.stamp
+    last = header_to_message(cones[-1][1].stamp_ns, "", TYPES).stamp
     live.until(lambda: clouds and clouds[-1].header.stamp == last)
     live.until(lambda: grids and grids[-1].header.stamp == last)
     now = node.session.fusion.occupancy_map()
@@ -155,7 +156,7 @@ def test_two_fusions_share_an_area_and_each_ping_is_in_one_map(live: Any, cones:
     publishers = {topic: live.publisher(CONE, topic, 50) for topic in sorted(dict(cones))}
     live.until(lambda: all(p.get_subscription_count() == 2 for p in publishers.values()))
     for topic, cone in cones:
-        publishers[topic].publish(cone_to_message(cone, TYPES))
+        publishers[topic].publish(cone_to_cdr(cone))
     live.until(lambda: all(n.health.total("received") == len(cones) for n in (west, east)))
     live.until(lambda: west.health.total("fused") + east.health.total("fused") == len(cones))
     assert west.health.total("elsewhere") == east.health.total("fused") > 0
@@ -189,7 +190,7 @@ def test_growth_never_moves_a_cell(
     publisher = live.publisher(CONE, "/walker/cone", 50)
     places = [(0.0, 0.0), (-7.3, 4.1), (9.9, -20.2), (31.7, 15.0)]
     for cone in far_cones(poles, places):
-        publisher.publish(cone_to_message(cone, TYPES))
+        publisher.publish(cone_to_cdr(cone))
         count = len(grids)
         live.until(lambda c=count: len(grids) > c)
     assert node.health.total("fused") == len(places)
@@ -214,7 +215,7 @@ def test_robots_join_and_leave(live: Any, cones: Cones) -> None:
     by_topic = {topic: [c for c in cones if c[0] == topic] for topic, _ in cones}
     send(live, by_topic["/robot1/cone"])
     send(live, by_topic["/robot2/cone"])
-    stranger = live.peer.create_publisher(type(cone_to_message(cones[0][1], TYPES)),
+    stranger = live.peer.create_publisher(interface_class("usmap_msgs/msg/EchoCone"),
                                           "/robot3/cone", 50)  # fmt: skip
     live.spin(0.5)
     assert stranger.get_subscription_count() == 0
@@ -226,8 +227,8 @@ def test_robots_join_and_leave(live: Any, cones: Cones) -> None:
 def test_listed_topics_are_the_only_ones(live: Any, cones: Cones) -> None:
     node = live.add(MapFusion, cone_topics=["/robot2/cone"])
     publisher = live.publisher(CONE, "/robot2/cone", 50)
-    other = live.peer.create_publisher(type(cone_to_message(cones[0][1], TYPES)), "/other", 50)
-    publisher.publish(cone_to_message(cones[0][1], TYPES))
+    other = live.peer.create_publisher(interface_class("usmap_msgs/msg/EchoCone"), "/other", 50)
+    publisher.publish(cone_to_cdr(cones[0][1]))
     live.until(lambda: node.health.total("fused"))
     assert other.get_subscription_count() == 0
 
@@ -268,12 +269,12 @@ def test_pause_and_reset(
     assert live.call("std_srvs/srv/SetBool", "/map_fusion/pause", data=True).success
     assert node.health.report().message == "nothing is mapped: paused"
     publisher = live.publisher(CONE, "/robot1/cone", 50)
-    publisher.publish(cone_to_message(own[2][1], TYPES))
+    publisher.publish(cone_to_cdr(own[2][1]))
     live.until(lambda: node.health.total("paused") == 1)
     live.call("std_srvs/srv/Empty", "/map_fusion/reset")
     live.until(lambda: set(grids[-1].data) == {-1})
     assert live.call("std_srvs/srv/SetBool", "/map_fusion/pause", data=False).success
-    publisher.publish(cone_to_message(own[2][1], TYPES))
+    publisher.publish(cone_to_cdr(own[2][1]))
     live.until(lambda: 0 in grids[-1].data)
 
 
@@ -386,7 +387,7 @@ def test_a_cone_in_another_frame_is_refused_with_the_reason(live: Any, cones: Co
     node = live.add(MapFusion)
     send(live, cones[:3])
     publisher = live.publisher(CONE, "/lost/cone", 50)
-    publisher.publish(cone_to_message(replace(cones[0][1], frame_id="odom"), TYPES))
+    publisher.publish(cone_to_cdr(replace(cones[0][1], frame_id="odom")))
     live.until(lambda: node.health.total("refused") == 1)
     reason = node.health.reason("refused")
     assert "'odom'" in reason
@@ -398,12 +399,12 @@ def test_a_cone_in_another_frame_is_refused_with_the_reason(live: Any, cones: Co
 def test_cones_that_cannot_wait_any_longer_are_dropped_and_counted(live: Any, cones: Cones) -> None:
     node = live.add(MapFusion, queue_depth=5, order_wait_s=60.0)
     silent = live.peer.create_publisher(
-        type(cone_to_message(cones[0][1], TYPES)), "/silent/cone", 50
+        interface_class("usmap_msgs/msg/EchoCone"), "/silent/cone", 50
     )
     live.until(silent.get_subscription_count)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     for _, cone in cones[:12]:
-        publisher.publish(cone_to_message(cone, TYPES))
+        publisher.publish(cone_to_cdr(cone))
     live.until(lambda: node.health.total("received") == 12)
     assert node.health.total("fused") == 0
     assert live.set_parameter("/map_fusion", "order_wait_s", 0.0).successful
@@ -414,12 +415,12 @@ def test_cones_that_cannot_wait_any_longer_are_dropped_and_counted(live: Any, co
 def test_a_silent_robot_does_not_stop_the_others(live: Any, cones: Cones) -> None:
     node = live.add(MapFusion, order_wait_s=0.1)
     silent = live.peer.create_publisher(
-        type(cone_to_message(cones[0][1], TYPES)), "/silent/cone", 50
+        interface_class("usmap_msgs/msg/EchoCone"), "/silent/cone", 50
     )
     live.until(silent.get_subscription_count)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     for number, cone in enumerate((cones[0][1], cones[3][1])):
-        publisher.publish(cone_to_message(cone, TYPES))
+        publisher.publish(cone_to_cdr(cone))
         live.until(lambda n=number: node.health.total("fused") == n + 1)
 
 
@@ -450,7 +451,7 @@ def test_two_reconstructors_of_a_robot_count_once(live: Any, cones: Cones) -> No
     expected = node.session.fusion.occupancy_map()
     twin = live.publisher(CONE, "/twin/cone", 50)
     for _, cone in cones[:3]:
-        twin.publish(cone_to_message(cone, TYPES))
+        twin.publish(cone_to_cdr(cone))
     live.until(lambda: node.health.total("repeated") == 3)
     assert "a second reconstructor" in node.health.reason("repeated")
     assert node.health.total("fused") == 3
@@ -482,7 +483,7 @@ def test_a_robot_that_lies_is_named_and_left_out(live: Any, cones: Cones) -> Non
     assert live.set_parameter("/map_fusion", "without", ["robot9"]).successful
     live.until(lambda: "/robot9" not in node.health.report().facts["robots"])
     publisher = live.publisher(CONE, "/robot9/cone", 50)
-    publisher.publish(cone_to_message(lies[0][1], TYPES))
+    publisher.publish(cone_to_cdr(lies[0][1]))
     live.until(lambda: node.health.total("left out") == 1)
     send(live, cones[3:5])
     assert "robot9" not in node.health.report().message

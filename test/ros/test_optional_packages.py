@@ -15,7 +15,7 @@ import pytest
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
-from usmap_ros.io.conversions import cone_to_message, trace_to_message, transform_to_message
+from usmap_ros.io.conversions import cone_to_cdr, trace_to_cdr, transform_to_message
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.map_fusion import MapFusion
@@ -76,7 +76,7 @@ def test_a_cone_in_another_frame_is_moved(live: Any, tf: FakeTf, cones: Cones) -
     node = live.add(MapFusion, frame_id="map")
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     for number, (_, cone) in enumerate(cones[:5]):
-        publisher.publish(cone_to_message(replace(cone, frame_id="odom"), TYPES))
+        publisher.publish(cone_to_cdr(replace(cone, frame_id="odom")))
         live.until(lambda n=number: node.health.total("fused") == n + 1)
     expected = Pipeline()
     for _, cone in cones[:5]:
@@ -91,13 +91,13 @@ def test_a_cone_waits_for_its_transform_but_not_forever(
 ) -> None:
     node = live.add(MapFusion, frame_id="map", transform_wait_s=10.0)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
-    publisher.publish(cone_to_message(replace(cones[0][1], frame_id="odom"), TYPES))
+    publisher.publish(cone_to_cdr(replace(cones[0][1], frame_id="odom")))
     live.until(lambda: node.health.total("received") == 1)
     assert node.health.total("refused") == 0
     tf.known["map", "odom"] = Pose.planar(0.0, 0.0, 0.0)
     live.until(lambda: node.health.total("fused") == 1)
     assert live.set_parameter("/map_fusion", "transform_wait_s", 0.0).successful
-    publisher.publish(cone_to_message(replace(cones[1][1], frame_id="moon"), TYPES))
+    publisher.publish(cone_to_cdr(replace(cones[1][1], frame_id="moon")))
     live.until(lambda: node.health.total("refused") == 1)
     assert "moon is not connected to map" in node.health.reason("refused")
 
@@ -156,7 +156,7 @@ def test_a_driver_without_a_pose_in_the_world_leaves_it_to_tf(
     tf.known["map", trace.child_frame_id] = trace.pose
     nowhere = replace(trace, frame_id=trace.child_frame_id, pose=Pose.planar(0.0, 0.0, 0.0))
     live.until(lambda: live.nodes[1].health.report().facts["listeners"] == "1")
-    echo.publish(trace_to_message(nowhere, TYPES))
+    echo.publish(trace_to_cdr(nowhere))
     live.until(lambda: node.health.total("fused") == 1)
     expected = Pipeline()
     expected.process(replace(trace, pose=Pose(trace.pose.position_m, trace.pose.orientation)))
@@ -225,5 +225,5 @@ def test_updates_are_the_part_of_the_map_that_changed(
 def test_without_map_msgs_the_map_is_published_all_the_same(live: Any, cones: Cones) -> None:
     node = live.add(MapFusion, publish_updates=True)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
-    publisher.publish(cone_to_message(cones[0][1], TYPES))
+    publisher.publish(cone_to_cdr(cones[0][1]))
     live.until(lambda: node.health.total("published"))

@@ -3,9 +3,10 @@
 from typing import Any
 
 import pytest
+from rclpy.serialization import serialize_message
 
 from usmap_ros.geometry import Pose
-from usmap_ros.io.conversions import cone_from_message, odometry_to_message, range_to_message
+from usmap_ros.io.conversions import cone_from_cdr, odometry_to_message, range_to_message
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 
@@ -31,7 +32,7 @@ def test_readings_become_cones_where_odometry_says(live: Any, cones: Any) -> Non
         return bool(found)
 
     live.until(heard)
-    back = cone_from_message(found[0])
+    back = cone_from_cdr(serialize_message(found[0]))
     assert back.ranges_m == pytest.approx(cone.ranges_m[:1])
     assert back.pose.position_m == pytest.approx(pose.position_m)
     assert back.frame_id == "map"

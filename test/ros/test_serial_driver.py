@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from played_devices import SENSOR, PlayedDevice, counts, frame
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import serialize_message
 
 from usmap_ros.errors import ConfigurationError
 from usmap_ros.geometry import Pose
-from usmap_ros.io.conversions import odometry_to_message, trace_from_message
+from usmap_ros.io.conversions import odometry_to_message, trace_from_cdr
 from usmap_ros.live.health import Level
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.serial_driver import SerialDriver
@@ -57,11 +58,14 @@ def test_device_pings_where_the_odometry_says(live: Any, started: Any) -> None:
     ranges = live.listen("sensor_msgs/msg/Range", "/robot1/range", qos_profile_sensor_data)
     until(lambda: len(echoes) >= 3 and ranges)
     for message in echoes:
-        trace = trace_from_message(message)
+        trace = trace_from_cdr(serialize_message(message))
         first = trace.samples[0] * 1000.0
         assert trace.samples == pytest.approx(counts(round(first + 250.0)) / 1000.0)
         assert trace.pose.position_m == pytest.approx([1.1, 2.0, 0.2])
-    assert np.diff([trace_from_message(message).stamp_ns for message in echoes]).min() > 0
+    assert (
+        np.diff([trace_from_cdr(serialize_message(message)).stamp_ns for message in echoes]).min()
+        > 0
+    )
     assert node.health.total("published") >= 3
 
 
@@ -139,4 +143,4 @@ def test_driver_of_the_page_drives(live: Any, given: Any) -> None:
         return bool(echoes)
 
     live.until(heard)
-    assert trace_from_message(echoes[0]).child_frame_id == "robot1/sonar"
+    assert trace_from_cdr(serialize_message(echoes[0])).child_frame_id == "robot1/sonar"

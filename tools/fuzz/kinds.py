@@ -6,8 +6,9 @@ import io
 import itertools
 import shutil
 import sqlite3
+import struct
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,19 +23,20 @@ from mutations import (
     mutate_yaml,
 )
 from PIL import Image
+from rosbags.serde import SerdeError
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import (
-    cone_from_message,
-    cone_to_message,
-    trace_from_message,
-    trace_to_message,
+    cone_from_cdr,
+    cone_to_cdr,
+    trace_from_cdr,
+    trace_to_cdr,
 )
 from usmap_ros.io.map_files import GRID_FILE, load_map, save_map
-from usmap_ros.io.message_types import ECHO_TRACE, BagMessageTypes, typestore
+from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, typestore
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.yaml_files import load_yaml
@@ -46,6 +48,9 @@ from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.trace import EchoTrace
 
 ROOT = Path(__file__).parents[2]
+
+#: What rosbags says of numbers that no message can hold.
+UNSENDABLE = (SerdeError, struct.error, OverflowError, ValueError, AssertionError)
 
 #: Makes one input wrong and uses it; an error of the project's own is an answer.
 Attempt = Callable[[Generator], None]
@@ -220,10 +225,9 @@ def _sqlite(scratch: Path, pings: list[tuple[str, EchoTrace]]) -> Attempt:
     database.executescript("DROP TABLE topics; DROP TABLE messages;")
     for statement in text:
         database.execute(statement.replace("NOT NULL", "").replace("PRIMARY KEY", ""))
-    types = BagMessageTypes()
     database.execute("INSERT INTO topics VALUES (1, '/robot1/echo', ?, 'cdr', '')", (ECHO_TRACE,))
     for number, (_, trace) in enumerate(pings):
-        data = bytes(typestore().serialize_cdr(trace_to_message(trace, types), ECHO_TRACE))
+        data = trace_to_cdr(trace)
         database.execute("INSERT INTO messages VALUES (?, 1, ?, ?)", (number, trace.stamp_ns, data))
     database.commit()
     database.close()
@@ -271,6 +275,19 @@ def _check(occupancy: Any) -> None:
         raise AssertionError("log-odds that are not finite")
 
 
+def _changed(payload: bytes, message_type: str, generator: Generator) -> bytes:
+    """Set some fields of a serialized message to something odd, or some of its bytes."""
+    if generator.integers(4) == 0:
+        return mutate_bytes(payload, generator)
+    message = typestore().deserialize_cdr(payload, message_type)
+    for _ in range(int(generator.integers(1, 4))):
+        _change(message, generator)
+    try:
+        return bytes(typestore().serialize_cdr(message, message_type))
+    except UNSENDABLE:
+        return mutate_bytes(payload, generator)
+
+
 def _change(message: Any, generator: Generator) -> None:
     """Set a field of a message, or of one in it, to something odd."""
     names = [name for name in message.__dataclass_fields__ if not name.startswith("_")]
@@ -314,31 +331,25 @@ def _odd_values(value: np.ndarray[Any, Any], generator: Generator) -> np.ndarray
 
 
 def _trace(pings: list[tuple[str, EchoTrace]]) -> Attempt:
-    types = BagMessageTypes()
-
     def attempt(generator: Generator) -> None:
         _, trace = pings[int(generator.integers(len(pings)))]
-        message = trace_to_message(replace(trace, samples=trace.samples.copy()), types)
-        for _ in range(int(generator.integers(1, 4))):
-            _change(message, generator)
+        payload = _changed(trace_to_cdr(trace), ECHO_TRACE, generator)
         pipeline = Pipeline()
-        pipeline.process(trace_from_message(message))
+        pipeline.process(trace_from_cdr(payload))
         _check(pipeline.occupancy_map())
 
     return attempt
 
 
 def _cone(pings: list[tuple[str, EchoTrace]]) -> Attempt:
-    types, pipeline = BagMessageTypes(), Pipeline()
+    pipeline = Pipeline()
     cones: list[EchoCone] = [pipeline.reconstruct(trace) for _, trace in pings]
 
     def attempt(generator: Generator) -> None:
         fusion = LiveFusion(MappingParameters(), order_wait_s=0.0, capacity=10)
         cone = cones[int(generator.integers(len(cones)))]
-        message = cone_to_message(cone, types)
-        for _ in range(int(generator.integers(1, 4))):
-            _change(message, generator)
-        fusion.receive("/robot1/cone", cone_from_message(message))
+        payload = _changed(cone_to_cdr(cone), ECHO_CONE, generator)
+        fusion.receive("/robot1/cone", cone_from_cdr(payload))
         fusion.fuse_next()
         # The next one must find a map that still works.
         fusion.receive("/robot2/cone", cones[0])

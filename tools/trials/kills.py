@@ -20,10 +20,10 @@ import rclpy
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.conversions import cone_to_message
+from usmap_ros.io.conversions import cone_to_cdr
 from usmap_ros.io.map_files import GRID_FILE, load_map
 from usmap_ros.live.supervisor import PARENT_VARIABLE
-from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
+from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import prepare_environment
 from usmap_ros.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
@@ -66,7 +66,7 @@ class _Robot:
                 cone = self._cones[self._number % len(self._cones)]
                 self._number += 1
                 now = replace(cone, stamp_ns=time.time_ns(), child_frame_id="robot1/sonar")
-                self._publisher.publish(cone_to_message(now, RosMessageTypes()))
+                self._publisher.publish(cone_to_cdr(now))
             if condition():
                 return True
         return False

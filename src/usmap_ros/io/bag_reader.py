@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError, UsmapError
 from usmap_ros.io.conversions import (
-    array_from_message,
-    cone_from_message,
+    array_from_cdr,
+    cone_from_cdr,
     range_from_message,
 )
 from usmap_ros.io.definitions import check_definition
@@ -25,6 +25,7 @@ from usmap_ros.io.message_types import (
     RANGE,
     TRANSDUCER_ARRAY,
     TRANSFORMS,
+    decoded,
 )
 from usmap_ros.io.recorded_poses import RecordedPoses
 from usmap_ros.io.skipped import SkippedMessages
@@ -159,7 +160,7 @@ class BagReader:
     @cached_property
     def trace_stretch(self) -> TraceStretch:
         """All echo traces, to be read elsewhere; who does tells `skipped` of malformed ones."""
-        arrays = self._contents(TRANSDUCER_ARRAY, array_from_message)
+        arrays = self._contents(TRANSDUCER_ARRAY, array_from_cdr)
         return TraceStretch(
             self._messages[ECHO_TRACE], TransducerArrays(array for _, array in arrays)
         )
@@ -174,7 +175,7 @@ class BagReader:
 
     def cones(self) -> Iterator[tuple[str, EchoCone]]:
         """Yield topic and content of every well-formed echo cone."""
-        return self._contents(ECHO_CONE, cone_from_message)
+        return self._contents(ECHO_CONE, cone_from_cdr)
 
     def range_cones(self) -> Iterator[tuple[str, EchoCone]]:
         """Yield topic and cone of every reading of robots that measure ranges only.
@@ -185,11 +186,11 @@ class BagReader:
         if not self.range_count:
             return
         poses = RecordedPoses()
-        for topic, message in self._contents(ODOMETRY, lambda message: message):
+        for topic, message in self._standard(ODOMETRY, lambda message: message):
             poses.add_odometry(topic, message)
-        for topic, message in self._contents(TRANSFORMS, lambda message: message):
+        for topic, message in self._standard(TRANSFORMS, lambda message: message):
             poses.add_transforms(message, is_static=topic.endswith("tf_static"))
-        for topic, reading in self._contents(RANGE, range_from_message):
+        for topic, reading in self._standard(RANGE, range_from_message):
             if not self._is_alone(topic):
                 continue
             try:
@@ -210,8 +211,14 @@ class BagReader:
             if recorded.message_type in (ECHO_TRACE, ECHO_CONE) and recorded.count
         )
 
-    def _contents(
+    def _standard(
         self, message_type: str, convert: Callable[[Any], _Content]
+    ) -> Iterator[tuple[str, _Content]]:
+        """Contents of a type that is not ours."""
+        return self._contents(message_type, lambda payload: convert(decoded(payload, message_type)))
+
+    def _contents(
+        self, message_type: str, convert: Callable[[memoryview], _Content]
     ) -> Iterator[tuple[str, _Content]]:
         self._read_count += len(self._messages[message_type])
         return self._messages[message_type].contents(convert, self.skipped.add)

@@ -15,12 +15,11 @@ from mcap.writer import CompressionType, Writer
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError
 from usmap_ros.io.atomic import new_folder, write_atomically
-from usmap_ros.io.conversions import array_to_message, cone_to_message, trace_to_message
+from usmap_ros.io.conversions import array_to_cdr, cone_to_cdr, trace_to_cdr
 from usmap_ros.io.message_types import (
     ECHO_CONE,
     ECHO_TRACE,
     TRANSDUCER_ARRAY,
-    BagMessageTypes,
     typestore,
 )
 from usmap_ros.trace import EchoTrace
@@ -32,9 +31,9 @@ COMPRESSIONS = {
     "zstd": CompressionType.ZSTD,
 }
 
-#: A chunk is what a crash while recording can cost: this is about 20 pings of I/Q.
 #: Length of the header of a serialized message and of the stamp that follows it.
 _STAMP_BYTES = 12
+#: A chunk is what a crash while recording can cost: this is about 20 pings of I/Q.
 _CHUNK_BYTES = 128 * 2**10
 _METADATA_VERSION = 9
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -84,7 +83,6 @@ class BagWriter:
     ) -> None:
         self._folder = folder
         self._file_name = f"{name}.mcap"
-        self._types = BagMessageTypes()
         self._file = (folder / self._file_name).open("wb")
         self._writer = Writer(
             self._file, chunk_size=chunk_bytes, compression=COMPRESSIONS[compression]
@@ -104,19 +102,19 @@ class BagWriter:
             array = TransducerArray.alone(trace.stamp_ns, trace.child_frame_id, trace.transducer)
         if array is not None:
             self._write_array(array)
-        self._write(topic, ECHO_TRACE, trace.stamp_ns, trace_to_message(trace, self._types))
+        self._write(topic, ECHO_TRACE, trace.stamp_ns, trace_to_cdr(trace))
 
     def write_cone(self, topic: str, cone: EchoCone) -> None:
         """Append an echo cone."""
-        self._write(topic, ECHO_CONE, cone.stamp_ns, cone_to_message(cone, self._types))
+        self._write(topic, ECHO_CONE, cone.stamp_ns, cone_to_cdr(cone))
 
     def _write_array(self, array: TransducerArray) -> None:
         """Append an array of transducers, unless it says nothing new."""
-        message = array_to_message(array, self._types)
-        content = bytes(typestore().serialize_cdr(message, TRANSDUCER_ARRAY))[_STAMP_BYTES:]
+        payload = array_to_cdr(array)
+        content = payload[_STAMP_BYTES:]
         if self._arrays.get(array.frame_ids) != content:
             self._arrays[array.frame_ids] = content
-            self._write(_array_topic(array), TRANSDUCER_ARRAY, array.stamp_ns, message)
+            self._write(_array_topic(array), TRANSDUCER_ARRAY, array.stamp_ns, payload)
 
     def add_topic(
         self, topic: str, message_type: str, definition: str, type_hash: str, qos: QosProfiles
@@ -171,15 +169,14 @@ class BagWriter:
         """Close the file as it is."""
         self._file.close()
 
-    def _write(self, topic: str, message_type: str, stamp_ns: int, message: Any) -> None:
+    def _write(self, topic: str, message_type: str, stamp_ns: int, payload: bytes) -> None:
         if (topic, message_type) not in self._topics:
             definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
             type_hash = typestore().hash_rihs01(message_type)
             is_latched = message_type == TRANSDUCER_ARRAY
             qos = [qos_to_record(_QUEUE_DEPTHS[message_type], is_latched=is_latched)]
             self.add_topic(topic, message_type, definition, type_hash, qos)
-        payload = typestore().serialize_cdr(message, message_type)
-        self._append(self._topics[topic, message_type], stamp_ns, bytes(payload))
+        self._append(self._topics[topic, message_type], stamp_ns, payload)
 
     def _append(self, entry: _Topic, recorded_ns: int, payload: bytes) -> None:
         self._writer.add_message(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import struct
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.standard_messages import STANDARD_MESSAGES
 
 ECHO_TRACE = "usmap_msgs/msg/EchoTrace"
@@ -21,6 +24,8 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 _MESSAGE_NAMES = ("Transducer", "EchoTrace", "EchoCone", "ArrayElement", "TransducerArray")
+#: What rosbags raises on bytes that are no message of the type; older versions let more through.
+_DECODING_ERRORS = (SerdeError, struct.error, ValueError, IndexError, AssertionError)
 
 
 @lru_cache(maxsize=1)
@@ -45,6 +50,21 @@ def learn_standard(name: str) -> None:
     store = typestore()
     if name not in store.types:
         store.register(get_typestore(Stores.ROS2_JAZZY).fielddefs)
+
+
+def decoded(payload: memoryview, message_type: str) -> Any:
+    """Message of a standard type, as an object of rosbags.
+
+    Raises
+    ------
+    MalformedMessageError
+        If the bytes are no such message.
+    """
+    try:
+        # The stubs of rosbags know bytes only; a view spares a copy.
+        return typestore().deserialize_cdr(payload, message_type)
+    except _DECODING_ERRORS as error:
+        raise MalformedMessageError("message", "cannot be decoded") from error
 
 
 class BagMessageTypes:

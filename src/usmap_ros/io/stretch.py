@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.serde import SerdeError
 
 from usmap_ros.arrays import IntArray
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.io.conversions import trace_from_message
-from usmap_ros.io.message_types import typestore
+from usmap_ros.io.conversions import trace_from_cdr
 from usmap_ros.io.storage import MessageIndex, Storage
 from usmap_ros.soundings import TransducerArrays
 from usmap_ros.trace import EchoTrace
@@ -39,8 +36,6 @@ _Content = TypeVar("_Content")
 _MAX_OPEN_FILES = 64
 #: Places that are made Python's numbers at once.
 _AT_ONCE = 256
-#: What rosbags raises on bytes that are no message of the type; older versions let more through.
-_DECODING_ERRORS = (SerdeError, struct.error, ValueError, IndexError, AssertionError)
 
 
 class Files:
@@ -133,14 +128,14 @@ class Stretch:
         return Stretch(self._type, Files(storages), self.topics, places)
 
     def contents(
-        self, convert: Callable[[Any], _Content], skip: Skip
+        self, convert: Callable[[memoryview], _Content], skip: Skip
     ) -> Iterator[tuple[str, _Content]]:
         """Yield topic and content of every well-formed message.
 
         Parameters
         ----------
         convert : callable
-            Makes content of a message.
+            Makes content of a serialized message.
         skip : callable
             Told of malformed messages.
         """
@@ -148,21 +143,13 @@ class Stretch:
             for number, topic, stamp_ns, *place in self._places[first : first + _AT_ONCE].tolist():
                 name = self.topics[topic]
                 try:
-                    yield name, convert(self._message(number, *place))
+                    yield name, convert(self._files[number].payload(*place))
                 except MalformedMessageError as error:
                     skip(f"{self._files[number].path}: {name} at {stamp_ns / 1e9:.6f} s", error)
 
     def close(self) -> None:
         """Close its files."""
         self._files.close()
-
-    def _message(self, number: int, block: int, offset: int, size: int) -> Any:
-        payload = self._files[number].payload(block, offset, size)
-        try:
-            # The stubs of rosbags know bytes only; a view spares a copy.
-            return typestore().deserialize_cdr(payload, self._type)
-        except _DECODING_ERRORS as error:
-            raise MalformedMessageError("message", "cannot be decoded") from error
 
 
 @dataclass(frozen=True)
@@ -190,12 +177,8 @@ class TraceStretch:
 
     def traces_without_noise(self) -> Iterator[EchoTrace]:
         """Yield the well-formed ones of those traces that do not state their noise."""
-
-        def completed(message: Any) -> EchoTrace | None:
-            return None if message.noise_std > 0.0 else self._completed(message)
-
-        for _, trace in self.messages.contents(completed, lambda source, error: None):
-            if trace is not None:
+        for _, trace in self.traces(lambda source, error: None):
+            if trace.noise_std <= 0.0:
                 yield trace
 
     def cuts(self, length: int) -> Iterator[TraceStretch]:
@@ -205,8 +188,8 @@ class TraceStretch:
             yield TraceStretch(self.messages.cut(first, stop), self.arrays)
             first = stop
 
-    def _completed(self, message: Any) -> EchoTrace:
-        return self.arrays.complete(trace_from_message(message))
+    def _completed(self, payload: memoryview) -> EchoTrace:
+        return self.arrays.complete(trace_from_cdr(payload))
 
 
 def merged(indexes: Sequence[MessageIndex], files: Files, message_type: str) -> Stretch:

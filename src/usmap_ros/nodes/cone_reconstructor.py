@@ -17,11 +17,11 @@ from usmap_ros.calibration.fitness import PulseSurvey
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import (
-    array_from_message,
-    cone_to_message,
+    array_from_cdr,
+    cone_to_cdr,
     points_to_message,
     scan_to_message,
-    trace_from_message,
+    trace_from_cdr,
 )
 from usmap_ros.live.attendance import LISTENERS
 from usmap_ros.live.health import Level, Remark
@@ -68,7 +68,7 @@ class _Job:
     """A trace that waits."""
 
     outputs: _Outputs
-    message: Any
+    payload: bytes
     received_s: float
 
 
@@ -105,7 +105,7 @@ class ConeReconstructor(Node):
         self._types = RosMessageTypes()
         self._arrays = TransducerArrays()
         self._collector: SoundingCollector[_Job] = SoundingCollector()
-        subscribe(self, TRANSDUCERS, self._learn)
+        subscribe(self, TRANSDUCERS, self._learn, raw=True)
         self._queue: deque[_Job] = deque()
         self._worker = Worker(self, self._step)
         self._inbox = Inbox(self)
@@ -136,10 +136,10 @@ class ConeReconstructor(Node):
     def _has_ranges(self) -> bool:
         return self.parameters.value.input == "range"
 
-    def _learn(self, message: Any) -> None:
+    def _learn(self, payload: bytes) -> None:
         """Take up what traces do not say of their transducers."""
         try:
-            self._arrays.add(array_from_message(message))
+            self._arrays.add(array_from_cdr(payload))
         except MalformedMessageError as error:
             self.health.problem("malformed", str(error))
 
@@ -167,7 +167,7 @@ class ConeReconstructor(Node):
         found = [f"{topic}: {said}" for topic, said in self._pulse_problems.items() if said]
         return Remark(Level.WARN, f"pulse: {'; '.join(found)}") if found else None
 
-    def _receive(self, outputs: _Outputs, message: Any) -> None:
+    def _receive(self, outputs: _Outputs, payload: bytes) -> None:
         self.health.work("received")
         depth = self.parameters.value.queue_depth * len(self._outputs)
         while len(self._queue) >= depth:
@@ -175,7 +175,7 @@ class ConeReconstructor(Node):
             self.health.problem(
                 "dropped", f"traces come faster than they are worked on; {depth} wait already"
             )
-        self._queue.append(_Job(outputs, message, time.monotonic()))
+        self._queue.append(_Job(outputs, payload, time.monotonic()))
         self._worker.wake()
 
     def _step(self) -> float | None:
@@ -187,9 +187,9 @@ class ConeReconstructor(Node):
         cones: list[tuple[_Job, EchoCone]] = []
         try:
             if self._ranges is not None:
-                cones.append((job, self._ranges.cone(job.message)))
+                cones.append((job, self._ranges.cone(job.payload)))
             else:
-                trace = self._arrays.complete(trace_from_message(job.message))
+                trace = self._arrays.complete(trace_from_cdr(job.payload))
                 self._survey(job.outputs.topic, trace)
                 for sounding in self._collector.add(job, trace):
                     cones += self._reconstruct(sounding)
@@ -221,7 +221,7 @@ class ConeReconstructor(Node):
         job.outputs.scale.add(cone)
         if problem := job.outputs.scale.problem():
             self.health.problem("implausible", problem)
-        job.outputs.cone.publish(cone_to_message(cone, self._types))
+        job.outputs.cone.publish(cone_to_cdr(cone))
         self.health.count("published")
         self.health.latency(time.monotonic() - job.received_s)
         if job.outputs.cells.get_subscription_count():

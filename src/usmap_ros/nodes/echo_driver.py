@@ -11,7 +11,7 @@ from rclpy.node import Node
 from usmap_ros.drivers import PingSource
 from usmap_ros.drivers.simulated import SimulatedTransducers, SimulatedWorld
 from usmap_ros.errors import ConfigurationError
-from usmap_ros.io.conversions import array_to_message
+from usmap_ros.io.conversions import array_to_cdr
 from usmap_ros.live.interfaces import ECHO_DRIVER, TRANSDUCERS
 from usmap_ros.live.scenario_time import NoTimeError, ScenarioTime
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
@@ -27,7 +27,6 @@ from usmap_ros.nodes.plumbing.pose_sources import (
     TransformPose,
 )
 from usmap_ros.nodes.plumbing.robot_frames import RobotFrames
-from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.parameters.nodes import EchoDriverParameters
 from usmap_ros.simulation import Scenario
@@ -160,7 +159,7 @@ class EchoDriver(Node):
         """Publish what traces do not say of the transducers."""
         publisher = advertise(self, TRANSDUCERS)
         for array in robot.arrays(0):
-            publisher.publish(array_to_message(array, RosMessageTypes()))
+            publisher.publish(array_to_cdr(array))
 
     def _ping(self) -> None:
         """Let the next transducer ping, or all of them."""

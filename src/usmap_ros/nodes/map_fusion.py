@@ -192,12 +192,12 @@ class MapFusion(LifecycleNode):
     def _look_for_robots(self, session: MapSession, topics: ConeTopics) -> None:
         session.set_sources(topics.look(self.parameters.value.topic_pattern))
 
-    def _receive(self, session: MapSession, topic: str, message: Any) -> None:
+    def _receive(self, session: MapSession, topic: str, payload: bytes) -> None:
         self.health.work("received")
         if self._is_paused:
             self.health.count("paused")
         else:
-            session.receive(topic, message)
+            session.receive(topic, payload)
 
     # ---- services, which are there whatever the node's state
 

@@ -14,8 +14,8 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.conversions import trace_to_message
-from usmap_ros.io.message_types import ECHO_TRACE, BagMessageTypes, learn_standard, typestore
+from usmap_ros.io.conversions import trace_to_cdr
+from usmap_ros.io.message_types import ECHO_TRACE, learn_standard, typestore
 from usmap_ros.trace import EchoTrace
 from usmap_ros.transducer_array import TransducerArray
 
@@ -43,9 +43,7 @@ def write_with_rosbags(
     with writer:
         connection = writer.add_connection("/echo", ECHO_TRACE, typestore=typestore())
         for trace in traces:
-            message = trace_to_message(trace, BagMessageTypes())
-            raw = typestore().serialize_cdr(message, ECHO_TRACE)
-            writer.write(connection, trace.stamp_ns, raw)
+            writer.write(connection, trace.stamp_ns, trace_to_cdr(trace))
 
 
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
@@ -185,8 +183,7 @@ def test_malformed_messages_are_skipped_counted_and_named(
 
 
 def test_bytes_that_are_no_message_are_skipped(make_trace: MakeTrace, tmp_path: Path) -> None:
-    message = trace_to_message(make_trace(0), BagMessageTypes())
-    whole = bytes(typestore().serialize_cdr(message, ECHO_TRACE))
+    whole = trace_to_cdr(make_trace(0))
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         connection = writer.add_connection("/echo", ECHO_TRACE, typestore=typestore())
         for raw in (b"", b"\0\1\0\0", whole[:100], whole[:-1], b"\xff" * 200, whole):
@@ -198,7 +195,7 @@ def test_bytes_that_are_no_message_are_skipped(make_trace: MakeTrace, tmp_path: 
 
 def test_big_endian_messages_are_read(make_trace: MakeTrace, tmp_path: Path) -> None:
     trace = make_trace(3)
-    message = trace_to_message(trace, BagMessageTypes())
+    message = typestore().deserialize_cdr(trace_to_cdr(trace), ECHO_TRACE)
     raw = typestore().serialize_cdr(message, ECHO_TRACE, little_endian=False)
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.write(writer.add_connection("/e", ECHO_TRACE, typestore=typestore()), 0, raw)

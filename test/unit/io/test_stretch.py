@@ -10,8 +10,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.conversions import trace_to_message
-from usmap_ros.io.message_types import ECHO_TRACE, BagMessageTypes, typestore
+from usmap_ros.io.conversions import trace_to_cdr
+from usmap_ros.io.message_types import ECHO_TRACE, typestore
 from usmap_ros.io.stretch import TraceStretch
 from usmap_ros.trace import EchoTrace
 
@@ -37,9 +37,7 @@ def write_sqlite(path: Path, traces: list[tuple[str, EchoTrace]]) -> None:
             for topic in {topic for topic, _ in traces}
         }
         for topic, trace in traces:
-            message = trace_to_message(trace, BagMessageTypes())
-            payload = typestore().serialize_cdr(message, ECHO_TRACE)
-            writer.write(connections[topic], trace.stamp_ns, payload)
+            writer.write(connections[topic], trace.stamp_ns, trace_to_cdr(trace))
 
 
 def read(bag: Path) -> list[tuple[str, EchoTrace]]:

@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.io.conversions.common import (
-    MessageTypes,
-    bare_pose_from_message,
-    bare_pose_to_message,
-    header_to_message,
-    stamp_from_header,
+from usmap_ros.io.cdr import BYTE, COUNT, CdrReader, CdrWriter, Layout, Payload
+from usmap_ros.io.conversions.fields import (
+    read_bare_pose,
+    read_header,
+    write_bare_pose,
+    write_header,
 )
-from usmap_ros.io.conversions.transducer import transducer_from_message, transducer_to_message
+from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
 from usmap_ros.transducer_array import ArrayElement, TransducerArray
 
+_SWEEP = Layout.of(8, "d")
 
-def array_from_message(message: Any) -> TransducerArray:
-    """`TransducerArray` from a ``usmap_msgs/TransducerArray``.
+
+def array_from_cdr(payload: Payload) -> TransducerArray:
+    """`TransducerArray` from a serialized ``usmap_msgs/TransducerArray``.
 
     Raises
     ------
     MalformedMessageError
-        If a field holds what no robot could carry.
+        If it cannot be decoded, or a field holds what no robot could carry.
     """
-    array = TransducerArray(
-        stamp_ns=stamp_from_header(message.header),
-        frame_id=str(message.header.frame_id),
-        elements=tuple(_element_from_message(element) for element in message.elements),
-    )
+    reader = CdrReader(payload)
+    stamp_ns, frame_id = read_header(reader)
+    (count,) = reader.numbers(COUNT)
+    # A count that is not true ends with the bytes: each element takes some.
+    elements = tuple(_read_element(reader) for _ in range(count))
+    reader.end()
+    array = TransducerArray(stamp_ns=stamp_ns, frame_id=frame_id, elements=elements)
     try:
         array.validate()
     except MalformedMessageError as error:
@@ -37,30 +40,35 @@ def array_from_message(message: Any) -> TransducerArray:
     return array
 
 
-def array_to_message(array: TransducerArray, types: MessageTypes) -> Any:
-    """``usmap_msgs/TransducerArray`` of a `TransducerArray`."""
-    element_class = types.message_class("usmap_msgs/msg/ArrayElement")
-    return types.message_class("usmap_msgs/msg/TransducerArray")(
-        header=header_to_message(array.stamp_ns, array.frame_id, types),
-        elements=[
-            element_class(
-                child_frame_id=element.child_frame_id,
-                mount=bare_pose_to_message(element.mount, types),
-                emits=element.emits,
-                transducer=transducer_to_message(element.transducer, types),
-                sweep=float(element.transducer.pulse.sweep_hz),
-            )
-            for element in array.elements
-        ],
-    )
+def array_to_cdr(array: TransducerArray) -> bytes:
+    """Serialized ``usmap_msgs/TransducerArray`` of a `TransducerArray`.
+
+    Raises
+    ------
+    MalformedMessageError
+        If its stamp does not fit a message.
+    """
+    writer = CdrWriter()
+    write_header(writer, array.stamp_ns, array.frame_id)
+    writer.numbers(COUNT, len(array.elements))
+    for element in array.elements:
+        writer.text(element.child_frame_id)
+        write_bare_pose(writer, element.mount)
+        writer.numbers(BYTE, element.emits)
+        write_transducer(writer, element.transducer)
+        writer.numbers(_SWEEP, element.transducer.pulse.sweep_hz)
+    return writer.message()
 
 
-def _element_from_message(message: Any) -> ArrayElement:
-    transducer = transducer_from_message(message.transducer)
-    pulse = replace(transducer.pulse, sweep_hz=float(message.sweep))
+def _read_element(reader: CdrReader) -> ArrayElement:
+    child_frame_id, mount = reader.text(), read_bare_pose(reader)
+    (emits,) = reader.numbers(BYTE)
+    transducer = read_transducer(reader)
+    (sweep_hz,) = reader.numbers(_SWEEP)
+    pulse = replace(transducer.pulse, sweep_hz=sweep_hz)
     return ArrayElement(
-        child_frame_id=str(message.child_frame_id),
-        mount=bare_pose_from_message(message.mount),
-        emits=bool(message.emits),
+        child_frame_id=child_frame_id,
+        mount=mount,
+        emits=bool(emits),
         transducer=replace(transducer, pulse=pulse),
     )

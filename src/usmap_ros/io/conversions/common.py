@@ -1,10 +1,8 @@
-"""What several messages share: arrays, enumerations, header and pose."""
+"""What several standard messages share: arrays, header and pose."""
 
 from __future__ import annotations
 
-import enum
-from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +12,6 @@ from usmap_ros.geometry import Pose
 
 NANOSECONDS = 1_000_000_000
 MAX_SECONDS = 2**31 - 1
-
-_Enumeration = TypeVar("_Enumeration", bound=enum.IntEnum)
 
 
 class MessageTypes(Protocol):
@@ -42,50 +38,31 @@ def array_from_field(field: str, values: Any, dtype: type[np.generic]) -> NDArra
     return array
 
 
-def enumeration_from_field(field: str, value: int, enumeration: type[_Enumeration]) -> _Enumeration:
-    """Turn an integer constant into the member of `enumeration` it stands for."""
-    try:
-        return enumeration(int(value))
-    except ValueError as error:
-        known = ", ".join(f"{member.value} ({member.name})" for member in enumeration)
-        raise MalformedMessageError(field, f"is {value}, not one of {known}") from error
-
-
-def stamp_from_header(header: Any) -> int:
-    """Stamp of a ``std_msgs/Header`` in nanoseconds since the epoch."""
-    seconds, nanoseconds = int(header.stamp.sec), int(header.stamp.nanosec)
+def stamp_from_parts(seconds: int, nanoseconds: int) -> int:
+    """Nanoseconds since the epoch from those of a ``builtin_interfaces/Time``."""
     if not (0 <= seconds <= MAX_SECONDS and 0 <= nanoseconds < NANOSECONDS):
         raise MalformedMessageError("header.stamp", f"is {seconds} s and {nanoseconds} ns")
     return seconds * NANOSECONDS + nanoseconds
 
 
-def header_to_message(stamp_ns: int, frame_id: str, types: MessageTypes) -> Any:
-    """``std_msgs/Header`` with a stamp in nanoseconds since the epoch."""
+def stamp_to_parts(stamp_ns: int) -> tuple[int, int]:
+    """Seconds and nanoseconds of a ``builtin_interfaces/Time``."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
     if not 0 <= seconds <= MAX_SECONDS:
         raise MalformedMessageError("header.stamp", f"of {stamp_ns} ns does not fit a message")
+    return seconds, nanoseconds
+
+
+def stamp_from_header(header: Any) -> int:
+    """Stamp of a ``std_msgs/Header`` in nanoseconds since the epoch."""
+    return stamp_from_parts(int(header.stamp.sec), int(header.stamp.nanosec))
+
+
+def header_to_message(stamp_ns: int, frame_id: str, types: MessageTypes) -> Any:
+    """``std_msgs/Header`` with a stamp in nanoseconds since the epoch."""
+    seconds, nanoseconds = stamp_to_parts(stamp_ns)
     stamp = types.message_class("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
     return types.message_class("std_msgs/msg/Header")(stamp=stamp, frame_id=frame_id)
-
-
-def bare_pose_from_message(message: Any) -> Pose:
-    """`Pose` from a ``geometry_msgs/Pose``, exact and not yet validated."""
-    position, orientation = message.position, message.orientation
-    return Pose(
-        position_m=np.array([position.x, position.y, position.z], dtype=np.float64),
-        orientation=np.array(
-            [orientation.x, orientation.y, orientation.z, orientation.w], dtype=np.float64
-        ),
-    )
-
-
-def bare_pose_to_message(pose: Pose, types: MessageTypes) -> Any:
-    """``geometry_msgs/Pose`` of a `Pose`, without its covariance."""
-    x, y, z = (float(value) for value in pose.position_m)
-    position = types.message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z)
-    x, y, z, w = (float(value) for value in pose.orientation)
-    orientation = types.message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
-    return types.message_class("geometry_msgs/msg/Pose")(position=position, orientation=orientation)
 
 
 def pose_from_message(message: Any) -> Pose:
@@ -93,13 +70,25 @@ def pose_from_message(message: Any) -> Pose:
     covariance = array_from_field("pose.covariance", message.covariance, np.float64)
     if covariance.size != 36:
         raise MalformedMessageError("pose.covariance", f"has {covariance.size} entries, not 36")
-    return replace(bare_pose_from_message(message.pose), covariance=covariance.reshape(6, 6))
+    position, orientation = message.pose.position, message.pose.orientation
+    return Pose(
+        position_m=np.array([position.x, position.y, position.z], dtype=np.float64),
+        orientation=np.array(
+            [orientation.x, orientation.y, orientation.z, orientation.w], dtype=np.float64
+        ),
+        covariance=covariance.reshape(6, 6),
+    )
 
 
 def pose_to_message(pose: Pose, types: MessageTypes) -> Any:
     """``geometry_msgs/PoseWithCovariance`` of a `Pose`."""
+    x, y, z = (float(value) for value in pose.position_m)
+    position = types.message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z)
+    x, y, z, w = (float(value) for value in pose.orientation)
+    orientation = types.message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
+    bare = types.message_class("geometry_msgs/msg/Pose")(position=position, orientation=orientation)
     return types.message_class("geometry_msgs/msg/PoseWithCovariance")(
-        pose=bare_pose_to_message(pose, types),
+        pose=bare,
         # An array of fixed size is a NumPy array for rosbags and rclpy alike.
         covariance=np.ascontiguousarray(pose.covariance, dtype=np.float64).reshape(36),
     )

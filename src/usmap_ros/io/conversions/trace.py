@@ -2,68 +2,77 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.io.conversions.common import (
-    MessageTypes,
-    array_from_field,
-    enumeration_from_field,
-    header_to_message,
-    pose_from_message,
-    pose_to_message,
-    stamp_from_header,
+from usmap_ros.io.cdr import CdrReader, CdrWriter, Layout, Payload
+from usmap_ros.io.conversions.fields import (
+    FLOAT32,
+    read_enumeration,
+    read_header,
+    read_pose,
+    write_header,
+    write_pose,
 )
-from usmap_ros.io.conversions.transducer import transducer_from_message, transducer_to_message
+from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
 from usmap_ros.trace import EchoTrace, Encoding
 
+#: From ``sound_speed`` to ``noise_std``, with ``encoding`` in between.
+_NUMBERS = Layout.of(8, "4dB7x3d")
 
-def trace_from_message(message: Any) -> EchoTrace:
-    """`EchoTrace` from a ``usmap_msgs/EchoTrace``; its samples are a view of the message's.
+
+def trace_from_cdr(payload: Payload) -> EchoTrace:
+    """`EchoTrace` from a serialized ``usmap_msgs/EchoTrace``; its samples are a view of that.
 
     Raises
     ------
     MalformedMessageError
-        If a field holds what no sensor could have sent.
+        If it cannot be decoded, or a field holds what no sensor could have sent.
     """
+    reader = CdrReader(payload)
+    stamp_ns, frame_id = read_header(reader)
+    child_frame_id, pose, transducer = reader.text(), read_pose(reader), read_transducer(reader)
+    *channel, encoding, sample_rate_hz, start_delay_s, noise_std = reader.numbers(_NUMBERS)
+    samples = reader.sequence(FLOAT32)
+    reader.end()
     trace = EchoTrace(
-        stamp_ns=stamp_from_header(message.header),
-        frame_id=str(message.header.frame_id),
-        child_frame_id=str(message.child_frame_id),
-        pose=pose_from_message(message.pose),
-        transducer=transducer_from_message(message.transducer),
-        channel=Channel(
-            sound_speed_m_s=float(message.sound_speed),
-            attenuation_db_m=float(message.attenuation),
-            floor_height_m=float(message.floor_height),
-            floor_reflectivity=float(message.floor_reflectivity),
-        ),
-        encoding=enumeration_from_field("encoding", message.encoding, Encoding),
-        sample_rate_hz=float(message.sample_rate),
-        start_delay_s=float(message.start_delay),
-        noise_std=float(message.noise_std),
-        samples=array_from_field("samples", message.samples, np.float32),
+        stamp_ns=stamp_ns,
+        frame_id=frame_id,
+        child_frame_id=child_frame_id,
+        pose=pose,
+        transducer=transducer,
+        channel=Channel(*channel),
+        encoding=read_enumeration("encoding", encoding, Encoding),
+        sample_rate_hz=sample_rate_hz,
+        start_delay_s=start_delay_s,
+        noise_std=noise_std,
+        samples=samples,
     )
     trace.validate()
     return trace
 
 
-def trace_to_message(trace: EchoTrace, types: MessageTypes) -> Any:
-    """``usmap_msgs/EchoTrace`` of an `EchoTrace`."""
-    return types.message_class("usmap_msgs/msg/EchoTrace")(
-        header=header_to_message(trace.stamp_ns, trace.frame_id, types),
-        child_frame_id=trace.child_frame_id,
-        pose=pose_to_message(trace.pose, types),
-        transducer=transducer_to_message(trace.transducer, types),
-        sound_speed=float(trace.channel.sound_speed_m_s),
-        attenuation=float(trace.channel.attenuation_db_m),
-        floor_height=float(trace.channel.floor_height_m),
-        floor_reflectivity=float(trace.channel.floor_reflectivity),
-        encoding=int(trace.encoding),
-        sample_rate=float(trace.sample_rate_hz),
-        start_delay=float(trace.start_delay_s),
-        noise_std=float(trace.noise_std),
-        samples=types.sequence(np.asarray(trace.samples, dtype=np.float32)),
+def trace_to_cdr(trace: EchoTrace) -> bytes:
+    """Serialized ``usmap_msgs/EchoTrace`` of an `EchoTrace`; rclpy publishes it as it is.
+
+    Raises
+    ------
+    MalformedMessageError
+        If its stamp does not fit a message.
+    """
+    channel, writer = trace.channel, CdrWriter()
+    write_header(writer, trace.stamp_ns, trace.frame_id)
+    writer.text(trace.child_frame_id)
+    write_pose(writer, trace.pose)
+    write_transducer(writer, trace.transducer)
+    writer.numbers(
+        _NUMBERS,
+        channel.sound_speed_m_s,
+        channel.attenuation_db_m,
+        channel.floor_height_m,
+        channel.floor_reflectivity,
+        trace.encoding,
+        trace.sample_rate_hz,
+        trace.start_delay_s,
+        trace.noise_std,
     )
+    writer.sequence(FLOAT32, trace.samples)
+    return writer.message()

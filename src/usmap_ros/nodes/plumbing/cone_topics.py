@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from rclpy.node import Node
 
@@ -25,7 +24,7 @@ class ConeTopics:
     listed : list of str
         Topics to fuse; empty: every one that there is.
     on_cone : callable
-        Gets topic and message.
+        Gets topic and serialized message.
     after : callable
         As of `Inbox`.
     """
@@ -34,7 +33,7 @@ class ConeTopics:
         self,
         node: Node,
         listed: list[str],
-        on_cone: Callable[[str, Any], None],
+        on_cone: Callable[[str, bytes], None],
         after: Callable[[], float | None],
     ) -> None:
         self._node = node

@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.node import Node
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.io.conversions import range_to_message, trace_to_message
+from usmap_ros.io.conversions import range_to_message, trace_to_cdr
 from usmap_ros.live.health import Health
 from usmap_ros.live.interfaces import ECHO, RANGE
 from usmap_ros.nodes.plumbing.endpoints import advertise, within
@@ -45,7 +45,7 @@ class EchoOutputs:
         """Publish traces, each where its transducer's go, and perhaps ranges."""
         for trace in traces:
             echo, first_range = self._publishers[trace.child_frame_id]
-            echo.publish(trace_to_message(trace, self._types))
+            echo.publish(trace_to_cdr(trace))
             self._health.work("published")
             # Finding the first echo takes time: only if somebody listens.
             if with_ranges and first_range.get_subscription_count():

@@ -1,4 +1,4 @@
-"""Messages that come often, taken without rclpy's executor."""
+"""Messages that come often, taken without rclpy's executor and without its objects."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Slot:
     """A subscription and who gets its messages."""
 
     subscription: Any
-    callback: Callable[[Any], None]
+    callback: Callable[[bytes], None]
 
 
 class Inbox:
@@ -45,7 +45,8 @@ class Inbox:
 
     rclpy's executor lists all that a node waits for anew after each message, some forty things for
     one subscription, and makes a task of each callback: a millisecond of a core or more.  Here,
-    the subscriptions alone are listed, once for all messages that wait.
+    the subscriptions alone are listed, once for all messages that wait.  Messages are handed over
+    as bytes, in CDR.
 
     Parameters
     ----------
@@ -71,9 +72,9 @@ class Inbox:
         """Names as they were given to `add`."""
         return set(self._slots)
 
-    def add(self, topic: Topic, callback: Callable[[Any], None], name: str) -> None:
+    def add(self, topic: Topic, callback: Callable[[bytes], None], name: str) -> None:
         """Subscribe to a topic under a name, for a callback that is called in the thread."""
-        subscription = subscribe(self._node, topic, callback, name, group=self._group)
+        subscription = subscribe(self._node, topic, callback, name, raw=True, group=self._group)
         with self._lock:
             self._slots[name] = _Slot(subscription, callback)
         self._worker.wake()

@@ -8,7 +8,7 @@ from typing import Any
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError, MapFileError, MapSizeError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.io.conversions import cone_from_message
+from usmap_ros.io.conversions import cone_from_cdr
 from usmap_ros.live.checkpoint import Checkpoint
 from usmap_ros.live.health import Health
 from usmap_ros.live.live_fusion import LiveFusion
@@ -121,13 +121,13 @@ class MapSession:
         self.fusion.set_sources(awaited)
         self._worker.wake()
 
-    def receive(self, topic: str, message: Any) -> None:
+    def receive(self, topic: str, payload: bytes) -> None:
         """Take a cone in, leave it out if that is asked for, or refuse it with the reason."""
         if is_of(topic, self._parameters.value.without):
             self._health.count("left out")
             return
         try:
-            cone = cone_from_message(message)
+            cone = cone_from_cdr(payload)
         except MalformedMessageError as error:
             self._health.problem("malformed", f"{topic}: {error}")
             return

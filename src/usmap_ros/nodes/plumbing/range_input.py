@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Range
 
 from usmap_ros.cone import EchoCone
 from usmap_ros.geometry import Pose
@@ -36,8 +36,8 @@ class RangeInput:
         # Its topic costs nothing where TF says it all.
         self._odometry = OdometryPose(node, health, parameters.pose_timeout_s)
 
-    def cone(self, message: Any) -> EchoCone:
-        """Cone of a ``sensor_msgs/Range``.
+    def cone(self, payload: bytes) -> EchoCone:
+        """Cone of a serialized ``sensor_msgs/Range``.
 
         Raises
         ------
@@ -46,7 +46,7 @@ class RangeInput:
         NoPoseError
             If it is not known where the sensor was.
         """
-        reading = range_from_message(message)
+        reading = range_from_message(deserialize_message(payload, Range))
         return reading.cone(self._pose(reading.frame_id, reading.stamp_ns), self._world)
 
     def _pose(self, frame_id: str, stamp_ns: int) -> Pose:

@@ -35,7 +35,7 @@ from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
 #: Runs the command line.
-USMAP = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+USMAP = [sys.executable, "-m", "usmap_ros"]
 
 
 def write(bag: Path, gigabytes: float, ping_kilobytes: float) -> int:

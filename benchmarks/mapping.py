@@ -24,7 +24,7 @@ from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
 #: Runs the command line.
-USMAP = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+USMAP = [sys.executable, "-m", "usmap_ros"]
 
 
 def run() -> dict[str, Any]:

@@ -21,7 +21,7 @@ from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
-USMAP = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+USMAP = [sys.executable, "-m", "usmap_ros"]
 
 
 def run() -> dict[str, Any]:

@@ -75,7 +75,7 @@ def test_scenes_in_other_encodings_map(
 
 
 def test_mapping_takes_little_memory_and_says_so(scenario_folder: Path, tmp_path: Path) -> None:
-    program = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+    program = [sys.executable, "-m", "usmap_ros"]
     scenario = str(scenario_folder / "poles.yaml")
     subprocess.run([*program, "simulate", scenario, "-o", "bag"], cwd=tmp_path, check=True)
     subprocess.run([*program, "map", "bag", "-o", "map"], cwd=tmp_path, check=True)

@@ -40,6 +40,7 @@ LAYERS = [
     {"drivers"},
     {"nodes"},
     {"cli"},
+    {"__main__"},
 ]
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 ROS = {

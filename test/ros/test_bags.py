@@ -178,7 +178,7 @@ def test_a_recording_is_never_written_over(live: Any, bag: Path) -> None:
 
 
 def usmap(*arguments: object) -> list[str]:
-    return [sys.executable, "-c", "from usmap_ros.cli import main; main()", *map(str, arguments)]
+    return [sys.executable, "-m", "usmap_ros", *map(str, arguments)]
 
 
 def size_of(folder: Path) -> int:

@@ -63,7 +63,7 @@ def test_only_what_is_determined_is_set_beside_a_parameter_file(tmp_path: Path) 
 def test_one_ctrl_c_ends_a_fleet_that_has_mapped(
     live: Any, processes: Any, nav2_qos: Any, tmp_path: Path
 ) -> None:
-    command = [sys.executable, "-c", "from usmap_ros.cli import main; main()", "fleet"]
+    command = [sys.executable, "-m", "usmap_ros", "fleet"]
     command += [str(ROOT / "config/scenarios/poles.yaml"), "-o", str(tmp_path / "map")]
     fleet = processes.run(command, "fleet")
     grids = live.listen("nav_msgs/msg/OccupancyGrid", "/map", nav2_qos)

@@ -20,7 +20,7 @@ ROBOTS = ("robot1", "robot2", "robot3")
 
 
 def usmap(*arguments: object) -> None:
-    command = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+    command = [sys.executable, "-m", "usmap_ros"]
     subprocess.run([*command, *map(str, arguments)], check=True, timeout=300)
 
 

@@ -15,7 +15,7 @@ from usmap_ros.nodes.plumbing.status import report_of
 
 
 def usmap(*arguments: str) -> list[str]:
-    return [sys.executable, "-c", "from usmap_ros.cli import main; main()", *arguments]
+    return [sys.executable, "-m", "usmap_ros", *arguments]
 
 
 @pytest.mark.slow

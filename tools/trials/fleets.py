@@ -29,7 +29,7 @@ BAD_WORDS = re.compile(
     r"Traceback|dropped:|failed:|malformed:|refused:|not kept:|starting it again|does not end"
 )
 
-_PROGRAM = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+_PROGRAM = [sys.executable, "-m", "usmap_ros"]
 _PARAMETERS = "/**:\n  ros__parameters: {checkpoint_period_s: 1.0}\n"
 
 

@@ -25,7 +25,7 @@ PINGS = 300
 START_S, QUIET_S = 300.0, 30.0
 LOST = ("late", "dropped", "malformed", "refused", "failed")
 
-_PROGRAM = [sys.executable, "-c", "from usmap_ros.cli import main; main()"]
+_PROGRAM = [sys.executable, "-m", "usmap_ros"]
 
 
 def try_replays(folder: Path, rates: list[float]) -> tuple[dict[str, str], list[str]]:

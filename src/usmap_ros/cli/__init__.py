@@ -11,7 +11,8 @@ from pathlib import PurePath
 
 # First of all: importing takes half a second, in which Python would answer Ctrl-C with pages.
 # `main` takes it back.
-_is_program = PurePath(sys.argv[0]).name == "usmap"
+_program = PurePath(sys.argv[0])
+_is_program = _program.name == "usmap" or _program.parts[-2:] == ("usmap_ros", "__main__.py")
 if _is_program and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 

@@ -263,7 +263,7 @@ class TestProcess:
     """The program in a process of its own."""
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        program = [sys.executable, "-c", "from usmap_ros.cli import main; main()", *arguments]
+        program = [sys.executable, "-m", "usmap_ros", *arguments]
         return subprocess.run(program, capture_output=True, text=True, check=False)
 
     def test_version_and_help_come_at_once(self) -> None:
@@ -288,7 +288,7 @@ class TestProcess:
         assert not {"numpy", "scipy", "matplotlib", "pydantic", "rosbags"} & set(loaded)
 
     def test_a_reader_that_stops_reading_is_no_error(self, recorded: Path) -> None:
-        program = f"{sys.executable} -c 'from usmap_ros.cli import main; main()'"
+        program = f"{sys.executable} -m usmap_ros"
         done = subprocess.run(
             f"{program} info bag | true", shell=True, capture_output=True, text=True,
             cwd=recorded, check=False,

@@ -1,4 +1,4 @@
-"""Poses in space: put one into the other, and see points from them."""
+"""Poses in space: put one into the other, and see points from them; which way segments face."""
 
 from __future__ import annotations
 
@@ -171,3 +171,16 @@ def at_height(places_m: FloatArray, height_m: float | FloatArray) -> FloatArray:
     """Points in space, shape (n, 3), over places in the plane, shape (n, 2)."""
     heights_m = np.broadcast_to(height_m, len(places_m))
     return np.column_stack([places_m, heights_m])
+
+
+def left_normals(starts_m: FloatArray, ends_m: FloatArray) -> FloatArray:
+    """Unit vectors across segments in the plane, to the left of the way along them.
+
+    Parameters
+    ----------
+    starts_m, ends_m : (n, 2) arrays
+        x, y of where the segments begin and end.
+    """
+    along = ends_m - starts_m
+    left = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    return np.asarray(left / np.linalg.norm(along, axis=-1, keepdims=True))

@@ -19,20 +19,14 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 
+from usmap_ros.nodes.program import NODE_NAMES
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
-EXECUTABLES = [
-    "bag_recorder",
-    "bag_replay",
-    "cone_reconstructor",
-    "echo_driver",
-    "map_fusion",
-    "serial_driver",
-    "usmap",
-]
+EXECUTABLES = [*NODE_NAMES, "usmap"]
 #: Enough to see that tests run on what colcon built: all of them run without it anyway.
 SOME_TESTS = ["test/unit/acoustics", "test/unit/io", "test/ros/test_conversions.py"]
 

@@ -8,15 +8,9 @@ from zipfile import ZipFile
 import pytest
 from packaging.requirements import Requirement
 
-EXECUTABLES = {
-    "bag_recorder",
-    "bag_replay",
-    "cone_reconstructor",
-    "echo_driver",
-    "map_fusion",
-    "serial_driver",
-    "usmap",
-}
+from usmap_ros.nodes.program import NODE_NAMES
+
+EXECUTABLES = [*NODE_NAMES, "usmap"]
 
 
 @pytest.fixture

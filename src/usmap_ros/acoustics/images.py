@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray
+from usmap_ros.geometry import left_normals
 
 #: What is nearer to a wall than this belongs to it, and is not seen in it.
 _ON_WALL_M = 1e-3
@@ -47,9 +48,15 @@ class Mirrors:
     @property
     def normals(self) -> FloatArray:
         """Unit vectors across the walls, shape (walls, 2)."""
-        along = self.ends_m - self.starts_m
-        left = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-        return np.asarray(left / np.linalg.norm(along, axis=-1, keepdims=True))
+        return left_normals(self.starts_m, self.ends_m)
+
+    def distances_m(self, points_m: FloatArray) -> FloatArray:
+        """Distances of points (..., 2) to the line of each wall, shape (..., walls).
+
+        Positive where the normals point to.
+        """
+        offsets_m = points_m[..., np.newaxis, :] - self.starts_m
+        return np.asarray(np.sum(offsets_m * self.normals, axis=-1))
 
     def hide(self, place_m: FloatArray, points_m: FloatArray, margin_m: float) -> BoolArray:
         """Whether a wall stands between a place and points.
@@ -63,15 +70,12 @@ class Mirrors:
         margin_m : float
             What is no farther than this behind a wall may be the wall itself, and is not hidden.
         """
-        place_side = np.sum((place_m - self.starts_m) * self.normals, axis=-1)
-        offsets = points_m[:, np.newaxis] - self.starts_m
-        point_side = np.sum(offsets * self.normals, axis=-1)
+        place_side, point_side = self.distances_m(place_m), self.distances_m(points_m)
         behind = (place_side * point_side < 0.0) & (np.abs(point_side) > margin_m)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.nan_to_num(place_side / (place_side - point_side), posinf=0.0, neginf=0.0)
         crossings_m = place_m + share[..., np.newaxis] * (points_m[:, np.newaxis] - place_m)
-        hidden: BoolArray = (behind & self.hold(crossings_m)).any(axis=1)
-        return hidden
+        return np.asarray((behind & self.hold(crossings_m)).any(axis=1))
 
     def hold(self, spots_m: FloatArray) -> BoolArray:
         """Whether spots on the line of each wall, shape (points, walls, 2), lie on the wall."""
@@ -112,11 +116,8 @@ def mirrored_legs(place_m: FloatArray, points_m: FloatArray, mirrors: Mirrors) -
     mirrors : Mirrors
         The walls.
     """
-    normals = mirrors.normals
-    place_side = np.sum((place_m - mirrors.starts_m) * normals, axis=-1)
-    offsets = points_m[:, np.newaxis] - mirrors.starts_m
-    point_side = np.sum(offsets * normals, axis=-1)
-    images_m = points_m[:, np.newaxis] - 2.0 * point_side[..., np.newaxis] * normals
+    place_side, point_side = mirrors.distances_m(place_m), mirrors.distances_m(points_m)
+    images_m = points_m[:, np.newaxis] - 2.0 * point_side[..., np.newaxis] * mirrors.normals
     # Sides of equal sign, and the way to the image is cut by the wall in their ratio.
     same = place_side * point_side > 0.0
     clear = (np.abs(place_side) > _ON_WALL_M) & (np.abs(point_side) > _ON_WALL_M)

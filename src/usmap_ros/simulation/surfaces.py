@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.geometry import left_normals
 
 #: Ends of walls that are nearer to each other are one.
 _SAME_END_M = 1e-3
@@ -95,9 +96,7 @@ class Walls:
     @property
     def normals(self) -> FloatArray:
         """Unit vectors towards the front, shape (n, 2)."""
-        along = self.ends_m - self.starts_m
-        left = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-        return np.asarray(left / np.linalg.norm(along, axis=-1, keepdims=True))
+        return left_normals(self.starts_m, self.ends_m)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.special import logit
 
 #: A cell counts as occupied from this probability on (nav2's ``occupied_thresh``).
 OCCUPIED_PROBABILITY = 0.65
@@ -25,6 +26,19 @@ LAYERS = (NORMAL, AMBIGUITY, LOOKS_COS, LOOKS_SIN)
 
 #: Values of a trinary ``nav_msgs/OccupancyGrid``.
 UNKNOWN_VALUE, FREE_VALUE, OCCUPIED_VALUE = -1, 0, 100
+
+
+def _log_odds_from(probability: float) -> np.float32:
+    """Log-odds of a probability, in the precision of maps and rounded away from an even chance."""
+    exact, rounded = logit(probability), np.float32(logit(probability))
+    if abs(rounded) >= abs(exact):
+        return rounded
+    return np.float32(np.nextafter(rounded, np.float32(np.copysign(np.inf, exact))))
+
+
+#: What log-odds are compared with, since exponentials of all cells take long.
+_OCCUPIED_LOG_ODDS = _log_odds_from(OCCUPIED_PROBABILITY)
+_FREE_LOG_ODDS = _log_odds_from(FREE_PROBABILITY)
 
 
 @dataclass(frozen=True)
@@ -117,15 +131,14 @@ class OccupancyMap:
 
     def trinary(self) -> NDArray[np.int8]:
         """Occupied (100), free (0) or unknown (-1), as nav2's static layer reads it."""
-        probability = self.probability()
         values = np.full(self.geometry.shape, UNKNOWN_VALUE, dtype=np.int8)
-        values[self.observed & (probability <= FREE_PROBABILITY)] = FREE_VALUE
-        values[self.observed & (probability >= OCCUPIED_PROBABILITY)] = OCCUPIED_VALUE
+        values[self.observed & (self.log_odds <= _FREE_LOG_ODDS)] = FREE_VALUE
+        values[self.predicted()] = OCCUPIED_VALUE
         return values
 
     def predicted(self) -> BoolArray:
         """Cells that are observed and count as occupied."""
-        predicted: BoolArray = self.observed & (self.probability() >= OCCUPIED_PROBABILITY)
+        predicted: BoolArray = self.observed & (self.log_odds >= _OCCUPIED_LOG_ODDS)
         return predicted
 
     def percent(self) -> NDArray[np.int8]:

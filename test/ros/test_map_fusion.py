@@ -94,6 +94,7 @@ def test_a_late_subscriber_gets_the_map_at_once(
     node = live.add(MapFusion, order_wait_s=60.0)
     send_in_order(live, cones)
     live.until(lambda: node.session._published_version == node.session.fusion.version)
+    live.until(lambda: node.session._publisher.is_complete)
     count = node.health.total("published")
     grids = live.listen(GRID, "/map", nav2_qos)
     percents = live.listen(GRID, "/map_probability", nav2_qos)
@@ -107,6 +108,33 @@ def test_a_late_subscriber_gets_the_map_at_once(
     np.testing.assert_array_equal(percent, placed(offline.percent(), offline.geometry, geometry))
     assert not set(percents[0].data) <= set(grids[0].data)
     assert metadata[0] == grids[0].info
+
+
+def test_what_nobody_listens_to_waits_until_the_map_stands_still(
+    live: Any, cones: Cones, nav2_qos: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    count = OccupancyMap.ambiguity_percent
+    monkeypatch.setattr(
+        OccupancyMap, "ambiguity_percent", lambda self: made.append(self.stamp_ns) or count(self)
+    )
+    node = live.add(MapFusion, order_wait_s=60.0)
+    percents = live.listen(GRID, "/map_probability", nav2_qos)
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    own = [cone for topic, cone in cones if topic == "/robot1/cone"]
+    # What its thread does is done here, so that it is known when.
+    node.session._bringer.stop()
+    for number, cone in enumerate(own[:5]):
+        publisher.publish(cone_to_cdr(cone))
+        live.until(lambda n=number: node.health.total("fused") == n + 1)
+        node.session.publish()
+        node.session._bring_out()
+    live.until(lambda: len(percents) == 5)
+    assert made == []
+    node.session.publish()
+    node.session._bring_out()
+    assert made == [own[4].stamp_ns]
+    assert node.health.total("published") == 5
 
 
 def test_layers_are_those_of_the_pipeline(

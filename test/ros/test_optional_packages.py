@@ -174,13 +174,23 @@ def test_a_driver_that_needs_tf_says_so(live: Any, request: Any) -> None:
         live.add(EchoDriver, scenario=scenario, pose_source="tf")
 
 
+class Listened:
+    """A publisher that somebody listens to."""
+
+    def __init__(self, messages: list[Any]) -> None:
+        self.publish = messages.append
+
+    def get_subscription_count(self) -> int:
+        return 1
+
+
 @pytest.fixture
 def published(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
     """Give what a publisher of maps says by topic, with map_msgs installed."""
     published: dict[str, list[Any]] = {}
 
     def advertise(node: Any, topic: Any, name: str | None = None) -> Any:
-        return SimpleNamespace(publish=published.setdefault(topic.name, []).append)
+        return Listened(published.setdefault(topic.name, []))
 
     monkeypatch.setattr("usmap_ros.nodes.plumbing.map_publisher.advertise", advertise)
     monkeypatch.setattr("usmap_ros.nodes.plumbing.map_publisher.advertise_managed", advertise)

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy.special import logit
 
-from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.grids import (
+    FREE_PROBABILITY,
+    FREE_VALUE,
+    OCCUPIED_PROBABILITY,
+    GridGeometry,
+    OccupancyMap,
+)
 
 
 def make_map(probability: list[float], observed: list[bool]) -> OccupancyMap:
@@ -55,3 +61,17 @@ def test_the_observed_rectangle_is_cut_out_of_a_map() -> None:
     geometry = GridGeometry(0.5, (-1.0, 2.0), (6, 8))
     occupancy = OccupancyMap(geometry, np.zeros((6, 8), np.float32), observed, "map")
     assert occupancy.observed_geometry() == GridGeometry(0.5, (0.5, 3.0), (3, 3))
+
+
+def test_cells_are_told_apart_by_probability_to_the_last_digit() -> None:
+    near = [np.log(p / (1.0 - p)) for p in (OCCUPIED_PROBABILITY, FREE_PROBABILITY)]
+    steps = np.arange(-3, 4)
+    log_odds = np.array([[x + k * 6e-8 for k in steps] for x in near] + [0.0 * steps], np.float32)
+    grid = GridGeometry(0.05, (0.0, 0.0), log_odds.shape)
+    occupancy = OccupancyMap(grid, log_odds, np.ones(log_odds.shape, bool), "map")
+    is_occupied = occupancy.probability() >= OCCUPIED_PROBABILITY
+    is_free = occupancy.probability() <= FREE_PROBABILITY
+    np.testing.assert_array_equal(occupancy.predicted(), is_occupied)
+    np.testing.assert_array_equal(occupancy.trinary() == FREE_VALUE, is_free)
+    assert 0 < np.count_nonzero(is_occupied[0]) < len(steps)
+    assert 0 < np.count_nonzero(is_free[1]) < len(steps)

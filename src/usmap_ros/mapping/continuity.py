@@ -45,21 +45,17 @@ def bridge_gaps(occupancy: OccupancyMap, gap_m: float) -> OccupancyMap:
 
 def _between(believed: BoolArray, widest: int) -> BoolArray:
     """Cells with believed ones in opposite directions, at most `widest` cells between them."""
-    rows, columns = believed.shape
-    margin = 2 * widest + 2
+    # So wide that no step from one row leads into the next.
+    margin = widest + 1
     padded = np.pad(believed, margin)
-
-    def shifted(row: int, column: int) -> BoolArray:
-        top, left = margin + row, margin + column
-        return padded[top : top + rows, left : left + columns]
-
-    between = np.zeros_like(believed)
+    width, inside = padded.shape[1], padded.ravel()
+    between = np.zeros_like(inside)
+    places = np.flatnonzero(inside)
     for row, column in DIRECTIONS:
-        length = np.hypot(row, column)
-        reach = int((widest + 1) / length)
-        for ahead in range(1, reach + 1):
-            for behind in range(1, reach + 1):
-                if (ahead + behind) * length <= widest + 1:
-                    there = shifted(ahead * row, ahead * column)
-                    between |= there & shifted(-behind * row, -behind * column)
-    return between
+        step = row * width + column
+        # Believed cells are few: from each of them, it is looked for another one along the line.
+        for steps in range(2, int((widest + 1) / np.hypot(row, column)) + 1):
+            first = places[inside[places + steps * step]]
+            for passed in range(1, steps):
+                between[first + passed * step] = True
+    return between.reshape(padded.shape)[margin:-margin, margin:-margin]

@@ -14,6 +14,12 @@ LEAST_LENGTH_VARIANCE = 1.0
 #: Variance across a line, relative to that along it: what is thicker is a blob, or a corner.
 MOST_THICKNESS = 0.25
 
+#: Rows and columns from the middle of a window to its cells, and what moments there are made of:
+#: 1, x, y, x², y², x y.
+_Y, _X = np.indices((2 * REACH_CELLS + 1,) * 2).reshape(2, -1) - REACH_CELLS
+_MONOMIALS = np.array([_X**0, _X, _Y, _X**2, _Y**2, _X * _Y], dtype=np.float64)
+#: Cells whose windows are looked at at once.
+_AT_ONCE = 4096
 #: From a cell to those of its eight neighbours that come after it: rows, columns.
 _ONWARD = ((0, 1), (1, -1), (1, 0), (1, 1))
 
@@ -42,7 +48,8 @@ def surface_normals(
         From the x axis towards the y axis, above -π and up to π; NaN where it is not known.
     """
     normal_rad = np.full(believed.shape, np.nan, np.float32)
-    rows, columns = np.nonzero(believed)
+    # NumPy finds places in one dimension ten times as fast as in two.
+    rows, columns = np.divmod(np.flatnonzero(believed), believed.shape[1])
     moments, heard = _sums_around(believed, weight[rows, columns], heard_from[rows, columns])
     mass = np.maximum(moments[0], 1e-12)
     mean_x, mean_y = moments[1] / mass, moments[2] / mass
@@ -71,14 +78,18 @@ def connected_parts(inside: BoolArray) -> IndexArray:
     numbers : (n,) int array
         Of the cells inside, row by row: equal within a part.
     """
-    beside = _Beside(inside, 1)
+    return _connected(_Beside(inside, 1))
+
+
+def _connected(beside: _Beside) -> IndexArray:
+    """`connected_parts`, of cells beside which has been looked already."""
     pairs = []
     for row, column in _ONWARD:
         neighbour = beside(row, column)
         there = np.flatnonzero(neighbour >= 0)
         pairs.append(np.stack([there, neighbour[there]]))
     first, second = np.concatenate(pairs, axis=1)
-    parts = np.arange(np.count_nonzero(inside))
+    parts = np.arange(len(beside))
     while (parts[first] != parts[second]).any():
         lower = np.minimum(parts[first], parts[second])
         np.minimum.at(parts, parts[first], lower)
@@ -100,15 +111,25 @@ class _Beside:
     """
 
     def __init__(self, inside: BoolArray, reach: int) -> None:
-        rows, columns = np.nonzero(inside)
+        rows, columns = np.divmod(np.flatnonzero(inside), inside.shape[1])
         height, self._width = inside.shape[0] + 2 * reach, inside.shape[1] + 2 * reach
         self._places = (rows + reach) * self._width + columns + reach
         self._numbers = np.full(height * self._width, -1, dtype=np.int32)
         self._numbers[self._places] = np.arange(len(rows))
 
+    def __len__(self) -> int:
+        """Count the cells inside."""
+        return len(self._places)
+
     def __call__(self, rows: int, columns: int) -> IndexArray:
         """Number of the cell so far from each; -1 where there is none."""
         numbers: IndexArray = self._numbers[self._places + rows * self._width + columns]
+        return numbers
+
+    def window(self, some: slice) -> IndexArray:
+        """Numbers of the cells at all places of a window around some, shape (offsets, n)."""
+        steps = _Y * self._width + _X
+        numbers: IndexArray = self._numbers[self._places[some] + steps[:, np.newaxis]]
         return numbers
 
 
@@ -131,12 +152,18 @@ def _sums_around(
     heard : (2, n) array
         Of the directions from which they were heard.
     """
-    parts, beside = connected_parts(believed), _Beside(believed, REACH_CELLS)
+    beside = _Beside(believed, REACH_CELLS)
+    parts = _connected(beside)
     moments, heard = np.zeros((6, len(parts))), np.zeros((2, len(parts)))
-    for y in range(-REACH_CELLS, REACH_CELLS + 1):
-        for x in range(-REACH_CELLS, REACH_CELLS + 1):
-            there = beside(y, x)
-            share = weight[there] * ((there >= 0) & (parts[there] == parts))
-            moments += share * np.array([[1.0], [x], [y], [x * x], [y * y], [x * y]])
-            heard += share * heard_from[there].T
+    # Cells by the thousand: those of a large map, with all around them, would take gigabytes.
+    for first in range(0, len(parts), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        there, own = beside.window(some), parts[some]
+        offset, middle = np.nonzero((there >= 0) & (parts[there] == own))
+        other = there[offset, middle]
+        share = weight[other]
+        for power, moment in zip(_MONOMIALS, moments, strict=True):
+            moment[some] = np.bincount(middle, share * power[offset], len(own))
+        for direction, component in zip(heard_from.T, heard, strict=True):
+            component[some] = np.bincount(middle, share * direction[other], len(own))
     return moments, heard

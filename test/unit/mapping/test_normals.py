@@ -109,3 +109,10 @@ def test_a_resumed_map_still_knows_which_way_its_walls_face(wall: SuperpositionF
         np.isfinite(after.layers[NORMAL]), np.isfinite(before.layers[NORMAL])
     )
     np.testing.assert_allclose(after.layers[NORMAL], before.layers[NORMAL], atol=0.05)
+
+
+def test_cells_are_looked_at_by_the_thousand(monkeypatch: pytest.MonkeyPatch) -> None:
+    believed = line(np.radians(20.0)) | line(np.radians(90.0))
+    at_once = normals_of(believed, (1.0, 0.5))
+    monkeypatch.setattr("usmap_ros.mapping.normals._AT_ONCE", 7)
+    np.testing.assert_allclose(normals_of(believed, (1.0, 0.5)), at_once, atol=1e-6)

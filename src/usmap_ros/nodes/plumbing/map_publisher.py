@@ -98,6 +98,9 @@ def normal_columns(occupancy: OccupancyMap) -> dict[str, NDArray[np.float32]]:
 class MapPublisher:
     """Publishes the map in all its forms, and updates if wanted.
 
+    While nobody listens to ``map_probability``, ``map_normals`` or ``map_ambiguity`` they are left
+    out, until the map has ceased to change.
+
     Parameters
     ----------
     node : LifecycleNode
@@ -120,14 +123,22 @@ class MapPublisher:
         self._node = node
         self._types = RosMessageTypes()
         self._map = advertise_managed(node, MAP)
-        self._probability = advertise_managed(node, MAP_PROBABILITY)
-        self._normals = advertise_managed(node, MAP_NORMALS)
-        self._ambiguity = advertise_managed(node, MAP_AMBIGUITY)
         self._metadata = advertise_managed(node, MAP_METADATA)
+        self._beside: dict[Any, Callable[[OccupancyMap, GridGeometry], Any]] = {
+            advertise_managed(node, MAP_PROBABILITY): self._probability_message,
+            advertise_managed(node, MAP_AMBIGUITY): self._ambiguity_message,
+            advertise_managed(node, MAP_NORMALS): self._normals_message,
+        }
+        self._left_out: list[Any] = []
         self._updates = self._advertise_updates() if with_updates else None
         self._whole_period_s, self._clock, self._whole_s = whole_period_s, clock, 0.0
         self._geometry: GridGeometry | None = None
         self._values: NDArray[np.int8] | None = None
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the last map was published in all its forms."""
+        return not self._left_out
 
     def publish(self, occupancy: OccupancyMap) -> None:
         """Publish a map.
@@ -147,21 +158,23 @@ class MapPublisher:
         if is_update and now_s < self._whole_s + self._whole_period_s:
             return
         self._whole_s = now_s
-        percent = placed(occupancy.percent(), occupancy.geometry, geometry)
-        frame_id, stamp_ns = occupancy.frame_id, occupancy.stamp_ns
-        grid = grid_to_message(geometry, values, frame_id, stamp_ns, self._types)
+        stamp_ns = occupancy.stamp_ns
+        grid = grid_to_message(geometry, values, occupancy.frame_id, stamp_ns, self._types)
         self._map.publish(grid)
-        self._probability.publish(
-            grid_to_message(geometry, percent, frame_id, stamp_ns, self._types)
-        )
-        undecided = placed(occupancy.ambiguity_percent(), occupancy.geometry, geometry)
-        self._ambiguity.publish(
-            grid_to_message(geometry, undecided, frame_id, stamp_ns, self._types)
-        )
-        self._normals.publish(
-            points_to_message(normal_columns(occupancy), frame_id, stamp_ns, self._types)
-        )
         self._metadata.publish(metadata_to_message(geometry, stamp_ns, self._types))
+        self._left_out = []
+        for publisher, message in self._beside.items():
+            if publisher.get_subscription_count():
+                publisher.publish(message(occupancy, geometry))
+            else:
+                self._left_out.append(publisher)
+
+    def complete(self, occupancy: OccupancyMap) -> None:
+        """Publish what was left out of the last map, which has not changed since."""
+        geometry = block_geometry(occupancy.geometry, self._geometry)
+        while self._left_out:
+            publisher = self._left_out.pop()
+            publisher.publish(self._beside[publisher](occupancy, geometry))
 
     def message(self, occupancy: OccupancyMap) -> Any:
         """``nav_msgs/OccupancyGrid`` of a map, of the extent that it would be published with.
@@ -172,10 +185,7 @@ class MapPublisher:
             If nav2 would refuse it.
         """
         geometry = block_geometry(occupancy.geometry, self._geometry)
-        values = placed(occupancy.trinary(), occupancy.geometry, geometry)
-        return grid_to_message(
-            geometry, values, occupancy.frame_id, occupancy.stamp_ns, self._types
-        )
+        return self._grid_message(occupancy.trinary(), occupancy, geometry)
 
     def forget_extent(self) -> None:
         """Let the next map be smaller than the last one."""
@@ -183,16 +193,28 @@ class MapPublisher:
 
     def destroy(self) -> None:
         """Take the topics back."""
-        for publisher in (
-            self._map,
-            self._probability,
-            self._normals,
-            self._ambiguity,
-            self._metadata,
-        ):
+        for publisher in (self._map, self._metadata, *self._beside):
             self._node.destroy_lifecycle_publisher(publisher)
         if self._updates is not None:
             self._node.destroy_publisher(self._updates)
+
+    def _probability_message(self, occupancy: OccupancyMap, geometry: GridGeometry) -> Any:
+        return self._grid_message(occupancy.percent(), occupancy, geometry)
+
+    def _ambiguity_message(self, occupancy: OccupancyMap, geometry: GridGeometry) -> Any:
+        return self._grid_message(occupancy.ambiguity_percent(), occupancy, geometry)
+
+    def _grid_message(
+        self, values: NDArray[np.int8], occupancy: OccupancyMap, geometry: GridGeometry
+    ) -> Any:
+        """Message of values of a map's cells, of the extent with which it is published."""
+        whole = placed(values, occupancy.geometry, geometry)
+        frame_id, stamp_ns = occupancy.frame_id, occupancy.stamp_ns
+        return grid_to_message(geometry, whole, frame_id, stamp_ns, self._types)
+
+    def _normals_message(self, occupancy: OccupancyMap, geometry: GridGeometry) -> Any:
+        frame_id, stamp_ns = occupancy.frame_id, occupancy.stamp_ns
+        return points_to_message(normal_columns(occupancy), frame_id, stamp_ns, self._types)
 
     def _advertise_updates(self) -> Any:
         try:

@@ -221,7 +221,8 @@ class MapSession:
 
     def _publish_if_changed(self) -> None:
         version = self.fusion.version
-        if version == self._published_version and not self._is_unpublished:
+        has_changed = version != self._published_version or self._is_unpublished
+        if not has_changed and self._publisher.is_complete:
             return
         self._is_unpublished = False
         if self._was_reset:
@@ -229,9 +230,11 @@ class MapSession:
             self._publisher.forget_extent()
         try:
             occupancy = self.fusion.occupancy_map()
-            if occupancy.frame_id:
+            if occupancy.frame_id and has_changed:
                 self._publisher.publish(occupancy)
                 self._health.count("published")
+            elif occupancy.frame_id:
+                self._publisher.complete(occupancy)
         except (MalformedMessageError, MapSizeError) as error:
             self._health.problem("unpublished", f"map: {error}", is_error=True)
         self._published_version = version

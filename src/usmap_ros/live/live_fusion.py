@@ -109,6 +109,11 @@ class LiveFusion:
         return len(self._order)
 
     @property
+    def is_behind(self) -> bool:
+        """Whether a cone waits whose turn has come."""
+        return self.due_in_s() == 0.0
+
+    @property
     def late(self) -> int:
         """Cones that came after a newer one had been fused."""
         return self._order.late

@@ -108,7 +108,8 @@ class ConeReconstructor(Node):
         subscribe(self, TRANSDUCERS, self._learn, raw=True)
         self._queue: deque[_Job] = deque()
         self._worker = Worker(self, self._step)
-        self._inbox = Inbox(self)
+        # Once for all traces that came together.
+        self._inbox = Inbox(self, after=self._worker.wake)
         parameters = self.parameters.value
         self._ranges = RangeInput(self, self.health, parameters) if self._has_ranges else None
         names = self.parameters.value.transducers or [""]
@@ -176,7 +177,6 @@ class ConeReconstructor(Node):
                 "dropped", f"traces come faster than they are worked on; {depth} wait already"
             )
         self._queue.append(_Job(outputs, payload, time.monotonic()))
-        self._worker.wake()
 
     def _step(self) -> float | None:
         """Reconstruct the trace that has waited longest."""

@@ -99,7 +99,7 @@ class MapFusion(LifecycleNode):
         assert session is not None  # Only what is configured is activated.
         receive = partial(self._receive, session)
         listed = self.parameters.value.cone_topics
-        self._topics = topics = ConeTopics(self, listed, receive, session.retry_transforms)
+        self._topics = topics = ConeTopics(self, listed, receive, session.settle)
         look = partial(self._look_for_robots, session, topics)
         callbacks: tuple[Callable[[], None], ...] = (look, session.publish, session.keep)
         self._timers_of_life = [

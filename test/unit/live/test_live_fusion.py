@@ -51,6 +51,19 @@ def test_a_silent_robot_holds_the_others_up_once(
     assert fusion.fuse_next() is not None
 
 
+def test_it_is_behind_while_a_cone_waits_whose_turn_has_come(
+    fusion: LiveFusion, cones: list[EchoCone]
+) -> None:
+    assert not fusion.is_behind
+    fusion.receive("a", cones[0])
+    assert not fusion.is_behind
+    fusion.receive("b", replace(cones[1], stamp_ns=cones[0].stamp_ns))
+    assert fusion.is_behind
+    fusion.fuse_next()
+    fusion.fuse_next()
+    assert not fusion.is_behind
+
+
 def test_a_robot_that_left_holds_nobody_up(fusion: LiveFusion, cones: list[EchoCone]) -> None:
     fusion.receive("a", cones[0])
     assert fusion.fuse_next() is None

@@ -38,6 +38,7 @@ class _Slot:
 
     subscription: Any
     callback: Callable[[bytes], None]
+    pointer: int
 
 
 class Inbox:
@@ -62,6 +63,8 @@ class Inbox:
         self._group = _Apart()
         self._lock = Lock()
         self._slots: dict[str, _Slot] = {}
+        # What was let go of, and may still be waited for.
+        self._gone: list[_Slot] = []
         self._patience_s: float | None = None
         # Not one of the node's own, which its executor would answer.
         self._bell = GuardCondition(None, None, context=node.context)
@@ -75,14 +78,17 @@ class Inbox:
     def add(self, topic: Topic, callback: Callable[[bytes], None], name: str) -> None:
         """Subscribe to a topic under a name, for a callback that is called in the thread."""
         subscription = subscribe(self._node, topic, callback, name, raw=True, group=self._group)
+        # In use from now on, rather than anew for each wait: destroyed when it is not any more.
+        subscription.handle.__enter__()
         with self._lock:
-            self._slots[name] = _Slot(subscription, callback)
+            self._slots[name] = _Slot(subscription, callback, subscription.handle.pointer)
         self._worker.wake()
 
     def remove(self, name: str) -> None:
         """Let go of a topic."""
         with self._lock:
             slot = self._slots.pop(name)
+            self._gone.append(slot)
         self._node.destroy_subscription(slot.subscription)
         self._worker.wake()
 
@@ -91,26 +97,28 @@ class Inbox:
         self._worker.stop()
         for name in self.topics:
             self.remove(name)
+        self._forget()
         self._bell.destroy()
 
     def _take(self) -> float:
         """Wait for messages, and hand over all that there are; runs in the thread."""
-        with self._lock:
-            slots = list(self._slots.values())
-        with ExitStack() as in_use:
-            held: dict[int, _Slot] = {}
-            for slot in slots:
-                # A topic may have been let go of since.
-                with suppress(InvalidHandle):
-                    in_use.enter_context(slot.subscription.handle)
-                    held[slot.subscription.handle.pointer] = slot
-            ready = self._ready(held)
-            for pointer in ready:
-                _empty(held[pointer])
-            if not ready:
-                self._answer_events(held.values())
+        held = self._forget()
+        ready = self._ready(held)
+        for pointer in ready:
+            _empty(held[pointer])
+        if not ready:
+            self._answer_events(held.values())
         self._patience_s = self._after()
         return _GATHER_S
+
+    def _forget(self) -> dict[int, _Slot]:
+        """Let go of what nobody waits for now; gives the others, by the address of each."""
+        with self._lock:
+            gone, self._gone = self._gone, []
+            held = {slot.pointer: slot for slot in self._slots.values()}
+        for slot in gone:
+            slot.subscription.handle.__exit__(None, None, None)
+        return held
 
     def _ready(self, held: dict[int, _Slot]) -> list[int]:
         """Which of the subscriptions have messages, once any has."""

@@ -138,8 +138,8 @@ class MapSession:
             wait_s = self._parameters.value.transform_wait_s
             self._foreign_cones.add(topic, cone, frame_id, wait_s)
 
-    def retry_transforms(self) -> float | None:
-        """Move cones of other frames whose transforms have come by now.
+    def settle(self) -> float | None:
+        """Have fused what was received, and cones of other frames whose transforms have come.
 
         Returns
         -------
@@ -147,6 +147,8 @@ class MapSession:
             When to try again; None: not before another cone has come.
         """
         self._foreign_cones.retry(self.fusion.frame_id)
+        # Once for all that came together: whoever is woken wants the interpreter at once.
+        self._worker.wake()
         return _RETRY_S if len(self._foreign_cones) else None
 
     def _hand_over(self, topic: str, cone: EchoCone) -> None:
@@ -161,8 +163,6 @@ class MapSession:
             )
         except MalformedMessageError as error:
             self._health.problem("malformed", f"{topic}: {error}")
-        else:
-            self._worker.wake()
 
     def _step(self) -> float | None:
         """Fuse the next cone; runs in the worker's thread."""

@@ -13,9 +13,11 @@ from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
 
-#: What the check may take of a core while it runs, and in the long run, unless that would make it
-#: wait for more than so many of its periods.
-_SHARE_WHILE_RUNNING, _SHARE, _MOST_PERIODS = 0.2, 0.1, 10.0
+#: What the check may take of a core while it runs, and while cones wait to be fused.
+_SHARE_WHILE_RUNNING, _SHARE_WHILE_BEHIND = 0.2, 0.02
+#: What it may take in the long run, unless that would make it wait for more than so many of its
+#: periods.
+_SHARE, _MOST_PERIODS = 0.1, 10.0
 
 
 class _StoppedError(Exception):
@@ -99,5 +101,6 @@ class RobotCheck:
         if self._is_stopping:
             raise _StoppedError
         worked_s = time.thread_time() - self._piece_began_s
-        time.sleep(worked_s * (1.0 / _SHARE_WHILE_RUNNING - 1.0))
+        share = _SHARE_WHILE_BEHIND if self._fusion.is_behind else _SHARE_WHILE_RUNNING
+        time.sleep(worked_s * (1.0 / share - 1.0))
         self._piece_began_s = time.thread_time()

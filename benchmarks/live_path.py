@@ -26,14 +26,17 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from usmap_ros.io.conversions import trace_to_cdr
 from usmap_ros.live.interfaces import DIAGNOSTICS, ECHO, MAP
+from usmap_ros.live.supervisor import PARENT_VARIABLE
 from usmap_ros.nodes.plumbing.endpoints import advertise, qos_profile
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import prepare_environment
@@ -42,6 +45,7 @@ from usmap_ros.simulation import Scenario, simulate
 ROOT = Path(__file__).parents[1]
 #: What every serialized message begins with: its byte order.
 _HEADER_BYTES = 4
+ENDINGS = (signal.SIGINT, signal.SIGTERM)
 _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
@@ -87,7 +91,8 @@ class Fleet:
     def _start(self, node: str, namespace: str, *arguments: str) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"usmap_ros.nodes.{node}", "--ros-args"]
         command += ["-r", f"__ns:=/{namespace}", "--log-level", "error", *arguments]
-        return subprocess.Popen(command)
+        # None of them is to outlive this process, however that ends.
+        return subprocess.Popen(command, env=os.environ | {PARENT_VARIABLE: str(os.getpid())})
 
     def cpu_seconds(self) -> dict[str, float]:
         """Processor time that each process has used."""
@@ -140,8 +145,9 @@ def measure(
     os.environ["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     names = [f"robot{number}" for number in range(robots)]
+    # Who ends this process ends a measurement, and not ROS under the threads that use it.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     fleet = Fleet(names, publish_rate_hz, is_shared)
-    rclpy.init()
     node = rclpy.create_node("benchmark")
     # Maps are listened to in a thread of their own, so that a ping costs no more than publishing.
     executor = SingleThreadedExecutor()
@@ -270,6 +276,8 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     prepare_environment()
+    for ending in ENDINGS:
+        signal.signal(ending, _end)
     for robots in arguments.robots:
         result = measure(
             robots,
@@ -279,6 +287,14 @@ def main() -> None:
             arguments.shared,
         )
         print(json.dumps(result), flush=True)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """End as a shell expects it of a program that a signal ends, all nodes before it."""
+    for ending in ENDINGS:
+        # Asking again changes nothing.
+        signal.signal(ending, signal.SIG_IGN)
+    sys.exit(128 + number)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,13 @@ import pytest
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("domain")]
 
-TRIALS = Path(__file__).parents[2] / "tools/trials"
+ROOT = Path(__file__).parents[2]
+TRIALS = ROOT / "tools/trials"
+#: Programs that start nodes and end them.
+STARTERS = {
+    "fleets": [str(TRIALS), "fleets", "--count", "1", "--robots", "1"],
+    "live_path": [str(ROOT / "benchmarks/live_path.py"), "--robots", "1"],
+}
 #: Ends a hang; a busy machine is far from it.
 DEADLINE_S = 300.0
 
@@ -46,11 +52,12 @@ def heirs_of(folder: Path) -> dict[int, bytes]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux which processes there are")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
-def test_a_trial_of_fleets_that_is_interrupted_leaves_nothing_behind(
-    number: signal.Signals, tmp_path: Path
+@pytest.mark.parametrize("starter", list(STARTERS))
+def test_who_is_interrupted_leaves_nothing_behind(
+    starter: str, number: signal.Signals, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     trial = subprocess.Popen(
-        [sys.executable, str(TRIALS), "fleets", "--count", "1", "--robots", "1"],
+        [sys.executable, *STARTERS[starter]],
         env=os.environ | {"TMPDIR": str(tmp_path)},
         start_new_session=True,
     )
@@ -64,6 +71,7 @@ def test_a_trial_of_fleets_that_is_interrupted_leaves_nothing_behind(
         assert trial.wait(DEADLINE_S) == 128 + number
         assert not heirs_of(tmp_path)
         assert not list(tmp_path.iterdir())
+        assert "Traceback" not in capfd.readouterr().err
     finally:
         for process in heirs_of(tmp_path):
             os.kill(process, signal.SIGKILL)

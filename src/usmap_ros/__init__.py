@@ -18,8 +18,9 @@ Examples
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from usmap_ros.offering import offered
 
 if TYPE_CHECKING:
     from usmap_ros.acoustics.beam import BeamPattern
@@ -70,36 +71,28 @@ __all__ = [
     "write_bag",
 ]
 
-#: Where each name is at home.
-_HOMES = {
-    "acoustics.beam": ["BeamPattern"],
-    "acoustics.propagation": ["Channel"],
-    "acoustics.pulse": ["Pulse", "PulseShape"],
-    "acoustics.transducer": ["Transducer"],
-    "cone": ["EchoCone"],
-    "errors": ["UsmapError"],
-    "geometry": ["Pose"],
-    "grids": ["OccupancyMap", "TruthMap"],
-    "io.bags": ["read_bag", "write_bag"],
-    "io.map_files": ["load_map", "load_truth", "save_map"],
-    "mapping.scoring": ["score"],
-    "parameters": ["PipelineParameters"],
-    "pipeline": ["Pipeline"],
-    "plotting": ["draw"],
-    "simulation": ["Scenario", "hear", "simulate"],
-    "trace": ["EchoTrace", "Encoding"],
-    "trial": ["try_scenario"],
-}
-_MODULES = {name: module for module, names in _HOMES.items() for name in names}
-
-
-def __getattr__(name: str) -> object:
-    """Import what is asked for, the first time it is."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value: object = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__ = offered(
+    __name__,
+    {
+        "acoustics.beam": ["BeamPattern"],
+        "acoustics.propagation": ["Channel"],
+        "acoustics.pulse": ["Pulse", "PulseShape"],
+        "acoustics.transducer": ["Transducer"],
+        "cone": ["EchoCone"],
+        "errors": ["UsmapError"],
+        "geometry": ["Pose"],
+        "grids": ["OccupancyMap", "TruthMap"],
+        "io.bags": ["read_bag", "write_bag"],
+        "io.map_files": ["load_map", "load_truth", "save_map"],
+        "mapping.scoring": ["score"],
+        "parameters": ["PipelineParameters"],
+        "pipeline": ["Pipeline"],
+        "plotting": ["draw"],
+        "simulation": ["Scenario", "hear", "simulate"],
+        "trace": ["EchoTrace", "Encoding"],
+        "trial": ["try_scenario"],
+    },
+)
 
 
 def __dir__() -> list[str]:

@@ -17,7 +17,6 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 try:
     import numba
     from numba.core.caching import FunctionCache, IndexDataCacheFile
-    from numba.core.registry import CPUDispatcher
     from numba.core.runtime.nrt import rtsys
 except ImportError:
     IS_COMPILED = False
@@ -34,6 +33,11 @@ OPTIONS: dict[str, Any] = {
     "nogil": True,
     "no_cfunc_wrapper": True,
 }
+#: What changes with the way in which functions are compiled.
+_WAY = "\n".join(
+    Path(__file__).with_name(name).read_text(encoding="utf-8")
+    for name in ("compiled.py", "linked.py")
+)
 #: All functions whose machine code is kept on disk.
 COMPILED: list[Any] = []
 
@@ -46,24 +50,24 @@ def compiled(function: Function) -> Function:
     """
     if not IS_COMPILED:
         return function
-    return _kept(numba.njit(**OPTIONS)(function), function)
+    dispatcher = _stamped(numba.njit(**OPTIONS)(function))
+    _keep(dispatcher)
+    return cast("Function", dispatcher)
 
 
 def compiled_within(function: Function) -> Function:
     """Compile a function that only compiled functions call: from Python it runs as Python.
 
-    To take arguments apart for a call from Python, and to put results together, is as much code as
-    many a function, most of all with named tuples of arrays; here it is left out.
+    It has no machine code of its own, only as a part of that of its callers.  To take arguments
+    apart for a call from Python, and to put results together, is as much code as many a function,
+    most of all with named tuples of arrays; here it is left out.
     """
     if not IS_COMPILED:
         return function
-
-    class Within(CPUDispatcher):
-        def __call__(self, *arguments: Any, **named: Any) -> Any:
-            return function(*arguments, **named)
+    from usmap_ros.linked import Linked
 
     options = {"nopython": True, "no_cpython_wrapper": True, **OPTIONS}
-    return _kept(Within(function, targetoptions=options), function)
+    return cast("Function", _stamped(Linked(function, options)))
 
 
 def inlined(function: Function) -> Function:
@@ -74,7 +78,7 @@ def inlined(function: Function) -> Function:
     """
     if not IS_COMPILED:
         return function
-    return cast("Function", numba.njit(inline="always", **OPTIONS)(function))
+    return cast("Function", _stamped(numba.njit(inline="always", **OPTIONS)(function)))
 
 
 def compiler_version() -> str:
@@ -86,7 +90,22 @@ def compiler_version() -> str:
     return repr([numba.__version__, *map(str, chosen), *found])
 
 
-def _kept(dispatcher: Any, function: Function) -> Function:
+def _stamped(dispatcher: Any) -> Any:
+    """Note what changes with the file of a function and with those of all that it may call.
+
+    All compiled functions that its module has imported count, for those that stand below it in its
+    file may call them, too.
+    """
+    function = dispatcher.py_func
+    known = [value for _, value in sorted(function.__globals__.items())]
+    helpers = [helper.source_stamp for helper in known if hasattr(helper, "source_stamp")]
+    text = Path(function.__code__.co_filename).read_text(encoding="utf-8")
+    parts = [_WAY, text, *helpers]
+    dispatcher.source_stamp = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    return dispatcher
+
+
+def _keep(dispatcher: Any) -> None:
     """Keep the machine code of a function on disk, where there is a folder for it."""
     # Numba's word for: neither the package's folder nor the user's cache can be written.
     with suppress(RuntimeError):
@@ -96,28 +115,23 @@ def _kept(dispatcher: Any, function: Function) -> Function:
             # Numba keeps its caches otherwise in this version; then they are as it makes them.
             dispatcher.enable_caching()
     COMPILED.append(dispatcher)
-    return cast("Function", dispatcher)
 
 
 def _cache(dispatcher: Any) -> Any:
     """What keeps a function apart from what it was when it, or one that it may call, was another.
 
-    Numba looks at the file of the function only, but the machine code has its helpers in it.  All
-    compiled functions that its module has imported count, for those that stand below it in its
-    file may call them, too.  Old and new have files of their own, because Numba fails on what it
-    kept of a class that is not where it was.
+    Numba looks at the file of the function only, but the machine code has its helpers in it.  Old
+    and new have files of their own, because Numba fails on what it kept of a class that is not
+    where it was.
     """
-    known = dispatcher.py_func.__globals__
-    helpers = [known[name] for name in sorted(known) if hasattr(known[name], "py_func")]
 
     class Cache(FunctionCache):
         # Numba gives the methods of its caches no types.
         def __init__(self, function: Callable[..., Any]) -> None:
             super().__init__(function)  # type: ignore[no-untyped-call]
-            stamp = _digest([repr(self._cache_file._source_stamp), *map(_stamp, helpers)])
-            name = f"{self._impl.filename_base}-{stamp[:8]}"
+            name = f"{self._impl.filename_base}-{dispatcher.source_stamp[:8]}"
             kept_in: Any = IndexDataCacheFile
-            self._cache_file = kept_in(self._cache_path, name, stamp)
+            self._cache_file = kept_in(self._cache_path, name, dispatcher.source_stamp)
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             # Numba would first learn all that it can compile, which takes longer than to load what
@@ -127,15 +141,3 @@ def _cache(dispatcher: Any) -> Any:
                 return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
     return Cache(dispatcher.py_func)
-
-
-def _stamp(helper: Any) -> str:
-    """What changes with a compiled function and, where it is kept itself, with its own helpers."""
-    file = getattr(helper._cache, "_cache_file", None)
-    if file is not None:
-        return str(file._source_stamp)
-    return _digest([Path(helper.py_func.__code__.co_filename).read_text(encoding="utf-8")])
-
-
-def _digest(parts: list[str]) -> str:
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

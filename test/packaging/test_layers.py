@@ -11,6 +11,7 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
+    {"linked", "offering"},
     {"arrays", "compiled", "cores", "errors", "parent"},
     {"bounds", "special"},
     {"geometry"},

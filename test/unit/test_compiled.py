@@ -26,6 +26,13 @@ def caller(x):
 def below(x):
     return 2 * helper(x)
 """
+LINK = """
+from usmap_ros.compiled import {decorator}
+from helper_of_kept import helper
+@{decorator}
+def link(x):
+    return helper(x)
+"""
 pytestmark = pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
 
 
@@ -41,7 +48,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def imported(folder: Path, added: int) -> ModuleType:
     (folder / "helper_of_kept.py").write_text(HELPER.format(added))
-    for name in ("helper_of_kept", "caller_of_kept"):
+    for name in ("helper_of_kept", "link_to_helper", "caller_of_kept"):
         sys.modules.pop(name, None)
     importlib.invalidate_caches()
     return importlib.import_module("caller_of_kept")
@@ -54,6 +61,18 @@ def stamp(module: ModuleType) -> str:
 def test_a_changed_helper_makes_its_callers_stale(folder: Path) -> None:
     first, changed = stamp(imported(folder, 1)), stamp(imported(folder, 100))
     assert first != changed
+
+
+@pytest.mark.parametrize("decorator", ["compiled_within", "inlined"])
+def test_a_changed_helper_of_a_helper_makes_its_callers_stale(folder: Path, decorator: str) -> None:
+    (folder / "link_to_helper.py").write_text(LINK.format(decorator=decorator))
+    caller = CALLER.replace("helper_of_kept import helper", "link_to_helper import link as helper")
+    (folder / "caller_of_kept.py").write_text(caller)
+    first = imported(folder, 1)
+    assert first.caller(1) == 4
+    changed = imported(folder, 100)
+    assert changed.caller(1) == 202
+    assert stamp(first) != stamp(changed)
 
 
 def test_a_class_may_move_to_another_module(folder: Path) -> None:

@@ -1,8 +1,25 @@
 """Scenes, robots on their paths, and the echo simulator."""
 
-from usmap_ros.simulation.points import hear
-from usmap_ros.simulation.recording import record, simulate
-from usmap_ros.simulation.scenario import Scenario
-from usmap_ros.simulation.simulator import EchoSimulator, MountedTransducer
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from usmap_ros.offering import offered
+
+if TYPE_CHECKING:
+    from usmap_ros.simulation.points import hear
+    from usmap_ros.simulation.recording import record, simulate
+    from usmap_ros.simulation.scenario import Scenario
+    from usmap_ros.simulation.simulator import EchoSimulator, MountedTransducer
 
 __all__ = ["EchoSimulator", "MountedTransducer", "Scenario", "hear", "record", "simulate"]
+
+__getattr__ = offered(
+    __name__,
+    {
+        "points": ["hear"],
+        "recording": ["record", "simulate"],
+        "scenario": ["Scenario"],
+        "simulator": ["EchoSimulator", "MountedTransducer"],
+    },
+)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.arrays import IntArray
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.io.conversions import trace_from_cdr
+from usmap_ros.io.conversions import noise_from_cdr, trace_from_cdr
 from usmap_ros.io.storage import MessageIndex, Storage
 from usmap_ros.soundings import TransducerArrays
 from usmap_ros.trace import EchoTrace
@@ -177,8 +177,12 @@ class TraceStretch:
 
     def traces_without_noise(self) -> Iterator[EchoTrace]:
         """Yield the well-formed ones of those traces that do not state their noise."""
-        for _, trace in self.traces(lambda source, error: None):
-            if trace.noise_std <= 0.0:
+
+        def completed(payload: memoryview) -> EchoTrace | None:
+            return None if noise_from_cdr(payload) > 0.0 else self._completed(payload)
+
+        for _, trace in self.messages.contents(completed, lambda source, error: None):
+            if trace is not None:
                 yield trace
 
     def cuts(self, length: int) -> Iterator[TraceStretch]:

@@ -10,6 +10,7 @@ rest agree.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
@@ -147,9 +148,9 @@ def is_of(topic: str, names: Iterable[str]) -> bool:
 
 
 def _has_moved(before: EchoCone, after: EchoCone) -> bool:
-    way_m = np.linalg.norm(after.pose.position_m[:2] - before.pose.position_m[:2])
+    way_m = math.dist(after.pose.position_m[:2].tolist(), before.pose.position_m[:2].tolist())
     turned = (after.pose.yaw_rad - before.pose.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
-    return bool(way_m > MOVED_M or abs(turned) > MOVED_RAD)
+    return way_m > MOVED_M or abs(turned) > MOVED_RAD
 
 
 def _is_repetition(before: EchoCone, after: EchoCone) -> bool:

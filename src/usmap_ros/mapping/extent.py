@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MapSizeError
 from usmap_ros.grids import GridGeometry
@@ -35,7 +34,8 @@ class Extent:
         self._parameters = parameters
         self._with_reach = with_reach
         self._most_side = most_side
-        self._lowest_m, self._highest_m = np.full(2, np.inf), np.full(2, -np.inf)
+        self._west_m = self._south_m = math.inf
+        self._east_m = self._north_m = -math.inf
 
     def add(self, cone: EchoCone) -> None:
         """Stretch it over a ping, unless the rectangle would become too large.
@@ -45,9 +45,10 @@ class Extent:
         MapSizeError
             If it would: then it stays as it is.
         """
-        position_m = cone.pose.position_m[:2]
+        # For every ping: NumPy's way with two numbers takes four times as long.
+        x_m, y_m, _ = cone.pose.position_m.tolist()
         reach_m = cone.transducer.max_range_m if self._with_reach else 0.0
-        self._stretch(position_m - reach_m, position_m + reach_m)
+        self._stretch(x_m - reach_m, x_m + reach_m, y_m - reach_m, y_m + reach_m)
 
     def cover(self, geometry: GridGeometry) -> None:
         """Stretch it over a map.
@@ -57,20 +58,21 @@ class Extent:
         MapSizeError
             If the rectangle would become too large.
         """
-        west, east, south, north = geometry.extent_m
-        self._stretch(np.array([west, south]), np.array([east, north]))
+        self._stretch(*geometry.extent_m)
 
-    def _stretch(self, lowest_m: FloatArray, highest_m: FloatArray) -> None:
-        lowest_m = np.minimum(lowest_m, self._lowest_m)
-        highest_m = np.maximum(highest_m, self._highest_m)
-        columns, rows = np.ceil((highest_m - lowest_m) / self._parameters.resolution_m)
+    def _stretch(self, west_m: float, east_m: float, south_m: float, north_m: float) -> None:
+        west_m, east_m = min(west_m, self._west_m), max(east_m, self._east_m)
+        south_m, north_m = min(south_m, self._south_m), max(north_m, self._north_m)
+        columns = math.ceil((east_m - west_m) / self._parameters.resolution_m)
+        rows = math.ceil((north_m - south_m) / self._parameters.resolution_m)
         check_size(rows, columns, self._parameters)
         if self._most_side is not None and max(rows, columns) > self._most_side:
             raise MapSizeError(
                 f"{_rectangle(rows, columns, self._parameters)} has a side of more than"
                 f" {self._most_side} cells, which nav2 does not take: {_ADVICE}"
             )
-        self._lowest_m, self._highest_m = lowest_m, highest_m
+        self._west_m, self._east_m = west_m, east_m
+        self._south_m, self._north_m = south_m, north_m
 
 
 _ADVICE = "map robots that are so far apart by themselves, or with larger cells"

@@ -16,6 +16,7 @@ from usmap_ros.io.conversions import (
     array_to_cdr,
     cone_from_cdr,
     cone_to_cdr,
+    noise_from_cdr,
     trace_from_cdr,
     trace_to_cdr,
 )
@@ -140,6 +141,12 @@ def test_an_impossible_transducer_is_named(
     with pytest.raises(MalformedMessageError) as raised:
         trace_from_cdr(trace_to_cdr(trace))
     assert raised.value.field == field
+
+
+def test_the_noise_is_read_without_the_rest(make_trace: MakeTrace) -> None:
+    assert noise_from_cdr(trace_to_cdr(make_trace(noise_std=0.25))) == 0.25
+    with pytest.raises(MalformedMessageError, match="message"):
+        noise_from_cdr(trace_to_cdr(make_trace())[:300])
 
 
 def test_an_unknown_encoding_is_named(make_trace: MakeTrace) -> None:

@@ -34,7 +34,7 @@ from usmap_ros.io.conversions.sensors import (
     range_to_message,
     scan_to_message,
 )
-from usmap_ros.io.conversions.trace import trace_from_cdr, trace_to_cdr
+from usmap_ros.io.conversions.trace import noise_from_cdr, trace_from_cdr, trace_to_cdr
 
 __all__ = [
     "MessageTypes",
@@ -46,6 +46,7 @@ __all__ = [
     "grid_to_message",
     "grid_update_to_message",
     "metadata_to_message",
+    "noise_from_cdr",
     "odometry_from_message",
     "odometry_to_message",
     "points_from_message",

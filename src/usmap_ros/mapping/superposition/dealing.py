@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.cells import Tiles
 from usmap_ros.mapping.superposition.evidence import (
     Bounds,
@@ -30,6 +30,7 @@ from usmap_ros.mapping.superposition.sight import (
     deal_proof,
     deal_silence,
 )
+from usmap_ros.mapping.superposition.window import Looks, look_in
 from usmap_ros.parameters import MappingParameters
 
 
@@ -105,12 +106,31 @@ def rules_of(parameters: MappingParameters) -> Rules:
     )
 
 
+class Believed(NamedTuple):
+    """What is known of the cells of the map; (slots,) float32 arrays.
+
+    Parameters
+    ----------
+    depth : float32 array
+        Optical depth.
+    log_odds : float32 array
+        That a cell holds something.
+    passed : float32 array
+        Rays known to have passed it.
+    """
+
+    depth: NDArray[np.float32]
+    log_odds: NDArray[np.float32]
+    passed: NDArray[np.float32]
+
+
 @compiled
 def look_at(
     look: Look,
     tiles: Tiles,
-    all_bins: NDArray[np.int32],
-    known: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
+    depth: NDArray[np.float32],
+    among: NDArray[np.float32],
+    power: NDArray[np.float32],
     scratch: Scratch,
 ) -> int:
     """Work out what a look is expected to hear; returns how many cells it sees.
@@ -121,10 +141,12 @@ def look_at(
         The ping.
     tiles : Tiles
         The grid.
-    all_bins : (bins + 1,) int32 array
-        0, 1, 2 and so on.
-    known : three arrays
-        Optical depth of each cell, whether it may hold something, and the power of each quarter.
+    depth : (slots,) float32 array
+        Optical depth of each cell.
+    among : (slots,) float32 array
+        Above 0 for cells that may hold something, 0 for others.
+    power : (slots * QUARTERS,) float32 array
+        Of each quarter.
     scratch : Scratch
         Set.
 
@@ -134,29 +156,28 @@ def look_at(
         As many as `scratch` has room for if they do not fit.
     """
     rays, seen, bins, parts = scratch
-    depth, among, power = known
     listed = find_cells(look, tiles, among, seen)
     if listed == len(seen.slot):
         return listed
     cast_shadows(look, tiles.resolution_m, seen, listed, depth, rays)
-    count = place_cells(look, tiles.resolution_m, all_bins, rays, seen, listed)
+    count = place_cells(look, tiles.resolution_m, bins.every, rays, seen, listed)
     expect(look, seen, count, power, parts, bins)
     return count
 
 
-@compiled
+@compiled_within
 def learn(look: Look, count: int, powers: Powers, least_news: float, scratch: Scratch) -> None:
     """Move the powers of the cells that a look sees towards what explains it."""
     weigh_bins(look, scratch.bins)
     learn_powers(look, scratch.seen, count, scratch.bins, powers, least_news)
 
 
-@compiled
+@compiled_within
 def deal(
     look: Look,
     tiles: Tiles,
     count: int,
-    believed: tuple[NDArray[np.float32], NDArray[np.float32]],
+    believed: Believed,
     rules: Rules,
     scratch: Scratch,
     said: Said,
@@ -171,8 +192,8 @@ def deal(
         The grid.
     count : int
         Number of cells that it sees.
-    believed : two (slots,) float32 arrays
-        Log-odds of each cell, and rays known to have passed it.
+    believed : Believed
+        What is known of the map.
     rules : Rules
         How much counts.
     scratch : Scratch
@@ -181,14 +202,121 @@ def deal(
         Added to.
     """
     rays, seen, bins, parts = scratch
-    belief, passed = believed
     prepare_bins(look, bins)
     add_evidence(look, seen, count, bins, parts, tiles, rules.bounds, said.evidence)
     add_shares(look, seen, count, bins, parts, said.shares)
-    prove_rays(look, seen, count, bins, parts, belief, tiles, rays.proven_m)
+    prove_rays(look, seen, count, bins, parts, believed.log_odds, tiles, rays.proven_m)
     deal_proof(look, tiles, rays, said.evidence.clear)
     deal_presence(look, tiles, rules.proof, rules.bounds, said.evidence)
     deal_silence(
-        look, tiles, rays, passed, rules.proof, rules.trust_m, rules.median_power,
+        look, tiles, rays, believed.passed, rules.proof, rules.trust_m, rules.median_power,
         said.evidence.silent,
     )  # fmt: skip
+
+
+class Model(NamedTuple):
+    """The map as a visit finds it.
+
+    Parameters
+    ----------
+    tiles : Tiles
+        The grid.
+    believed : Believed
+        What is known of its cells.
+    powers : Powers
+        What they scatter.
+    rules : Rules
+        How much of a visit counts.
+    """
+
+    tiles: Tiles
+    believed: Believed
+    powers: Powers
+    rules: Rules
+
+
+class Errand(NamedTuple):
+    """What visits are for.
+
+    Parameters
+    ----------
+    first : int
+        Row of the first look.
+    pings : int
+        How many looks there are; after the last row comes the first.
+    first_dealt : int
+        The first whose evidence is dealt, counted from `first`.
+    is_taught : bool
+        Whether powers are learnt from them.
+    least_news : float
+        What a look counts at least in the averages that powers are learnt from.
+    """
+
+    first: int
+    pings: int
+    first_dealt: int
+    is_taught: bool
+    least_news: float
+
+
+def after(errand: Errand, visits: int) -> Errand:
+    """What remains of an errand."""
+    return errand._replace(
+        first=errand.first + visits,
+        pings=errand.pings - visits,
+        first_dealt=max(errand.first_dealt - visits, 0),
+    )
+
+
+@compiled
+def visit(
+    looks: Looks,
+    errand: Errand,
+    expected: int,
+    model: Model,
+    scratch: Scratch,
+    said: Said,
+) -> int:
+    """Visit looks in turn: expect what they hear, deal what they say, learn from them.
+
+    Parameters
+    ----------
+    looks : Looks
+        The window.
+    errand : Errand
+        Which of them, and what for.
+    expected : int
+        If not negative, `look_at` has been called for the first look, and it sees so many cells.
+    model : Model
+        The map; its powers are learnt, if that is asked for.
+    scratch : Scratch
+        Room; nothing is left in `seen`.
+    said : Said
+        Added to.
+
+    Returns
+    -------
+    visited : int
+        How many; the next one sees more cells than `scratch` has room for if it is not all.
+    """
+    tiles, believed, powers, rules = model
+    for index in range(errand.pings):
+        look = look_in(looks, (errand.first + index) % len(looks.bins))
+        count = expected
+        if index or count < 0:
+            count = look_at(look, tiles, believed.depth, powers.alive, powers.power, scratch)
+        if count == len(scratch.seen.slot):
+            return index
+        if index >= errand.first_dealt:
+            deal(look, tiles, count, believed, rules, scratch, said)
+        if errand.is_taught:
+            learn(look, count, powers, errand.least_news, scratch)
+        forget(scratch.seen, count)
+    return errand.pings
+
+
+@compiled_within
+def forget(seen: Seen, count: int) -> None:
+    """Let no cell be seen any more."""
+    for cell in range(count):
+        seen.place[seen.slot[cell]] = -1

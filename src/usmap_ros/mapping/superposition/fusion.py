@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -17,7 +16,7 @@ from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, scale_of, set_depth
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.dealing import Said, deal, learn, rules_of
+from usmap_ros.mapping.superposition.dealing import Believed, Errand, Model, Said, rules_of
 from usmap_ros.mapping.superposition.evidence import Evidence
 from usmap_ros.mapping.superposition.few import explain, judge_first
 from usmap_ros.mapping.superposition.layers import Suspects
@@ -48,6 +47,7 @@ from usmap_ros.mapping.superposition.resuming import take_up_evidence
 from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.shares import Shares
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot
+from usmap_ros.mapping.superposition.window import Window
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 
@@ -87,9 +87,7 @@ class SuperpositionFusion(Fusion):
 
     def __init__(self, parameters: MappingParameters) -> None:
         super().__init__(parameters, DEFAULTS, SEVERAL)
-        self._window: deque[Look] = deque()
-        # Of each ping in the window, who heard it.
-        self._sources: deque[str] = deque()
+        self._window = Window()
         self._next = 0
         # Size of the window at which its pings are explained from the start again.
         self._fresh_start = 1
@@ -108,23 +106,18 @@ class SuperpositionFusion(Fusion):
         self._cover(look)
         if len(self._window) == self.parameters.window:
             self._retire()
-        count = self._suspect(look)
-        is_explained = count is not None
-        self._window.append(look)
-        self._sources.append(source)
+        is_explained = is_expected = self._suspect(look)
+        self._window.append(look, source)
         if not self._has_lasting and len(self._window) >= self._fresh_start:
             self._start_over()
-            count = None
+            is_expected = False
         if self._are_few:
             return
-        if not is_explained:
-            for recent in range(max(0, len(self._window) - 1 - RECENT), len(self._window) - 1):
-                self._learn(self._window[recent])
-        self._deal(look, SHOWN, is_taught=True, count=count)
         pings = len(self._window)
+        recent = 0 if is_explained else min(RECENT, pings - 1)
+        self._send(pings - 1 - recent, pings, SHOWN, unheard=recent, is_expected=is_expected)
         early = min(MOST_PASSES * pings, EARLY_VISITS // pings)
-        for _ in range(max(self.parameters.revisits, early)):
-            self._visit()
+        self._visit(max(self.parameters.revisits, early))
 
     def _cover(self, look: Look) -> None:
         """Make tiles wherever the look reaches."""
@@ -135,21 +128,22 @@ class SuperpositionFusion(Fusion):
         )
         self._grid.cover(top, bottom, left, right)
 
-    def _suspect(self, look: Look) -> int | None:
+    def _suspect(self, look: Look) -> bool:
         """Suspect every cell that may have returned an unexplained echo.
 
         Returns
         -------
-        count : int or None
-            Of cells that the look sees, if there is no such echo: what is expected of them is known
-            until another look is visited.
+        is_explained : bool
+            Whether there is no such echo: what is expected of the look is known until another one
+            is visited.
         """
-        layer, count = self._grid.layer, self._expect(look)
+        layer = self._grid.layer
+        self._expect(look)
         found = self._work.find_sources(look, self._tiles(), layer(EVERYWHERE))
         if found is None:
-            return count
+            return True
         seed_unexplained(look, *found, self._work.scratch.bins, layer(POWER), layer(ALIVE))
-        return None
+        return False
 
     def _start_over(self) -> None:
         """Explain the pings so far from the start, if they are few enough."""
@@ -170,20 +164,18 @@ class SuperpositionFusion(Fusion):
         layer(VACANCY)[:] = 0.0
         layer(VACANCY)[explained.slots] = explained.vacancy
         self._next = 0
-        for _ in range(FIRST_PASSES * count):
-            self._visit()
+        self._visit(FIRST_PASSES * count)
 
     def _retire(self) -> None:
         """Let the oldest ping go, and what it said stay."""
-        self._deal(self._window.popleft(), LASTING)
-        self._sources.popleft()
+        self._send(0, 1, LASTING, is_taught=False)
+        self._window.pop_oldest()
         self._has_lasting, self._are_few = True, False
         self._next = max(self._next - 1, 0)
 
     def _forget_newest(self) -> None:
         """Let the newest ping go, and begin the pass anew."""
-        self._window.pop()
-        self._sources.pop()
+        self._window.pop_newest()
         self._next = 0
 
     def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
@@ -191,13 +183,11 @@ class SuperpositionFusion(Fusion):
 
         What pings said that have left the window stays.
         """
-        pings = list(zip(self._window, self._sources, strict=True))
-        kept = [ping for ping in pings if not is_left_out(ping[1])]
-        if len(kept) == len(pings):
+        pings = len(self._window)
+        kept = self._window.without(is_left_out)
+        if len(kept) == pings:
             return 0
-        self._window = deque(look for look, _ in kept)
-        self._sources = deque(source for _, source in kept)
-        self._next = 0
+        self._window, self._next = kept, 0
         if not kept:
             self._fresh_start = MANY_PINGS if self._has_lasting else 1
             self._begin_pass()
@@ -206,59 +196,70 @@ class SuperpositionFusion(Fusion):
             self._start_over()
         else:
             self.refine(PASSES_WITHOUT)
-        return len(pings) - len(kept)
+        return pings - len(kept)
 
     # ------------------------------------------------------------------ visits
 
-    def _visit(self) -> None:
-        """Visit the next ping of the pass, and end the pass after the last."""
-        if self._next == 0:
-            self._begin_pass()
-        self._deal(self._window[self._next], GATHERED, is_taught=not self._are_few)
-        self._next += 1
-        if self._next == len(self._window):
-            self._end_pass()
+    def _visit(self, visits: int) -> None:
+        """Visit the next pings of the pass, and begin another after the last."""
+        while visits:
+            if self._next == 0:
+                self._begin_pass()
+            end = min(self._next + visits, len(self._window))
+            self._send(self._next, end, GATHERED, is_taught=not self._are_few)
+            visits -= end - self._next
+            self._next = end
+            if end == len(self._window):
+                self._end_pass()
 
     def refine(self, passes: int) -> None:
         """Go through the window a few times more, as it is done anyway while cones come in."""
-        remaining = passes * len(self._window) + (-self._next) % max(len(self._window), 1)
-        for _ in range(remaining if passes else 0):
-            self._visit()
+        if passes and len(self._window):
+            self._visit(passes * len(self._window) + (-self._next) % len(self._window))
 
-    def _expect(self, look: Look) -> int:
-        """Work out what the map expects of a ping; returns how many cells it sees."""
+    def _expect(self, look: Look) -> None:
+        """Work out what the map expects of a ping."""
         layer = self._grid.layer
-        return self._work.expect(look, self._tiles(), layer(DEPTH), layer(ALIVE), layer(POWER))
+        self._work.expect(look, self._tiles(), layer(DEPTH), layer(ALIVE), layer(POWER))
 
     def _find(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int]:
         """Find the cells that a ping sees, of those that are not 0 in `among`."""
         return self._work.see(look, self._tiles(), self._grid.layer(DEPTH), among)
 
-    def _learn(self, look: Look) -> None:
-        """Move the powers in a ping's cone towards what explains it."""
-        self._learn_from(look, self._expect(look))
-
-    def _deal(
-        self, look: Look, kind: str, *, is_taught: bool = False, count: int | None = None
+    def _send(
+        self,
+        first: int,
+        end: int,
+        kind: str,
+        *,
+        unheard: int = 0,
+        is_taught: bool = True,
+        is_expected: bool = False,
     ) -> None:
-        """Add what a ping says to the evidence of a kind; learn its powers too if asked to.
+        """Visit pings of the window, from the first to the one before the end.
 
-        If the number of cells that it sees is given, what is expected of them is known.
+        Parameters
+        ----------
+        first, end : int
+            The pings.
+        kind : str
+            Of the evidence that what they say is added to.
+        unheard : int
+            From so many of them it is only learnt.
+        is_taught : bool
+            Whether powers are learnt.
+        is_expected : bool
+            Whether it is known what the map expects of the first.
         """
-        layer = self._grid.layer
+        layer, looks = self._grid.layer, self._window.looks
         own, block, clear, silent, *shares = (layer(layer_of(kind, name)) for name in EVIDENCE)
         said = Said(Evidence(own, block, clear, silent, layer(RELEVANT)), Shares(*shares))
-        if count is None:
-            count = self._expect(look)
-        believed = (layer(BELIEF), layer(layer_of(SHOWN, CLEAR)))
-        deal(look, self._tiles(), count, believed, self._rules, self._work.scratch, said)
-        if is_taught:
-            self._learn_from(look, count)
-
-    def _learn_from(self, look: Look, count: int) -> None:
-        powers = Powers(*(self._grid.layer(name) for name in Powers._fields))
+        believed = Believed(layer(DEPTH), layer(BELIEF), layer(layer_of(SHOWN, CLEAR)))
+        powers = Powers(*(layer(name) for name in Powers._fields))
         least_news = 1.0 / (1 + len(self._window))
-        learn(look, count, powers, least_news, self._work.scratch)
+        errand = Errand(self._window.row(first), end - first, unheard, is_taught, least_news)
+        model = Model(self._tiles(), believed, powers, self._rules)
+        self._work.visit(looks, errand, model, said, is_expected=is_expected)
 
     def _begin_pass(self) -> None:
         """Gather anew, beside what pings said that have left the window."""

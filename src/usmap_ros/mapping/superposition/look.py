@@ -58,6 +58,8 @@ class Look(NamedTuple):
         Of where things are seen, from the pose's covariance and what nobody states.
     bin_m : float
         Width of a range bin.
+    noise : float
+        Power of the receiver's noise in a bin.
     power_gain : (GAIN_STEPS + 1,) float32 array
         Two-way power gain over (1 − cos θ) / (1 − cos half angle): its mean over the headings that
         the pose's covariance allows.
@@ -72,8 +74,6 @@ class Look(NamedTuple):
     bearing, bearing_weight : (bins,) float32 arrays
         Measured direction of the echo in each bin, rad off the heading, and 1 / (2 σ²) of it; 0
         where it is not known.
-    noise : float
-        Power of the receiver's noise in a bin.
     """
 
     x_m: float
@@ -90,6 +90,7 @@ class Look(NamedTuple):
     absorption_per_m: float
     range_std_m: float
     bin_m: float
+    noise: float
     power_gain: NDArray[np.float32]
     kind: NDArray[np.uint8]
     power: NDArray[np.float32]
@@ -97,7 +98,6 @@ class Look(NamedTuple):
     limit: NDArray[np.float32]
     bearing: NDArray[np.float32]
     bearing_weight: NDArray[np.float32]
-    noise: float
 
 
 def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:

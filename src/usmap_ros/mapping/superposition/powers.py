@@ -51,6 +51,8 @@ class Bins(NamedTuple):
 
     Parameters
     ----------
+    every : (bins,) int32 array
+        0, 1, 2 and so on.
     counted : (2, bins) float32 array
         1 for bins that count, 0 for others, for both kinds of quarters.
     expected : (bins,) float32 array
@@ -65,6 +67,7 @@ class Bins(NamedTuple):
         of bins that are not silent.
     """
 
+    every: NDArray[np.int32]
     counted: NDArray[np.float32]
     expected: NDArray[np.float32]
     squares: NDArray[np.float32]

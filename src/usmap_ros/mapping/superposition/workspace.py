@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.dealing import Scratch, look_at
+from usmap_ros.mapping.superposition.dealing import (
+    Errand,
+    Model,
+    Said,
+    Scratch,
+    after,
+    look_at,
+    visit,
+)
 from usmap_ros.mapping.superposition.learning import find_unexplained
 from usmap_ros.mapping.superposition.look import Look
 from usmap_ros.mapping.superposition.powers import (
@@ -21,6 +29,7 @@ from usmap_ros.mapping.superposition.powers import (
 )
 from usmap_ros.mapping.superposition.seen import Rays, Seen, find_cells, place_cells
 from usmap_ros.mapping.superposition.sight import cast_shadows
+from usmap_ros.mapping.superposition.window import Looks
 
 #: Rays into which a beam is divided.
 RAYS = 64
@@ -35,7 +44,6 @@ class Workspace:
         self.scratch = Scratch(rays, _seen(0, np.empty(0, np.int32)), _bins(0), _contributions(0))
         # How many cells the last visit has listed.
         self._count = 0
-        self._all_bins = np.arange(1, dtype=np.int32)
         self._unexplained = np.empty(1, np.int32)
 
     def see(
@@ -47,10 +55,10 @@ class Workspace:
         """
         self._prepare(look, tiles, len(among))
         listed = self._list(lambda room: find_cells(look, tiles, among, room.seen))
-        rays, seen, _, _ = self.scratch
+        rays, seen, bins, _ = self.scratch
         res = tiles.resolution_m
         cast_shadows(look, res, seen, listed, depth, rays)
-        self._count = place_cells(look, res, self._all_bins, rays, seen, listed)
+        self._count = place_cells(look, res, bins.every, rays, seen, listed)
         return seen, self._count
 
     def expect(
@@ -69,9 +77,36 @@ class Workspace:
             Number of the cells; they, and what is expected, are in `scratch`.
         """
         self._prepare(look, tiles, len(among))
-        known = (depth, among, power)
-        self._count = self._list(lambda room: look_at(look, tiles, self._all_bins, known, room))
+        self._count = self._list(lambda room: look_at(look, tiles, depth, among, power, room))
         return self._count
+
+    def visit(
+        self,
+        looks: Looks,
+        errand: Errand,
+        model: Model,
+        said: Said,
+        *,
+        is_expected: bool = False,
+    ) -> None:
+        """Visit looks in turn; see `usmap_ros.mapping.superposition.dealing.visit`.
+
+        For each there must have been room made before, by `expect` or by `see`.
+
+        Parameters
+        ----------
+        is_expected : bool
+            Whether the first of them is what `expect` was asked for last, and nothing has changed.
+        """
+        expected = self._count if is_expected else -1
+        if not is_expected:
+            self._forget(len(model.powers.alive))
+        self._count = 0
+        while errand.pings:
+            visited = visit(looks, errand, expected, model, self.scratch, said)
+            if visited < errand.pings:
+                self._enlarge()
+            errand, expected = after(errand, visited), -1
 
     def find_sources(
         self, look: Look, tiles: Tiles, everywhere: NDArray[np.float32]
@@ -96,19 +131,24 @@ class Workspace:
 
     def _prepare(self, look: Look, tiles: Tiles, slots: int) -> None:
         """Forget the cells of the last visit, and make room for the rays and bins of a look."""
+        self._forget(slots)
         rays, seen, bins, parts = self.scratch
-        seen.place[seen.slot[: self._count]] = -1
-        self._count = 0
-        if len(seen.place) != slots:
-            seen = seen._replace(place=np.full(slots, -1, np.int32))
         steps = math.ceil(look.greatest_range_m / tiles.resolution_m) + 2
         if steps > rays.in_sight.shape[1] or rays.step_m != tiles.resolution_m:
             rays = _rays(steps, tiles.resolution_m)
         if len(look.kind) + CELL_BINS > len(bins.expected):
             bins = _bins(len(look.kind))
-            self._all_bins = np.arange(len(look.kind) + 1, dtype=np.int32)
             self._unexplained = np.empty(len(look.kind) + 1, np.int32)
         self.scratch = Scratch(rays, seen, bins, parts)
+
+    def _forget(self, slots: int) -> None:
+        """Forget the cells of the last visit; there may be so many."""
+        seen = self.scratch.seen
+        seen.place[seen.slot[: self._count]] = -1
+        self._count = 0
+        if len(seen.place) != slots:
+            seen = seen._replace(place=np.full(slots, -1, np.int32))
+            self.scratch = self.scratch._replace(seen=seen)
 
     def _enlarge(self) -> None:
         """Make room for more cells."""
@@ -140,4 +180,6 @@ def _bins(count: int) -> Bins:
     length = count + CELL_BINS
     expected, squares, log_likelihood = (np.zeros(length, np.float32) for _ in range(3))
     counted, gradient = np.zeros((2, length), np.float32), np.zeros((length, GRADIENTS))
-    return Bins(counted, expected, squares, log_likelihood, gradient)
+    return Bins(
+        np.arange(length, dtype=np.int32), counted, expected, squares, log_likelihood, gradient
+    )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled, compiled_within, inlined
+from usmap_ros.elementary import exp32, log32
 from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import BLOCK_BINS, COLUMNS, Bins, Contributions
@@ -20,8 +21,9 @@ PROVING_SHARE = 0.6
 CONTRADICTION = 0.5
 #: Bound of what speaks against a cell, relative to that of what speaks for it.
 MOST_AGAINST = 0.25
-#: A limit so many times the expected power is not exceeded.
-CERTAINLY_SILENT = 20.0
+#: In the place of the limit of a bin of which nothing can be said, relative to what is expected:
+#: so high that it says nothing.
+NO_LIMIT = 1e6
 #: A contribution below this share of what is expected in a bin neither explains nor contradicts.
 LEAST_SHARE = 0.05
 #: Range bins of a block before those of its cell, and after them.
@@ -70,11 +72,18 @@ class Bounds(NamedTuple):
 
 @compiled
 def prepare_bins(look: Look, bins: Bins) -> None:
-    """Set `log_likelihood` of each range bin: of what was heard there, as the map expects it."""
+    """Set `inverse`, `level` and `log_likelihood` of the range bins that cells contribute to."""
     for b in range(len(look.kind)):
-        bins.log_likelihood[b] = log_likelihood(
-            look.kind[b], look.power[b], look.limit[b], bins.expected[b]
-        )
+        if bins.squares[b] == 0.0:
+            continue
+        expected = bins.expected[b]
+        bins.inverse[b] = 1.0 / expected
+        bins.level[b], bins.log_likelihood[b] = NO_LIMIT, 0.0
+        if look.kind[b] == ECHO:
+            bins.level[b] = look.power[b] / expected
+        elif look.kind[b] == SILENCE:
+            bins.level[b] = look.limit[b] / expected
+            bins.log_likelihood[b] = log32(1.0 - exp32(-bins.level[b]))
 
 
 @inlined
@@ -82,21 +91,24 @@ def log_likelihood(kind: int, power: float, limit: float, expected: float) -> fl
     """Log-likelihood of an echo's power, or of silence up to a limit, with an expected power."""
     if kind == ECHO:
         return -power / expected - math.log(expected)
-    if kind == SILENCE and limit < CERTAINLY_SILENT * expected:
+    if kind == SILENCE:
         return math.log1p(-math.exp(-limit / expected))
     return 0.0
 
 
 @inlined
-def log_ratio_without(look: Look, bins: Bins, b: int, part: float, most: float) -> float:
+def log_ratio_without(look: Look, bins: Bins, b: int, share: float, most: float) -> float:
     """Log-likelihood ratio of a bin with a contribution to one without it, bounded by `most`.
 
     No single echo may prove more, since it may come from something that is not in the model.
+    See `log_likelihood`; the contribution is given by its share in the power that is expected.
     """
-    without = max(bins.expected[b] - part, np.float32(look.noise))
-    ratio = bins.log_likelihood[b] - log_likelihood(
-        look.kind[b], look.power[b], look.limit[b], without
-    )
+    rest = max(1.0 - share, look.noise * bins.inverse[b])
+    level = bins.level[b] / rest
+    if look.kind[b] == ECHO:
+        ratio = level * (1.0 - rest) + log32(rest)
+    else:
+        ratio = bins.log_likelihood[b] - log32(1.0 - exp32(-level))
     return float(min(max(ratio, -most), most))
 
 
@@ -129,25 +141,27 @@ def add_evidence(
     evidence : Evidence
         `own` and `block` are added to, `relevant` is set to 1 for cells of which anything is said.
     """
-    expected, block, most = bins.expected, parts.block, bounds.of_a_bin
+    block, most, of_cell = parts.block, bounds.of_a_bin, parts.parts
     for cell in range(count):
         slot, start = seen.slot[cell], seen.first_bin[cell]
-        gain, counts = 0.0, False
+        greatest = np.float32(0.0)
         for column in range(COLUMNS):
-            part, b = parts.parts[cell, column], start + column
-            if part > LEAST_SHARE * expected[b]:
-                gain += log_ratio_without(look, bins, b, part, most)
-                counts = True
-        if not counts:
+            greatest = max(greatest, of_cell[cell, column] * bins.inverse[start + column])
+        if greatest <= LEAST_SHARE:
             continue
+        gain = 0.0
+        for column in range(COLUMNS):
+            share = of_cell[cell, column] * bins.inverse[start + column]
+            if share > LEAST_SHARE:
+                gain += log_ratio_without(look, bins, start + column, share, most)
         evidence.relevant[slot] = 1.0
         add_gain(evidence.own, slot, gain, bounds)
         start -= min(start, BLOCK_MARGIN)
         gain = 0.0
         for index in range(_sum_block(seen, parts, tiles, cell, start)):
-            part, b = block[index], start + index
-            if part > LEAST_SHARE * expected[b]:
-                gain += log_ratio_without(look, bins, b, part, most)
+            share = block[index] * bins.inverse[start + index]
+            if share > LEAST_SHARE:
+                gain += log_ratio_without(look, bins, start + index, share, most)
         add_gain(evidence.block, slot, gain, bounds)
 
 

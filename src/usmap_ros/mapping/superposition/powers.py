@@ -59,8 +59,12 @@ class Bins(NamedTuple):
         λ.
     squares : (bins,) float32 array
         Sum of the squared contributions to λ.
+    inverse : (bins,) float32 array
+        1 / λ; 0 where nothing but noise is expected.
+    level : (bins,) float32 array
+        Power of the echo, or below which one may have gone unreported, over λ.
     log_likelihood : (bins,) float32 array
-        Of what was heard.
+        Of silence up to the level; 0 where there was an echo.
     gradient : (bins, GRADIENTS) float64 array
         Sums over the bins before each of the two parts of the gradient of the log-likelihood with
         respect to λ: what raises the powers that contribute, and what lowers them; then the same
@@ -71,6 +75,8 @@ class Bins(NamedTuple):
     counted: NDArray[np.float32]
     expected: NDArray[np.float32]
     squares: NDArray[np.float32]
+    inverse: NDArray[np.float32]
+    level: NDArray[np.float32]
     log_likelihood: NDArray[np.float32]
     gradient: NDArray[np.float64]
 
@@ -169,7 +175,7 @@ def _clear_bins(look: Look, bins: Bins) -> bool:
     """Expect nothing but noise; returns whether the direction of any echo is known."""
     count, has_bearings = len(look.kind), False
     for b in range(count + CELL_BINS):
-        bins.expected[b], bins.squares[b] = look.noise, _ZERO
+        bins.expected[b], bins.squares[b], bins.inverse[b] = look.noise, _ZERO, _ZERO
         bins.counted[ALL_BINS, b] = bins.counted[NOT_SILENT, b] = _ZERO
     for b in range(count):
         bins.counted[ALL_BINS, b] = _ONE

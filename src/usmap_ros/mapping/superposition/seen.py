@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled, inlined
+from usmap_ros.elementary import atan2_32, exp32
 from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
 from usmap_ros.mapping.superposition.look import GAIN_STEPS, Look
@@ -24,7 +25,7 @@ class Rays(NamedTuple):
 
     Parameters
     ----------
-    in_sight : (rays, steps) float32 array
+    in_sight : (steps, rays) float32 array
         Share of the sound that reaches each step unblocked.
     proven_m : (rays,) float32 array
         How far along each ray sound is known to have gone, because it came back.
@@ -94,8 +95,8 @@ def power_gain(look: Look, cosine: float) -> float:
 @inlined
 def bearing_of(look: Look, x: float, y: float) -> float:
     """Direction off a look's heading, within half a turn, of a place seen from its transducer."""
-    bearing = math.atan2(y, x) - look.heading_rad
-    return bearing - 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi) + 0.5)
+    cosine, sine = math.cos(look.heading_rad), math.sin(look.heading_rad)
+    return float(atan2_32(cosine * y - sine * x, cosine * x + sine * y))
 
 
 @inlined
@@ -183,7 +184,7 @@ def place_cells(
     listed : int
         Number of the cells found.
     """
-    ray_count, steps = rays.in_sight.shape
+    steps, ray_count = rays.in_sight.shape
     rays_per_rad = ray_count / (2.0 * look.half_angle_rad)
     wide, bin_count = look.cos_half_angle * abs(look.cos_half_angle), len(look.kind)
     blur = 3.0 * look.range_std_m * look.range_std_m
@@ -212,11 +213,11 @@ def place_cells(
             continue
         bearing = bearing_of(look, x, y)
         ray = min(max(int((bearing + look.half_angle_rad) * rays_per_rad), 0), ray_count - 1)
-        in_sight = rays.in_sight[ray, min(int(distance / rays.step_m), steps - 1)]
+        in_sight = rays.in_sight[min(int(distance / rays.step_m), steps - 1), ray]
         if in_sight == 0.0:
             continue
         seen.bearing[count], seen.ray[count] = bearing, ray
-        reaches = math.exp(-look.absorption_per_m * distance) / (squared * squared)
+        reaches = exp32(-look.absorption_per_m * distance) / (squared * squared)
         seen.weight[count] = gain * reaches * in_sight
         seen.density[count] = 0.5 / depth
         seen.slot[count], seen.row[count], seen.column[count] = slot, row, column

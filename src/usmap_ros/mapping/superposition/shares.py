@@ -40,7 +40,7 @@ class Shares(NamedTuple):
 
 @compiled
 def add_shares(
-    look: Look, seen: Seen, count: int, bins: Bins, parts: Contributions, shares: Shares
+    look: Look, seen: Seen, count: int, bins: Bins, parts: Contributions, res: float, shares: Shares
 ) -> None:
     """Add what a look tells of its cells' shares in its echoes.
 
@@ -50,6 +50,8 @@ def add_shares(
     ----------
     look, seen, count, bins, parts
         As in `usmap_ros.mapping.superposition.evidence.add_evidence`.
+    res : float
+        Side of a cell, m.
     shares : Shares
         Added to.
     """
@@ -62,10 +64,12 @@ def add_shares(
                 best = max(best, part / expected[start + column])
         if best >= 0.0:
             slot = seen.slot[cell]
-            direction = look.heading_rad + seen.bearing[cell]
+            x = (seen.column[cell] + 0.5) * res - look.x_m
+            y = (seen.row[cell] + 0.5) * res - look.y_m
             shares.explained[slot] += best
             shares.heard[slot] += 1.0
-            cosine, sine = math.cos(direction), math.sin(direction)
+            distance = max(math.sqrt(x * x + y * y), 1e-9)
+            cosine, sine = x / distance, y / distance
             shares.axis_cos[slot] += cosine * cosine - sine * sine
             shares.axis_sin[slot] += 2.0 * cosine * sine
             shares.heard_x[slot] -= best * cosine

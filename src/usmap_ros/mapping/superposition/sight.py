@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled, inlined
+from usmap_ros.elementary import exp32
 from usmap_ros.mapping.superposition.cells import Tiles, slot_at
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_gain
 from usmap_ros.mapping.superposition.look import SILENCE, Look
@@ -49,26 +50,26 @@ def cast_shadows(
         `in_sight` is set.
     """
     in_sight = rays.in_sight
-    ray_count, steps = in_sight.shape
-    for ray in range(ray_count):
-        for step in range(steps):
-            in_sight[ray, step] = 1.0
+    steps, ray_count = in_sight.shape
+    for step in range(steps):
+        for ray in range(ray_count):
+            in_sight[step, ray] = 1.0
     any_hides = False
     for cell in range(listed):
         if depth[seen.slot[cell]] > 0.0:
             _hide_behind(look, res, seen.row[cell], seen.column[cell], depth[seen.slot[cell]], rays)
             any_hides = True
-    for ray in range(ray_count if any_hides else 0):
-        passed = np.float32(1.0)
-        for step in range(steps):
-            passed *= in_sight[ray, step]
-            in_sight[ray, step] = passed if passed >= HIDDEN else 0.0
+    passed = np.ones(ray_count, np.float32)
+    for step in range(steps if any_hides else 0):
+        for ray in range(ray_count):
+            passed[ray] *= in_sight[step, ray]
+            in_sight[step, ray] = passed[ray] if passed[ray] >= HIDDEN else np.float32(0.0)
 
 
 @inlined
 def _hide_behind(look: Look, res: float, row: int, column: int, depth: float, rays: Rays) -> None:
     """Weaken each ray `OWN_STEPS` after each of its steps that lies in a cell."""
-    ray_count, steps = rays.in_sight.shape
+    steps, ray_count = rays.in_sight.shape
     ray_width = 2.0 * look.half_angle_rad / ray_count
     x, y = (column + 0.5) * res - look.x_m, (row + 0.5) * res - look.y_m
     # No corner of a cell is farther from its middle.
@@ -88,7 +89,7 @@ def _hide_behind(look: Look, res: float, row: int, column: int, depth: float, ra
         for step in range(start, end):
             is_row = math.floor((look.y_m + (step + 0.5) * y_step) / res) == row
             if is_row and math.floor((look.x_m + (step + 0.5) * x_step) / res) == column:
-                rays.in_sight[ray % ray_count, step + OWN_STEPS] *= share
+                rays.in_sight[step + OWN_STEPS, ray % ray_count] *= share
 
 
 @compiled
@@ -183,16 +184,17 @@ def deal_silence(
     silent : (slots,) float32 array
         Added to.
     """
-    ray_count, res = len(rays.in_sight), tiles.resolution_m
+    ray_count, res = rays.in_sight.shape[1], tiles.resolution_m
     ray_width = 2.0 * look.half_angle_rad / ray_count
-    a_step = math.exp(-rays.step_m / trust_m)
+    a_step = np.float32(math.exp(-rays.step_m / trust_m))
     level = math.sqrt(look.axis_x * look.axis_x + look.axis_y * look.axis_y)
     last = _find_loudness(look, median_power, rays)
     for ray in range(ray_count):
         off_axis = ((ray + 0.5) / ray_count * 2.0 - 1.0) * look.half_angle_rad
         angle, ahead = look.heading_rad + off_axis, level * math.cos(off_axis)
         x_step, y_step = math.cos(angle) * rays.step_m / res, math.sin(angle) * rays.step_m / res
-        proven = 1.0
+        gain = power_gain(look, ahead)
+        proven = np.float32(1.0)
         for step in range(last):
             row = math.floor(look.y_m / res + (step + 0.5) * y_step)
             column = math.floor(look.x_m / res + (step + 0.5) * x_step)
@@ -201,20 +203,20 @@ def deal_silence(
                 break
             if clear[slot] < proof:
                 proven *= a_step
-            trust = rays.in_sight[ray, step] * proven
+            trust = rays.in_sight[step, ray] * proven
             if trust < LEAST_TRUST:
                 break
-            loudness = rays.loudness[step]
-            if loudness == 0.0 or trust <= LEAST_SIGHT:
+            if rays.loudness[step] == 0.0 or trust <= LEAST_SIGHT:
                 continue
             distance = (step + 0.5) * rays.step_m
-            slant = math.sqrt(distance * distance + look.rise_m * look.rise_m)
-            cosine = (ahead * distance + look.axis_z * look.rise_m) / slant
-            if cosine > look.cos_half_angle:
-                audible = math.exp(-1.0 / (power_gain(look, cosine) * loudness + 1e-30))
-                # Near the transducer several rays cross a cell, and count once between them.
-                sharing = max(1.0, res / (distance * ray_width))
-                silent[slot] += (trust - LEAST_SIGHT) / (1.0 - LEAST_SIGHT) * audible / sharing
+            if look.rise_m != 0.0:
+                slant = math.sqrt(distance * distance + look.rise_m * look.rise_m)
+                cosine = (ahead * distance + look.axis_z * look.rise_m) / slant
+                gain = power_gain(look, cosine) if cosine > look.cos_half_angle else 0.0
+            audible = exp32(-1.0 / (gain * rays.loudness[step] + 1e-30))
+            # Near the transducer several rays cross a cell, and count once between them.
+            sharing = max(1.0, res / (distance * ray_width))
+            silent[slot] += (trust - LEAST_SIGHT) / (1.0 - LEAST_SIGHT) * audible / sharing
 
 
 @inlined

@@ -134,7 +134,7 @@ class Workspace:
         self._forget(slots)
         rays, seen, bins, parts = self.scratch
         steps = math.ceil(look.greatest_range_m / tiles.resolution_m) + 2
-        if steps > rays.in_sight.shape[1] or rays.step_m != tiles.resolution_m:
+        if steps > len(rays.in_sight) or rays.step_m != tiles.resolution_m:
             rays = _rays(steps, tiles.resolution_m)
         if len(look.kind) + CELL_BINS > len(bins.expected):
             bins = _bins(len(look.kind))
@@ -158,7 +158,7 @@ class Workspace:
 
 
 def _rays(steps: int, step_m: float) -> Rays:
-    in_sight, loudness = np.ones((RAYS, steps), np.float32), np.zeros(steps, np.float32)
+    in_sight, loudness = np.ones((steps, RAYS), np.float32), np.zeros(steps, np.float32)
     return Rays(in_sight, np.zeros(RAYS, np.float32), loudness, step_m)
 
 
@@ -178,8 +178,7 @@ def _contributions(cells: int) -> Contributions:
 
 def _bins(count: int) -> Bins:
     length = count + CELL_BINS
-    expected, squares, log_likelihood = (np.zeros(length, np.float32) for _ in range(3))
-    counted, gradient = np.zeros((2, length), np.float32), np.zeros((length, GRADIENTS))
-    return Bins(
-        np.arange(length, dtype=np.int32), counted, expected, squares, log_likelihood, gradient
-    )
+    every, counted = np.arange(length, dtype=np.int32), np.zeros((2, length), np.float32)
+    gradient = np.zeros((length, GRADIENTS))
+    expected, squares, inverse, level, likelihood = (np.zeros(length, np.float32) for _ in range(5))
+    return Bins(every, counted, expected, squares, inverse, level, likelihood, gradient)

@@ -16,6 +16,10 @@ from usmap_ros.geometry import Pose
 #: `EchoCone.detection_limits` count half decibels up from here (dB re amplitude 1).
 LIMIT_FLOOR_DB = -100.0
 LIMIT_STEP_DB = 0.5
+#: The amplitude that each of their codes stands for.
+LIMIT_AMPLITUDES: FloatArray = np.power(
+    10.0, (LIMIT_FLOOR_DB + LIMIT_STEP_DB * np.arange(256.0)) / 20.0
+)
 #: What the numbers of an echo may be, by the names that messages have for them.
 _ECHO = {
     "ranges": bounds.RANGE,
@@ -85,8 +89,8 @@ class EchoCone:
 
     def limit_amplitudes(self) -> FloatArray:
         """`detection_limits` as amplitudes."""
-        decibels = LIMIT_FLOOR_DB + LIMIT_STEP_DB * self.detection_limits.astype(float)
-        return 10.0 ** (decibels / 20.0)
+        amplitudes: FloatArray = LIMIT_AMPLITUDES[self.detection_limits]
+        return amplitudes
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

@@ -18,6 +18,7 @@ from usmap_ros.compiled import inlined
 Real: TypeAlias = float | np.float32
 
 _LOG2_E, _LN_2 = np.float32(math.log2(math.e)), np.float32(math.log(2.0))
+_TINY = np.float32(1e-30)
 _SQRT_2, _ONE, _TWO, _HALF = (np.float32(value) for value in (math.sqrt(2.0), 1.0, 2.0, 0.5))
 #: Arguments of the exponential below which a single-precision number would underflow, and beyond
 #: which it would overflow.
@@ -63,8 +64,8 @@ def log32(x: Real) -> np.float32:
 @inlined
 def atan2_32(y: Real, x: Real) -> np.float32:
     """Direction of (x, y), within half a turn, by a Taylor series up to a sixteenth of a turn."""
-    up, right = np.float32(abs(y)), np.float32(abs(x))
-    ratio = min(up, right) / max(up, right, np.float32(1e-30))
+    up, right = abs(np.float32(y)), abs(np.float32(x))
+    ratio = min(up, right) / max(up, right, _TINY)
     is_beyond = ratio > _TAN_SIXTEENTH_TURN
     z = (ratio - _ONE) / (ratio + _ONE) if is_beyond else ratio
     square = z * z

@@ -19,6 +19,7 @@ QUATERNION_TOLERANCE = 1e-2
 
 #: Rows and columns of x, y and yaw in the 6 × 6 covariance of a ROS pose.
 PLANAR_AXES = (0, 1, 5)
+_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Pose:
         """Pose in the plane, with an optional (3, 3) covariance of x, y and yaw."""
         covariance = np.zeros((6, 6))
         if planar_covariance is not None:
-            covariance[np.ix_(PLANAR_AXES, PLANAR_AXES)] = planar_covariance
+            covariance[_PLANE] = planar_covariance
         half = yaw_rad / 2.0
         orientation = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
         return cls(np.array([x_m, y_m, z_m], dtype=float), orientation, covariance)
@@ -76,7 +77,7 @@ class Pose:
     @property
     def planar_covariance(self) -> FloatArray:
         """Covariance of x (m), y (m) and yaw (rad), shape (3, 3)."""
-        return self.covariance[np.ix_(PLANAR_AXES, PLANAR_AXES)]
+        return self.covariance[_PLANE]
 
     def compose(self, inner: Pose) -> Pose:
         """Pose in the frame that this one is given in, of what is at `inner` in this one's frame.

@@ -264,12 +264,12 @@ def test_rays_behind_an_opaque_wall_are_dark(area: Area, make_cone: MakeCone) ->
     for y_m in np.arange(-0.375, 0.4, 0.05):
         depth[area.slot(1.025, y_m)] = 5.0
     area.work.see(look, area.tiles, depth, depth)
-    rays = area.work.scratch.rays
-    middle = len(rays.in_sight) // 2
-    at_m = (np.arange(rays.in_sight.shape[1]) + 0.5) * rays.step_m
-    assert np.all(rays.in_sight[middle, at_m < 1.04] == 1.0)  # the wall does not hide itself
-    assert np.all(rays.in_sight[middle, at_m > 1.2] < 0.01)
-    assert np.all(rays.in_sight[0] == 1.0)
+    step_m, in_sight = area.work.scratch.rays.step_m, area.work.scratch.rays.in_sight.T
+    middle = len(in_sight) // 2
+    at_m = (np.arange(in_sight.shape[1]) + 0.5) * step_m
+    assert np.all(in_sight[middle, at_m < 1.04] == 1.0)  # the wall does not hide itself
+    assert np.all(in_sight[middle, at_m > 1.2] < 0.01)
+    assert np.all(in_sight[0] == 1.0)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -284,7 +284,7 @@ def test_shadows_are_those_of_rays_followed_step_by_step(
         depth[area.slot(x_m, y_m)] = rng.uniform(0.1, 3.0)
     area.work.see(look, area.tiles, depth, depth)
     rays = area.work.scratch.rays
-    count, steps = rays.in_sight.shape
+    steps, count = rays.in_sight.shape
     off_rad = ((np.arange(count) + 0.5) / count * 2.0 - 1.0) * look.half_angle_rad
     at_m = (np.arange(steps) + 0.5) * rays.step_m
     for ray, angle in enumerate(look.heading_rad + off_rad):
@@ -296,7 +296,7 @@ def test_shadows_are_those_of_rays_followed_step_by_step(
         ]
         expected = np.cumprod([1.0] * OWN_STEPS + passed[:-OWN_STEPS])
         np.testing.assert_allclose(
-            rays.in_sight[ray], np.where(expected < HIDDEN, 0.0, expected), rtol=1e-4
+            rays.in_sight[:, ray], np.where(expected < HIDDEN, 0.0, expected), rtol=1e-4
         )
 
 

@@ -15,6 +15,8 @@ TILE_BITS = TILE_SIDE.bit_length() - 1
 _INSIDE = TILE_SIDE - 1
 #: Quarters of a cell: what stands in a cell is placed to half its side.
 QUARTERS = 4
+#: Range bins that a cell can reach into.
+CELL_BINS = 16
 
 
 class Tiles(NamedTuple):

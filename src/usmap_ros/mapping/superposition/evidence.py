@@ -25,8 +25,9 @@ MOST_AGAINST = 0.25
 #: so high that it says nothing.
 NO_LIMIT = 1e6
 #: A contribution below this share of what is expected in a bin neither explains nor contradicts.
-LEAST_SHARE = 0.05
+LEAST_SHARE = np.float32(0.05)
 #: Range bins of a block before those of its cell, and after them.
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 BLOCK_MARGIN = (np.uint64(BLOCK_BINS) - COLUMNS) // np.uint64(2)
 
 
@@ -77,10 +78,10 @@ def prepare_bins(look: Look, bins: Bins) -> None:
         if bins.squares[b] == 0.0:
             continue
         expected = bins.expected[b]
-        bins.inverse[b] = 1.0 / expected
-        bins.level[b], bins.log_likelihood[b] = NO_LIMIT, 0.0
+        bins.inverse[b], bins.least_rest[b] = 1.0 / expected, look.noise / expected
+        bins.is_echo[b], bins.level[b], bins.log_likelihood[b] = 0.0, NO_LIMIT, 0.0
         if look.kind[b] == ECHO:
-            bins.level[b] = look.power[b] / expected
+            bins.is_echo[b], bins.level[b] = 1.0, look.power[b] / expected
         elif look.kind[b] == SILENCE:
             bins.level[b] = look.limit[b] / expected
             bins.log_likelihood[b] = log32(1.0 - exp32(-bins.level[b]))
@@ -97,19 +98,38 @@ def log_likelihood(kind: int, power: float, limit: float, expected: float) -> fl
 
 
 @inlined
-def log_ratio_without(look: Look, bins: Bins, b: int, share: float, most: float) -> float:
-    """Log-likelihood ratio of a bin with a contribution to one without it, bounded by `most`.
+def log_ratio_without(
+    bins: Bins, power: NDArray[np.float32], start: np.uint64, end: np.uint64, most: float
+) -> float:
+    """Log-likelihood ratio of what was heard, with some contributions to one without them.
 
-    No single echo may prove more, since it may come from something that is not in the model.
-    See `log_likelihood`; the contribution is given by its share in the power that is expected.
+    What each range bin says is bounded: no single echo may prove more, since it may come from
+    something that is not in the model.  Nothing branches here, so that the compiler can work out
+    several bins at once.
+
+    Parameters
+    ----------
+    bins : Bins
+        After `prepare_bins`.
+    power : (end,) float32 array
+        The contributions to expected powers, from bin `start` on.
+    start, end : integer
+        The first bin, and how many there are.
+    most : float
+        The bound.
     """
-    rest = max(1.0 - share, look.noise * bins.inverse[b])
-    level = bins.level[b] / rest
-    if look.kind[b] == ECHO:
-        ratio = level * (1.0 - rest) + log32(rest)
-    else:
-        ratio = bins.log_likelihood[b] - log32(1.0 - exp32(-level))
-    return float(min(max(ratio, -most), most))
+    total, bound = _ZERO, np.float32(most)
+    for index in range(end):
+        b = start + index
+        share = power[index] * bins.inverse[b]
+        rest = max(_ONE - share, bins.least_rest[b])
+        level, is_echo = bins.level[b] / rest, bins.is_echo[b] > _ZERO
+        logarithm = log32(rest if is_echo else _ONE - exp32(-level))
+        of_echo = level * (_ONE - rest) + logarithm
+        ratio = of_echo if is_echo else bins.log_likelihood[b] - logarithm
+        ratio = min(max(ratio, -bound), bound)
+        total += ratio if share > LEAST_SHARE else _ZERO
+    return float(total)
 
 
 @compiled
@@ -141,27 +161,20 @@ def add_evidence(
     evidence : Evidence
         `own` and `block` are added to, `relevant` is set to 1 for cells of which anything is said.
     """
-    block, most, of_cell = parts.block, bounds.of_a_bin, parts.parts
+    most, of_cell = bounds.of_a_bin, parts.parts
     for cell in range(count):
         slot, start = seen.slot[cell], seen.first_bin[cell]
-        greatest = np.float32(0.0)
-        for column in range(COLUMNS):
+        greatest = _ZERO
+        for column in range(seen.reach[cell]):
             greatest = max(greatest, of_cell[cell, column] * bins.inverse[start + column])
         if greatest <= LEAST_SHARE:
             continue
-        gain = 0.0
-        for column in range(COLUMNS):
-            share = of_cell[cell, column] * bins.inverse[start + column]
-            if share > LEAST_SHARE:
-                gain += log_ratio_without(look, bins, start + column, share, most)
         evidence.relevant[slot] = 1.0
+        gain = log_ratio_without(bins, of_cell[cell], start, seen.reach[cell], most)
         add_gain(evidence.own, slot, gain, bounds)
         start -= min(start, BLOCK_MARGIN)
-        gain = 0.0
-        for index in range(_sum_block(seen, parts, tiles, cell, start)):
-            share = block[index] * bins.inverse[start + index]
-            if share > LEAST_SHARE:
-                gain += log_ratio_without(look, bins, start + index, share, most)
+        end = _sum_block(seen, parts, tiles, cell, start)
+        gain = log_ratio_without(bins, parts.block, start, end, most)
         add_gain(evidence.block, slot, gain, bounds)
 
 
@@ -182,8 +195,9 @@ def _sum_block(
                 offset = seen.first_bin[neighbour] - start
                 # Without a sign: before the start would be far beyond the end.
                 if offset <= 2 * BLOCK_MARGIN:
-                    last = max(last, offset + COLUMNS)
-                    for index in range(COLUMNS):
+                    reach = seen.reach[neighbour]
+                    last = max(last, offset + reach)
+                    for index in range(reach):
                         block[offset + index] += parts.parts[neighbour, index]
     return last
 
@@ -228,7 +242,7 @@ def prove_rays(
         if belief[seen.slot[cell]] < 0.0:
             continue
         start = seen.first_bin[cell]
-        for column in range(COLUMNS):
+        for column in range(seen.reach[cell]):
             b = start + column
             is_most = parts.parts[cell, column] > PROVING_SHARE * bins.expected[b]
             if is_most and look.kind[b] == ECHO:

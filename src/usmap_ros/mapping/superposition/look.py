@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.cone import EchoCone
+from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.compiled import compiled
+from usmap_ros.cone import LIMIT_AMPLITUDES, EchoCone
 from usmap_ros.parameters import MappingParameters
 
 #: What a range bin holds: nothing that could be judged, an echo, or silence up to a limit.
@@ -33,6 +35,8 @@ NOISE_BELOW_LIMIT = 1.0 / 16.0
 #: A limit above this amplitude is no limit: the bin was not listened to.  Messages know no higher
 #: limit than 10^(27.5 / 20).
 DEAF_AMPLITUDE = 23.0
+#: Power of the noise that nothing falls below.
+LEAST_NOISE = 1e-12
 
 
 class Look(NamedTuple):
@@ -115,8 +119,7 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
     position_variance, bearing_std = _uncertainty(cone)
     half_angle = min(float(beam.half_angle_rad) + WIDENING_STDS * bearing_std, np.pi)
     bin_m = max(FINEST_BIN_M, parameters.resolution_m / BINS_PER_CELL)
-    kind, power, limit, noise = _binned(cone, bin_m)
-    bearing, bearing_weight = _bearings(cone, bin_m, len(kind), bearing_std)
+    heard, noise = _binned(cone, bin_m, bearing_std)
     return Look(
         x_m=float(cone.pose.position_m[0]),
         y_m=float(cone.pose.position_m[1]),
@@ -135,13 +138,8 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
         power_gain=_power_gain(
             beam.angles_rad.tobytes(), beam.gains.tobytes(), bearing_std, half_angle
         ),
-        kind=kind,
-        power=power,
-        next_echo=_next_echo(kind),
-        limit=limit,
-        bearing=bearing,
-        bearing_weight=bearing_weight,
         noise=noise,
+        **heard._asdict(),
     )
 
 
@@ -160,51 +158,136 @@ def _uncertainty(cone: EchoCone) -> tuple[float, float]:
     return float(position_variance), HEADING_STEP_RAD * round(bearing_std / HEADING_STEP_RAD)
 
 
-def _binned(
-    cone: EchoCone, bin_m: float
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], float]:
-    """Kind, echo power and limit of each range bin, and the power of the noise."""
+class Heard(NamedTuple):
+    """What a look has of each range bin; see `Look`."""
+
+    kind: NDArray[np.uint8]
+    power: NDArray[np.float32]
+    next_echo: NDArray[np.int32]
+    limit: NDArray[np.float32]
+    bearing: NDArray[np.float32]
+    bearing_weight: NDArray[np.float32]
+
+
+def _binned(cone: EchoCone, bin_m: float, bearing_std_rad: float) -> tuple[Heard, float]:
+    """What was heard in each range bin, and the power of the noise.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        The ping.
+    bin_m : float
+        Width of a bin.
+    bearing_std_rad : float
+        Of bearings, by the uncertainty of the pose.
+    """
     start_m, stop_m = cone.transducer.min_range_m, cone.transducer.max_range_m
-    bins = max(1, int(np.ceil((stop_m - start_m) / bin_m - 1e-9)))
-    limits = cone.limit_amplitudes()
-    middle_m = (np.arange(bins) + 0.5) * bin_m
-    step = np.minimum((middle_m / cone.limit_step_m).astype(np.intp), len(limits) - 1)
-    limit = limits[step]
-    heard = limits[limits < DEAF_AMPLITUDE]
-    noise = NOISE_BELOW_LIMIT * float(np.median(heard)) ** 2 if len(heard) else 1.0
-    kind = np.where(limit < DEAF_AMPLITUDE, SILENCE, UNJUDGED).astype(np.uint8)
-    power = np.zeros(bins)
-    place = ((cone.ranges_m - start_m) / bin_m).astype(np.intp)
-    inside = (place >= 0) & (place < bins)
-    place = place[inside]
-    np.add.at(power, place, cone.amplitudes[inside].astype(float) ** 2)
-    # An echo a hair's breadth away may have fallen into its neighbour.
-    beside = np.concatenate([place - 1, place + 1])
-    kind[beside[(beside >= 0) & (beside < bins)]] = UNJUDGED
-    kind[place] = ECHO
-    squared = np.minimum(limit, DEAF_AMPLITUDE) ** 2
-    return kind, power.astype(np.float32), squared.astype(np.float32), max(noise, 1e-12)
-
-
-def _next_echo(kind: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """First range bin from each on that has an echo."""
-    place = np.append(np.where(kind == ECHO, np.arange(len(kind)), NEVER), NEVER)
-    following: NDArray[np.int32] = np.minimum.accumulate(place[::-1])[::-1].astype(np.int32)
-    return following
-
-
-def _bearings(
-    cone: EchoCone, bin_m: float, bins: int, pose_std_rad: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Bearing of the echo in each range bin, and its weight."""
-    bearing, weight = np.zeros(bins, np.float32), np.zeros(bins, np.float32)
+    bins = max(1, math.ceil((stop_m - start_m) / bin_m - 1e-9))
+    heard = Heard(
+        kind=np.empty(bins, np.uint8),
+        power=np.zeros(bins, np.float32),
+        next_echo=np.empty(bins + 1, np.int32),
+        limit=np.empty(bins, np.float32),
+        bearing=np.zeros(bins, np.float32),
+        bearing_weight=np.zeros(bins, np.float32),
+    )
+    # Copies: what comes from messages cannot be written to, and would be compiled for once more.
+    codes, counts = cone.detection_limits.astype(np.uint8), np.zeros(len(LIMIT_AMPLITUDES), np.intp)
+    noise = _bin_limits(codes, cone.limit_step_m, bin_m, LIMIT_AMPLITUDES, counts, heard)
+    place = (cone.ranges_m.astype(float) - start_m) / bin_m
+    _bin_echoes(place, cone.amplitudes.astype(float), heard)
     if cone.bearings_rad is not None and cone.bearing_stds_rad is not None:
-        place = ((cone.ranges_m - cone.transducer.min_range_m) / bin_m).astype(np.intp)
-        known = ~np.isnan(cone.bearings_rad) & (place >= 0) & (place < bins)
-        bearing[place[known]] = cone.bearings_rad[known]
-        variance = cone.bearing_stds_rad[known] ** 2 + pose_std_rad**2
-        weight[place[known]] = 0.5 / variance
-    return bearing, weight
+        _set_bearings(place, cone.bearings_rad, cone.bearing_stds_rad, bearing_std_rad, heard)
+    return heard, noise
+
+
+@compiled
+def _bin_limits(
+    codes: NDArray[np.uint8],
+    step_m: float,
+    bin_m: float,
+    amplitudes: FloatArray,
+    counts: IndexArray,
+    heard: Heard,
+) -> float:
+    """Set each range bin's limit, and whether it was listened to; returns the power of the noise.
+
+    Parameters
+    ----------
+    codes : (steps,) uint8 array
+        `detection_limits` of a cone.
+    step_m, bin_m : float
+        Widths of a step, and of a range bin.
+    amplitudes : (256,) array
+        That codes stand for, rising.
+    counts : (256,) integer array of zeros
+        Set to the number of bins that were listened to with each code.
+    heard : Heard
+        `kind` and `limit` are set.
+    """
+    total = 0
+    for b in range(len(heard.kind)):
+        code = codes[min(int((b + 0.5) * bin_m / step_m), len(codes) - 1)]
+        limit = min(amplitudes[code], DEAF_AMPLITUDE)
+        heard.kind[b], heard.limit[b] = UNJUDGED, limit * limit
+        if limit < DEAF_AMPLITUDE:
+            heard.kind[b] = SILENCE
+            counts[code] += 1
+            total += 1
+    if total == 0:
+        return 1.0
+    # The median: of an even number, between the two in the middle.
+    below, median = 0, 0.0
+    for code in range(len(counts)):
+        for middle in ((total - 1) // 2, total // 2):
+            if below <= middle < below + counts[code]:
+                median += 0.5 * amplitudes[code]
+        below += counts[code]
+    return max(NOISE_BELOW_LIMIT * median * median, LEAST_NOISE)
+
+
+@compiled
+def _bin_echoes(place: FloatArray, amplitudes: FloatArray, heard: Heard) -> None:
+    """Put echoes into range bins.
+
+    Parameters
+    ----------
+    place : (echoes,) array
+        Their ranges, counted in bins.
+    amplitudes : (echoes,) array
+        Theirs.
+    heard : Heard
+        `kind`, `power` and `next_echo` are set.
+    """
+    bins = len(heard.kind)
+    for echo in range(len(place)):
+        # An echo a hair's breadth away may have fallen into its neighbour.
+        for beside in (int(place[echo]) - 1, int(place[echo]) + 1):
+            if 0.0 <= place[echo] < bins and 0 <= beside < bins:
+                heard.kind[beside] = UNJUDGED
+    for echo in range(len(place)):
+        if 0.0 <= place[echo] < bins:
+            heard.kind[int(place[echo])] = ECHO
+            heard.power[int(place[echo])] += amplitudes[echo] * amplitudes[echo]
+    following = NEVER
+    for b in range(bins, -1, -1):
+        if b < bins and heard.kind[b] == ECHO:
+            following = b
+        heard.next_echo[b] = following
+
+
+def _set_bearings(
+    place: FloatArray,
+    bearings_rad: NDArray[np.float32],
+    stds_rad: NDArray[np.float32],
+    pose_std_rad: float,
+    heard: Heard,
+) -> None:
+    """Set the bearing of the echo in each range bin, and its weight."""
+    known = ~np.isnan(bearings_rad) & (place >= 0.0) & (place < len(heard.kind))
+    at = place[known].astype(np.intp)
+    heard.bearing[at] = bearings_rad[known]
+    heard.bearing_weight[at] = 0.5 / (stds_rad[known] ** 2 + pose_std_rad**2)
 
 
 @lru_cache(maxsize=256)

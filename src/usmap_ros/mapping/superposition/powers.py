@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled, inlined
-from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS
 from usmap_ros.mapping.superposition.look import SILENCE, Look
 from usmap_ros.mapping.superposition.seen import Seen
 
-#: Range bins that a cell can reach into, and a block of nine cells.
-CELL_BINS, BLOCK_BINS = 16, 48
+#: Range bins that a block of nine cells can reach into.
+BLOCK_BINS = 48
 #: Rows of `Bins.counted`: of a quarter that is silent as far as is known, and of
 #: one that may have returned an echo.
 ALL_BINS, NOT_SILENT = 0, 1
@@ -61,6 +61,10 @@ class Bins(NamedTuple):
         Sum of the squared contributions to λ.
     inverse : (bins,) float32 array
         1 / λ; 0 where nothing but noise is expected.
+    least_rest : (bins,) float32 array
+        Share of the noise in λ.
+    is_echo : (bins,) float32 array
+        1 where there was an echo, else 0.
     level : (bins,) float32 array
         Power of the echo, or below which one may have gone unreported, over λ.
     log_likelihood : (bins,) float32 array
@@ -76,6 +80,8 @@ class Bins(NamedTuple):
     expected: NDArray[np.float32]
     squares: NDArray[np.float32]
     inverse: NDArray[np.float32]
+    least_rest: NDArray[np.float32]
+    is_echo: NDArray[np.float32]
     level: NDArray[np.float32]
     log_likelihood: NDArray[np.float32]
     gradient: NDArray[np.float64]

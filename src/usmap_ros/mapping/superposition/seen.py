@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from usmap_ros.compiled import compiled, inlined
 from usmap_ros.elementary import atan2_32, exp32
 from usmap_ros.mapping.grid import TILE_SIDE
-from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
+from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS, Tiles, slot_at
 from usmap_ros.mapping.superposition.look import GAIN_STEPS, Look
 
 #: Gain, in power, below which a cell at the rim of the beam is left out.
@@ -61,6 +61,8 @@ class Seen(NamedTuple):
         Share of a quarter's power in each bin that lies between.
     first_bin : (cells,) uint64 array
         Range bin in which the first of the quarters begins; 0 if that is before all.
+    reach : (cells,) uint64 array
+        How many bins, from that one on, a quarter reaches into; at most `CELL_BINS`.
     heard : (cells, QUARTERS) uint8 array
         1 if there is an echo between, else 0: only bins count then that are not silent.
     weight : (cells,) float32 array
@@ -78,6 +80,7 @@ class Seen(NamedTuple):
     high: NDArray[np.float32]
     density: NDArray[np.float32]
     first_bin: NDArray[np.uint64]
+    reach: NDArray[np.uint64]
     heard: NDArray[np.uint8]
     weight: NDArray[np.float32]
     place: NDArray[np.int32]
@@ -223,7 +226,7 @@ def place_cells(
         seen.slot[count], seen.row[count], seen.column[count] = slot, row, column
         seen.place[slot] = count
         along_x, along_y = along_x / look.bin_m, along_y / look.bin_m
-        least = middle
+        least = most = middle
         for quarter in range(QUARTERS):
             center = middle + (along_x if quarter & 1 else -along_x)
             center += along_y if quarter & 2 else -along_y
@@ -232,7 +235,8 @@ def place_cells(
             half = blurred if heard else depth
             seen.heard[count, quarter] = 1 if heard else 0
             seen.low[count, quarter], seen.high[count, quarter] = center - half, center + half
-            least = min(least, center - half)
-        seen.first_bin[count] = max(math.floor(least), 0)
+            least, most = min(least, center - half), max(most, center + half)
+        start = max(math.floor(least), 0)
+        seen.first_bin[count], seen.reach[count] = start, min(math.ceil(most) - start, CELL_BINS)
         count += 1
     return count

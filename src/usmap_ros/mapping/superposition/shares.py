@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.look import ECHO, Look
-from usmap_ros.mapping.superposition.powers import COLUMNS, Bins, Contributions
+from usmap_ros.mapping.superposition.powers import Bins, Contributions
 from usmap_ros.mapping.superposition.seen import Seen
 
 
@@ -58,7 +58,7 @@ def add_shares(
     expected, kind = bins.expected, look.kind
     for cell in range(count):
         start, best = seen.first_bin[cell], -1.0
-        for column in range(COLUMNS):
+        for column in range(seen.reach[cell]):
             part = parts.parts[cell, column]
             if part > 0.0 and kind[start + column] == ECHO:
                 best = max(best, part / expected[start + column])

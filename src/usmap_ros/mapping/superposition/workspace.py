@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
+from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS, Tiles
 from usmap_ros.mapping.superposition.dealing import (
     Errand,
     Model,
@@ -22,7 +22,6 @@ from usmap_ros.mapping.superposition.learning import find_unexplained
 from usmap_ros.mapping.superposition.look import Look
 from usmap_ros.mapping.superposition.powers import (
     BLOCK_BINS,
-    CELL_BINS,
     GRADIENTS,
     Bins,
     Contributions,
@@ -166,9 +165,10 @@ def _seen(cells: int, place: NDArray[np.int32]) -> Seen:
     slot, row, column, ray = (np.empty(cells, np.int64) for _ in range(4))
     low, high = (np.empty((cells, QUARTERS), np.float32) for _ in range(2))
     bearing, density, weight = (np.empty(cells, np.float32) for _ in range(3))
-    first_bin, heard = np.empty(cells, np.uint64), np.empty((cells, QUARTERS), np.uint8)
+    first_bin, reach = (np.empty(cells, np.uint64) for _ in range(2))
+    heard = np.empty((cells, QUARTERS), np.uint8)
     return Seen(
-        slot, row, column, ray, bearing, low, high, density, first_bin, heard, weight, place
+        slot, row, column, ray, bearing, low, high, density, first_bin, reach, heard, weight, place
     )
 
 
@@ -180,5 +180,9 @@ def _bins(count: int) -> Bins:
     length = count + CELL_BINS
     every, counted = np.arange(length, dtype=np.int32), np.zeros((2, length), np.float32)
     gradient = np.zeros((length, GRADIENTS))
-    expected, squares, inverse, level, likelihood = (np.zeros(length, np.float32) for _ in range(5))
-    return Bins(every, counted, expected, squares, inverse, level, likelihood, gradient)
+    numbers = {
+        name: np.zeros(length, np.float32)
+        for name in Bins._fields
+        if name not in {"every", "counted", "gradient"}
+    }
+    return Bins(every=every, counted=counted, gradient=gradient, **numbers)

@@ -119,16 +119,18 @@ def log_ratio_without(
         The bound.
     """
     total, bound = _ZERO, np.float32(most)
-    for index in range(end):
-        b = start + index
-        share = power[index] * bins.inverse[b]
-        rest = max(_ONE - share, bins.least_rest[b])
-        level, is_echo = bins.level[b] / rest, bins.is_echo[b] > _ZERO
-        logarithm = log32(rest if is_echo else _ONE - exp32(-level))
-        of_echo = level * (_ONE - rest) + logarithm
-        ratio = of_echo if is_echo else bins.log_likelihood[b] - logarithm
-        ratio = min(max(ratio, -bound), bound)
-        total += ratio if share > LEAST_SHARE else _ZERO
+    for group in range(0, end, COLUMNS):
+        for column in range(COLUMNS):
+            index = group + column
+            b = start + index
+            share = power[index] * bins.inverse[b]
+            rest = max(_ONE - share, bins.least_rest[b])
+            level, is_echo = bins.level[b] / rest, bins.is_echo[b] > _ZERO
+            logarithm = log32(rest if is_echo else _ONE - exp32(-level))
+            of_echo = level * (_ONE - rest) + logarithm
+            ratio = of_echo if is_echo else bins.log_likelihood[b] - logarithm
+            ratio = min(max(ratio, -bound), bound)
+            total += ratio if share > LEAST_SHARE else _ZERO
     return float(total)
 
 
@@ -212,7 +214,7 @@ def add_gain(evidence: NDArray[np.float32], slot: int, gain: float, bounds: Boun
     evidence[slot] = min(max(total + gain, least), most)
 
 
-@compiled
+@compiled_within
 def prove_rays(
     look: Look,
     seen: Seen,

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, inlined
+from usmap_ros.compiled import compiled, compiled_within, inlined
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import GRADIENTS, Bins, bearing_fit
@@ -62,7 +62,7 @@ def gamma_shape(squares: float, expected: float) -> float:
     return 1.0 / (1.0 - STEADINESS * min(1.0, squares / (expected * expected)))
 
 
-@compiled
+@compiled_within
 def weigh_bins(look: Look, bins: Bins) -> None:
     """Set `gradient` from what was heard in each range bin."""
     sums = bins.gradient
@@ -122,7 +122,7 @@ def gradient_between(
     return raises, lowers
 
 
-@compiled
+@compiled_within
 def learn_powers(
     look: Look,
     seen: Seen,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
+from usmap_ros.compiled import compiled_within
 from usmap_ros.mapping.superposition.look import ECHO, Look
 from usmap_ros.mapping.superposition.powers import Bins, Contributions
 from usmap_ros.mapping.superposition.seen import Seen
@@ -38,7 +38,7 @@ class Shares(NamedTuple):
     heard_y: NDArray[np.float32]
 
 
-@compiled
+@compiled_within
 def add_shares(
     look: Look, seen: Seen, count: int, bins: Bins, parts: Contributions, res: float, shares: Shares
 ) -> None:

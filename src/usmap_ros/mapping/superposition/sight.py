@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, inlined
+from usmap_ros.compiled import compiled, compiled_within, inlined
 from usmap_ros.elementary import exp32
 from usmap_ros.mapping.superposition.cells import Tiles, slot_at
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_gain
@@ -92,7 +92,7 @@ def _hide_behind(look: Look, res: float, row: int, column: int, depth: float, ra
                 rays.in_sight[step + OWN_STEPS, ray % ray_count] *= share
 
 
-@compiled
+@compiled_within
 def deal_proof(look: Look, tiles: Tiles, rays: Rays, clear: NDArray[np.float32]) -> None:
     """Count for every cell the rays that are known to have passed through it.
 
@@ -122,7 +122,7 @@ def deal_proof(look: Look, tiles: Tiles, rays: Rays, clear: NDArray[np.float32])
             distance += 0.5 * res
 
 
-@compiled
+@compiled_within
 def deal_presence(
     look: Look, tiles: Tiles, amount: float, bounds: Bounds, evidence: Evidence
 ) -> None:
@@ -152,7 +152,7 @@ def deal_presence(
                 add_gain(evidence.block, slot, -bounds.of_all, bounds)
 
 
-@compiled
+@compiled_within
 def deal_silence(
     look: Look,
     tiles: Tiles,

@@ -135,7 +135,7 @@ class Workspace:
         steps = math.ceil(look.greatest_range_m / tiles.resolution_m) + 2
         if steps > len(rays.in_sight) or rays.step_m != tiles.resolution_m:
             rays = _rays(steps, tiles.resolution_m)
-        if len(look.kind) + CELL_BINS > len(bins.expected):
+        if len(look.kind) + BLOCK_BINS > len(bins.expected):
             bins = _bins(len(look.kind))
             self._unexplained = np.empty(len(look.kind) + 1, np.int32)
         self.scratch = Scratch(rays, seen, bins, parts)
@@ -177,7 +177,7 @@ def _contributions(cells: int) -> Contributions:
 
 
 def _bins(count: int) -> Bins:
-    length = count + CELL_BINS
+    length = count + BLOCK_BINS
     every, counted = np.arange(length, dtype=np.int32), np.zeros((2, length), np.float32)
     gradient = np.zeros((length, GRADIENTS))
     numbers = {

@@ -204,7 +204,7 @@ def deal(
     rays, seen, bins, parts = scratch
     prepare_bins(look, bins)
     add_evidence(look, seen, count, bins, parts, tiles, rules.bounds, said.evidence)
-    add_shares(look, seen, count, bins, parts, tiles.resolution_m, said.shares)
+    add_shares(look, seen, count, bins, parts, said.shares)
     prove_rays(look, seen, count, bins, parts, believed.log_odds, tiles, rays.proven_m)
     deal_proof(look, tiles, rays, said.evidence.clear)
     deal_presence(look, tiles, rules.proof, rules.bounds, said.evidence)

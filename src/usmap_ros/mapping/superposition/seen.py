@@ -53,6 +53,10 @@ class Seen(NamedTuple):
         Where it lies on the grid.
     ray : (cells,) integer array
         The ray of the look that it lies on.
+    x_m, y_m : (cells,) float32 arrays
+        Where it lies as seen from the transducer.
+    range_m : (cells,) float32 array
+        Room for its distance, while cells are placed.
     bearing : (cells,) float32 array
         Off the look's heading.
     low, high : (cells, QUARTERS) float32 arrays
@@ -75,6 +79,9 @@ class Seen(NamedTuple):
     row: NDArray[np.int64]
     column: NDArray[np.int64]
     ray: NDArray[np.int64]
+    x_m: NDArray[np.float32]
+    y_m: NDArray[np.float32]
+    range_m: NDArray[np.float32]
     bearing: NDArray[np.float32]
     low: NDArray[np.float32]
     high: NDArray[np.float32]
@@ -187,21 +194,11 @@ def place_cells(
     listed : int
         Number of the cells found.
     """
-    steps, ray_count = rays.in_sight.shape
-    rays_per_rad = ray_count / (2.0 * look.half_angle_rad)
-    wide, bin_count = look.cos_half_angle * abs(look.cos_half_angle), len(look.kind)
+    bin_count, count = len(look.kind), _measure(look, res, seen, listed)
     blur = 3.0 * look.range_std_m * look.range_std_m
-    next_echo, count = look.next_echo, 0
+    next_echo, listed, count = look.next_echo, count, 0
     for cell in range(listed):
-        slot, row, column = seen.slot[cell], seen.row[cell], seen.column[cell]
-        x, y = (column + 0.5) * res - look.x_m, (row + 0.5) * res - look.y_m
-        squared = x * x + y * y + look.rise_m * look.rise_m
-        ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
-        if ahead * abs(ahead) <= squared * wide:
-            continue
-        distance = math.sqrt(squared)
-        if distance <= look.least_range_m or distance >= look.greatest_range_m:
-            continue
+        x, y, distance = seen.x_m[cell], seen.y_m[cell], seen.range_m[cell]
         # Half the depth of a quarter along the ray, what it is blurred to, and where its middle is.
         along_x, along_y = 0.25 * res * x / distance, 0.25 * res * y / distance
         depth = abs(along_x) + abs(along_y)
@@ -211,19 +208,18 @@ def place_cells(
         first, last = int(max(middle - depth - blurred, 0.0)), int(middle + depth + blurred)
         if next_wanted[min(first, bin_count)] > last:
             continue
-        gain = power_gain(look, ahead / distance)
-        if gain < LEAST_POWER_GAIN:
+        ray, sounds = _reaches(look, rays, seen, cell)
+        if sounds == 0.0:
             continue
-        bearing = bearing_of(look, x, y)
-        ray = min(max(int((bearing + look.half_angle_rad) * rays_per_rad), 0), ray_count - 1)
-        in_sight = rays.in_sight[min(int(distance / rays.step_m), steps - 1), ray]
-        if in_sight == 0.0:
-            continue
-        seen.bearing[count], seen.ray[count] = bearing, ray
-        reaches = exp32(-look.absorption_per_m * distance) / (squared * squared)
-        seen.weight[count] = gain * reaches * in_sight
-        seen.density[count] = 0.5 / depth
-        seen.slot[count], seen.row[count], seen.column[count] = slot, row, column
+        slot = seen.slot[cell]
+        seen.slot[count], seen.row[count], seen.column[count] = (
+            slot,
+            seen.row[cell],
+            seen.column[cell],
+        )
+        seen.x_m[count], seen.y_m[count] = x, y
+        seen.bearing[count], seen.ray[count] = seen.bearing[cell], ray
+        seen.weight[count], seen.density[count] = seen.weight[cell] * sounds, 0.5 / depth
         seen.place[slot] = count
         along_x, along_y = along_x / look.bin_m, along_y / look.bin_m
         least = most = middle
@@ -240,3 +236,48 @@ def place_cells(
         seen.first_bin[count], seen.reach[count] = start, min(math.ceil(most) - start, CELL_BINS)
         count += 1
     return count
+
+
+@inlined
+def _measure(look: Look, res: float, seen: Seen, listed: int) -> int:
+    """Keep the listed cells that lie in the cone, with where they lie; returns how many do.
+
+    `weight` is what comes back from there to a transducer that is as loud all around.
+    """
+    wide, count = look.cos_half_angle * abs(look.cos_half_angle), 0
+    rise = look.rise_m * look.rise_m
+    least, greatest = look.least_range_m**2, look.greatest_range_m**2
+    for cell in range(listed):
+        row, column = seen.row[cell], seen.column[cell]
+        x, y = (column + 0.5) * res - look.x_m, (row + 0.5) * res - look.y_m
+        squared = x * x + y * y + rise
+        ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
+        if least < squared < greatest and ahead * abs(ahead) > squared * wide:
+            seen.slot[count], seen.row[count], seen.column[count] = seen.slot[cell], row, column
+            seen.x_m[count], seen.y_m[count] = x, y
+            count += 1
+    rise32, absorption = np.float32(rise), np.float32(look.absorption_per_m)
+    cosine = np.float32(math.cos(look.heading_rad))
+    sine = np.float32(math.sin(look.heading_rad))
+    # Nothing branches here, and few arrays are written: the compiler works out several at once.
+    for cell in range(np.uint64(count)):
+        squared = seen.x_m[cell] * seen.x_m[cell] + seen.y_m[cell] * seen.y_m[cell] + rise32
+        seen.range_m[cell] = math.sqrt(squared)
+        seen.weight[cell] = exp32(-absorption * seen.range_m[cell]) / (squared * squared)
+    for cell in range(np.uint64(count)):
+        x, y = seen.x_m[cell], seen.y_m[cell]
+        seen.bearing[cell] = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+    return count
+
+
+@inlined
+def _reaches(look: Look, rays: Rays, seen: Seen, cell: int) -> tuple[int, float]:
+    """Ray that a cell lies on, and the share of the power on the axis that reaches it there."""
+    steps, ray_count = rays.in_sight.shape
+    x, y, distance = seen.x_m[cell], seen.y_m[cell], seen.range_m[cell]
+    ahead = look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m
+    gain = power_gain(look, ahead / distance)
+    off = (seen.bearing[cell] + look.half_angle_rad) * ray_count / (2.0 * look.half_angle_rad)
+    ray = min(max(int(off), 0), ray_count - 1)
+    in_sight = rays.in_sight[min(int(distance / rays.step_m), steps - 1), ray]
+    return ray, gain * in_sight if gain >= LEAST_POWER_GAIN else 0.0

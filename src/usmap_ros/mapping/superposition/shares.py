@@ -40,7 +40,7 @@ class Shares(NamedTuple):
 
 @compiled_within
 def add_shares(
-    look: Look, seen: Seen, count: int, bins: Bins, parts: Contributions, res: float, shares: Shares
+    look: Look, seen: Seen, count: int, bins: Bins, parts: Contributions, shares: Shares
 ) -> None:
     """Add what a look tells of its cells' shares in its echoes.
 
@@ -50,8 +50,6 @@ def add_shares(
     ----------
     look, seen, count, bins, parts
         As in `usmap_ros.mapping.superposition.evidence.add_evidence`.
-    res : float
-        Side of a cell, m.
     shares : Shares
         Added to.
     """
@@ -64,8 +62,7 @@ def add_shares(
                 best = max(best, part / expected[start + column])
         if best >= 0.0:
             slot = seen.slot[cell]
-            x = (seen.column[cell] + 0.5) * res - look.x_m
-            y = (seen.row[cell] + 0.5) * res - look.y_m
+            x, y = seen.x_m[cell], seen.y_m[cell]
             shares.explained[slot] += best
             shares.heard[slot] += 1.0
             distance = max(math.sqrt(x * x + y * y), 1e-9)

@@ -163,13 +163,15 @@ def _rays(steps: int, step_m: float) -> Rays:
 
 def _seen(cells: int, place: NDArray[np.int32]) -> Seen:
     slot, row, column, ray = (np.empty(cells, np.int64) for _ in range(4))
+    x_m, y_m, range_m, bearing = (np.empty(cells, np.float32) for _ in range(4))
     low, high = (np.empty((cells, QUARTERS), np.float32) for _ in range(2))
-    bearing, density, weight = (np.empty(cells, np.float32) for _ in range(3))
+    density, weight = (np.empty(cells, np.float32) for _ in range(2))
     first_bin, reach = (np.empty(cells, np.uint64) for _ in range(2))
     heard = np.empty((cells, QUARTERS), np.uint8)
     return Seen(
-        slot, row, column, ray, bearing, low, high, density, first_bin, reach, heard, weight, place
-    )
+        slot, row, column, ray, x_m, y_m, range_m, bearing, low, high, density, first_bin, reach,
+        heard, weight, place,
+    )  # fmt: skip
 
 
 def _contributions(cells: int) -> Contributions:

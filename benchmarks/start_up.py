@@ -1,12 +1,14 @@
 """How long programs take to start, the inner loops being compiled already.
 
-Processor time, in milliseconds, of a whole process: the median of three.  The map is that of the
-first ten pings of a scenario of poles, so that little of its time is work.
+Processor time, in milliseconds, of a whole process: the least of several.  The map is that of the
+first ten pings of a scenario of poles, so that little of its time is work.  Python keeps what it
+makes of sources, as it does of an installed package.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -14,8 +16,6 @@ import tempfile
 from itertools import islice
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.simulation import Scenario, simulate
@@ -42,16 +42,17 @@ def run() -> dict[str, Any]:
         return {f"{name}_ms": milliseconds(command) for name, command in programs.items()}
 
 
-def milliseconds(command: list[str], turns: int = 3) -> float:
+def milliseconds(command: list[str], turns: int = 5) -> float:
     """Processor time of a program, with that of its own."""
     spent = []
+    kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     # The first run fills caches.
     for _ in range(1 + turns):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=True, env=kept)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent.append(1e3 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime))
-    return float(np.median(spent[1:]))
+    return min(spent[1:])
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ they compile is kept on disk, where all others find it.
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import os
 import signal
@@ -27,6 +26,7 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.compiled import COMPILED, IS_COMPILED, compiler_version
 from usmap_ros.cone import EchoCone, encode_limits
+from usmap_ros.garbage import look_for_garbage_rarely
 from usmap_ros.geometry import Pose
 from usmap_ros.mapping.next_view import best_views, candidate_poses
 from usmap_ros.parallel import available_cores
@@ -216,9 +216,7 @@ def main(parent: str, name: str) -> None:
     end_with_parent(int(parent), signal.SIGKILL)
     # A terminal's Ctrl-C comes to all processes; one of them is to speak.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Numba makes so many objects that to look for unused ones as often as Python does would take a
-    # quarter of the time.
-    gc.set_threshold(50_000, 20, 1_000)
+    look_for_garbage_rarely()
     ALL[name]()
 
 

@@ -12,7 +12,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
     {"linked", "offering"},
-    {"arrays", "compiled", "cores", "errors", "parent"},
+    {"arrays", "compiled", "cores", "errors", "garbage", "parent"},
     {"bounds", "special"},
     {"geometry"},
     {"acoustics"},

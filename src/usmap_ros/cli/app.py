@@ -31,6 +31,7 @@ from usmap_ros.cli import (
 )
 from usmap_ros.cores import keep_linear_algebra_to_one_core
 from usmap_ros.errors import UsmapError
+from usmap_ros.garbage import look_for_garbage_rarely
 
 app = typer.Typer(
     name="usmap",
@@ -94,6 +95,7 @@ def main() -> None:
     143: the process was asked to end by SIGINT or SIGTERM.
     """
     keep_linear_algebra_to_one_core()
+    look_for_garbage_rarely()
     is_program = signal.getsignal(signal.SIGINT) is signal.SIG_DFL
     if is_program:
         signal.signal(signal.SIGINT, signal.default_int_handler)

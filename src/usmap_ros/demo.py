@@ -14,7 +14,7 @@ from usmap_ros.cone import EchoCone
 from usmap_ros.grids import AMBIGUITY, NORMAL, OccupancyMap, TruthMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.map_files import map_folder, save_map, save_summary, save_truth
+from usmap_ros.io.map_files import NAV2_FILE, map_folder, save_map, save_summary, save_truth
 from usmap_ros.io.yaml_files import read_mapping
 from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.scoring import Score, score
@@ -70,7 +70,7 @@ def run_demo(folder: Path, progress: Progress) -> DemoResult:
         scenario = _demo_scenario()
         paths = {
             "recording": folder / "bag",
-            "map for nav2": folder / "map.yaml",
+            "map for nav2": folder / NAV2_FILE,
             "map as log-odds": folder / "map.npz",
             "truth": folder / "truth.yaml",
             "picture of the map": folder / "map.png",

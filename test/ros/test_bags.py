@@ -218,4 +218,4 @@ def test_replay_ends_by_itself_and_names_a_missing_bag(bag: Path) -> None:
     )
     assert run.returncode == 1
     assert run.stderr.count("\n") == 1
-    assert "error: nowhere: does not exist" in run.stderr
+    assert run.stderr == "usmap: error: nowhere: does not exist\n"

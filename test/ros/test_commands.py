@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from usmap_ros.cli.app import app
+from usmap_ros.errors import UsmapError
 from usmap_ros.live.supervisor import Supervisor
 
 POLES = Path(__file__).parents[2] / "config/scenarios/poles.yaml"
@@ -69,3 +70,20 @@ def test_those_of_a_fleet(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
     assert all(str(file) in task.command for task in supervisor.tasks)
     assert f'checkpoint_path:="{tmp_path}"' in supervisor.tasks[-1].command
     assert os.environ["ROS_DISCOVERY_SERVER"] == "10.0.0.1:11811"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("/**: [", "line 1: expected the node content, but found '<stream end>'"),
+        ("mapping: {resolution_m: 0.1}", "holds no ROS parameters: see config/parameters"),
+    ],
+)
+def test_a_fleet_refuses_a_parameter_file_that_every_node_would_end_over(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    file = tmp_path / "nodes.yaml"
+    file.write_text(text)
+    done = CliRunner().invoke(app, ["fleet", str(POLES), "--parameters", str(file)])
+    assert isinstance(done.exception, UsmapError)
+    assert str(done.exception).startswith(f"{file}: {message}")

@@ -120,9 +120,21 @@ def test_a_process_with_arguments_that_ros_cannot_read_says_so(
     assert run.returncode == 1
     # ROS logs lines of its own before.
     *_, last = run.stderr.splitlines()
-    assert last.startswith("map_fusion.py: error: ROS arguments: ")
+    assert last.startswith("map_fusion: error: ROS arguments: ")
     assert cause in last
     assert "Traceback" not in run.stderr
+
+
+@pytest.mark.usefixtures("domain")
+@pytest.mark.parametrize("argument", ["--help", "mapping.resolution_m:=0.1"])
+def test_an_argument_that_ros_leaves_over_is_refused(argument: str) -> None:
+    command = [sys.executable, "-m", "usmap_ros.nodes.map_fusion", argument]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert run.returncode == 1
+    assert run.stderr == (
+        f"map_fusion: error: takes no argument '{argument}', but parameters:"
+        " --ros-args -p NAME:=VALUE\n"
+    )
 
 
 def test_a_file_and_the_command_line_reach_the_node(

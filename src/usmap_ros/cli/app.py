@@ -101,7 +101,7 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     before = signal.signal(signal.SIGTERM, _end)
     try:
-        app()
+        app(prog_name=app.info.name)
     except UsmapError as error:
         console.print_error(str(error))
         sys.exit(1)

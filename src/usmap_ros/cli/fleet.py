@@ -48,12 +48,11 @@ def fleet(
     Each is a process of its own, restarted if it dies. Ctrl-C ends all of them.
     """
     require_ros()
-    from usmap_ros.errors import FileError
-    from usmap_ros.live.fleet_processes import fleet_nodes, fleet_task
+    from usmap_ros.live.fleet_processes import check_parameter_file, fleet_nodes, fleet_task
     from usmap_ros.live.supervisor import Supervisor
 
-    if parameters_file is not None and not parameters_file.is_file():
-        raise FileError(parameters_file, "does not exist")
+    if parameters_file is not None:
+        check_parameter_file(parameters_file)
     # Before it is settled when the robots set off: the nodes would miss that.
     console.compile_loops()
     nodes = fleet_nodes(

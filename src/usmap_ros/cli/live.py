@@ -44,4 +44,9 @@ def run_live_node(
         raise typer.BadParameter(error.cause) from error
     overrides = [Parameter(name, value=value) for name, value in chosen.items()]
     # The command line has been read already; nothing of it is for ROS.
-    run_node(lambda: create(parameter_overrides=overrides), arguments=[], looks_for_topics=True)
+    run_node(
+        lambda: create(parameter_overrides=overrides),
+        arguments=[],
+        program="usmap",
+        looks_for_topics=True,
+    )

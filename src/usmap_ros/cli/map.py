@@ -224,13 +224,15 @@ def _map_collection(
 
 
 def _tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: bool) -> None:
+    from usmap_ros.io.map_files import NAV2_FILE
+
     for topic, problem in run.suspects().items():
         typer.echo(f"usmap: warning: {topic}: {problem}; --without {topic} leaves it out", err=True)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     else:
         typer.echo(
-            f"{output / 'map.yaml'}: {run.pings} pings, {run.echoes} echoes,"
+            f"{output / NAV2_FILE}: {run.pings} pings, {run.echoes} echoes,"
             f" {summary['cells_occupied']} of {summary['cells_observed']} observed cells occupied;"
             f" {summary['seconds']:.1f} s, {summary['pings_per_second']:.0f} pings/s"
         )

@@ -29,7 +29,7 @@ def merge(
 
     No ping may be in two of them, or it counts twice.
     """
-    from usmap_ros.io.map_files import load_map, map_folder, save_map
+    from usmap_ros.io.map_files import NAV2_FILE, load_map, map_folder, save_map
     from usmap_ros.mapping.merging import merge_maps
     from usmap_ros.robot_paths import RobotPaths
 
@@ -49,4 +49,4 @@ def merge(
     with map_folder(output):
         save_map(output, whole, paths)
     rows, columns = whole.geometry.shape
-    typer.echo(f"{output / 'map.yaml'}: {len(loaded)} maps, {columns} x {rows} cells")
+    typer.echo(f"{output / NAV2_FILE}: {len(loaded)} maps, {columns} x {rows} cells")

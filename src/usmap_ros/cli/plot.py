@@ -100,7 +100,10 @@ def _extent(text: str | None) -> tuple[float, float, float, float] | None:
         x_min = x_max = y_min = y_max = math.nan
     # Comparisons with NaN are false.
     if not (x_min < x_max and y_min < y_max and max(map(abs, (x_min, x_max, y_min, y_max))) < 1e9):
-        raise typer.BadParameter(f"{text!r} is not of the form X0,X1,Y0,Y1", param_hint="--extent")
+        raise typer.BadParameter(
+            f"{text!r} is not of the form X0,X1,Y0,Y1 with X0 < X1 and Y0 < Y1",
+            param_hint="'--extent'",
+        )
     return x_min, x_max, y_min, y_max
 
 

@@ -38,6 +38,8 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate a scenario and record it: the same scenario gives the same bag on a machine."""
+    if truth is not None and truth.suffix not in (".yaml", ".yml"):
+        raise typer.BadParameter("must end in .yaml", param_hint="'--truth'")
     from usmap_ros.io.bag_writer import new_bag
     from usmap_ros.io.map_files import save_truth
     from usmap_ros.io.yaml_files import read_mapping
@@ -48,7 +50,8 @@ def simulate(
         new_bag(output, replace=force, compression=compression.value) as writer,
         console.progress("simulating", scenario.ping_count) as step,
     ):
+        # Before what takes long, and where an error takes the recording along.
+        if truth is not None:
+            save_truth(truth, scenario.truth_map())
         count = record(scenario, writer, step)
-    if truth is not None:
-        save_truth(truth, scenario.truth_map())
     typer.echo(f"{output}: {count} pings of {len(scenario.robots)} robots")

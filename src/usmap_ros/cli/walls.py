@@ -9,8 +9,11 @@ import typer
 
 
 def walls(
-    map_file: Annotated[
-        Path, typer.Argument(metavar="MAP.yaml", help="A map: of `usmap map`, or any of nav2's.")
+    map_path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MAP", help="Folder that `usmap map` wrote, or the YAML file of any nav2 map."
+        ),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="WALLS.yaml", help="File for the walls.")
@@ -26,11 +29,12 @@ def walls(
     import numpy as np
 
     from usmap_ros.grids import OCCUPIED_PROBABILITY
+    from usmap_ros.io.map_files import NAV2_FILE
     from usmap_ros.io.nav2_map import load_nav2_map
     from usmap_ros.io.wall_files import KnownWalls, WallSegment, save_walls
     from usmap_ros.mapping.straight_walls import straight_walls
 
-    plan = load_nav2_map(map_file)
+    plan = load_nav2_map(map_path / NAV2_FILE if map_path.is_dir() else map_path)
     centers_m = plan.geometry.cell_centers_m(*np.nonzero(plan.probability >= OCCUPIED_PROBABILITY))
     found = straight_walls(centers_m, plan.geometry.resolution_m, least_length)
     segments = [

@@ -34,6 +34,7 @@ from usmap_ros.robot_paths import RobotPaths
 from usmap_ros.views import Beam
 
 GRID_FILE = "map.npz"
+NAV2_FILE = "map.yaml"
 SUMMARY_FILE = "summary.json"
 
 #: Names of the arrays in it that are read.
@@ -107,7 +108,7 @@ def save_map(folder: str | Path, occupancy: OccupancyMap, paths: RobotPaths | No
         write_atomically(folder / GRID_FILE, _to_bytes(occupancy, paths or RobotPaths()))
     except OSError as error:
         raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
-    save_nav2_map(folder / "map.yaml", occupancy.geometry, occupancy.trinary())
+    save_nav2_map(folder / NAV2_FILE, occupancy.geometry, occupancy.trinary())
 
 
 def save_summary(folder: Path, summary: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from usmap_ros.errors import ConfigurationError
+from usmap_ros.io.yaml_files import read_mapping
 from usmap_ros.live.supervisor import Task
 from usmap_ros.simulation import Scenario
 
@@ -91,3 +92,23 @@ def fleet_task(node: FleetNode, parameters_file: Path | None = None) -> Task:
         # ROS reads YAML, which JSON is: a robot that is called 1 or on stays a name.
         command += ["-p", f"{name}:={json.dumps(value)}"]
     return Task(f"{node.namespace} {node.name}".strip(), command)
+
+
+def check_parameter_file(path: Path) -> None:
+    """Refuse a file that ROS would not read: every node would end over it, and start again.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is no YAML, or has nothing under ``ros__parameters``.
+    """
+    content = read_mapping(path)
+    if content and not _holds_parameters(content):
+        raise ConfigurationError(path, "holds no ROS parameters: see config/parameters")
+
+
+def _holds_parameters(content: object) -> bool:
+    """Whether all that is below the names of nodes is below ``ros__parameters``."""
+    if not isinstance(content, dict) or not content:
+        return False
+    return "ros__parameters" in content or all(map(_holds_parameters, content.values()))

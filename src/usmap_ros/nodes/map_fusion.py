@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from usmap_ros.errors import MapFileError, MapSizeError, UsmapError
-from usmap_ros.io.map_files import map_folder, save_map
+from usmap_ros.io.map_files import NAV2_FILE, map_folder, save_map
 from usmap_ros.live.backlog import ROOM, WAITING
 from usmap_ros.live.health import Level, Remark
 from usmap_ros.live.interfaces import GET_MAP, MAP_FUSION, PAUSE, RESET, SAVE_MAP
@@ -219,7 +219,7 @@ class MapFusion(LifecycleNode):
         except (MapFileError, MapSizeError) as error:
             response.message = str(error)
         else:
-            response.success, response.message = True, str((path / "map.yaml").absolute())
+            response.success, response.message = True, str((path / NAV2_FILE).absolute())
         return response
 
     def _reset(self, request: Any, response: Any) -> Any:

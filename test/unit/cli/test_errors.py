@@ -161,6 +161,14 @@ def test_a_parameter_file(usmap: Run, workspace: Path, text: str, message: str) 
     assert not (workspace / "m").exists()
 
 
+def test_a_truth_that_cannot_be_written_leaves_no_recording(usmap: Run, workspace: Path) -> None:
+    done = usmap(
+        "simulate", "scenario.yaml", "-o", "b", "--truth", "none/truth.yaml", cwd=workspace
+    )
+    assert_refused(done, "none/truth.yaml: cannot be written: No such file or directory")
+    assert not (workspace / "b").exists()
+
+
 @pytest.mark.parametrize("command", ["map", "simulate"])
 def test_an_unwritable_folder(usmap: Run, workspace: Path, command: str) -> None:
     (workspace / "file").touch()
@@ -227,7 +235,9 @@ def test_other_unusable_files(
         ["map", "bag", "-o", "m", "--set", "mapping.resolution=0.1"],
         ["evaluate", "map"],
         ["plot", "bag", "-o", "p.png", "--ping", "-1"],
+        ["plot", "map", "-o", "p.png", "--extent", "2,1,2,1"],
         ["simulate", "scenario.yaml", "-o", "b", "--compression", "rar"],
+        ["simulate", "scenario.yaml", "-o", "b", "--truth", "truth.pgm"],
     ],
 )
 def test_wrong_usage(usmap: Run, recorded: Path, arguments: list[str]) -> None:

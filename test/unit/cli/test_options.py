@@ -124,14 +124,19 @@ def test_every_option_is_tried_by_some_test() -> None:
 def test_walls_have_the_length_that_is_asked_for(usmap: Run, workspace: Path) -> None:
     cells = np.full((40, 40), 254, np.uint8)
     cells[5, 2:38] = cells[30, 2:14] = 0
-    Image.fromarray(cells).save(workspace / "plan.pgm")
-    (workspace / "plan.yaml").write_text(
-        "image: plan.pgm\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
+    # A file, or the folder of a map that has one.
+    folder = workspace / "plan"
+    folder.mkdir()
+    Image.fromarray(cells).save(folder / "plan.pgm")
+    text = (
+        "image: {}plan.pgm\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
         "occupied_thresh: 0.65\nfree_thresh: 0.25\n"
     )
+    (workspace / "plan.yaml").write_text(text.format("plan/"))
+    (folder / "map.yaml").write_text(text.format(""))
     found = [
-        usmap("walls", "plan.yaml", "-o", "w.yaml", "--least-length", length, cwd=workspace).stdout
-        for length in ("0.3", "1.0")
+        usmap("walls", plan, "-o", "w.yaml", "--least-length", length, cwd=workspace).stdout
+        for plan, length in (("plan.yaml", "0.3"), ("plan", "1.0"))
     ]
     assert found == ["w.yaml: 2 walls of 0.3 m or more\n", "w.yaml: 1 walls of 1 m or more\n"]
 

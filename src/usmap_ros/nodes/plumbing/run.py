@@ -8,12 +8,14 @@ import signal
 import sys
 import tempfile
 from collections.abc import Callable
+from pathlib import PurePath
 from typing import Any, NoReturn
 
 import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from usmap_ros.compilation import compile_if_needed
 from usmap_ros.errors import UsmapError
@@ -36,6 +38,7 @@ def run_node(
     create: Callable[[], Any],
     arguments: list[str] | None = None,
     *,
+    program: str | None = None,
     has_loops: bool = False,
     looks_for_topics: bool = False,
 ) -> NoReturn:
@@ -50,13 +53,15 @@ def run_node(
         Makes the node.
     arguments : list of str, optional
         For ROS; by default those of the command line.
+    program : str, optional
+        What it is called in messages; by default as it was started.
     has_loops : bool
         Whether it needs inner loops compiled, and waits for that before it listens to anything.
     looks_for_topics : bool
         Whether it looks for topics that it was not told of.
     """
     prepare_environment()
-    name = os.path.basename(sys.argv[0])
+    name = program or PurePath(sys.argv[0]).stem
     if has_loops:
         compile_if_needed(lambda line: print(f"{name}: {line}", file=sys.stderr, flush=True))
     if looks_for_topics:
@@ -85,13 +90,18 @@ def run_node(
 
 
 def _begin_ros(arguments: list[str] | None) -> None:
-    """Start ROS; raise `UsmapError` if it cannot read its part of the command line."""
+    """Start ROS; raise `UsmapError` if it cannot read the command line, or leaves any of it."""
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         # Where in the sources of ROS it was noticed helps nobody here.
         cause = re.sub(r",? at /\S+:\d+", "", str(error))
         raise UsmapError(f"ROS arguments: {cause.removeprefix(_INIT_FAILED)}") from error
+    _, *others = remove_ros_args(sys.argv if arguments is None else ["", *arguments])
+    if others:
+        raise UsmapError(
+            f"takes no argument '{others[0]}', but parameters: --ros-args -p NAME:=VALUE"
+        )
 
 
 def _end_soon() -> None:

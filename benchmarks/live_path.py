@@ -4,8 +4,10 @@ Real processes: one map_fusion, and one cone_reconstructor a robot, or one for s
 This process stands for the robots' drivers: it publishes traces that were simulated and serialized
 before, stamped with the time at which they are sent, and listens to the map; what that costs is
 given as "load cores", and as "others cores" what all other programs took of the machine: where
-they take much, latencies are theirs.  "Dropped" is what fusion says that it dropped from its
-queue, "dropped before" what reconstructors say.
+they take much, latencies are theirs.  What nodes say of their own part of the latency is given
+beside it: fusion's has the wait for the other robots' cones in it, but not for the next map.
+"Dropped" is what fusion says that it dropped from its queue, "dropped before" what reconstructors
+say.
 
     python benchmarks/live_path.py --robots 1 2 4 8
 """
@@ -69,6 +71,11 @@ class Observed:
     def total(self, node: str, what: str) -> int:
         """Latest figure of a node."""
         return int(self.totals.get(node, {}).get(what, "0"))
+
+    def slowest_ms(self, nodes: list[str]) -> float:
+        """Greatest of the latencies that nodes report of 95 % of their latest messages."""
+        name = "latency p95 (ms)"
+        return max(float(self.totals.get(node, {}).get(name, "nan")) for node in nodes)
 
 
 class Fleet:
@@ -181,7 +188,9 @@ def _measure(
     before = _settled(observed)
     cpu, own_cpu, all_cpu = fleet.cpu_seconds(), time.process_time(), busy_seconds()
     sent_s = _send(publishers, content, rate_hz, seconds)
+    reconstructors = [name for name in cpu if name != "/map_fusion"]
     used = {name: spent - cpu[name] for name, spent in fleet.cpu_seconds().items()}
+    within_ms = observed.slowest_ms(reconstructors), observed.slowest_ms(["/map_fusion"])
     load_cores = (time.process_time() - own_cpu) / seconds
     all_cores = (busy_seconds() - all_cpu) / seconds
     fused = _settled(observed) - before
@@ -198,6 +207,8 @@ def _measure(
         "late": observed.total("/map_fusion", "late"),
         "latency_p50_ms": round(1000 * float(np.percentile(latencies_s, 50)), 1),
         "latency_p95_ms": round(1000 * float(np.percentile(latencies_s, 95)), 1),
+        "reconstruction_p95_ms": within_ms[0],
+        "fusion_p95_ms": within_ms[1],
         "fusion_cores": round(fusion_cores, 2),
         "reconstruction_cores": round(reconstruction_cores, 2),
         "load_cores": round(load_cores, 2),

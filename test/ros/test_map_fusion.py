@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from usmap_ros.io.conversions.common import header_to_message
 from usmap_ros.io.map_files import load_map
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.live.health import Level
+from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing.map_publisher import (
@@ -135,6 +137,30 @@ def test_what_nobody_listens_to_waits_until_the_map_stands_still(
     node.session._bring_out()
     assert made == [own[4].stamp_ns]
     assert node.health.total("published") == 5
+
+
+def test_a_map_is_put_off_while_cones_wait_but_not_for_ever(
+    live: Any, cones: Cones, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = live.add(MapFusion)
+    # What its thread does is done here, so that it is known when.
+    node.session._bringer.stop()
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    publisher.publish(cone_to_cdr(cones[0][1]))
+    live.until(lambda: node.health.total("fused") == 1)
+    clock = SimpleNamespace(monotonic=lambda: clock.now_s, now_s=0.0)
+    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_session.time", clock)
+    monkeypatch.setattr(LiveFusion, "is_behind", True)
+    node.session._is_to_be_published = False
+    node.session.publish()
+    period_s = 1.0 / node.parameters.value.publish_rate_hz
+    for clock.now_s in (0.0, 1.9 * period_s):
+        node.session.publish()
+        assert node.session._bring_out() is not None
+        assert node.health.total("published") == 0
+    clock.now_s = 2.1 * period_s
+    assert node.session._bring_out() is None
+    assert node.health.total("published") == 1
 
 
 def test_layers_are_those_of_the_pipeline(

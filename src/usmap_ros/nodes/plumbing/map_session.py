@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from typing import Any
 
@@ -24,6 +25,9 @@ from usmap_ros.repeats import RepeatedPingError
 
 #: How often it is looked whether a transform has come that a cone waits for.
 _RETRY_S = 0.02
+#: How many of its periods a map is put off while cones wait to be fused, and how often it is looked
+#: whether they still do.
+_PUT_OFF_PERIODS, _LOOK_S = 2.0, 0.004
 #: Why cones are lost, by what they are counted as.
 _LOSSES = {
     "dropped": "cones come faster than they are fused",
@@ -86,6 +90,7 @@ class MapSession:
         self._without = frozenset[str]()
         self._leave_out(now.without)
         self._is_to_be_published = self._is_to_be_kept = False
+        self._asked_s = 0.0
         self._is_unpublished = self._was_reset = False
         self._worker = Worker(node, self._step)
         self._bringer = Worker(node, self._bring_out)
@@ -196,6 +201,8 @@ class MapSession:
 
     def publish(self) -> None:
         """Have the map published, if it has changed since the last time."""
+        if not self._is_to_be_published:
+            self._asked_s = time.monotonic()
         self._is_to_be_published = True
         self._bringer.wake()
 
@@ -209,15 +216,24 @@ class MapSession:
         self._is_to_be_kept = True
         self._bringer.wake()
 
-    def _bring_out(self) -> None:
+    def _bring_out(self) -> float | None:
         """Publish and keep the map as asked for; runs in a thread of its own."""
         # What is promised of the map on disk does not wait until a large map has been sent.
         if self._is_to_be_kept:
             self._is_to_be_kept = False
             self._keep()
-        if self._is_to_be_published:
-            self._is_to_be_published = False
-            self._publish_if_changed()
+        if not self._is_to_be_published:
+            return None
+        if self._is_better_later():
+            return _LOOK_S
+        self._is_to_be_published = False
+        self._publish_if_changed()
+        return None
+
+    def _is_better_later(self) -> bool:
+        """Whether cones would only wait for longer, and come into a later map, if one was made."""
+        put_off_s = _PUT_OFF_PERIODS / self._parameters.value.publish_rate_hz
+        return self.fusion.is_behind and time.monotonic() < self._asked_s + put_off_s
 
     def _publish_if_changed(self) -> None:
         version = self.fusion.version

@@ -239,7 +239,13 @@ class MappingParameters(ParameterGroup):
     window: int = quantity(
         600, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
     )
-    revisits: int = quantity(4, "Earlier pings weighed again with each new one.", ge=0, le=1000)
+    revisits: int = quantity(
+        4,
+        "Earlier pings weighed again with each new one; half as many where the window is full and"
+        " the map explains the new one.",
+        ge=0,
+        le=1000,
+    )
     observed_exposure: float = quantity(
         1.0,
         "Expected number of times that an object would have been heard, from which on a silent"

@@ -53,6 +53,9 @@ from usmap_ros.parameters import MappingParameters
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
 MOST_PASSES, EARLY_VISITS = 40, 60
+#: In a full window, a ping that the map explains brings little news: it is followed by a part of
+#: the visits only, one of so many.
+SETTLED = 2
 #: Earlier pings that are learnt from again at once when a new one cannot be explained.
 RECENT = 3
 #: Passes through the window after pings were taken out of it: what hid what is known after one.
@@ -117,7 +120,9 @@ class SuperpositionFusion(Fusion):
         recent = 0 if is_explained else min(RECENT, pings - 1)
         self._send(pings - 1 - recent, pings, SHOWN, unheard=recent, is_expected=is_expected)
         early = min(MOST_PASSES * pings, EARLY_VISITS // pings)
-        self._visit(max(self.parameters.revisits, early))
+        is_settled = is_explained and pings == self.parameters.window
+        revisits = self.parameters.revisits // (SETTLED if is_settled else 1)
+        self._visit(max(revisits, early))
 
     def _cover(self, look: Look) -> None:
         """Make tiles wherever the look reaches."""

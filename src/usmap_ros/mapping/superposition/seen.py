@@ -56,7 +56,7 @@ class Seen(NamedTuple):
     x_m, y_m : (cells,) float32 arrays
         Where it lies as seen from the transducer.
     range_m : (cells,) float32 array
-        Room for its distance, while cells are placed.
+        How far that is.
     bearing : (cells,) float32 array
         Off the look's heading.
     low, high : (cells, QUARTERS) float32 arrays
@@ -194,48 +194,67 @@ def place_cells(
     listed : int
         Number of the cells found.
     """
-    bin_count, count = len(look.kind), _measure(look, res, seen, listed)
-    blur = 3.0 * look.range_std_m * look.range_std_m
-    next_echo, listed, count = look.next_echo, count, 0
-    for cell in range(listed):
-        x, y, distance = seen.x_m[cell], seen.y_m[cell], seen.range_m[cell]
-        # Half the depth of a quarter along the ray, what it is blurred to, and where its middle is.
-        along_x, along_y = 0.25 * res * x / distance, 0.25 * res * y / distance
-        depth = abs(along_x) + abs(along_y)
-        blurred = max(min(math.sqrt(depth * depth + blur), MOST_BLUR_BINS * look.bin_m), depth)
-        depth, blurred = depth / look.bin_m, blurred / look.bin_m
-        middle = (distance - look.least_range_m) / look.bin_m
+    measured, count = _measure(look, res, seen, listed), 0
+    for cell in range(measured):
+        middle, _, _, depth, blurred = _extent(look, res, seen, cell)
         first, last = int(max(middle - depth - blurred, 0.0)), int(middle + depth + blurred)
-        if next_wanted[min(first, bin_count)] > last:
+        if next_wanted[min(first, len(look.kind))] > last:
             continue
-        ray, sounds = _reaches(look, rays, seen, cell)
-        if sounds == 0.0:
+        ray, share = _reaching(look, rays, seen, cell)
+        if share == 0.0:
             continue
-        slot = seen.slot[cell]
-        seen.slot[count], seen.row[count], seen.column[count] = (
-            slot,
-            seen.row[cell],
-            seen.column[cell],
-        )
-        seen.x_m[count], seen.y_m[count] = x, y
-        seen.bearing[count], seen.ray[count] = seen.bearing[cell], ray
-        seen.weight[count], seen.density[count] = seen.weight[cell] * sounds, 0.5 / depth
+        slot, row, column = seen.slot[cell], seen.row[cell], seen.column[cell]
+        seen.slot[count], seen.row[count], seen.column[count] = slot, row, column
+        seen.x_m[count], seen.y_m[count] = seen.x_m[cell], seen.y_m[cell]
+        seen.range_m[count], seen.bearing[count] = seen.range_m[cell], seen.bearing[cell]
+        seen.weight[count], seen.ray[count] = seen.weight[cell] * share, ray
         seen.place[slot] = count
-        along_x, along_y = along_x / look.bin_m, along_y / look.bin_m
-        least = most = middle
-        for quarter in range(QUARTERS):
-            center = middle + (along_x if quarter & 1 else -along_x)
-            center += along_y if quarter & 2 else -along_y
-            first, last = int(max(center - blurred, 0.0)), math.floor(center + blurred)
-            heard = next_echo[min(first, bin_count)] <= last
-            half = blurred if heard else depth
-            seen.heard[count, quarter] = 1 if heard else 0
-            seen.low[count, quarter], seen.high[count, quarter] = center - half, center + half
-            least, most = min(least, center - half), max(most, center + half)
-        start = max(math.floor(least), 0)
-        seen.first_bin[count], seen.reach[count] = start, min(math.ceil(most) - start, CELL_BINS)
+        _spread(look, res, seen, count)
         count += 1
     return count
+
+
+@inlined
+def _extent(
+    look: Look, res: float, seen: Seen, cell: int
+) -> tuple[float, float, float, float, float]:
+    """Where a cell lies in range bins, with fractions.
+
+    Returns
+    -------
+    middle : float
+        Of the cell.
+    along_x, along_y : float
+        Of its quarters off that, to either side.
+    depth, blurred : float
+        Half of a quarter along the ray, and what it is blurred to by what is uncertain of ranges.
+    """
+    distance, bin_m = seen.range_m[cell], look.bin_m
+    scale = 0.25 * res / (distance * bin_m)
+    along_x, along_y = scale * seen.x_m[cell], scale * seen.y_m[cell]
+    depth = abs(along_x) + abs(along_y)
+    blur = 3.0 * (look.range_std_m / bin_m) * (look.range_std_m / bin_m)
+    blurred = max(min(math.sqrt(depth * depth + blur), MOST_BLUR_BINS), depth)
+    return (distance - look.least_range_m) / bin_m, along_x, along_y, depth, blurred
+
+
+@inlined
+def _spread(look: Look, res: float, seen: Seen, cell: int) -> None:
+    """Spread the power of a cell's quarters over range bins."""
+    middle, along_x, along_y, depth, blurred = _extent(look, res, seen, cell)
+    least = most = middle
+    for quarter in range(QUARTERS):
+        center = middle + (along_x if quarter & 1 else -along_x)
+        center += along_y if quarter & 2 else -along_y
+        first, last = int(max(center - blurred, 0.0)), math.floor(center + blurred)
+        heard = look.next_echo[min(first, len(look.kind))] <= last
+        half = blurred if heard else depth
+        seen.heard[cell, quarter] = 1 if heard else 0
+        seen.low[cell, quarter], seen.high[cell, quarter] = center - half, center + half
+        least, most = min(least, center - half), max(most, center + half)
+    start = max(math.floor(least), 0)
+    seen.first_bin[cell], seen.reach[cell] = start, min(math.ceil(most) - start, CELL_BINS)
+    seen.density[cell] = 0.5 / depth
 
 
 @inlined
@@ -271,7 +290,7 @@ def _measure(look: Look, res: float, seen: Seen, listed: int) -> int:
 
 
 @inlined
-def _reaches(look: Look, rays: Rays, seen: Seen, cell: int) -> tuple[int, float]:
+def _reaching(look: Look, rays: Rays, seen: Seen, cell: int) -> tuple[int, float]:
     """Ray that a cell lies on, and the share of the power on the axis that reaches it there."""
     steps, ray_count = rays.in_sight.shape
     x, y, distance = seen.x_m[cell], seen.y_m[cell], seen.range_m[cell]

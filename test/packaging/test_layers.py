@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 LAYERS = [
     {"linked", "offering"},
     {"arrays", "compiled", "cores", "errors", "garbage", "parent"},
-    {"bounds", "special"},
+    {"bounds", "elementary", "special"},
     {"geometry"},
     {"acoustics"},
     {"grids", "parameters", "transducer_array"},

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from usmap_ros.grids import TruthMap
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.map_files import load_map, save_truth
 from usmap_ros.simulation.points import hear
 
 RUN = """
@@ -47,6 +49,44 @@ def test_what_a_command_loads(command, bag, tmp_path):
     output = ["-o", str(tmp_path / "map"), "--jobs", "1"] if command == "map" else ["--json"]
     # Both commands compile in other processes what is not kept yet.
     assert not loaded(command, str(bag), *output) & SLOW
+
+
+#: What commands that look at maps load of this: nothing to reconstruct, and no formats of bags.
+OF_MAPS: dict[str, set[str]] = {
+    "evaluate": {"scipy"},
+    "merge": set(),
+    "plot": {"matplotlib", "scipy"},
+    "walls": set(),
+}
+NOT_OF_MAPS = {
+    "llvmlite", "matplotlib", "mcap", "numba", "rclpy", "rosbags", "scipy",
+    "usmap_ros.mapping.superposition", "usmap_ros.reconstruction", "usmap_ros.simulation",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(bag: Path) -> Path:
+    path = bag.parent / "map"
+    loaded("map", str(bag), "-o", str(path), "--jobs", "1")
+    occupancy, _ = load_map(path)
+    save_truth(bag.parent / "truth.yaml", TruthMap(occupancy.geometry, occupancy.observed))
+    return path
+
+
+@pytest.mark.parametrize("command", OF_MAPS)
+def test_commands_that_look_at_maps_load_no_compiler(command, folder, tmp_path):
+    arguments = {
+        "evaluate": ["--truth", str(folder.parent / "truth.yaml")],
+        "merge": [str(folder), "-o", str(tmp_path / "merged")],
+        "plot": ["-o", str(tmp_path / "map.png")],
+        "walls": ["-o", str(tmp_path / "walls.yaml")],
+    }
+    found = loaded(command, str(folder), *arguments[command]) & NOT_OF_MAPS
+    assert found == OF_MAPS[command]
+
+
+def test_help_is_given_without_numpy():
+    assert not loaded("--help") & {"numba", "numpy", "pydantic"}
 
 
 def test_the_version_is_told_without_numpy():

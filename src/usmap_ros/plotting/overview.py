@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 
@@ -11,7 +11,9 @@ from usmap_ros.mapping.candidates import CandidateCells
 from usmap_ros.plotting import style
 from usmap_ros.plotting.cone import LIKELIHOOD_LABEL, draw_cone
 from usmap_ros.plotting.trace import draw_trace
-from usmap_ros.reconstruction.reconstructor import Reconstruction
+
+if TYPE_CHECKING:
+    from usmap_ros.reconstruction.reconstructor import Reconstruction
 
 
 def overview_figure(

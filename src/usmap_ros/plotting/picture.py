@@ -11,7 +11,6 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.plotting.cone import cone_figure
 from usmap_ros.plotting.map import map_figure
 from usmap_ros.plotting.overview import overview_figure
-from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.trace import EchoTrace
 
 
@@ -41,5 +40,8 @@ def draw(
     parameters = parameters or PipelineParameters()
     if isinstance(what, EchoCone):
         return cone_figure(what, candidate_cells(what, parameters.mapping), truth)
+    # Here, because to draw a map needs no compiler.
+    from usmap_ros.reconstruction.reconstructor import reconstruct
+
     found = reconstruct(what, parameters.reconstruction)
     return overview_figure(found, candidate_cells(found.cone, parameters.mapping), truth)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,7 +11,9 @@ from numpy.typing import NDArray
 
 from usmap_ros.arrays import FloatArray
 from usmap_ros.plotting import style
-from usmap_ros.reconstruction.reconstructor import Reconstruction
+
+if TYPE_CHECKING:
+    from usmap_ros.reconstruction.reconstructor import Reconstruction
 
 #: Amplitudes below are drawn at the bottom of the picture.
 _FLOOR_DB = -80.0

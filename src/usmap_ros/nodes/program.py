@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 
 from usmap_ros.errors import UsmapError
+from usmap_ros.garbage import look_for_garbage_rarely
 from usmap_ros.live.requirements import require_ros
 from usmap_ros.live.supervisor import PARENT_VARIABLE
 from usmap_ros.parent import end_with_parent
@@ -33,6 +34,7 @@ def begin_program() -> None:
     name = node_name(sys.argv[0], sys.orig_argv)
     if name is None:
         return
+    look_for_garbage_rarely()
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     if PARENT_VARIABLE in os.environ:
         # Later on it makes the node end in good order, its map kept.

@@ -23,139 +23,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within
+from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
+from usmap_ros.mapping.superposition.object_powers import judge_alone, power_steps
 from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.sources import Sources, compare, no_sources, tally
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.special import logistic, logit
 
-#: Powers that an object may have, and how many standard deviations about the median they span.
-POWER_STEPS, POWER_SPREAD = 80, 3.2
 #: Density, per unit of the logarithm of power, of echoes that come from nowhere.
 CLUTTER_DENSITY = 3e-3
-#: Bounds of likelihoods: of an echo's power, and of silence.
-LEAST_LOG_DENSITY, LEAST_SILENCE = -12.0, 0.0025
-LEAST_DENSITY = math.exp(LEAST_LOG_DENSITY)
-#: A limit so many times the power that is returned is not exceeded.
-SURELY_SILENT = 12.0
 #: Quarters, times looks, that are compared at the most.
 MOST_PAIRS = 200_000
 #: Rounds of belief propagation, and the share of its last message that each keeps.
 ROUNDS, DAMPING = 15, 0.3
-
-
-@compiled_within
-def compare_powers(
-    kind: int,
-    level: float,
-    weight: float,
-    fluctuation: float,
-    noise: float,
-    log_powers: NDArray[np.float64],
-    likelihood: NDArray[np.float64],
-    total: NDArray[np.float64],
-) -> None:
-    """Likelihood of what a look has of one object, for each power that it may have.
-
-    Parameters
-    ----------
-    kind : int
-        ECHO, SILENCE or UNJUDGED.
-    level : float
-        Power of the echo, or below which one may have gone unreported.
-    weight : float
-        Power that is returned of power 1.
-    fluctuation : float
-        Variance of ln power from look to look.
-    noise : float
-        Power of the receiver's noise.
-    log_powers : (POWER_STEPS,) float64 array
-        The powers.
-    likelihood : (POWER_STEPS,) float64 array
-        Set.
-    total : (POWER_STEPS,) float64 array
-        The logarithms are added.
-    """
-    likelihood[:] = 1.0
-    if kind == ECHO:
-        variance = fluctuation + 2.0 * noise / level
-        best = math.log(max(level - noise, 0.25 * level) / weight)
-        scale = -0.5 * math.log(2.0 * math.pi * variance)
-        for step in range(POWER_STEPS):
-            off = best - log_powers[step]
-            value = max(scale - 0.5 * off * off / variance, LEAST_LOG_DENSITY)
-            total[step] += value
-            likelihood[step] = LEAST_DENSITY
-            if value > LEAST_LOG_DENSITY:
-                likelihood[step] = math.exp(value)
-    elif kind == SILENCE:
-        ratio = level / weight * math.exp(-log_powers[0])
-        factor = math.exp(log_powers[0] - log_powers[1])
-        for step in range(POWER_STEPS):
-            if ratio < SURELY_SILENT:
-                likelihood[step] = max(-math.expm1(-ratio), LEAST_SILENCE)
-                total[step] += math.log(likelihood[step])
-            ratio *= factor
-
-
-@compiled
-def judge_alone(
-    sources: Sources,
-    log_powers: NDArray[np.float64],
-    log_prior: NDArray[np.float64],
-    fluctuation: float,
-    density: NDArray[np.float64],
-    power: NDArray[np.float64],
-) -> None:
-    """Density of what each look has of each suspect, given what the other looks have.
-
-    Parameters
-    ----------
-    sources : Sources
-        After `compare`.
-    log_powers, log_prior : (POWER_STEPS,) float64 arrays
-        Powers that an object may have, and their prior, as logarithms.
-    fluctuation : float
-        Standard deviation of ln amplitude from look to look.
-    density : (looks, quarters) float64 array
-        Set.
-    power : (quarters,) float64 array
-        Set to the mean of the power, if there is an object.
-    """
-    looks, quarters = sources.kind.shape
-    likelihood = np.empty((looks, POWER_STEPS))
-    total = np.empty(POWER_STEPS)
-    for here in range(quarters):
-        for step in range(POWER_STEPS):
-            total[step] = log_prior[step]
-        for index in range(looks):
-            compare_powers(
-                sources.kind[index, here],
-                sources.level[index, here],
-                sources.weight[index, here],
-                4.0 * fluctuation * fluctuation,
-                sources.noise[index],
-                log_powers,
-                likelihood[index],
-                total,
-            )
-        greatest = total[0]
-        for step in range(1, POWER_STEPS):
-            greatest = max(greatest, total[step])
-        with_it, log_power = 0.0, 0.0
-        for step in range(POWER_STEPS):
-            total[step] = math.exp(total[step] - greatest)
-            with_it += total[step]
-            log_power += total[step] * log_powers[step]
-        for index in range(looks):
-            without = 0.0
-            for step in range(POWER_STEPS):
-                without += total[step] / likelihood[index, step]
-            density[index, here] = with_it / without * sources.fit[index, here]
-        power[here] = math.exp(log_power / with_it)
 
 
 @compiled
@@ -271,12 +154,8 @@ def _weighed(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Vacancy of the sources, and mean power of each quarter: see `Explained`."""
     quarters = sources.kind.shape[1]
-    spread = 2.0 * parameters.reflectivity_spread
-    off = np.linspace(-POWER_SPREAD, POWER_SPREAD, POWER_STEPS)
-    log_prior = -0.5 * off**2 - np.log(np.exp(-0.5 * off**2).sum())
-    log_powers = 2.0 * np.log(parameters.reflectivity) + spread * off
     density, power = np.empty(sources.kind.shape), np.empty(quarters)
-    judge_alone(sources, log_powers, log_prior, parameters.fluctuation, density, power)
+    judge_alone(sources, power_steps(parameters), parameters.fluctuation, density, power)
     log_odds = np.empty(quarters)
     prior = logit(parameters.prior / QUARTERS)
     weigh_sources(sources, density, bin_count, parameters.audibility, prior, log_odds)

@@ -122,7 +122,7 @@ def log_ratio_without(
     for group in range(0, end, COLUMNS):
         for column in range(COLUMNS):
             index = group + column
-            b = start + index
+            b = start + np.uint64(index)
             share = power[index] * bins.inverse[b]
             rest = max(_ONE - share, bins.least_rest[b])
             level, is_echo = bins.level[b] / rest, bins.is_echo[b] > _ZERO
@@ -168,7 +168,8 @@ def add_evidence(
         slot, start = seen.slot[cell], seen.first_bin[cell]
         greatest = _ZERO
         for column in range(seen.reach[cell]):
-            greatest = max(greatest, of_cell[cell, column] * bins.inverse[start + column])
+            b = start + np.uint64(column)
+            greatest = max(greatest, of_cell[cell, column] * bins.inverse[b])
         if greatest <= LEAST_SHARE:
             continue
         evidence.relevant[slot] = 1.0
@@ -200,7 +201,7 @@ def _sum_block(
                     reach = seen.reach[neighbour]
                     last = max(last, offset + reach)
                     for index in range(reach):
-                        block[offset + index] += parts.parts[neighbour, index]
+                        block[offset + np.uint64(index)] += parts.parts[neighbour, index]
     return last
 
 
@@ -245,7 +246,7 @@ def prove_rays(
             continue
         start = seen.first_bin[cell]
         for column in range(seen.reach[cell]):
-            b = start + column
+            b = start + np.uint64(column)
             is_most = parts.parts[cell, column] > PROVING_SHARE * bins.expected[b]
             if is_most and look.kind[b] == ECHO:
                 reach_m = look.least_range_m + (b + 0.5) * look.bin_m

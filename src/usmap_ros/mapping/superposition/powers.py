@@ -163,7 +163,7 @@ def expect(
         kind0, kind1 = seen.heard[cell, 0], seen.heard[cell, 1]
         kind2, kind3 = seen.heard[cell, 2], seen.heard[cell, 3]
         for column in range(COLUMNS):
-            b, edge = start + column, np.float32(column)
+            b, edge = start + np.uint64(column), np.float32(column)
             part = v0 * counted[kind0, b] * overlap(edge, low0, high0)
             part += v1 * counted[kind1, b] * overlap(edge, low1, high1)
             part += v2 * counted[kind2, b] * overlap(edge, low2, high2)
@@ -196,7 +196,7 @@ def _fit_bearings(look: Look, seen: Seen, cell: int, parts: Contributions, bins:
     That is changed afterwards: with a branch in its loop, `expect` took four times as long.
     """
     for column in range(COLUMNS):
-        b, part = seen.first_bin[cell] + column, parts.parts[cell, column]
+        b, part = seen.first_bin[cell] + np.uint64(column), parts.parts[cell, column]
         if part > _ZERO:
             fitting = part * np.float32(bearing_fit(look, b, seen.bearing[cell]))
             parts.parts[cell, column] = fitting

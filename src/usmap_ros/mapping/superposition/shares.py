@@ -57,9 +57,9 @@ def add_shares(
     for cell in range(count):
         start, best = seen.first_bin[cell], -1.0
         for column in range(seen.reach[cell]):
-            part = parts.parts[cell, column]
-            if part > 0.0 and kind[start + column] == ECHO:
-                best = max(best, part / expected[start + column])
+            b, part = start + np.uint64(column), parts.parts[cell, column]
+            if part > 0.0 and kind[b] == ECHO:
+                best = max(best, part / expected[b])
         if best >= 0.0:
             slot = seen.slot[cell]
             x, y = seen.x_m[cell], seen.y_m[cell]

@@ -154,7 +154,7 @@ class TiledGrid:
 
     def is_finite(self, names: Iterable[str], tiles: IndexArray) -> bool:
         """Whether some layers of some tiles hold finite numbers only."""
-        return all(np.isfinite(self._pools[name][tiles]).all() for name in names)
+        return all(_is_finite(self._pools[name][tile]) for name in names for tile in tiles)
 
     def mend(self) -> int:
         """Make cells unknown, in all layers, of which any holds a number that is not finite.
@@ -221,3 +221,8 @@ class TiledGrid:
                 extra = max(tiles, len(pool) + len(pool) // 2) - len(pool)
                 blank = np.full((extra, pool.shape[1]), self._defaults[name], dtype=np.float32)
                 self._pools[name] = np.concatenate([pool, blank])
+
+
+def _is_finite(values: NDArray[np.float32]) -> bool:
+    """Whether all numbers are finite: their squares' sum is, or, slower, each of them."""
+    return math.isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())

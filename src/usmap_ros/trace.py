@@ -255,10 +255,13 @@ class EchoTrace:
     def _validate_sampling(self) -> None:
         bounds.check("sample_rate", self.sample_rate_hz, bounds.SAMPLE_RATE)
         samples_in_pulse = self.sample_rate_hz * self.transducer.pulse.duration_s
-        if not 1.0 <= samples_in_pulse <= 1e5:
+        is_raw = self.encoding is Encoding.RAW
+        most = bounds.MAX_RAW_PULSE_SAMPLES if is_raw else bounds.MAX_PULSE_SAMPLES
+        if not 1.0 <= samples_in_pulse <= most:
             raise MalformedMessageError(
                 "sample_rate",
-                f"of {self.sample_rate_hz:g} Hz puts {samples_in_pulse:.3g} samples on a pulse",
+                f"of {self.sample_rate_hz:g} Hz puts {samples_in_pulse:.3g} samples on a pulse,"
+                f" between 1 and {most} may be",
             )
         bounds.check("start_delay", self.start_delay_s, bounds.START_DELAY)
         bounds.check("noise_std", self.noise_std, bounds.LOUDNESS)

@@ -51,6 +51,7 @@ def test_other_samples_are_real(encoding):
         ({"sample_rate_hz": float("nan")}, "sample_rate"),
         ({"sample_rate_hz": 100.0}, "sample_rate"),
         ({"sample_rate_hz": 1e12}, "sample_rate"),
+        ({"sample_rate_hz": 2e7, "encoding": Encoding.RAW}, "6.4e.03 samples on a pulse"),
         ({"start_delay_s": -1.0}, "start_delay"),
         ({"noise_std": float("inf")}, "noise_std"),
         ({"samples": np.zeros(0, dtype=np.float32)}, "samples"),

@@ -29,6 +29,8 @@ TAPS_PER_SAMPLE = 8
 PASS_BAND = 0.8
 #: Points a raw sample at which the filtered pulse is tabulated.
 TABLE_POINTS = 4
+#: Points times taps that are worked out at once.
+TABLE_ENTRIES = 1_000_000
 #: Delays at which a raw echo is tried for what sampling does to it, spread by this irrational step.
 JITTER_DELAYS = 64
 GOLDEN_RATIO = 0.6180339887
@@ -223,8 +225,15 @@ def _filtered_template(
     duration_s = pulse.length_s + (len(taps) - 1) / rate_hz
     points = int(np.ceil(duration_s * rate_hz * TABLE_POINTS)) + 1
     time_s = np.arange(points) / (rate_hz * TABLE_POINTS)
-    age_s = time_s[:, np.newaxis] - np.arange(len(taps)) / rate_hz
-    table = _envelope_between_samples(pulse, carrier_hz, rate_hz, age_s) @ taps
+    tap_s = np.arange(len(taps)) / rate_hz
+    # Some points at a time: all of a long pulse's, times all taps, would take gigabytes.
+    table = np.concatenate(
+        [
+            _envelope_between_samples(pulse, carrier_hz, rate_hz, some[:, np.newaxis] - tap_s)
+            @ taps
+            for some in np.array_split(time_s, math.ceil(points * len(taps) / TABLE_ENTRIES))
+        ]
+    )
     template = Template(0.0, float(time_s[-1]), pulse, tuple(table), carrier_hz)
     delay_jitter_s, amplitude_jitter, misfit = _sampling_errors(template, rate_hz, decimation)
     return replace(

@@ -35,9 +35,9 @@ from usmap_ros.pipeline import Pipeline
 from usmap_ros.trace import Encoding
 
 #: What is said of it.
-ONCE = "Compiling the inner loops, once on this machine (some 15 s)"
+ONCE = "Compiling the inner loops, once on this machine (some 30 s)"
 EACH_TIME = (
-    "Compiling the inner loops (some 30 s), as at each start: no folder to keep them in can be"
+    "Compiling the inner loops (some 60 s), as at each start: no folder to keep them in can be"
     " written; NUMBA_CACHE_DIR can name one"
 )
 SLOW = "Numba is missing or switched off: the inner loops run as Python, some eighty times slower"

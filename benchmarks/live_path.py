@@ -81,25 +81,25 @@ class Observed:
 class Fleet:
     """The nodes under test, as processes."""
 
-    def __init__(self, robots: list[str], publish_rate_hz: float, is_shared: bool) -> None:
-        if is_shared:
-            transducers = f"transducers:={json.dumps(robots)}"
-            shared = self._start("cone_reconstructor", "", "-p", transducers)
-            self.processes = {"/cone_reconstructor": shared}
-        else:
-            self.processes = {
-                f"/{robot}/cone_reconstructor": self._start("cone_reconstructor", robot)
-                for robot in robots
-            }
-        self.processes["/map_fusion"] = self._start(
-            "map_fusion", "", "-p", f"publish_rate_hz:={publish_rate_hz}"
-        )
+    def __init__(self) -> None:
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
 
-    def _start(self, node: str, namespace: str, *arguments: str) -> subprocess.Popen[bytes]:
+    def start(self, robots: list[str], publish_rate_hz: float, is_shared: bool) -> None:
+        """Start one reconstructor for all robots, or one for each, and a fusion."""
+        if is_shared:
+            self._start("cone_reconstructor", "", "-p", f"transducers:={json.dumps(robots)}")
+        else:
+            for robot in robots:
+                self._start("cone_reconstructor", robot)
+        self._start("map_fusion", "", "-p", f"publish_rate_hz:={publish_rate_hz}")
+
+    def _start(self, node: str, namespace: str, *arguments: str) -> None:
         command = [sys.executable, "-m", f"usmap_ros.nodes.{node}", "--ros-args"]
         command += ["-r", f"__ns:=/{namespace}", "--log-level", "error", *arguments]
         # None of them is to outlive this process, however that ends.
-        return subprocess.Popen(command, env=os.environ | {PARENT_VARIABLE: str(os.getpid())})
+        environment = os.environ | {PARENT_VARIABLE: str(os.getpid())}
+        name = f"/{namespace}/{node}" if namespace else f"/{node}"
+        self.processes[name] = subprocess.Popen(command, env=environment)
 
     def cpu_seconds(self) -> dict[str, float]:
         """Processor time that each process has used."""
@@ -112,7 +112,8 @@ class Fleet:
     def end(self) -> None:
         """End all processes, those that hang too: Fast DDS can, when others leave."""
         for process in self.processes.values():
-            process.send_signal(signal.SIGINT)
+            # Not SIGINT, of which a Python that is just being started complains.
+            process.terminate()
         for process in self.processes.values():
             try:
                 process.wait(15.0)
@@ -154,14 +155,14 @@ def measure(
     names = [f"robot{number}" for number in range(robots)]
     # Who ends this process ends a measurement, and not ROS under the threads that use it.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    fleet = Fleet(names, publish_rate_hz, is_shared)
-    node = rclpy.create_node("benchmark")
+    fleet, node = Fleet(), rclpy.create_node("benchmark")
     # Maps are listened to in a thread of their own, so that a ping costs no more than publishing.
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     listener = threading.Thread(target=executor.spin)
     listener.start()
     try:
+        fleet.start(names, publish_rate_hz, is_shared)
         return _measure(node, fleet, names, rate_hz, seconds)
     finally:
         fleet.end()

@@ -26,8 +26,8 @@ class Bound(NamedTuple):
 
 #: Samples of a trace: a second at 2 MHz.
 MAX_SAMPLES = 2_000_000
-#: Samples on a pulse; of raw ones the filter that mixes them down is as long, and its table grows
-#: with the square.
+#: Samples on a pulse; of raw ones with a carrier the filter that mixes them down is as long, and
+#: its table grows with the square.
 MAX_PULSE_SAMPLES, MAX_RAW_PULSE_SAMPLES = 100_000, 5_000
 #: Echoes of a cone; reconstruction looks for 32, and for 1000 at most.
 MAX_ECHOES = 1000

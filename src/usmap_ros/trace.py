@@ -255,8 +255,8 @@ class EchoTrace:
     def _validate_sampling(self) -> None:
         bounds.check("sample_rate", self.sample_rate_hz, bounds.SAMPLE_RATE)
         samples_in_pulse = self.sample_rate_hz * self.transducer.pulse.duration_s
-        is_raw = self.encoding is Encoding.RAW
-        most = bounds.MAX_RAW_PULSE_SAMPLES if is_raw else bounds.MAX_PULSE_SAMPLES
+        is_mixed_down = self.encoding is Encoding.RAW and self.transducer.pulse.carrier_hz > 0.0
+        most = bounds.MAX_RAW_PULSE_SAMPLES if is_mixed_down else bounds.MAX_PULSE_SAMPLES
         if not 1.0 <= samples_in_pulse <= most:
             raise MalformedMessageError(
                 "sample_rate",

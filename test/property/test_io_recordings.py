@@ -77,7 +77,8 @@ def traces(draw: st.DrawFn) -> EchoTrace:
             draw(st.floats(0, 1)),
         ),
         encoding=draw(st.sampled_from(Encoding)),
-        sample_rate_hz=draw(st.floats(2e4, 1e6)),
+        # With the longest pulse as many samples as a raw one may have.
+        sample_rate_hz=draw(st.floats(2e4, 5e5)),
         start_delay_s=draw(st.floats(0, 1)),
         noise_std=draw(st.floats(0, 10)),
         samples=draw(float32s(2 * draw(st.integers(1, 50)))),

@@ -34,7 +34,7 @@ else:
     # Its parser imports modules that Python has deprecated; once is enough.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        import rosidl_generator_py  # noqa: F401
+        import rosidl_generator_py  # noqa: F401 - for its warnings
 
     import rclpy
     from rclpy.executors import SingleThreadedExecutor

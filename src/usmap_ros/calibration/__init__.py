@@ -10,22 +10,17 @@ the gain.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from usmap_ros.calibration.estimation import calibrate
     from usmap_ros.calibration.result import Calibration, Estimate
 from usmap_ros.calibration.target import Target
+from usmap_ros.offering import offered
 
 __all__ = ["Calibration", "Estimate", "Target", "calibrate"]
 
-_MODULES = dict.fromkeys(("Calibration", "Estimate", "Target"), "result")
-_MODULES["calibrate"] = "estimation"
-
-
-def __getattr__(name: str) -> object:
-    """Import what is asked for: every recording's pulse is looked at, and few are calibrated."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+# Every recording's pulse is looked at, and few are calibrated.
+__getattr__ = offered(
+    __name__, {"estimation": ["calibrate"], "result": ["Calibration", "Estimate"]}
+)

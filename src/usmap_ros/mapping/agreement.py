@@ -117,7 +117,7 @@ def _compared(look: Look, power: FloatArray, other: FloatArray) -> tuple[float, 
     loud = 4.0 * look.noise / NOISE_BELOW_LIMIT
     # Where either says that there is an echo.
     tells = (np.maximum(power, other) > loud) & (look.kind != UNJUDGED)
-    difference = (_log_likelihood(look, power) - _log_likelihood(look, other))[tells]
+    difference = (log_likelihood(look, power) - log_likelihood(look, other))[tells]
     return float(np.clip(difference, -MOST_A_BIN, MOST_A_BIN).sum()), int(tells.sum())
 
 
@@ -146,8 +146,16 @@ def _turn(expected: Sequence[Expected]) -> dict[str, float]:
     }
 
 
-def _log_likelihood(look: Look, power: FloatArray) -> FloatArray:
-    """Log-likelihood of each range bin: see `usmap_ros.mapping.superposition.evidence`."""
+def log_likelihood(look: Look, power: FloatArray) -> FloatArray:
+    """Log-likelihood of each range bin: of an echo, or of silence up to a limit.
+
+    Parameters
+    ----------
+    look : Look
+        What was heard.
+    power : (bins,) array
+        Expected power.
+    """
     heard = -look.power / power - np.log(power)
     silent = np.log(-np.expm1(-np.maximum(look.limit / power, 1e-9)))
     return np.where(look.kind == ECHO, heard, np.where(look.kind == SILENCE, silent, 0.0))

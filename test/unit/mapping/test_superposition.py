@@ -7,6 +7,7 @@ import pytest
 from scipy.special import expit, logit
 
 from usmap_ros.cone import EchoCone
+from usmap_ros.mapping.agreement import log_likelihood
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
 from usmap_ros.mapping.superposition.belief import (
@@ -18,7 +19,7 @@ from usmap_ros.mapping.superposition.belief import (
 )
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
 from usmap_ros.mapping.superposition.dealing import learn
-from usmap_ros.mapping.superposition.evidence import Bounds, add_gain, log_likelihood
+from usmap_ros.mapping.superposition.evidence import Bounds, add_gain
 from usmap_ros.mapping.superposition.learning import (
     Powers,
     find_unexplained,
@@ -74,8 +75,7 @@ class Area:
 
     def learn(self, look: Look) -> float:
         """Learn from a look; returns its log-likelihood before."""
-        heard = zip(look.kind, look.power, look.limit, self.expected(look), strict=True)
-        before = sum(log_likelihood(*of_a_bin) for of_a_bin in heard)
+        before = float(log_likelihood(look, self.expected(look)).sum())
         learn(look, self.see(look), self.powers, 0.5, self.work.scratch)
         return before
 

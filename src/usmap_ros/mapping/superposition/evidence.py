@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -85,16 +84,6 @@ def prepare_bins(look: Look, bins: Bins) -> None:
         elif look.kind[b] == SILENCE:
             bins.level[b] = look.limit[b] / expected
             bins.log_likelihood[b] = log32(1.0 - exp32(-bins.level[b]))
-
-
-@inlined
-def log_likelihood(kind: int, power: float, limit: float, expected: float) -> float:
-    """Log-likelihood of an echo's power, or of silence up to a limit, with an expected power."""
-    if kind == ECHO:
-        return -power / expected - math.log(expected)
-    if kind == SILENCE:
-        return math.log1p(-math.exp(-limit / expected))
-    return 0.0
 
 
 @inlined

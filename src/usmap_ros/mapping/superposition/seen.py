@@ -196,7 +196,8 @@ def place_cells(
     """
     measured, count = _measure(look, res, seen, listed), 0
     for cell in range(measured):
-        middle, _, _, depth, blurred = _extent(look, res, seen, cell)
+        extent = _extent(look, res, seen, cell)
+        middle, _, _, depth, blurred = extent
         first, last = int(max(middle - depth - blurred, 0.0)), int(middle + depth + blurred)
         if next_wanted[min(first, len(look.kind))] > last:
             continue
@@ -209,7 +210,7 @@ def place_cells(
         seen.range_m[count], seen.bearing[count] = seen.range_m[cell], seen.bearing[cell]
         seen.weight[count], seen.ray[count] = seen.weight[cell] * share, ray
         seen.place[slot] = count
-        _spread(look, res, seen, count)
+        _spread(look, extent, seen, count)
         count += 1
     return count
 
@@ -239,9 +240,11 @@ def _extent(
 
 
 @inlined
-def _spread(look: Look, res: float, seen: Seen, cell: int) -> None:
+def _spread(
+    look: Look, extent: tuple[float, float, float, float, float], seen: Seen, cell: int
+) -> None:
     """Spread the power of a cell's quarters over range bins."""
-    middle, along_x, along_y, depth, blurred = _extent(look, res, seen, cell)
+    middle, along_x, along_y, depth, blurred = extent
     least = most = middle
     for quarter in range(QUARTERS):
         center = middle + (along_x if quarter & 1 else -along_x)

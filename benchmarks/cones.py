@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from reconstruction import of_range
 
-from usmap_ros.cone import EchoCone
-from usmap_ros.mapping.scoring import score
+from usmap_ros.evaluation.scoring import score
 from usmap_ros.parameters import MappingParameters, PipelineParameters
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 #: Pings, and how many of them, the last ones, are timed.

@@ -28,11 +28,11 @@ from nav2_layers import (
 )
 from PIL import Image
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.io.conversions import range_to_message
 from usmap_ros.io.message_types import BagMessageTypes
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[1]

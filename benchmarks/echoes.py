@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from reconstruction import RATES_HZ, SCENES, received
 
-from usmap_ros.cone import LIMIT_STEP_DB, EchoCone
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import LIMIT_STEP_DB, EchoCone
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
 

@@ -11,9 +11,9 @@ import numpy as np
 from methods import Method
 from recordings import code, world
 
+from usmap_ros.evaluation.reliability import Reliability
+from usmap_ros.evaluation.scoring import Score
 from usmap_ros.io.atomic import write_atomically
-from usmap_ros.mapping.reliability import Reliability
-from usmap_ros.mapping.scoring import Score
 from usmap_ros.simulation import Scenario
 
 #: Of the package: what a score depends on.

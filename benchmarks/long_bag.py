@@ -24,13 +24,13 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.offline import map_bag, peak_memory_mb
-from usmap_ros.parallel import Reconstructors
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.robot_paths import RobotPaths
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.runs.offline import map_bag, peak_memory_mb
+from usmap_ros.runs.parallel import Reconstructors
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"

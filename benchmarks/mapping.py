@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.offline import map_bag
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.pipeline import FUSIONS, Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.reconstruction.reconstructor import reconstruct
-from usmap_ros.robot_paths import RobotPaths
+from usmap_ros.runs.offline import map_bag
+from usmap_ros.runs.pipeline import FUSIONS, Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"

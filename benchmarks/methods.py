@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from recordings import Cones
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.yaml_files import validated
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.runs.pipeline import Pipeline
 
 
 @dataclass(frozen=True)

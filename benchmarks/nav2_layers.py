@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.mapping.free_space import free_space
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 LETHAL, FREE, UNKNOWN = 254, 0, 255
 #: Of the robot; a lethal cell as near as that boxes it in.

@@ -27,8 +27,8 @@ from scipy.ndimage import distance_transform_edt
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.plotting import save_figure, style
 from usmap_ros.plotting.map import map_figure
+from usmap_ros.runs.trial import Trial, try_scenario
 from usmap_ros.simulation import Scenario
-from usmap_ros.trial import Trial, try_scenario
 
 #: As in nav2: cost of a cell that the robot's inscribed circle would touch something from, and
 #: what each cell costs a path.

@@ -21,15 +21,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.listening import listened
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.preparation.valid_part import listened
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.cells import reconstruct_cells
 from usmap_ros.reconstruction.cone_cells import ConeCells
 from usmap_ros.reconstruction.delay_search import compiled_search, operator_search
 from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
-from usmap_ros.trace import EchoTrace
 
 SCENARIOS = Path(__file__).parents[1] / "config/scenarios"
 SCENARIO = SCENARIOS / "poles.yaml"

@@ -7,10 +7,10 @@ from functools import cache
 from pathlib import Path
 
 import usmap_ros
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
 

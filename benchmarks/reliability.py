@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from pages import put_with_picture
 from scores import all_results, cases
 
-from usmap_ros.mapping.reliability import BINS, LEAST_SHARE, SURELY_FREE, Reliability
+from usmap_ros.evaluation.reliability import BINS, LEAST_SHARE, SURELY_FREE, Reliability
 from usmap_ros.plotting import save_figure, style
 
 #: Kinds of scenes that are pooled, by what they are called together.

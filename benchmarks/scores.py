@@ -32,9 +32,9 @@ from rich.progress import track
 from scenes import CONDITIONS, KINDS, scenario
 from score_pictures import draw_maps, draw_scores
 
-from usmap_ros.mapping.reliability import Reliability, reliability
-from usmap_ros.mapping.scoring import Score, score
-from usmap_ros.views import PingViews
+from usmap_ros.evaluation.reliability import Reliability, reliability
+from usmap_ros.evaluation.scoring import Score, score
+from usmap_ros.pings.fields_of_view import PingViews
 
 SEEDS = (901, 902, 903)
 #: Under which conditions other than the plain one scenes are recorded, if none is named.

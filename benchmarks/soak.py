@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"

@@ -31,12 +31,12 @@ import numpy as np
 from numpy.typing import NDArray
 from reconstruction import SPARSITY, dense_cosamp, sensing_matrix
 
-from usmap_ros.compiled import compiled
+from usmap_ros.numerics.compiled import compiled
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.cone_cells import ConeCells
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
-from usmap_ros.trace import EchoTrace
 
 CELL_M = 0.05
 #: Ranges that are one echo, and an echo that is an object's.

@@ -21,12 +21,12 @@ from usmap_ros.acoustics.profile import Profile
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.received_pulse import driven_resonators
+from usmap_ros.pings.preparation.received_pulse import driven_resonators
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation.receiver import Arrivals, Receiver
-from usmap_ros.trace import EchoTrace, Encoding
 
 SQUARE = Pulse(PulseShape.SQUARE, 0.0, 0.00032)
 TONE = Pulse(PulseShape.TONE_BURST, 50_000.0, 0.00032)

@@ -36,7 +36,7 @@ def run() -> dict[str, Any]:
             "numpy": [sys.executable, "-c", "import numpy"],
             "usmap_version": [*USMAP, "--version"],
             "usmap_info": [*USMAP, "info", str(bag)],
-            "pipeline": [sys.executable, "-c", "import usmap_ros.pipeline"],
+            "pipeline": [sys.executable, "-c", "import usmap_ros.runs.pipeline"],
             "usmap_map": [*USMAP, "map", str(bag), "-o", f"{folder}/map", "-j", "1"],
         }
         return {f"{name}_ms": milliseconds(command) for name, command in programs.items()}

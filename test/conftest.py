@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import HealthCheck, settings
 
-from usmap_ros.cores import keep_linear_algebra_to_one_core
+from usmap_ros.processes.cores import keep_linear_algebra_to_one_core
 
 # Before NumPy is imported, and most of all where several test processes share the machine.
 keep_linear_algebra_to_one_core()

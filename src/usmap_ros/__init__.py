@@ -1,7 +1,7 @@
 """Multi-robot occupancy mapping from in-air ultrasound.
 
-Data flows one way: acoustics → simulation → reconstruction → mapping.
-``io`` stands beside them; ``live``, ``nodes`` and ``cli`` are on top.
+Data flows one way: acoustics → pings → reconstruction → mapping → runs.  ``simulation`` and ``io``
+stand beside them; ``live``, ``nodes`` and ``cli`` are on top.
 
 What programs need most can be had from here; docs/python.md shows how.  Nothing is imported
 before it is asked for, and nothing of it needs ROS.
@@ -20,26 +20,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from usmap_ros.offering import offered
+from usmap_ros.lazy_names import offered
 
 if TYPE_CHECKING:
     from usmap_ros.acoustics.beam import BeamPattern
     from usmap_ros.acoustics.propagation import Channel
     from usmap_ros.acoustics.pulse import Pulse, PulseShape
     from usmap_ros.acoustics.transducer import Transducer
-    from usmap_ros.cone import EchoCone
     from usmap_ros.errors import UsmapError
-    from usmap_ros.geometry import Pose
+    from usmap_ros.evaluation.scoring import score
     from usmap_ros.grids import OccupancyMap, TruthMap
     from usmap_ros.io.bags import read_bag, write_bag
     from usmap_ros.io.map_files import load_map, load_truth, save_map
-    from usmap_ros.mapping.scoring import score
+    from usmap_ros.numerics.geometry import Pose
     from usmap_ros.parameters import PipelineParameters
-    from usmap_ros.pipeline import Pipeline
+    from usmap_ros.pings.cone import EchoCone
+    from usmap_ros.pings.trace import EchoTrace, Encoding
     from usmap_ros.plotting import draw
+    from usmap_ros.runs.pipeline import Pipeline
+    from usmap_ros.runs.trial import try_scenario
     from usmap_ros.simulation import Scenario, hear, simulate
-    from usmap_ros.trace import EchoTrace, Encoding
-    from usmap_ros.trial import try_scenario
 
 __version__ = "0.1.0"
 
@@ -78,19 +78,19 @@ __getattr__ = offered(
         "acoustics.propagation": ["Channel"],
         "acoustics.pulse": ["Pulse", "PulseShape"],
         "acoustics.transducer": ["Transducer"],
-        "cone": ["EchoCone"],
+        "pings.cone": ["EchoCone"],
         "errors": ["UsmapError"],
-        "geometry": ["Pose"],
+        "numerics.geometry": ["Pose"],
         "grids": ["OccupancyMap", "TruthMap"],
         "io.bags": ["read_bag", "write_bag"],
         "io.map_files": ["load_map", "load_truth", "save_map"],
-        "mapping.scoring": ["score"],
+        "evaluation.scoring": ["score"],
         "parameters": ["PipelineParameters"],
-        "pipeline": ["Pipeline"],
+        "runs.pipeline": ["Pipeline"],
         "plotting": ["draw"],
         "simulation": ["Scenario", "hear", "simulate"],
-        "trace": ["EchoTrace", "Encoding"],
-        "trial": ["try_scenario"],
+        "pings.trace": ["EchoTrace", "Encoding"],
+        "runs.trial": ["try_scenario"],
     },
 )
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import BoolArray, FloatArray, IntArray
-from usmap_ros.special import logit
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.numerics.special import logit
 
 #: A cell counts as occupied from this probability on (nav2's ``occupied_thresh``).
 OCCUPIED_PROBABILITY = 0.65

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.arrays import FloatArray
-from usmap_ros.geometry import Pose
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import Encoding
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import hear
 from usmap_ros.simulation.receiver import Receiver
-from usmap_ros.trace import Encoding
 
 ROOT = Path(__file__).parents[2]
 NOISE_STD = 0.01

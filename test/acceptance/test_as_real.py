@@ -7,7 +7,7 @@ import pytest
 
 from usmap_ros.calibration import Target, calibrate
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[2] / "config" / "scenarios" / "as_real.yaml"

@@ -9,8 +9,8 @@ import pytest
 
 from usmap_ros.io.bags import read_bag
 from usmap_ros.io.map_files import load_truth
+from usmap_ros.runs.trial import Trial, try_scenario, try_traces
 from usmap_ros.simulation import Scenario
-from usmap_ros.trial import Trial, try_scenario, try_traces
 
 #: F1 within one cell.
 PROMISED_F1 = {"poles": 0.92, "poles_floor": 0.85, "poles_pose_error": 0.80, "sandbox": 0.80}

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.alignment import AlignedMaps, align
-from usmap_ros.mapping.drivability import drivability, reachable
+from usmap_ros.evaluation.alignment import AlignedMaps, align
+from usmap_ros.evaluation.drivability import drivability, reachable
+from usmap_ros.pings.fields_of_view import PingViews
+from usmap_ros.runs.trial import Trial, try_scenario
 from usmap_ros.simulation import Scenario
-from usmap_ros.trial import Trial, try_scenario
-from usmap_ros.views import PingViews
 
 pytestmark = pytest.mark.slow
 

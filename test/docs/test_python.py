@@ -91,7 +91,7 @@ def test_importing_it_imports_nothing_else() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     # What offers the names, and loads nothing before one is asked for.
-    assert done.stdout == "['usmap_ros.offering']\n"
+    assert done.stdout == "['usmap_ros.lazy_names']\n"
 
 
 @pytest.mark.parametrize("module", ["usmap_ros", "usmap_ros.simulation.points"])

@@ -11,33 +11,16 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
-    {"linked", "offering"},
-    {"arrays", "compiled", "cores", "errors", "garbage", "parent"},
-    {"bounds", "elementary", "special"},
-    {"geometry"},
-    {"acoustics"},
-    {"grids", "parameters", "transducer_array"},
-    {"trace", "cone"},
-    {
-        "amplitude_scale",
-        "correction",
-        "listening",
-        "received_pulse",
-        "resting_level",
-        "range_cones",
-        "repeats",
-        "ringing",
-        "soundings",
-        "two_elements",
-        "views",
-    },
-    {"robot_paths"},
+    {"errors", "lazy_names"},
+    {"bounds", "processes"},
+    {"numerics"},
+    {"acoustics", "grids", "parameters"},
+    {"pings"},
     {"io"},
-    {"simulation", "reconstruction", "mapping"},
-    {"calibration", "importing", "pipeline"},
-    {"cluster", "parallel", "plotting"},
-    {"compilation", "offline", "trial"},
-    {"collection", "demo", "live", "paper"},
+    {"simulation", "reconstruction", "mapping", "evaluation"},
+    {"calibration", "importing", "plotting"},
+    {"runs"},
+    {"live", "paper"},
     {"drivers"},
     {"nodes"},
     {"cli"},
@@ -122,7 +105,7 @@ def test_types_of_arrays_have_one_home() -> None:
     wrong = [
         name
         for name, path in MODULES.items()
-        if name not in ("usmap_ros.arrays", "usmap_ros.mapping.grid")
+        if name not in ("usmap_ros.numerics.arrays", "usmap_ros.mapping.grid")
         and re.search(r"^\w+Array = ", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
     ]
     assert not wrong
@@ -130,8 +113,8 @@ def test_types_of_arrays_have_one_home() -> None:
 
 def test_the_tests_see_imports() -> None:
     """Or the others would pass whatever there is."""
-    assert "usmap_ros.geometry" in IMPORTS["usmap_ros.trace"]
-    assert "usmap_ros.mapping.scoring" in IMPORTS["usmap_ros.cli.evaluate"]
+    assert "usmap_ros.numerics.geometry" in IMPORTS["usmap_ros.pings.trace"]
+    assert "usmap_ros.evaluation.scoring" in IMPORTS["usmap_ros.cli.evaluate"]
     assert "rclpy" in {
         module.split(".")[0]
         for name, path in MODULES.items()

@@ -6,11 +6,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import binary_dilation
 
+from usmap_ros.evaluation.alignment import AlignedMaps
+from usmap_ros.evaluation.drivability import drivability, reachable
+from usmap_ros.evaluation.line_of_sight import pings_in_sight
 from usmap_ros.grids import GridGeometry
-from usmap_ros.mapping.alignment import AlignedMaps
-from usmap_ros.mapping.drivability import drivability, reachable
-from usmap_ros.mapping.line_of_sight import pings_in_sight
-from usmap_ros.views import PingViews
+from usmap_ros.pings.fields_of_view import PingViews
 
 SHAPE = (24, 30)
 GEOMETRY = GridGeometry(0.05, (-0.4, 1.0), SHAPE)

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_VALUE, GridGeometry, OccupancyMap
 from usmap_ros.io.map_files import load_map, load_truth, save_map
 from usmap_ros.io.nav2_map import load_nav2_map
-from usmap_ros.robot_paths import RobotPaths
+from usmap_ros.pings.robot_paths import RobotPaths
 
 
 @st.composite

@@ -15,14 +15,14 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import cone_from_cdr, cone_to_cdr, trace_from_cdr, trace_to_cdr
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, typestore
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace, Encoding
 
 EPOCH = 1_700_000_000_000_000_000
 TRACES = 60

@@ -12,16 +12,16 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE, TiledGrid
-from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+from usmap_ros.mapping.yardsticks.additive import AdditiveFusion
+from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 QUICK = settings(max_examples=40)
 #: Each example is a map or two.

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.reconstruction.bearings import Sighting, Viewpoint, bearings_of, find_bearings
 from usmap_ros.reconstruction.cones import Echoes
 

@@ -11,12 +11,12 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation.receiver import Arrivals, Receiver
-from usmap_ros.trace import EchoTrace, Encoding
 
 QUICK = settings(max_examples=25)
 RATES_HZ = {Encoding.IQ: 25_000.0, Encoding.ENVELOPE: 25_000.0, Encoding.RAW: 250_000.0}

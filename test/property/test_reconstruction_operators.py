@@ -11,13 +11,13 @@ from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellSound
 from usmap_ros.reconstruction.cone_cells import ConeCells
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.joint import JointOperator
 from usmap_ros.reconstruction.template import Template
-from usmap_ros.trace import Encoding
 
 QUICK = settings(max_examples=40)
 

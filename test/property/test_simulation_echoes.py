@@ -11,13 +11,13 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation import EchoSimulator, MountedTransducer
 from usmap_ros.simulation.motion import RandomWalk
 from usmap_ros.simulation.receiver import Converter, Receiver
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along
-from usmap_ros.trace import Encoding
 
 PULSE = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
 SURFACE = Surface(0.5, 2.0, 30.0, 0.005)

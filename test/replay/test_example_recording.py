@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from usmap_ros.evaluation.scoring import score
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.map_files import load_truth
-from usmap_ros.mapping.scoring import score
-from usmap_ros.offline import map_bag
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.robot_paths import RobotPaths
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.runs.offline import map_bag
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation.recording import simulate
 from usmap_ros.simulation.scenario import Scenario
 

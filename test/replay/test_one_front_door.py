@@ -18,9 +18,9 @@ from usmap_ros.io.bags import read_bag
 from usmap_ros.io.map_files import load_map
 from usmap_ros.parameters import MappingParameters, PipelineParameters, ReconstructionParameters
 from usmap_ros.parameters.pipeline import SolverName
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.trial import try_traces
 from usmap_ros.simulation import Scenario, record
-from usmap_ros.trial import try_traces
 
 YARD = Path(__file__).parents[2] / "bags" / "yard"
 CHIRPS = Path(__file__).parents[2] / "config" / "scenarios" / "chirps.yaml"

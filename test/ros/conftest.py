@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_to_cdr, trace_to_cdr
 from usmap_ros.live.supervisor import PARENT_VARIABLE
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import EchoSimulator, Scenario, simulate
-from usmap_ros.trace import EchoTrace
 
 HAS_ROS = all(find_spec(package) for package in ("rclpy", "usmap_msgs"))
 if not HAS_ROS:
@@ -326,7 +326,7 @@ def far_cones() -> Callable[..., list[EchoCone]]:
     """Give a function that makes cones at growing distances from the origin."""
 
     def make(scenario: Scenario, positions_m: list[tuple[float, float]]) -> list[EchoCone]:
-        from usmap_ros.geometry import Pose
+        from usmap_ros.numerics.geometry import Pose
 
         scene = scenario.scene()
         robot = scenario.fleet(scene)[0]

@@ -13,7 +13,6 @@ from rclpy.serialization import serialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosbags.rosbag2 import Reader
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
@@ -24,7 +23,8 @@ from usmap_ros.nodes.bag_recorder import BagRecorder
 from usmap_ros.nodes.bag_replay import BagReplay
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 
 ECHO, CONE = "usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"

@@ -10,14 +10,14 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 
 from usmap_ros.calibration import fitness
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_from_cdr, points_from_message, trace_to_cdr
 from usmap_ros.io.conversions.common import header_to_message
 from usmap_ros.live.health import Level
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.simulation import Scenario, simulate
-from usmap_ros.trace import EchoTrace
 
 ECHO, CONE = "usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"
 TYPES = RosMessageTypes()

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry
 from usmap_ros.io import conversions
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 
 TYPES = RosMessageTypes()
 TRACE, CONE = map(interface_class, ("usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"))

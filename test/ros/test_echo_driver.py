@@ -10,11 +10,11 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 
 from usmap_ros.errors import ConfigurationError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_to_message, trace_from_cdr
 from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.plumbing.ros_types import interface_class as type_of
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation import Scenario
 
 SCENARIOS = Path(__file__).parents[2] / "config/scenarios"

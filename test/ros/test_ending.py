@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import cone_to_cdr
 from usmap_ros.io.map_files import load_map
 from usmap_ros.live import supervisor
 from usmap_ros.nodes.plumbing import run
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.pings.cone import EchoCone
 
 TYPES = RosMessageTypes()
 DEADLINE_S = 300.0

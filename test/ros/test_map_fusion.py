@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
 from usmap_ros.grids import LAYERS, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.io.conversions import cone_to_cdr, grid_from_message, points_from_message
 from usmap_ros.io.conversions.common import header_to_message
@@ -28,8 +26,10 @@ from usmap_ros.nodes.plumbing.map_publisher import (
     placed,
 )
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario
 
 CONE, GRID = "usmap_msgs/msg/EchoCone", "nav_msgs/msg/OccupancyGrid"

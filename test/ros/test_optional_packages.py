@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import cone_to_cdr, trace_to_cdr, transform_to_message
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.echo_driver import EchoDriver
@@ -22,8 +20,10 @@ from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing import ros_types
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 
 CONE = "usmap_msgs/msg/EchoCone"
 TYPES = RosMessageTypes()

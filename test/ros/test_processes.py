@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from usmap_ros.evaluation.scoring import score
 from usmap_ros.io.conversions import grid_from_message
 from usmap_ros.io.map_files import load_map
-from usmap_ros.mapping.scoring import score
 from usmap_ros.simulation import Scenario
 
 pytestmark = pytest.mark.slow

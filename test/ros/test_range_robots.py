@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 from rclpy.serialization import serialize_message
 
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import cone_from_cdr, odometry_to_message, range_to_message
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.numerics.geometry import Pose
 
 CONE, RANGE, ODOMETRY = (
     "usmap_msgs/msg/EchoCone",

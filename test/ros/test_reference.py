@@ -19,7 +19,7 @@ from usmap_ros.nodes.echo_driver import EchoDriver
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.serial_driver import SerialDriver
 from usmap_ros.parameters.fields import flat_fields, is_among
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace
 
 ROOT = Path(__file__).parents[2]
 CLASSES = {

@@ -11,11 +11,11 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 
 from usmap_ros.errors import ConfigurationError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_to_message, trace_from_cdr
 from usmap_ros.live.health import Level
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.nodes.serial_driver import SerialDriver
+from usmap_ros.numerics.geometry import Pose
 
 TYPES = RosMessageTypes()
 PAGE = (Path(__file__).parents[2] / "docs" / "own_sensor.md").read_text(encoding="utf-8")

@@ -10,11 +10,11 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 
 TRANSDUCER = Transducer(Pulse(PulseShape.HANN_BURST, 40e3, 4e-4), BeamPattern.linear(), 0.2, 6.0)
 TRACE = EchoTrace.from_signal(

@@ -25,7 +25,6 @@ from mutations import (
 from PIL import Image
 from rosbags.serde import SerdeError
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
@@ -42,10 +41,11 @@ from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.yaml_files import load_yaml
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.parameters import MappingParameters, PipelineParameters
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.robot_paths import RobotPaths
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
-from usmap_ros.trace import EchoTrace
 
 ROOT = Path(__file__).parents[2]
 

@@ -17,7 +17,6 @@ from typing import Any
 
 import rclpy
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.conversions import cone_to_cdr
@@ -25,7 +24,8 @@ from usmap_ros.io.map_files import GRID_FILE, load_map
 from usmap_ros.live.supervisor import PARENT_VARIABLE
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import prepare_environment
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[2]

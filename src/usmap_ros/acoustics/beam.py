@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros import bounds
-from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.numerics.arrays import FloatArray
 
 #: Half of the 80° cone of Sanchez & Andersson (DSCC 2018-9140).
 PAPER_HALF_ANGLE_RAD = float(np.deg2rad(40.0))

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray
-from usmap_ros.geometry import left_normals
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import left_normals
 
 #: What is nearer to a wall than this belongs to it, and is not seen in it.
 _ON_WALL_M = 1e-3

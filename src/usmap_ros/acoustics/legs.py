@@ -13,8 +13,8 @@ import numpy as np
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.images import Mirrors, mirrored_legs
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.arrays import BoolArray, FloatArray
-from usmap_ros.geometry import Pose, at_height
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import Pose, at_height
 
 #: What is nearer to a point of its surface is inside the object.
 _NEAREST_M = 1e-3

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.numerics.arrays import FloatArray, Signal
 
 #: Share of the energy in the core of a profile's band, and how much wider the band counts: so much
 #: wider is the main lobe of a Hann burst.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usmap_ros import bounds
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 
 
 class FloorModel(enum.Enum):

@@ -9,8 +9,8 @@ import numpy as np
 
 from usmap_ros import bounds
 from usmap_ros.acoustics.profile import Profile
-from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.numerics.arrays import FloatArray, Signal
 
 #: Width of the matched filter's peak behind a chirp, in units of 1 / sweep.  At 0.35 of it, as at
 #: 0.35 of the length of a Hann burst, two echoes overlap by about 0.4.

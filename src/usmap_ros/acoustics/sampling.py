@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from usmap_ros.calibration.estimation import calibrate
     from usmap_ros.calibration.result import Calibration, Estimate
 from usmap_ros.calibration.target import Target
-from usmap_ros.offering import offered
+from usmap_ros.lazy_names import offered
 
 __all__ = ["Calibration", "Estimate", "Target", "calibrate"]
 

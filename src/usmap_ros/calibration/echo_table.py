@@ -9,11 +9,11 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.parameters import CorrectionParameters, ReconstructionParameters
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.reconstruction.shared_noise import SharedNoise
-from usmap_ros.trace import EchoTrace
 
 #: Paths over the floor arrive from beyond the largest range at which objects are looked for.
 _FARTHER = 1.5

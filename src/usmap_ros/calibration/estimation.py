@@ -32,7 +32,7 @@ from usmap_ros.calibration.ringing import Ringing, find_ringing
 from usmap_ros.calibration.target import Target
 from usmap_ros.errors import UsmapError
 from usmap_ros.parameters import PipelineParameters, ReconstructionParameters
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace
 
 #: How well a floor height must be known to be used.
 _HEIGHT_STD_M = 0.01

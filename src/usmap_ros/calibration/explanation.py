@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usmap_ros.acoustics.propagation import FloorModel
-from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.calibration.echo_table import EchoTable
 from usmap_ros.calibration.fit import (
     OFFSET,
@@ -22,6 +21,7 @@ from usmap_ros.calibration.floor import direct_echoes, guess_floor_m
 from usmap_ros.calibration.objects import associate, find_objects
 from usmap_ros.calibration.target import WIDEST_OFFSET_M, Target
 from usmap_ros.errors import UsmapError
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 
 #: How far echoes may be from where they are expected, from one fit to the next: after the
 #: first search for objects, and after the second.

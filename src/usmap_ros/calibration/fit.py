@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usmap_ros.acoustics.propagation import FloorModel
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.calibration.echo_table import EchoTable
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 #: Where c₀ / c, δ (m) and h (m) are in the vector of unknowns; places follow.
 SLOWNESS, OFFSET, HEIGHT, PLACES = 0, 1, 2, 3

@@ -6,7 +6,7 @@ from collections import defaultdict
 
 from usmap_ros.calibration.pulse import measure_pulse
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace
 
 #: Every so manyth trace of a topic is kept, so many at most, and of no more bytes than this.
 _EVERY, _KEPT, _KEPT_BYTES = 2, 40, 4_000_000

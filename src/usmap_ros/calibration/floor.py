@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.acoustics.propagation import FloorModel
-from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.calibration.echo_table import EchoTable
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Heights (m) that votes may be for, and half the width of the window in which they agree.
 _HEIGHTS_M = (0.05, 3.0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel, FloorModel
-from usmap_ros.arrays import FloatArray, IndexArray
 from usmap_ros.calibration.echo_table import EchoTable
 from usmap_ros.calibration.fit import Matches, Model
 from usmap_ros.calibration.result import Estimate
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.parameters import MappingParameters
 
 #: Amplitudes are used if noise and neighbours leave them this sure, and the beam hears them well.

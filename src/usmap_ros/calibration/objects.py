@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.calibration.echo_table import EchoTable
 from usmap_ros.calibration.fit import Matches, Model
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 #: Bearings at which an echo's object is first supposed: their step, and the widest.
 _BEARING_STEP_RAD = 0.035

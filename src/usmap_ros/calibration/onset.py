@@ -10,7 +10,7 @@ import numpy as np
 
 from usmap_ros.acoustics.profile import resonant_profile
 from usmap_ros.acoustics.pulse import Pulse
-from usmap_ros.arrays import FloatArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, Signal
 
 #: Qualities to start from, and bounds of quality and of the resonance over the carrier.
 _QUALITIES = (5.0, 20.0, 60.0)

@@ -13,14 +13,14 @@ import numpy as np
 
 from usmap_ros.acoustics.profile import Profile
 from usmap_ros.acoustics.pulse import Pulse
-from usmap_ros.arrays import FloatArray, Signal
 from usmap_ros.calibration.onset import onset_s
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.parameters import PulseParameters, ReconstructionParameters
+from usmap_ros.pings.preparation.prepare import told
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
 from usmap_ros.reconstruction.shared_noise import SharedNoise
-from usmap_ros.reconstruction.told import told
-from usmap_ros.trace import EchoTrace
 
 #: Time before and behind the loudest sample that is looked at, in addition to the burst's length,
 #: and points of the template to each baseband sample.

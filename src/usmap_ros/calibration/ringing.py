@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.calibration.echo_table import EchoTable
 from usmap_ros.calibration.target import WIDEST_OFFSET_M, Target
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 #: Longest stretch without any, and stretch in which one is in all pings.
 _LONGEST_GAP_M, _WIDTH_M = 0.15, 0.01

@@ -29,9 +29,9 @@ from usmap_ros.cli import (
     status,
     walls,
 )
-from usmap_ros.cores import keep_linear_algebra_to_one_core
 from usmap_ros.errors import UsmapError
-from usmap_ros.garbage import look_for_garbage_rarely
+from usmap_ros.processes.cores import keep_linear_algebra_to_one_core
+from usmap_ros.processes.garbage import look_for_garbage_rarely
 
 app = typer.Typer(
     name="usmap",

@@ -16,7 +16,7 @@ from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_paramete
 if TYPE_CHECKING:
     from usmap_ros.calibration import Calibration, Target
     from usmap_ros.parameters import CorrectionParameters
-    from usmap_ros.trace import EchoTrace
+    from usmap_ros.pings.trace import EchoTrace
 
 _PARAMETER_FILES = (".yaml", ".yml")
 
@@ -138,9 +138,9 @@ def _record(
     replace: bool,
 ) -> None:
     """Record the traces anew, those of `topic` set right."""
-    from usmap_ros.correction import corrected
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.io.bag_writer import new_bag
+    from usmap_ros.pings.preparation.correction import corrected
 
     with BagReader(bags) as bag, new_bag(output, replace=replace) as writer:
         for found, trace in bag.traces():

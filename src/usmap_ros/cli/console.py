@@ -42,7 +42,7 @@ def compile_loops(*, everything: bool = False) -> None:
     everything : bool
         Also those that few need.
     """
-    from usmap_ros.compilation import ALL, SESSION, compile_if_needed
+    from usmap_ros.runs.compilation import ALL, SESSION, compile_if_needed
 
     parts = ALL if everything else SESSION
     compile_if_needed(lambda line: print(f"usmap: {line}", file=sys.stderr), parts)

@@ -11,7 +11,7 @@ from usmap_ros.cli import console
 from usmap_ros.cli.evaluate import describe
 
 if TYPE_CHECKING:
-    from usmap_ros.demo import DemoResult
+    from usmap_ros.runs.demo import DemoResult
 
 
 def demo(
@@ -20,7 +20,7 @@ def demo(
     ] = Path("usmap_demo"),
 ) -> None:
     """Simulate several robots, record them, map the recording, score it and draw it all."""
-    from usmap_ros.demo import run_demo
+    from usmap_ros.runs.demo import run_demo
 
     console.compile_loops()
     _report(run_demo(output, console.progress))

@@ -12,7 +12,7 @@ import typer
 from usmap_ros.cli import console
 
 if TYPE_CHECKING:
-    from usmap_ros.mapping.scoring import Score
+    from usmap_ros.evaluation.scoring import Score
 
 
 def evaluate(
@@ -33,8 +33,8 @@ def evaluate(
     """Score a map against a truth map."""
     from dataclasses import asdict
 
+    from usmap_ros.evaluation.scoring import score
     from usmap_ros.io.map_files import load_map, load_truth
-    from usmap_ros.mapping.scoring import score
 
     occupancy, paths = load_map(folder)
     views = paths.views(max_range)

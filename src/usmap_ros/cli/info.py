@@ -11,7 +11,7 @@ import typer
 from usmap_ros.cli import console
 
 if TYPE_CHECKING:
-    from usmap_ros.cone import EchoCone
+    from usmap_ros.pings.cone import EchoCone
 
 
 def info(
@@ -24,9 +24,9 @@ def info(
     from usmap_ros.calibration.fitness import PulseSurvey
     from usmap_ros.io.bag_info import describe_bag
     from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.offline import AmplitudeSurvey
-    from usmap_ros.pipeline import Pipeline
-    from usmap_ros.trace import EchoTrace
+    from usmap_ros.pings.trace import EchoTrace
+    from usmap_ros.runs.offline import AmplitudeSurvey
+    from usmap_ros.runs.pipeline import Pipeline
 
     with (
         BagReader(bags) as bag,

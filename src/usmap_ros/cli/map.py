@@ -17,13 +17,13 @@ from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_paramete
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from usmap_ros.offline import MappingRun
     from usmap_ros.parameters import PipelineParameters
+    from usmap_ros.runs.offline import MappingRun
 
 
 def _methods() -> list[str]:
     """Ways of fusing, as a shell completes them."""
-    from usmap_ros.pipeline import FUSIONS
+    from usmap_ros.runs.pipeline import FUSIONS
 
     return list(FUSIONS)
 
@@ -89,8 +89,8 @@ def map_bags(
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Turn recorded bags into a map: for nav2, as log-odds, and a summary."""
-    from usmap_ros.collection import find_recordings
     from usmap_ros.io.map_files import GRID_FILE
+    from usmap_ros.runs.collection import find_recordings
 
     is_continued = resume is not None and resume.resolve() == output.resolve()
     # Programs are not asked: whoever writes one says what it replaces.
@@ -131,7 +131,7 @@ def _refuse_twice(key: str, option: str, value: object, settings: list[str] | No
 def _refuse_idle(order: _Order, scheduler: str | None) -> None:
     """Refuse options that would do nothing, before there is any work."""
     from usmap_ros.errors import UsmapError
-    from usmap_ros.pipeline import Pipeline
+    from usmap_ros.runs.pipeline import Pipeline
 
     if order.jobs and scheduler not in (None, "local"):
         raise typer.BadParameter("is up to the cluster's workers", param_hint="'--jobs'")
@@ -145,7 +145,7 @@ def _refuse_idle(order: _Order, scheduler: str | None) -> None:
 
 def _refuse_absent(without: list[str], topics: Iterable[str]) -> None:
     """Refuse to leave out who is not there."""
-    from usmap_ros.mapping.consistency import is_of
+    from usmap_ros.mapping.robot_check.consistency import is_of
 
     known = sorted(topics)
     for name in without:
@@ -160,10 +160,10 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
     """Map recordings as if they were one."""
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.io.map_files import map_folder, save_map, save_summary
-    from usmap_ros.offline import map_bag, resume_map
-    from usmap_ros.parallel import WORTH_A_POOL, available_cores, reconstructors
-    from usmap_ros.pipeline import Pipeline
-    from usmap_ros.robot_paths import RobotPaths
+    from usmap_ros.pings.robot_paths import RobotPaths
+    from usmap_ros.runs.offline import map_bag, resume_map
+    from usmap_ros.runs.parallel import WORTH_A_POOL, available_cores, reconstructors
+    from usmap_ros.runs.pipeline import Pipeline
 
     if resume is None:
         pipeline, paths = Pipeline(order.parameters), RobotPaths()
@@ -192,11 +192,11 @@ def _map_collection(
     order: _Order, recordings: list[Path], scheduler: str | None, *, as_json: bool
 ) -> None:
     """Map many recordings, each by itself as far as that goes; a second run takes up the first."""
-    from usmap_ros.cluster import cluster
-    from usmap_ros.collection import map_collection
     from usmap_ros.errors import UsmapError
     from usmap_ros.io.map_files import map_folder, save_map, save_summary
-    from usmap_ros.parallel import available_cores, worker_processes
+    from usmap_ros.processes.cluster import cluster
+    from usmap_ros.runs.collection import map_collection
+    from usmap_ros.runs.parallel import available_cores, worker_processes
 
     with map_folder(order.output):
         console.compile_loops()

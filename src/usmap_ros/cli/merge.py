@@ -31,7 +31,7 @@ def merge(
     """
     from usmap_ros.io.map_files import NAV2_FILE, load_map, map_folder, save_map
     from usmap_ros.mapping.merging import merge_maps
-    from usmap_ros.robot_paths import RobotPaths
+    from usmap_ros.pings.robot_paths import RobotPaths
 
     for setting in settings or []:
         if setting.partition("=")[0].strip() not in {f"mapping.{name}" for name in OBEYED}:

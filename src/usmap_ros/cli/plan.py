@@ -13,7 +13,7 @@ from usmap_ros.cli import console
 
 if TYPE_CHECKING:
     from usmap_ros.acoustics.transducer import Transducer
-    from usmap_ros.robot_paths import RobotPaths
+    from usmap_ros.pings.robot_paths import RobotPaths
 
 
 def plan(
@@ -76,7 +76,7 @@ def _transducer(
     from usmap_ros.acoustics.pulse import Pulse, PulseShape
     from usmap_ros.acoustics.transducer import Transducer
     from usmap_ros.errors import MapFileError
-    from usmap_ros.views import Beam
+    from usmap_ros.pings.fields_of_view import Beam
 
     # An unknown beam is nothing but NaN.
     known = [beam for beams in paths.beams.values() for beam in beams if beam[0] == beam[0]]

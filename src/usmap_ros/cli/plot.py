@@ -15,8 +15,8 @@ from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_paramete
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from usmap_ros.cone import EchoCone
-    from usmap_ros.trace import EchoTrace
+    from usmap_ros.pings.cone import EchoCone
+    from usmap_ros.pings.trace import EchoTrace
 
 
 class Layer(str, Enum):

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from usmap_ros.errors import UsmapError
-from usmap_ros.geometry import Pose
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace
 
 
 class DeviceError(UsmapError):

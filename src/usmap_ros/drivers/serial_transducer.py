@@ -10,9 +10,9 @@ from usmap_ros.drivers.frames import TRIGGER, Frame, FrameReader
 from usmap_ros.drivers.ping_source import NoAnswerError
 from usmap_ros.drivers.port import Port
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.importing import Sensor
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace
 
 
 class SerialTransducer:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.geometry import Pose
 from usmap_ros.live.scenario_time import ScenarioTime
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.simulation import EchoSimulator, MountedTransducer
 from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import NANOSECONDS
-from usmap_ros.trace import EchoTrace
 
 
 @dataclass(frozen=True)

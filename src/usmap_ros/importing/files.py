@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import wavfile
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import FileError
+from usmap_ros.numerics.arrays import FloatArray
 
 #: Names of poses' columns; those that need not be there have a value for all pings.
 COLUMNS = ("time_s", "x_m", "y_m", "z_m", "yaw_rad")

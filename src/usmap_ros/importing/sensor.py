@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from usmap_ros.acoustics.medium import Air
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import PLANAR_AXES, Pose
 from usmap_ros.importing.description import Recording
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.numerics.geometry import PLANAR_AXES, Pose
+from usmap_ros.pings.trace import EchoTrace, Encoding
 
 
 class Sensor:

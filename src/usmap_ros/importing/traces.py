@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import ConfigurationError, MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.importing.description import Recording
 from usmap_ros.importing.files import ReadSamples, read_poses, read_samples
 from usmap_ros.importing.sensor import Sensor
 from usmap_ros.importing.units import unit_problem
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace
 
 _NANOSECONDS = 1_000_000_000
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.importing.description import Recording
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.simulation.models.transducers import TableBeamModel
 
 #: Whole numbers beyond this are counts of a converter.

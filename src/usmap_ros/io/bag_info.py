@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE
-from usmap_ros.listening import listened
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.preparation.valid_part import listened
+from usmap_ros.pings.trace import EchoTrace
 
 #: Called with topic and ping.
 PingCallback = Callable[[str, EchoTrace | EchoCone], None]

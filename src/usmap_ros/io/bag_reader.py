@@ -10,7 +10,6 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, TypeVar
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError, MalformedMessageError, UsmapError
 from usmap_ros.io.conversions import (
     array_from_cdr,
@@ -31,8 +30,9 @@ from usmap_ros.io.recorded_poses import RecordedPoses
 from usmap_ros.io.skipped import SkippedMessages
 from usmap_ros.io.storage import MessageIndex, RecordedTopic, Storage, open_storage
 from usmap_ros.io.stretch import Files, TraceStretch, merged
-from usmap_ros.soundings import TransducerArrays
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.soundings import TransducerArrays
+from usmap_ros.pings.trace import EchoTrace
 
 logger = logging.getLogger(__name__)
 

@@ -12,7 +12,6 @@ from typing import Any
 import yaml
 from mcap.writer import CompressionType, Writer
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError
 from usmap_ros.io.atomic import new_folder, write_atomically
 from usmap_ros.io.conversions import array_to_cdr, cone_to_cdr, trace_to_cdr
@@ -22,8 +21,9 @@ from usmap_ros.io.message_types import (
     TRANSDUCER_ARRAY,
     typestore,
 )
-from usmap_ros.trace import EchoTrace
-from usmap_ros.transducer_array import TransducerArray
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.pings.transducer_array import TransducerArray
 
 COMPRESSIONS = {
     "none": CompressionType.NONE,

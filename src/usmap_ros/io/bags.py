@@ -8,7 +8,7 @@ from pathlib import Path
 from usmap_ros.errors import BagError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace
 
 
 def read_bag(*paths: str | Path) -> Iterator[tuple[str, EchoTrace]]:

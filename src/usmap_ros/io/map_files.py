@@ -30,8 +30,8 @@ from usmap_ros.grids import (
 from usmap_ros.io.array_archive import load_arrays, numbers
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.nav2_map import load_nav2_map, save_nav2_map
-from usmap_ros.robot_paths import RobotPaths
-from usmap_ros.views import Beam
+from usmap_ros.pings.fields_of_view import Beam
+from usmap_ros.pings.robot_paths import RobotPaths
 
 GRID_FILE = "map.npz"
 NAV2_FILE = "map.yaml"

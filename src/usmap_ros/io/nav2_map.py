@@ -13,11 +13,11 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import MapFileError, shortened
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.yaml_text import read_yaml
+from usmap_ros.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from PIL import Image

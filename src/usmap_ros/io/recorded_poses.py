@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_from_message, transform_from_message
+from usmap_ros.numerics.geometry import Pose
 
 #: A pose is not known longer than this before or behind the nearest one that was recorded.
 _LONGEST_GAP_NS = 500_000_000

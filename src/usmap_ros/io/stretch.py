@@ -9,12 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import IntArray
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import noise_from_cdr, trace_from_cdr
 from usmap_ros.io.storage import MessageIndex, Storage
-from usmap_ros.soundings import TransducerArrays
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.arrays import IntArray
+from usmap_ros.pings.soundings import TransducerArrays
+from usmap_ros.pings.trace import EchoTrace
 
 #: Where a message lies: number of its file and of its topic, stamp of its header, and what
 #: `Storage.payload` takes.

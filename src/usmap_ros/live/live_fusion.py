@@ -12,17 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError, MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions.grid import MAX_SIDE
 from usmap_ros.live.ordering import StampOrder
-from usmap_ros.mapping.consistency import Consistency, is_of
 from usmap_ros.mapping.extent import Extent
-from usmap_ros.mapping.finding import Finding
+from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
+from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.parameters import MappingParameters, PipelineParameters
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.repeats import SeenPings
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.repeats import SeenPings
+from usmap_ros.runs.pipeline import Pipeline
 
 #: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
 _LONGEST_REACH = 0.1

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import IndexArray, RealArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.ring import find_ring
+from usmap_ros.numerics.arrays import IndexArray, RealArray
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 #: A cell less likely than this, relative to the best one for its echo, is no candidate.
 LEAST_LIKELIHOOD = 0.01

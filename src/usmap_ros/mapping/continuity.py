@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.numerics.arrays import BoolArray
 
 #: Directions in which gaps are bridged, as steps in rows and columns; the opposite ones follow.
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))

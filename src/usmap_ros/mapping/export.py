@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import IndexArray
 from usmap_ros.grids import FREE_PROBABILITY, GridGeometry, OccupancyMap
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.grid import TiledGrid
+from usmap_ros.numerics.arrays import IndexArray
+from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.special import logit
 
 #: Layers that every map has: log-odds, and how often an object would have been heard.
 LOG_ODDS, EXPOSURE = "log_odds", "exposure"

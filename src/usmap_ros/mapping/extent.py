@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MapSizeError
 from usmap_ros.grids import GridGeometry
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 
 class Extent:

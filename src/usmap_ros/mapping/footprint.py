@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import IndexArray, RealArray
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import at_height
+from usmap_ros.numerics.arrays import IndexArray, RealArray
+from usmap_ros.numerics.geometry import at_height
+from usmap_ros.pings.cone import EchoCone
 
 #: Gain at which the beam counts as silent: keeps logarithms finite.
 LEAST_GAIN = 1e-6

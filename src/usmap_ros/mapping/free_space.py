@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
-from usmap_ros.cone import EchoCone
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 #: Angle between two rays; at 3 m they are a cell of 10 cm apart.
 RAY_STEP_RAD = 0.035

@@ -9,15 +9,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import RealArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map, fill_grid
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.superposition.others import MapByOthers
+from usmap_ros.numerics.arrays import RealArray
+from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.special import logit
+from usmap_ros.pings.cone import EchoCone
 
 
 class Fusion(ABC):

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import IndexArray
+from usmap_ros.numerics.arrays import IndexArray
 
 #: Cells along the side of a tile.
 TILE_SIDE = 64

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.extent import check_size
+from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.special import logit
 
 
 def merge_maps(maps: Sequence[OccupancyMap], parameters: MappingParameters) -> OccupancyMap:

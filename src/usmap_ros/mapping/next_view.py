@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.arrays import BoolArray, FloatArray
-from usmap_ros.compiled import compiled
 from usmap_ros.grids import AMBIGUITY, FREE_PROBABILITY, LOOKS_COS, LOOKS_SIN, OccupancyMap
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled
 
 #: Amplitude that must be exceeded to be heard: four times a receiver's noise of 0.005.
 LIMIT_AMPLITUDE = 0.02

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 #: Cells to either side that tell the direction of a line: a window of 7 by 7.
 REACH_CELLS = 3

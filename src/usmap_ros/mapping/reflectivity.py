@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import IndexArray, RealArray
+from usmap_ros.numerics.arrays import IndexArray, RealArray
 
 #: A belief is never made sharper than this (ln s).
 LEAST_VARIANCE = 0.02

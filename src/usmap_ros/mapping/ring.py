@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import IndexArray, RealArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import Footprint
 from usmap_ros.mapping.reflectivity import LogReflectivity
+from usmap_ros.numerics.arrays import IndexArray, RealArray
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 #: Standard deviations of range beyond which a cell is not on an echo's ring.
 RING_DEVIATIONS = 3.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 #: Directions that are tried, and how far from a line, in cells, its cells may lie.
 _DIRECTIONS = 180

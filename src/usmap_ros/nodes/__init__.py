@@ -3,8 +3,8 @@
 Only this package imports rclpy.
 """
 
-from usmap_ros.cores import keep_linear_algebra_to_one_core
 from usmap_ros.nodes.program import begin_program
+from usmap_ros.processes.cores import keep_linear_algebra_to_one_core
 
 # First of all: what comes next takes seconds.
 begin_program()

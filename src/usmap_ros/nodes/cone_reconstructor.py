@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 
-from usmap_ros.amplitude_scale import AmplitudeScale
 from usmap_ros.calibration.fitness import PulseSurvey
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import (
     array_from_cdr,
@@ -47,9 +45,11 @@ from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.parameters.nodes import ConeReconstructorParameters
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.soundings import SoundingCollector, TransducerArrays
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.amplitude_scale import AmplitudeScale
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.soundings import SoundingCollector, TransducerArrays
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 
 
 @dataclass(frozen=True)

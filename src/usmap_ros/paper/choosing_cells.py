@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone_edge, draw_objects, finish_map
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import (

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import BASEBAND, CELL_M, OBLIQUE, hear, method
 from usmap_ros.plotting.style import FAINT, ROBOTS, new_figure, styled

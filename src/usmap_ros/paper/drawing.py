@@ -14,8 +14,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.paper.setting import MAX_RANGE_M, Points
 from usmap_ros.plotting.style import FAINT, INK, RESIDUAL, SIGNAL, TRUTH
 from usmap_ros.reconstruction.cone_cells import ConeCells

@@ -9,16 +9,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from usmap_ros.arrays import BoolArray, FloatArray
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.mapping.candidates import CandidateCells, candidate_cells
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.paper.drawing import COEFFICIENT, annotate, draw_cone_edge, draw_objects, finish_map
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import AIR, SHORT_PULSE, Points, hear
 from usmap_ros.parameters import MappingParameters, PipelineParameters
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.style import (
     PROBABILITY,
     RECONSTRUCTION,
@@ -27,7 +27,7 @@ from usmap_ros.plotting.style import (
     new_figure,
     styled,
 )
-from usmap_ros.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 
 #: Two that both robots see, one that only the first sees, and one that only the second sees.
 OBJECTS: Points = ((2.03, 1.23), (2.91, 1.72), (1.5, 0.35), (0.9, 3.0))

@@ -14,7 +14,7 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.paper.figures_7_8 import caption, in_phase, interfere_as_described
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (
@@ -29,10 +29,10 @@ from usmap_ros.paper.setting import (
     hear,
     method,
 )
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.plotting.style import FAINT, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.cells import explain
-from usmap_ros.trace import Encoding
 
 #: Offsets of the objects from the centres of their cells, in wavelengths.
 OFFSETS = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import ALIGNED, CELL_M, OBLIQUE, SQUARE_PULSE, hear
 from usmap_ros.plotting.style import INK, RECONSTRUCTION, ROBOTS, SIGNAL, new_figure, styled

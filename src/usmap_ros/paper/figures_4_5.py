@@ -29,9 +29,9 @@ from usmap_ros.paper.setting import (
     sets_of,
     weights_at,
 )
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.style import RECONSTRUCTION, new_figure, styled
 from usmap_ros.reconstruction.cells import CellReconstruction, reconstruct_cells
-from usmap_ros.trace import EchoTrace
 
 
 def scene_and_pulse_train() -> Part:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.paper.drawing import (
     annotate,
     draw_cells,
@@ -39,9 +39,9 @@ from usmap_ros.paper.setting import (
     spent,
     weights_at,
 )
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.style import FAINT, RESIDUAL, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cells import CellReconstruction, reconstruct_cells
-from usmap_ros.trace import EchoTrace
 
 #: Cells that do not hold an object and still get this much of one are spurious; "many" are these.
 SPURIOUS_WEIGHT, MANY = 0.1, 3

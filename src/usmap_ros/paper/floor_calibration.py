@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.arrays import FloatArray
 from usmap_ros.calibration import calibrate
-from usmap_ros.geometry import Pose
+from usmap_ros.evaluation.scoring import score
 from usmap_ros.grids import GridGeometry, TruthMap
-from usmap_ros.mapping.scoring import score
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (
     CARPET,
@@ -26,11 +26,11 @@ from usmap_ros.paper.setting import (
     method,
 )
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.style import ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cells import reconstruct_cells
 from usmap_ros.reconstruction.reconstructor import reconstruct
-from usmap_ros.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 
 #: What the messages state, and what it really was: a warm day, a carpet, a lower mount.
 STATED = Channel(343.0, floor_height_m=0.50, floor_reflectivity=0.9)

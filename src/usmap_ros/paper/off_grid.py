@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (
     BASEBAND,
@@ -17,11 +17,11 @@ from usmap_ros.paper.setting import (
     method,
 )
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.style import FAINT, ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary
 from usmap_ros.reconstruction.cells import explain
 from usmap_ros.reconstruction.reconstructor import reconstruct
-from usmap_ros.trace import EchoTrace
 
 #: From the centre of a cell towards its corner: 0 to half a cell.
 OFFSETS_M = (0.0, 0.0005, 0.001, 0.002, 0.004, 0.008, 0.017, 0.035, 0.07, 0.17, 0.35, 0.5)

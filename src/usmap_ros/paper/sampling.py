@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.paper.drawing import COEFFICIENT
 from usmap_ros.paper.figures_2_3 import in_company
 from usmap_ros.paper.part import Part

@@ -17,12 +17,12 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.cells import CellReconstruction
 from usmap_ros.simulation.receiver import Receiver
-from usmap_ros.trace import EchoTrace, Encoding
 
 Points = Sequence[tuple[float, float]]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.paper.drawing import COEFFICIENT
 from usmap_ros.paper.part import Part
 from usmap_ros.paper.setting import (

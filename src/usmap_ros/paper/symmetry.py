@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from usmap_ros.arrays import FloatArray
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.paper.drawing import (
     annotate,
     draw_cells,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.paper.drawing import annotate, draw_cells, draw_cone_edge, finish_map
 from usmap_ros.paper.part import Part, statement
 from usmap_ros.paper.setting import BASEBAND, OBLIQUE, f1, hear

@@ -13,11 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from usmap_ros.arrays import FloatArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import FileError
 from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.atomic import write_atomically
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.plotting import style
 from usmap_ros.plotting.map import (
     Extent,
@@ -27,7 +28,6 @@ from usmap_ros.plotting.map import (
     shown_extent,
 )
 from usmap_ros.plotting.plan import draw_probability, draw_truth
-from usmap_ros.robot_paths import RobotPaths
 
 _FRAME_MS = 90
 #: The finished map stays in view for a while.

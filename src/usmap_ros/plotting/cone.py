@@ -12,10 +12,10 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.patches import Arc, Wedge
 from matplotlib.path import Path
 
-from usmap_ros.arrays import FloatArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.grids import GridGeometry, TruthMap
 from usmap_ros.mapping.candidates import CandidateCells
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.pings.cone import EchoCone
 from usmap_ros.plotting import style
 from usmap_ros.plotting.plan import draw_plane, draw_truth
 

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from usmap_ros.grids import AMBIGUITY, OccupancyMap, TruthMap
+from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.plotting import style
 from usmap_ros.plotting.layers import draw_layer
 from usmap_ros.plotting.plan import draw_probability, draw_truth
-from usmap_ros.robot_paths import RobotPaths
 
 _LONG_SIDE_IN = 7.0
 #: Around what is shown, in cells.

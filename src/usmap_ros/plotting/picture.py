@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.cone import cone_figure
 from usmap_ros.plotting.map import map_figure
 from usmap_ros.plotting.overview import overview_figure
-from usmap_ros.trace import EchoTrace
 
 
 def draw(

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.plotting import style
 
 if TYPE_CHECKING:

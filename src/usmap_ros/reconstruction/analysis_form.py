@@ -30,7 +30,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.reconstruction.matrix_operator import SparseMatrix
 
 #: Iterations at most, and the change and disagreement relative to the signal at which to stop.

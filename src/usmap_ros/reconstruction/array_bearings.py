@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from usmap_ros.cone import EchoCone
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.bearings import Sighting, Viewpoint, find_bearings
 from usmap_ros.reconstruction.delays import DelayReconstruction
-from usmap_ros.trace import EchoTrace
 
 #: A trace and the echoes in it.
 Heard = tuple[EchoTrace, DelayReconstruction]

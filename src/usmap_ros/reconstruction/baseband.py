@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.compiled import compiled
+from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.numerics.compiled import compiled
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.template import Template
-from usmap_ros.trace import EchoTrace, Encoding
 
 #: Baseband samples per second and hertz of the pulse's bandwidth, at least, after decimation of a
 #: raw trace: eight samples on a pulse without a sweep.

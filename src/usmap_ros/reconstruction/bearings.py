@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.reconstruction.cones import Echoes
 
 #: Standard deviation of ln amplitude between two receivers, beyond what noise makes.

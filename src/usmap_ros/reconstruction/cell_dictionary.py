@@ -21,12 +21,12 @@ from usmap_ros.acoustics.legs import Legs, straight_legs, wall_legs
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace, Emission, Encoding
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN
 from usmap_ros.reconstruction.cone_cells import ConeCells
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatrix
-from usmap_ros.trace import EchoTrace, Emission, Encoding
 
 
 @dataclass(frozen=True)

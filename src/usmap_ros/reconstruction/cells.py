@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.wall_files import load_walls
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.special import normal_quantile
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellObjects, cell_signal
 from usmap_ros.reconstruction.column_sets import ColumnSets, alike, told_apart
 from usmap_ros.reconstruction.cones import Echoes, make_cone
@@ -23,8 +25,6 @@ from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 from usmap_ros.reconstruction.problem import Problem
 from usmap_ros.reconstruction.pulses import check_pulses
 from usmap_ros.reconstruction.solvers import solve
-from usmap_ros.special import normal_quantile
-from usmap_ros.trace import EchoTrace
 
 #: Solvers that need no more of Φ than the samples that an echo touches.
 AS_SPARSE = ("cosamp", "omp", "l1", "tv", "walls")

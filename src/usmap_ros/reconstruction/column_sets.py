@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.parameters.pipeline import SolverName
 from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.matrix_operator import (

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.geometry import Pose, at_height
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.geometry import Pose, at_height
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray
-from usmap_ros.cone import EchoCone, encode_limits
-from usmap_ros.trace import EchoTrace
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.pings.cone import EchoCone, encode_limits
+from usmap_ros.pings.trace import EchoTrace
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.reconstruction.operators import SensingOperator
 
 #: Weight of the ridge that keeps least squares on coherent columns solvable, relative to

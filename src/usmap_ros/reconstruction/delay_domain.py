@@ -14,7 +14,8 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.special import running_maximum
 from usmap_ros.reconstruction.sampled.matrix import (
     POINTS,
     POINTS_PER_CYCLE,
@@ -22,7 +23,6 @@ from usmap_ros.reconstruction.sampled.matrix import (
     SampledMatrix,
 )
 from usmap_ros.reconstruction.template import Template
-from usmap_ros.special import running_maximum
 
 
 class DelayDomainOperator:

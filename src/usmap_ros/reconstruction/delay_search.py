@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.compiled import IS_COMPILED
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.compiled import IS_COMPILED
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import Baseband
 from usmap_ros.reconstruction.cosamp import Halt, Solution, check_signal, cosamp

@@ -10,10 +10,11 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.arrays import FloatArray
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
@@ -27,7 +28,6 @@ from usmap_ros.reconstruction.detection import (
 from usmap_ros.reconstruction.envelope import std_factors, unbiased
 from usmap_ros.reconstruction.joint import DelayOperator, JointOperator
 from usmap_ros.reconstruction.template import Template
-from usmap_ros.trace import EchoTrace, Encoding
 
 #: Error of amplitudes, relative to them, that the rounding of samples may amount to.
 ROUNDING = 1e-5

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.compiled import compiled
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.special import normal_quantile
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
 from usmap_ros.reconstruction.joint import DelayOperator
-from usmap_ros.special import normal_quantile
 
 
 def noise_thresholds(

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.reconstruction.template import Template
 
 #: Amplitudes over the standard deviation of the noise at which the mean is tabulated; far beyond

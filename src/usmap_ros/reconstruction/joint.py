@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 
 

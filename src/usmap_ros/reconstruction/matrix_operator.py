@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 
 #: scipy's types say of a sparse array neither its format nor its numbers.
 SparseMatrix = Any

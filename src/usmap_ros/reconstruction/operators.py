@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 
 
 class SensingOperator(Protocol):

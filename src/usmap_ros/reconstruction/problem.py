@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.reconstruction.cosamp import Halt, LeastSquares, Solution
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.pings.trace import EchoTrace, Encoding
 
 
 def check_pulses(trace: EchoTrace) -> None:

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.preparation.prepare import told
+from usmap_ros.pings.preparation.ring_down import without_ringing
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
 from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_delays
-from usmap_ros.reconstruction.told import told
-from usmap_ros.ringing import without_ringing
-from usmap_ros.trace import EchoTrace, Encoding
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.reconstruction.cosamp import Solution, least_squares
 from usmap_ros.reconstruction.joint import DelayOperator
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.preparation.prepare import told
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.baseband import estimated_noise_std
-from usmap_ros.reconstruction.told import told
-from usmap_ros.trace import EchoTrace
 
 #: Every ping is listened to until so many were, then every so manyth; the latest ones count.
 _FIRST, _EVERY, _LATEST = 20, 5, 60

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import nnls
 
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.parameters.pipeline import SolverName
 from usmap_ros.reconstruction.analysis_form import (
     AnalysisOperator,

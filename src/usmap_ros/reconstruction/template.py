@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.arrays import FloatArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, Signal
 
 #: Points at which the overlap of two echoes is tabulated, and further ones a cycle of its phase.
 LAGS = 257

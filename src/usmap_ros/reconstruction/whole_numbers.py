@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from usmap_ros.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.reconstruction.matrix_operator import SparseMatrix
 from usmap_ros.reconstruction.problem import Problem
 

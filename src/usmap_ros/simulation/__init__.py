@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from usmap_ros.offering import offered
+from usmap_ros.lazy_names import offered
 
 if TYPE_CHECKING:
     from usmap_ros.simulation.points import hear

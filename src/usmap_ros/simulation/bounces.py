@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.arrays import FloatArray, IntArray
-from usmap_ros.geometry import at_height
+from usmap_ros.numerics.arrays import FloatArray, IntArray
+from usmap_ros.numerics.geometry import at_height
 from usmap_ros.simulation.occlusion import (
     NO_OWNER,
     hidden_by_discs,

@@ -7,10 +7,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.bounds import MAX_SAMPLES
 from usmap_ros.errors import UsmapError
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import (
     PoseErrorModel,
@@ -23,7 +24,6 @@ from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import MountedTransducer
-from usmap_ros.trace import Encoding
 
 
 def build_robot(

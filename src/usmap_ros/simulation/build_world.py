@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY
 from usmap_ros.io.nav2_map import Nav2Map
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.simulation.models.world import PointModel, RandomPolesModel, WorldModel
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.reflectors import EVERYWHERE, Reflectors

@@ -8,8 +8,8 @@ import numpy as np
 
 from usmap_ros.acoustics.legs import straight_legs
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.arrays import FloatArray
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation.bounces import bounced_paths
 from usmap_ros.simulation.occlusion import NO_OWNER, hidden_by_discs, hidden_by_walls
 from usmap_ros.simulation.scene import Scene

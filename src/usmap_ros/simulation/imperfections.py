@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.trace import Encoding
+from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.pings.trace import Encoding
 
 #: What a receiver that is silent lets through, of amplitudes.
 SILENT_GAIN = 0.03

@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import Scene
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 
 #: A target that belongs to no wall or disc.
 NO_OWNER = -1

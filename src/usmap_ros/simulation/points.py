@@ -9,12 +9,12 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.simulation.receiver import Receiver
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.simulator import EchoSimulator, MountedTransducer
 from usmap_ros.simulation.surfaces import Scatterers, Walls
-from usmap_ros.trace import EchoTrace, Encoding
 
 #: A burst of 50 kHz, the beam of the paper, and I/Q pairs at 25 kHz, through ideal air.
 TRANSDUCER = Transducer(

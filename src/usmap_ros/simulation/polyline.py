@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 
 
 class PoseErrors:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.acoustics.sampling import Sampling
-from usmap_ros.arrays import FloatArray, Signal
+from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.imperfections import NO_IMPERFECTIONS, Imperfections
-from usmap_ros.trace import Encoding
 
 
 @dataclass(frozen=True)

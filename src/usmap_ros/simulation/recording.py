@@ -6,9 +6,9 @@ import heapq
 from collections.abc import Callable, Iterator
 
 from usmap_ros.io.bag_writer import BagWriter
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.simulation.scenario import Scenario
 from usmap_ros.simulation.simulator import EchoSimulator
-from usmap_ros.trace import EchoTrace
 
 
 def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> int:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 
 #: Lobe of what returns sound alike in all directions.
 EVERYWHERE = np.inf

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.acoustics.pulse import PulseShape
-from usmap_ros.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
 from usmap_ros.simulation.motion import Motion
 from usmap_ros.simulation.pose_errors import PoseErrors
 from usmap_ros.simulation.simulator import (
@@ -17,8 +19,6 @@ from usmap_ros.simulation.simulator import (
     Intruder,
     MountedTransducer,
 )
-from usmap_ros.trace import EchoTrace
-from usmap_ros.transducer_array import ArrayElement, TransducerArray
 
 #: Over so much of a path its velocity is measured.
 _MOMENT_S = 1e-3

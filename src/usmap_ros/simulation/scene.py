@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray
 from usmap_ros.grids import GridGeometry
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.simulation.occlusion import path_wall_distances, point_segment_distances
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.reflectors import Reflectors

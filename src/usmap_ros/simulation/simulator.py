@@ -9,14 +9,14 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.arrays import FloatArray
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace, Emission
+from usmap_ros.pings.transducer_array import TransducerArray
 from usmap_ros.simulation.echo_paths import Sounding, direct_path, echo_paths
 from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.wall_paths import Ear
-from usmap_ros.trace import EchoTrace, Emission
-from usmap_ros.transducer_array import TransducerArray
 
 NANOSECONDS = 1_000_000_000
 #: Quaternion of a frame that is not turned.

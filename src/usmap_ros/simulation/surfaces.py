@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IntArray
-from usmap_ros.geometry import left_normals
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.numerics.geometry import left_normals
 
 #: Ends of walls that are nearer to each other are one.
 _SAME_END_M = 1e-3

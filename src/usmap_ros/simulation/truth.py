@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from usmap_ros.arrays import FloatArray
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY, GridGeometry, TruthMap
 from usmap_ros.io.nav2_map import Nav2Map
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.scene import Scene
 

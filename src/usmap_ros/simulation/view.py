@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IntArray
-from usmap_ros.geometry import Pose, at_height
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.numerics.geometry import Pose, at_height
 from usmap_ros.simulation.occlusion import (
     NO_OWNER,
     cross,

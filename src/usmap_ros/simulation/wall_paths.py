@@ -14,8 +14,8 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.images import Mirrors, mirrored_legs
 from usmap_ros.acoustics.legs import Legs, straight_legs, wall_legs
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.arrays import BoolArray, FloatArray, IntArray
-from usmap_ros.geometry import Pose, at_height
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.numerics.geometry import Pose, at_height
 from usmap_ros.simulation.occlusion import NO_OWNER, hidden_by_discs, hidden_by_walls
 from usmap_ros.simulation.scene import Discs, Scene
 

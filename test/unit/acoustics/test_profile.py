@@ -8,7 +8,7 @@ import pytest
 from usmap_ros.acoustics.profile import Profile, resonant_profile
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.received_pulse import driven_resonators
+from usmap_ros.pings.preparation.received_pulse import driven_resonators
 
 TONE = Pulse(PulseShape.TONE_BURST, 40e3, 0.4e-3)
 HANN = Pulse(PulseShape.HANN_BURST, 40e3, 0.4e-3)

@@ -7,8 +7,8 @@ import pytest
 
 from usmap_ros.calibration import Target, calibrate
 from usmap_ros.parameters import ReconstructionParameters, RingingParameters
+from usmap_ros.pings.preparation.ring_down import without_ringing
 from usmap_ros.reconstruction.reconstructor import reconstruct
-from usmap_ros.ringing import without_ringing
 from usmap_ros.simulation import Scenario, simulate
 
 POLE = Target(0.0, 0.0, 0.5)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from usmap_ros.cli import main
-from usmap_ros.compilation import compile_if_needed
+from usmap_ros.runs.compilation import compile_if_needed
 
 SCENARIO = """\
 seed: 3

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from usmap_ros import compilation
-from usmap_ros.compilation import ALL, ONCE, SESSION
+from usmap_ros.runs import compilation
+from usmap_ros.runs.compilation import ALL, ONCE, SESSION
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ DEADLINE_S = 300.0
 STUCK = """
 import multiprocessing, sys, time
 from usmap_ros.cli import main
-from usmap_ros.pipeline import Pipeline
+from usmap_ros.runs.pipeline import Pipeline
 
 def stuck(self, cone):
     print(*(child.pid for child in multiprocessing.active_children()), flush=True)

@@ -14,9 +14,9 @@ from usmap_ros.drivers.frames import Frame, FrameReader
 from usmap_ros.drivers.port import Port
 from usmap_ros.drivers.serial_transducer import SerialTransducer
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.importing import Recording, Sensor
-from usmap_ros.trace import Encoding
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import Encoding
 
 BASE = Pose.planar(1.0, 2.0, np.pi / 2.0)
 

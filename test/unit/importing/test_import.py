@@ -12,7 +12,7 @@ from usmap_ros.cli.app import app
 from usmap_ros.errors import ConfigurationError, FileError
 from usmap_ros.importing import imported_traces
 from usmap_ros.io.bags import read_bag
-from usmap_ros.trace import Encoding
+from usmap_ros.pings.trace import Encoding
 
 PINGS, RATE_HZ = 6, 200e3
 DESCRIPTION = {

@@ -13,11 +13,11 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.trace import EchoTrace, Encoding
-from usmap_ros.transducer_array import ArrayElement, TransducerArray
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace, Encoding
+from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
 
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND

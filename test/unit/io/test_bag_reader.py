@@ -10,14 +10,14 @@ import yaml
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import BagError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_to_cdr
 from usmap_ros.io.message_types import ECHO_TRACE, learn_standard, typestore
-from usmap_ros.trace import EchoTrace
-from usmap_ros.transducer_array import TransducerArray
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.pings.transducer_array import TransducerArray
 
 MakeTrace = Callable[..., EchoTrace]
 WriteBag = Callable[..., Path]

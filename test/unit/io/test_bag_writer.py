@@ -9,7 +9,7 @@ from rosbags.rosbag2 import Reader
 
 from usmap_ros.errors import BagError, MalformedMessageError
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace
 
 MakeTrace = Callable[..., EchoTrace]
 WriteBag = Callable[..., Path]

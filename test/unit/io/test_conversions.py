@@ -8,9 +8,7 @@ import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import (
     array_from_cdr,
     array_to_cdr,
@@ -21,8 +19,10 @@ from usmap_ros.io.conversions import (
     trace_to_cdr,
 )
 from usmap_ros.io.message_types import ECHO_TRACE, TRANSDUCER_ARRAY, typestore
-from usmap_ros.trace import EchoTrace
-from usmap_ros.transducer_array import TransducerArray
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.pings.transducer_array import TransducerArray
 
 MakeTrace = Callable[..., EchoTrace]
 

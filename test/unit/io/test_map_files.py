@@ -18,8 +18,8 @@ from usmap_ros.io.map_files import (
     save_truth,
 )
 from usmap_ros.io.nav2_map import load_nav2_map
-from usmap_ros.robot_paths import RobotPaths
-from usmap_ros.views import Beam
+from usmap_ros.pings.fields_of_view import Beam
+from usmap_ros.pings.robot_paths import RobotPaths
 
 
 @pytest.fixture

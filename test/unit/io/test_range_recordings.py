@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from usmap_ros.errors import BagError, MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import odometry_to_message, transform_to_message
@@ -19,10 +18,11 @@ from usmap_ros.io.message_types import (
     typestore,
 )
 from usmap_ros.io.recorded_poses import RecordedPoses
-from usmap_ros.offline import map_bag
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.range_cones import RangeReading
-from usmap_ros.robot_paths import RobotPaths
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.range_cones import RangeReading
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.runs.offline import map_bag
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import hear
 
 TYPES = BagMessageTypes()

@@ -13,7 +13,7 @@ from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_to_cdr
 from usmap_ros.io.message_types import ECHO_TRACE, typestore
 from usmap_ros.io.stretch import TraceStretch
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace
 
 BAG = Path(__file__).parents[3] / "bags" / "yard"
 

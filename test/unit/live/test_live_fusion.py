@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.repeats import RepeatedPingError
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.repeats import RepeatedPingError
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 WAIT_S = 0.5

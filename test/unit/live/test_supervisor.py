@@ -109,7 +109,7 @@ def test_it_ends_by_itself_when_it_is_told_how_long() -> None:
 def test_a_process_may_end_with_a_supervisor_that_is_killed() -> None:
     child = (
         "import os, signal, time; from usmap_ros.live.supervisor import PARENT_VARIABLE;"
-        "from usmap_ros.parent import end_with_parent;"
+        "from usmap_ros.processes.parent import end_with_parent;"
         "end_with_parent(int(os.environ[PARENT_VARIABLE]), signal.SIGKILL);"
         "print(os.getpid(), flush=True); time.sleep(3600)"
     )

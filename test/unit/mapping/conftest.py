@@ -8,8 +8,8 @@ import pytest
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.cone import EchoCone, encode_limits
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone, encode_limits
 
 LIMIT_STEP_M = 0.03125
 

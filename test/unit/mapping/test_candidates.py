@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.candidates import LEAST_LIKELIHOOD, CandidateCells, candidate_cells
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 PARAMETERS = MappingParameters()
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
 from usmap_ros.mapping.superposition import few
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
@@ -16,6 +15,7 @@ from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.sources import Sources
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 MakeCone = Callable[..., EchoCone]
 PARAMETERS = MappingParameters()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import LEAST_GAIN, footprint
+from usmap_ros.pings.cone import EchoCone
 
 MakeCone = Callable[..., EchoCone]
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.conversions import scan_to_message
 from usmap_ros.io.message_types import BagMessageTypes
 from usmap_ros.mapping.free_space import free_space
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 PARAMETERS = MappingParameters()
 

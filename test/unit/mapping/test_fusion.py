@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.special import logit
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry, OccupancyMap
-from usmap_ros.mapping.additive import AdditiveFusion
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.range_sensor import RangeSensorFusion
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+from usmap_ros.mapping.yardsticks.additive import AdditiveFusion
+from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 MakeCone = Callable[..., EchoCone]
 FUSIONS = [SuperpositionFusion, AdditiveFusion, RangeSensorFusion]

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.cone import EchoCone, encode_limits
-from usmap_ros.geometry import Pose
 from usmap_ros.mapping.superposition.look import (
     DEAF_AMPLITUDE,
     ECHO,
@@ -17,7 +15,9 @@ from usmap_ros.mapping.superposition.look import (
     UNJUDGED,
     look_of,
 )
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone, encode_limits
 
 MakeCone = Callable[..., EchoCone]
 PARAMETERS = MappingParameters()

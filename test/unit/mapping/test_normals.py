@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.grids import NORMAL
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 SIDE = 31
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.reflectivity import LogReflectivity
 from usmap_ros.mapping.ring import find_ring, fit_to_ring
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 PARAMETERS = MappingParameters()
 MakeCone = Callable[..., EchoCone]

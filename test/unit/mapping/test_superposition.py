@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 
-from usmap_ros.cone import EchoCone
-from usmap_ros.mapping.agreement import log_likelihood
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
+from usmap_ros.mapping.robot_check.agreement import log_likelihood
 from usmap_ros.mapping.superposition.belief import (
     Scale,
     beside_free_space,
@@ -30,6 +29,7 @@ from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look, loo
 from usmap_ros.mapping.superposition.sight import HIDDEN, OWN_STEPS, deal_proof
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 MakeCone = Callable[..., EchoCone]
 PARAMETERS = MappingParameters()

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.window import FIRST_ROWS, NUMBERS, Window
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 MakeCone = Callable[..., EchoCone]
 PARAMETERS = MappingParameters()

@@ -14,10 +14,12 @@ from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import FileError
-from usmap_ros.geometry import Pose
 from usmap_ros.grids import AMBIGUITY, NORMAL, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.mapping.candidates import candidate_cells
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.plotting import (
     cone_figure,
     map_figure,
@@ -28,8 +30,6 @@ from usmap_ros.plotting import (
 from usmap_ros.plotting.animation import MapFrame, save_animation
 from usmap_ros.plotting.map import robot_name, shown_extent
 from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct
-from usmap_ros.robot_paths import RobotPaths
-from usmap_ros.trace import EchoTrace, Encoding
 
 ECHO_RANGE_M = 2.0
 TRUTH = TruthMap(GridGeometry(0.05, (0.0, 0.0), (20, 20)), np.eye(20, dtype=np.bool_))

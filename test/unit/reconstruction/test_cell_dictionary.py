@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.reconstruction.cell_dictionary import (
     CellDictionary,
     CellSound,

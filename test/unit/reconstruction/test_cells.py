@@ -5,10 +5,10 @@ import pytest
 from pydantic import ValidationError
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters, ReconstructionParameters
-from usmap_ros.pipeline import Pipeline
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
+from usmap_ros.runs.pipeline import Pipeline
 
 AT_EDGE = Pose.planar(0.0, 0.5, 0.0)
 #: On the axis, and twice off it.

@@ -9,9 +9,9 @@ from usmap_ros.acoustics.images import Mirrors
 from usmap_ros.errors import ConfigurationError
 from usmap_ros.io.wall_files import KnownWalls, WallSegment, load_walls, save_walls
 from usmap_ros.parameters import PipelineParameters, ReconstructionParameters
-from usmap_ros.pipeline import Pipeline
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellObjects
 from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 #: Along the corridor, out of the beam: the walls are heard only by way of what stands there.

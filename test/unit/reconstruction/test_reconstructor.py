@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.cone import LIMIT_STEP_DB
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import LIMIT_STEP_DB
 from usmap_ros.reconstruction.cosamp import Halt
 from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.reconstructor import reconstruct

@@ -7,11 +7,11 @@ import pytest
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.soundings import soundings
 from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.joint import JointOperator
 from usmap_ros.reconstruction.reconstructor import reconstruct, reconstruct_sounding
 from usmap_ros.simulation import Scenario, simulate
-from usmap_ros.soundings import soundings
 
 PARAMETERS = ReconstructionParameters()
 BASE_M = 0.12

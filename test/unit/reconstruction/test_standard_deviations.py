@@ -12,10 +12,10 @@ import pytest
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.reconstruction.baseband import to_baseband
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.reconstruction.refinement import between_samples
-from usmap_ros.trace import Encoding
 
 FOLDER = Path(__file__).parents[3] / "benchmarks"
 PARAMETERS = ReconstructionParameters()

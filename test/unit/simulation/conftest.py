@@ -9,12 +9,12 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.receiver import Receiver
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.simulator import MountedTransducer
 from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along
-from usmap_ros.trace import Encoding
 
 ROOT = Path(__file__).parents[3]
 SMOOTH = Surface(1.0, 0.0, 40.0, 0.0)

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from usmap_ros.geometry import Pose
 from usmap_ros.grids import GridGeometry
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation.motion import BlockedPathError, RandomWalk, WaypointMotion
 from usmap_ros.simulation.occlusion import path_wall_distances
 from usmap_ros.simulation.polyline import Polyline

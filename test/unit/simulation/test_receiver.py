@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.receiver import Arrivals, Converter, Receiver
-from usmap_ros.trace import Encoding
 
 HANN = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
 TONE = Pulse(PulseShape.TONE_BURST, 50_000.0, 0.0004)

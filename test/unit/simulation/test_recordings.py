@@ -7,8 +7,8 @@ import pytest
 
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import load_truth
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation import EchoSimulator, Scenario, simulate
-from usmap_ros.trace import Encoding
 
 POLES = {"area_m": [0, 10, 0, 10], "random_poles": {"count": 30, "separation_m": 0.5}}
 STILL_AIR = {"sound_speed_m_s": 343.0, "attenuation_db_m": 0.0}

@@ -7,8 +7,8 @@ import pytest
 
 from usmap_ros.acoustics.medium import Air
 from usmap_ros.errors import ConfigurationError, MapFileError
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation import Scenario, simulate
-from usmap_ros.trace import Encoding
 
 MINIMAL = {
     "world": {"area_m": [0, 10, 0, 10], "points": [{"x_m": 1, "y_m": 2}]},

@@ -10,11 +10,11 @@ import pytest
 from scipy.stats import kstest
 
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation import EchoSimulator, Scenario, simulate
 from usmap_ros.simulation.robot import ping_count
 from usmap_ros.simulation.simulator import reported_pose
-from usmap_ros.trace import Encoding
 
 HOME = Pose.planar(0.0, 0.0, 0.0)
 CONTENT = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import MovingDisc
 from usmap_ros.simulation.surfaces import Surface, Walls

@@ -13,7 +13,7 @@ from usmap_ros.io.conversions.fields import (
     write_header,
 )
 from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
-from usmap_ros.transducer_array import ArrayElement, TransducerArray
+from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
 
 _SWEEP = Layout.of(8, "d")
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 
 NANOSECONDS = 1_000_000_000
 MAX_SECONDS = 2**31 - 1

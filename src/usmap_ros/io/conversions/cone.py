@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.io.cdr import FLOAT, CdrReader, CdrWriter, Payload
 from usmap_ros.io.conversions.fields import (
     FLOAT32,
@@ -16,6 +15,7 @@ from usmap_ros.io.conversions.fields import (
     write_pose,
 )
 from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
+from usmap_ros.pings.cone import EchoCone
 
 _UINT8 = np.dtype(np.uint8)
 _NOTHING = np.zeros(0, np.float32)

@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.cdr import CdrReader, CdrWriter, Layout
 from usmap_ros.io.conversions.common import stamp_from_parts, stamp_to_parts
+from usmap_ros.numerics.geometry import Pose
 
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 TWO_DOUBLES = Layout.of(8, "dd")

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions.common import (
     MessageTypes,
     header_to_message,
@@ -14,6 +13,7 @@ from usmap_ros.io.conversions.common import (
     pose_to_message,
     stamp_from_header,
 )
+from usmap_ros.numerics.geometry import Pose
 
 
 def odometry_from_message(message: Any) -> tuple[Pose, int]:

@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import FloatArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions.common import (
     MessageTypes,
@@ -17,7 +15,9 @@ from usmap_ros.io.conversions.common import (
     header_to_message,
     stamp_from_header,
 )
-from usmap_ros.range_cones import RangeReading
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.range_cones import RangeReading
 
 _ULTRASOUND = 0
 _FLOAT32 = 7

@@ -13,7 +13,7 @@ from usmap_ros.io.conversions.fields import (
     write_pose,
 )
 from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
-from usmap_ros.trace import EchoTrace, Encoding
+from usmap_ros.pings.trace import EchoTrace, Encoding
 
 #: From ``sound_speed`` to ``noise_std``, with ``encoding`` in between.
 _NUMBERS = Layout.of(8, "4dB7x3d")

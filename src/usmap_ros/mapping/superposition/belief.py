@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
+from usmap_ros.numerics.compiled import compiled, compiled_within
+from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.special import logit
 
 #: A cell with less than this share of its strongest neighbour's evidence owes its block's to it.
 OWN_SHARE = 0.25

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import inlined
 from usmap_ros.mapping.grid import TILE_SIDE
+from usmap_ros.numerics.compiled import inlined
 
 #: A tile's side as a power of two: to shift is a tenth of the work of a division.
 TILE_BITS = TILE_SIDE.bit_length() - 1

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.cells import Tiles
 from usmap_ros.mapping.superposition.evidence import (
     Bounds,
@@ -31,6 +30,7 @@ from usmap_ros.mapping.superposition.sight import (
     deal_silence,
 )
 from usmap_ros.mapping.superposition.window import Looks, look_in
+from usmap_ros.numerics.compiled import compiled, compiled_within
 from usmap_ros.parameters import MappingParameters
 
 

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within, inlined
-from usmap_ros.elementary import exp32, log32
 from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import BLOCK_BINS, COLUMNS, Bins, Contributions
 from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
+from usmap_ros.numerics.elementary import exp32, log32
 
 #: Share of an echo's expected power that must come from a cell to prove the way to it.
 PROVING_SHARE = 0.6

@@ -23,15 +23,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled
 from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_beside
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.object_powers import judge_alone, power_steps
 from usmap_ros.mapping.superposition.seen import Seen
 from usmap_ros.mapping.superposition.sources import Sources, compare, no_sources, tally
+from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.special import logistic, logit
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.special import logistic, logit
 
 #: Density, per unit of the logarithm of power, of echoes that come from nowhere.
 CLUTTER_DENSITY = 3e-3

@@ -8,8 +8,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import IndexArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.export import LOG_ODDS
 from usmap_ros.mapping.fusion import Fusion
@@ -49,7 +47,9 @@ from usmap_ros.mapping.superposition.shares import Shares
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot
 from usmap_ros.mapping.superposition.window import Window
 from usmap_ros.mapping.superposition.workspace import Workspace
+from usmap_ros.numerics.arrays import IndexArray
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 #: A few pings need many passes to settle, many pings few: passes, and visits, for a new ping.
 MOST_PASSES, EARLY_VISITS = 40, 60

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import IndexArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, OccupancyMap
 from usmap_ros.mapping.export import LOG_ODDS, on_map
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.superposition.shares import Shares
-from usmap_ros.special import entropy, logistic, running_maximum
+from usmap_ros.numerics.arrays import IndexArray
+from usmap_ros.numerics.special import entropy, logistic, running_maximum
 
 
 class Suspects(NamedTuple):

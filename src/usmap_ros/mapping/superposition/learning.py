@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within, inlined
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import GRADIENTS, Bins, bearing_fit
 from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
 
 #: Share of the squared share of its strongest contributor by which a bin's power is steadier
 #: than speckle: a lone object's amplitude varies by a few per cent from look to look.

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.compiled import compiled
-from usmap_ros.cone import LIMIT_AMPLITUDES, EchoCone
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.compiled import compiled
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import LIMIT_AMPLITUDES, EchoCone
 
 #: What a range bin holds: nothing that could be judged, an echo, or silence up to a limit.
 UNJUDGED, ECHO, SILENCE = 0, 1, 2

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within
-from usmap_ros.elementary import exp32, log32
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE
 from usmap_ros.mapping.superposition.sources import Sources
+from usmap_ros.numerics.compiled import compiled, compiled_within
+from usmap_ros.numerics.elementary import exp32, log32
 from usmap_ros.parameters import MappingParameters
 
 #: Powers that an object may have, and how many standard deviations about the median they span.

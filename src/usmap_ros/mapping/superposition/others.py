@@ -9,15 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import FloatArray
-from usmap_ros.cone import EchoCone
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, set_depth
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_evidence, prepare_bins
 from usmap_ros.mapping.superposition.look import Look, look_of
 from usmap_ros.mapping.superposition.workspace import Workspace
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 #: Evidence at which the others are believed to have seen something, relative to that at which the
 #: map, with all pings, believes it.

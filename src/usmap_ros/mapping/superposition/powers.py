@@ -24,10 +24,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, inlined
 from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS
 from usmap_ros.mapping.superposition.look import SILENCE, Look
 from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.numerics.compiled import compiled, inlined
 
 #: Range bins that a block of nine cells can reach into.
 BLOCK_BINS = 48

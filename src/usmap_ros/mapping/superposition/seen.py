@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, inlined
-from usmap_ros.elementary import atan2_32, exp32
 from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS, Tiles, slot_at
 from usmap_ros.mapping.superposition.look import GAIN_STEPS, Look
+from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import atan2_32, exp32
 
 #: Gain, in power, below which a cell at the rim of the beam is left out.
 LEAST_POWER_GAIN = 4e-4

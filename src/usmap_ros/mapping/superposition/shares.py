@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled_within
 from usmap_ros.mapping.superposition.look import ECHO, Look
 from usmap_ros.mapping.superposition.powers import Bins, Contributions
 from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.numerics.compiled import compiled_within
 
 
 class Shares(NamedTuple):

@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within, inlined
-from usmap_ros.elementary import exp32
 from usmap_ros.mapping.superposition.cells import Tiles, slot_at
 from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_gain
 from usmap_ros.mapping.superposition.look import SILENCE, Look
 from usmap_ros.mapping.superposition.seen import Rays, Seen, bearing_of, power_gain
+from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
+from usmap_ros.numerics.elementary import exp32
 
 #: Visibility below which silence says nothing, and a ray is not followed any further.
 LEAST_SIGHT = 0.3

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import compiled, compiled_within
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.powers import bearing_fit
 from usmap_ros.mapping.superposition.seen import LEAST_POWER_GAIN, Seen, power_gain
+from usmap_ros.numerics.compiled import compiled, compiled_within
 
 #: Silence against a cell outweighs an echo for it when it is so many times as frequent.
 SILENCE_COUNTS = 0.4

@@ -9,8 +9,8 @@ from typing import NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.compiled import inlined
 from usmap_ros.mapping.superposition.look import GAIN_STEPS, NEVER, Look
+from usmap_ros.numerics.compiled import inlined
 
 #: Fields of a look that are numbers of their own, and those that hold one for each range bin.
 NUMBERS = (

@@ -13,8 +13,8 @@ from usmap_ros.live.health import Health
 from usmap_ros.live.interfaces import ECHO, RANGE
 from usmap_ros.nodes.plumbing.endpoints import advertise, within
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
-from usmap_ros.pipeline import Pipeline
-from usmap_ros.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 
 
 class EchoOutputs:

@@ -6,10 +6,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.live.health import Health
 from usmap_ros.nodes.plumbing.frames import NoTransformError, Transforms
+from usmap_ros.pings.cone import EchoCone
 
 
 class ForeignCones:

@@ -9,11 +9,11 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.time import Time
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import ConfigurationError, UsmapError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import transform_from_message, transform_to_message
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
 
 
 class NoTransformError(UsmapError):

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.arrays import IntArray
 from usmap_ros.grids import NORMAL, UNKNOWN_VALUE, GridGeometry, OccupancyMap
 from usmap_ros.io.conversions import (
     grid_to_message,
@@ -27,6 +26,7 @@ from usmap_ros.live.interfaces import (
 )
 from usmap_ros.nodes.plumbing.endpoints import advertise, advertise_managed
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
+from usmap_ros.numerics.arrays import IntArray
 
 #: Published maps grow by whole blocks of so many cells: each growth makes nav2 allocate its
 #: costmaps anew and forget what its other layers had marked.

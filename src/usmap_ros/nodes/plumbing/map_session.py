@@ -6,14 +6,13 @@ import time
 import traceback
 from typing import Any
 
-from usmap_ros.cone import EchoCone
 from usmap_ros.errors import MalformedMessageError, MapFileError, MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.conversions import cone_from_cdr
 from usmap_ros.live.checkpoint import Checkpoint
 from usmap_ros.live.health import Health
 from usmap_ros.live.live_fusion import LiveFusion
-from usmap_ros.mapping.consistency import is_of
+from usmap_ros.mapping.robot_check.consistency import is_of
 from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
 from usmap_ros.nodes.plumbing.frames import Transforms
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
@@ -21,7 +20,8 @@ from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.robot_check import RobotCheck
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
-from usmap_ros.repeats import RepeatedPingError
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.repeats import RepeatedPingError
 
 #: How often it is looked whether a transform has come that a cone waits for.
 _RETRY_S = 0.02

@@ -7,12 +7,12 @@ from typing import Any, Protocol
 from rclpy.node import Node
 
 from usmap_ros.errors import MalformedMessageError, UsmapError
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import odometry_from_message
 from usmap_ros.live.health import Health
 from usmap_ros.live.interfaces import ODOM
 from usmap_ros.nodes.plumbing.endpoints import subscribe
 from usmap_ros.nodes.plumbing.frames import NoTransformError, Transforms
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation.motion import Motion
 
 #: Of a path, what is drawn at once, s: some 50 ms of work.

@@ -6,13 +6,13 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Range
 
-from usmap_ros.cone import EchoCone
-from usmap_ros.geometry import Pose
 from usmap_ros.io.conversions import range_from_message
 from usmap_ros.live.health import Health
 from usmap_ros.nodes.plumbing.frames import NoTransformError, Transforms
 from usmap_ros.nodes.plumbing.pose_sources import NoPoseError, OdometryPose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters.nodes import ConeReconstructorParameters
+from usmap_ros.pings.cone import EchoCone
 
 
 class RangeInput:

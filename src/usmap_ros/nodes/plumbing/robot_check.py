@@ -8,7 +8,7 @@ from typing import Any
 
 from usmap_ros.live import health
 from usmap_ros.live.live_fusion import LiveFusion
-from usmap_ros.mapping.finding import Finding
+from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters

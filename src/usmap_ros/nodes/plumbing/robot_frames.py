@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from usmap_ros.geometry import Pose
 from usmap_ros.nodes.plumbing.frames import Transforms
+from usmap_ros.numerics.geometry import Pose
 
 
 class RobotFrames:

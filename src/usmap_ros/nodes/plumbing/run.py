@@ -17,9 +17,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from usmap_ros.compilation import compile_if_needed
 from usmap_ros.errors import UsmapError
 from usmap_ros.nodes.plumbing.signals import EndRequest
+from usmap_ros.runs.compilation import compile_if_needed
 
 #: Time for ROS to let go of a node, s; it takes a twentieth of one, and with a supervisor's 8 there
 #: is time enough for the map to be kept before.

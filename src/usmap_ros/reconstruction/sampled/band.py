@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import BoolArray, FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray, Signal
+from usmap_ros.numerics.compiled import compiled_within, inlined
 
 
 @compiled_within

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray
-from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, strengths
 from usmap_ros.reconstruction.sampled.matched import Heard, first_at, refilter
 from usmap_ros.reconstruction.sampled.matrix import Places, SampledMatrix, columns_of

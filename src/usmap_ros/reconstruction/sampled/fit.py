@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.band import factorise, solve, without_negatives
 from usmap_ros.reconstruction.sampled.matrix import Columns, Places, SampledMatrix, columns_of
 

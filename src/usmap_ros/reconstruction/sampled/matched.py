@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, Signal
-from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.matrix import SampledMatrix, margin
 
 

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.compiled import compiled_within, inlined
 
 #: Points at which a pulse is tabulated, and further ones a cycle of its phase.  Linear between
 #: them, a Hann window is known to 1.5e-7 of its peak.

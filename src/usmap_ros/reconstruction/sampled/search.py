@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled, inlined
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
 from usmap_ros.reconstruction.sampled.fit import strengths
 from usmap_ros.reconstruction.sampled.matched import heard_in, loudness, refilter, score

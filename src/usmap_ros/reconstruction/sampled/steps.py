@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.compiled import compiled_within, inlined
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
+from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.band import factorise, half_solve, solve
 from usmap_ros.reconstruction.sampled.fit import Fit, correlations
 from usmap_ros.reconstruction.sampled.matrix import (

@@ -13,13 +13,13 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.geometry import Pose
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ParameterGroup, quantity
-from usmap_ros.received_pulse import driven_resonators
+from usmap_ros.pings.preparation.received_pulse import driven_resonators
+from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.imperfections import Imperfections, Muting, RingDown
 from usmap_ros.simulation.models.world import Coordinate
 from usmap_ros.simulation.receiver import Converter, Receiver
-from usmap_ros.trace import Encoding
 
 
 class ResonanceModel(ParameterGroup):

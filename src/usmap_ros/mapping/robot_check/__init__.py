@@ -1,0 +1,1 @@
+"""Which robots of several must not be believed, and how it shows."""

@@ -1,0 +1,196 @@
+"""Who is wrong, of robots that contradict one another: a screen, and maps without the suspects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
+from usmap_ros.mapping.robot_check.finding import Finding, Verdict
+from usmap_ros.mapping.robot_check.receiver_health import FEW_ECHOES
+from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+from usmap_ros.mapping.superposition.others import MapByOthers
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Amplitudes beyond this difference from the others' are odd: what smooth walls return, to one
+#: robot squarely and to another not, differs by up to 12 dB.
+ODD_LOUDNESS_DB = 15.0
+#: Echoes where the map expects them that are needed to judge loudness.
+LEAST_MATCHES = 4
+#: Once a robot has been named, so many others can name nobody else.
+LEAST_ROBOTS_LEFT = 2
+#: `Agreement.fit`, relative to the median of the others, below which somebody is misplaced, and
+#: below which a robot is, by a map that it has no part in; most that is asked of anybody then.
+SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.6, 0.4, 1.0
+#: So many robots, those that fit worst, are left out by turns; and those are named without whom the
+#: others agree nearly as well as without anybody.
+MOST_LEFT_OUT, AGREED = 4, 0.8
+#: `Agreement.turn_gain` and `turn_certainty` from which on a robot faces elsewhere than it says.
+LEAST_TURN_GAIN, LEAST_TURN_CERTAINTY = 1.0, 2.0
+
+
+class Court:
+    """Judges robots by what they have heard, and by maps that some of them have no part in.
+
+    Parameters
+    ----------
+    parameters : MappingParameters
+        Of the maps.
+    cones : mapping of str to sequence of EchoCone
+        Pings of each robot.
+    between : callable
+        As in `Consistency.findings`.
+    """
+
+    def __init__(
+        self,
+        parameters: MappingParameters,
+        cones: Mapping[str, Sequence[EchoCone]],
+        between: Callable[[], None],
+    ) -> None:
+        self._parameters, self._cones, self._between = parameters, cones, between
+        self._agreements: dict[str, Agreement] = {}
+        # What `_apart` has found, which takes as long as to map everything again.
+        self._heard_apart: dict[str, tuple[Agreement, list[Agreement]]] = {}
+
+    def screen(self, by_others: MapByOthers) -> dict[str, Finding]:
+        """Judge all by the map that they have made together."""
+        expected = by_others.expected(self._cones, self._between)
+        self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}
+        found = {}
+        for topic, own in self._agreements.items():
+            others = [a for t, a in self._agreements.items() if t != topic]
+            found[topic] = judged(own, others, SUSPECT_FIT, most_asked=math.inf)
+        return found
+
+    def named(self, screened: Mapping[str, Finding]) -> dict[str, Finding]:
+        """The suspect that is a liar, or those of which one is; nobody if all are cleared."""
+        suspects = [topic for topic, finding in screened.items() if finding.is_suspect]
+        for topic in suspects:
+            if screened[topic].verdict != "misplaced":
+                finding = judged(*self._apart(topic), MISPLACED_FIT)
+                if finding.is_suspect:
+                    return {topic: finding}
+        return self._misplaced(suspects) if suspects else {}
+
+    def _misplaced(self, suspects: Sequence[str]) -> dict[str, Finding]:
+        """The robot without which the others agree, if it does not fit their map.
+
+        Several, if the others would agree without any one of them: of two nobody can say which is
+        right.
+        """
+        fits = {t: a.fit for t, a in self._agreements.items() if a.fit is not None}
+        worst = sorted(fits, key=lambda topic: (topic not in suspects, fits[topic]))[:MOST_LEFT_OUT]
+        apart = {topic: self._apart(topic) for topic in worst}
+        known = [fit for _, others in apart.values() if (fit := usual_fit(others)) is not None]
+        # Of those who know nothing of one another, nothing speaks against their agreeing.
+        agreed = {
+            topic: usual_fit(others) or max(known, default=USUAL_FIT)
+            for topic, (_, others) in apart.items()
+        }
+        verdicts = {topic: judged(*apart[topic], MISPLACED_FIT) for topic in agreed}
+        least = AGREED * max(agreed.values(), default=0.0)
+        fitting = [agreed[t] for t, own in verdicts.items() if own.is_suspect and agreed[t] > least]
+        named = {
+            topic: own
+            for topic, own in verdicts.items()
+            if own.is_suspect and agreed[topic] == max(fitting, default=0.0)
+        }
+        return {topic: _or_its_rivals(topic, named) for topic in named}
+
+    def _apart(self, topic: str) -> tuple[Agreement, list[Agreement]]:
+        """How a robot agrees with the map of the others, and they with one another, without it."""
+        if topic in self._heard_apart:
+            return self._heard_apart[topic]
+        others = {t: own for t, own in self._cones.items() if t != topic}
+        apart = SuperpositionFusion(self._parameters)
+        cones = (cone for own in others.values() for cone in own)
+        for cone in sorted(cones, key=lambda cone: cone.stamp_ns):
+            self._between()
+            apart.fuse(cone)
+        by_others = apart.by_others()
+        own = by_others.expected(self._cones, self._between, of=[topic])[topic]
+        among_them = by_others.expected(others, self._between).values()
+        self._heard_apart[topic] = agreement(own), [agreement(pings) for pings in among_them]
+        return self._heard_apart[topic]
+
+
+def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:
+    """What was found of one of several that contradict one another, if nobody else can tell."""
+    rivals = " or ".join(other for other in sorted(named) if other != topic)
+    finding = named[topic]
+    return replace(finding, reason=f"{finding.reason}; or {rivals} is") if rivals else finding
+
+
+def usual_fit(others: Sequence[Agreement]) -> float | None:
+    """Median fit of robots; None if too little is known of any."""
+    fits = [a.fit for a in others if a.pings >= LEAST_PINGS and a.fit is not None]
+    return float(np.median(fits)) if fits else None
+
+
+def _is_turned(own: Agreement) -> bool:
+    """Whether a robot faces elsewhere than it says."""
+    gain, certainty = own.turn_gain or 0.0, own.turn_certainty or 0.0
+    return gain >= LEAST_TURN_GAIN and certainty >= LEAST_TURN_CERTAINTY
+
+
+def judged(
+    own: Agreement, others: list[Agreement], least_fit: float, most_asked: float = USUAL_FIT
+) -> Finding:
+    """Judge a robot by how it agrees with the others' map, beside how they agree with theirs.
+
+    Parameters
+    ----------
+    own : Agreement
+        The robot's.
+    others : list of Agreement
+        Those of the others.
+    least_fit : float
+        Share of the others' usual fit below which it is misplaced.
+    most_asked : float
+        Fit beyond which the others' does not count.
+    """
+    louder_db = _difference(
+        own.loudness_db, [a.loudness_db for a in others if a.matches >= LEAST_MATCHES]
+    )
+    if louder_db is not None and len(others) == 1:
+        # Of two, each is as much louder than the other as that is fainter.
+        louder_db *= 0.5
+    evidence: dict[str, float | int | None] = asdict(own) | {"loudness_over_others_db": louder_db}
+    if louder_db is not None and own.matches >= LEAST_MATCHES and abs(louder_db) > ODD_LOUDNESS_DB:
+        return _of_odd_loudness(louder_db, own.matches, evidence)
+    if own.pings < LEAST_PINGS or own.fit is None:
+        return Finding("unknown", evidence)
+    if _is_turned(own):
+        degrees = np.degrees(own.turned_rad or 0.0)
+        turned = f"its pings fit the others' map better if it faces {degrees:+.0f}° from there"
+        return Finding("misplaced", evidence, f"misplaced: {turned}")
+    # Smooth walls, struck squarely by one robot and not by another, fit better than they need to.
+    usual = min(usual_fit(others) or USUAL_FIT, most_asked)
+    if own.fit >= least_fit * usual:
+        return Finding("healthy", evidence)
+    heard = f"{own.heard} of {own.audible} expected echoes were heard"
+    echoes = float(np.median([a.echoes for a in others])) if others else 0.0
+    if own.echoes < FEW_ECHOES * echoes:
+        count = f"it hears {own.echoes:.1f} echoes a ping, others {echoes:.1f}"
+        return Finding("deaf", evidence, f"deaf: {heard}, and {count}")
+    fit = f"its pings fit the others' map by {own.fit:.2f} a range bin"
+    return Finding("misplaced", evidence, f"misplaced: {heard}, and {fit}, of {usual:.2f} usual")
+
+
+def _of_odd_loudness(
+    louder_db: float, matches: int, evidence: dict[str, float | int | None]
+) -> Finding:
+    verdict: Verdict = "loud" if louder_db > 0.0 else "deaf"
+    compared = "louder" if louder_db > 0.0 else "fainter"
+    reason = f"{matches} echoes are {abs(louder_db):.0f} dB {compared} than by the others"
+    return Finding(verdict, evidence, f"{verdict}: {reason}")
+
+
+def _difference(own: float | None, others: list[float | None]) -> float | None:
+    known = [value for value in others if value is not None]
+    return None if own is None or not known else float(own - np.median(known))

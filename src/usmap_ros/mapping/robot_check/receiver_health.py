@@ -1,0 +1,130 @@
+"""What pings say of how well their robots hear, before any map is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from usmap_ros.mapping.robot_check.finding import Finding, Verdict
+from usmap_ros.pings.cone import EchoCone
+
+#: Pings that are needed to tell.
+LEAST_PINGS = 10
+#: Detection limits beyond this difference from those of the fleet are odd.
+ODD_LIMIT_DB = 10.0
+#: A robot with fewer echoes than this share of the fleet's does not hear them.
+FEW_ECHOES = 0.4
+#: Share of pings that are as full as the fullest, from which on noise fills them.
+FULL_SHARE = 0.8
+
+
+@dataclass(frozen=True)
+class Hearing:
+    """Of one robot.
+
+    Parameters
+    ----------
+    echoes : float
+        Mean number of echoes in a ping.
+    full : float
+        Share of its pings with as many echoes as the fullest.
+    limit_db : float
+        Median detection limit, dB re amplitude 1.
+    loudness_db : float, optional
+        Median amplitude of its echoes, dB; None without any.
+    """
+
+    echoes: float
+    full: float
+    limit_db: float
+    loudness_db: float | None
+
+
+def hearing(cones: Sequence[EchoCone]) -> Hearing | None:
+    """How a robot hears; None if it has too few pings to tell."""
+    if len(cones) < LEAST_PINGS:
+        return None
+    counts = np.array([len(cone.ranges_m) for cone in cones])
+    amplitudes = np.concatenate([cone.amplitudes for cone in cones]).astype(float)
+    limits = [np.median(cone.limit_amplitudes()) for cone in cones]
+    return Hearing(
+        echoes=float(counts.mean()),
+        full=float(np.mean(counts == counts.max())),
+        limit_db=_decibels(float(np.median(limits))),
+        loudness_db=_decibels(float(np.median(amplitudes))) if len(amplitudes) else None,
+    )
+
+
+def odd_hearing(hearings: Mapping[str, Hearing]) -> dict[str, Finding]:
+    """Name those whose detection limits are far from the fleet's, by robot.
+
+    A receiver with more noise than it says reports echoes without end, one whose noise is known
+    hears few echoes, and where noise and echoes are louder, or fainter, alike it is the gain.
+    Of two robots nobody can say whose gain is right, so that both are named.
+
+    Parameters
+    ----------
+    hearings : mapping of str to Hearing
+        Of all robots of which it is known.
+    """
+    left, found = dict(hearings), dict[str, Finding]()
+    while len(left) > 1:
+        limit_db = _middle([own.limit_db for own in left.values()])
+        # Of two the one with the higher limit comes first: most that goes wrong makes it higher.
+        farthest = max(
+            left, key=lambda name: (abs(left[name].limit_db - limit_db), left[name].limit_db)
+        )
+        own = left.pop(farthest)
+        finding = _odd_limit(own, list(left.values()))
+        if finding is None:
+            return found
+        found[farthest] = finding
+        if len(left) == 1 and len(hearings) == 2 and finding.verdict == "loud":
+            found |= dict.fromkeys(left, finding)
+    return found
+
+
+def _odd_limit(own: Hearing, others: Sequence[Hearing]) -> Finding | None:
+    """What a detection limit far from others' comes from; None if it is not, or is harmless."""
+    above_db = own.limit_db - _middle([other.limit_db for other in others])
+    if abs(above_db) <= ODD_LIMIT_DB:
+        return None
+    judged = _cause(own, others, above_db)
+    if judged is None:
+        return None
+    verdict, reason = judged
+    evidence = asdict(own) | {"limit_over_others_db": above_db}
+    return Finding(verdict, evidence, f"{verdict}: {reason}")
+
+
+def _cause(own: Hearing, others: Sequence[Hearing], above_db: float) -> tuple[Verdict, str] | None:
+    """The verdict on a detection limit far from the others', and why."""
+    usual = _middle([other.echoes for other in others])
+    side = "above" if above_db > 0.0 else "below"
+    limit = f"its detection limit is {abs(above_db):.0f} dB {side} the others'"
+    if above_db > 0.0 and own.echoes < FEW_ECHOES * usual:
+        return "deaf", f"it hears {own.echoes:.1f} echoes a ping, others {usual:.1f}, and {limit}"
+    if above_db > 0.0 and own.full > FULL_SHARE and own.echoes > usual:
+        count = f"{own.full:.0%} of its pings have {own.echoes:.0f} echoes, others' {usual:.0f}"
+        return "noisy", f"{count}, and {limit}"
+    known = [other.loudness_db for other in others if other.loudness_db is not None]
+    if own.loudness_db is None or not known:
+        return None
+    louder_db = own.loudness_db - _middle(known)
+    if louder_db * above_db < 0.0 or abs(louder_db) < 0.5 * abs(above_db):
+        # Its echoes are as loud as others': it is only the noise.
+        return ("deaf", limit) if above_db > 0.0 else None
+    doubt = "; or the only other robot's gain is wrong" if len(others) == 1 else ""
+    if louder_db > 0.0:
+        return "loud", f"its noise and echoes are {louder_db:.0f} dB louder than others'{doubt}"
+    return "deaf", f"its noise and echoes are {-louder_db:.0f} dB fainter than others'{doubt}"
+
+
+def _middle(values: Sequence[float]) -> float:
+    return float(np.median(values))
+
+
+def _decibels(amplitude: float) -> float:
+    return float(20.0 * np.log10(max(amplitude, 1e-12)))

@@ -1,0 +1,1 @@
+"""Plain ways of fusion that the default is held to."""

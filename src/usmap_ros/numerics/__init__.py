@@ -1,0 +1,1 @@
+"""Mathematics that knows no sonar: arrays, special functions, poses, and compiled loops."""

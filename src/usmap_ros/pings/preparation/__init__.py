@@ -1,0 +1,1 @@
+"""Traces and cones set right before anything is read from them."""

@@ -1,0 +1,198 @@
+"""From many recordings to one map, by whoever does the work."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from usmap_ros.errors import UsmapError
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.merging import merge_maps
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.processes.cluster import Failure, attempt, results
+from usmap_ros.runs.collection.areas import AreaMap, areas_of, fuse_area
+from usmap_ros.runs.collection.cones import (
+    STRETCH,
+    Cones,
+    Divided,
+    cones_of_recording,
+    cones_of_stretch,
+    joined,
+)
+from usmap_ros.runs.offline import MappingRun
+
+#: Folder, beside the map, of the cones of all recordings: a second run finds them there.
+CONES_FOLDER = "cones"
+
+
+@dataclass(frozen=True)
+class Collected:
+    """One map of many recordings.
+
+    Parameters
+    ----------
+    occupancy : OccupancyMap
+        The map.
+    paths : RobotPaths
+        Of all robots.
+    run : MappingRun
+        What became of their pings.
+    recordings, areas : int
+        How many there were.
+    failed : dict
+        Why recordings, or areas by the names of their recordings, could not be used.
+    warnings : list of str
+        What there is to be said of others.
+    """
+
+    occupancy: OccupancyMap
+    paths: RobotPaths
+    run: MappingRun
+    recordings: int
+    areas: int
+    failed: dict[str, str]
+    warnings: list[str]
+
+    def summary(self, seconds: float) -> dict[str, Any]:
+        """Contents of ``summary.json``."""
+        counts = {"recordings": self.recordings, "areas": self.areas, "failed": self.failed}
+        return self.run.summary(self.occupancy, seconds) | counts
+
+
+def map_collection(
+    recordings: Sequence[Path],
+    output: Path,
+    parameters: PipelineParameters,
+    executor: Executor | None = None,
+    *,
+    passes: int = 0,
+    without: Sequence[str] = (),
+    step: Callable[[], None] = lambda: None,
+    stretch: int = STRETCH,
+) -> Collected:
+    """Map recordings: each to cones, areas apart, and their maps to one.
+
+    Parameters
+    ----------
+    recordings : sequence of path
+        As the workers can read them.
+    output : path
+        Folder of the map, which the workers can write to.
+    parameters : PipelineParameters
+        Of reconstruction and mapping.
+    executor : Executor, optional
+        Does the work; without one this process does.
+    passes : int
+        Further looks at the recent pings of each area.
+    without : sequence of str
+        Topics, or robots, whose pings stay out of the map.
+    step : callable
+        Called twice for each recording: when its cones are there, and when it is mapped.
+    stretch : int
+        Pings of a recording from which on it is divided among workers.
+
+    Raises
+    ------
+    UsmapError
+        If nothing could be mapped, or the whole map would be too large.
+    """
+    files, failed = _reconstructed(recordings, output, parameters, executor, stretch, step)
+    areas = areas_of(list(files.values()))
+    names = {str(file.paths): str(recordings[number]) for number, file in files.items()}
+    fuse = partial(fuse_area, parameters=parameters, passes=passes, without=tuple(without))
+    maps: dict[int, AreaMap] = {}
+    work = [([path for file in area for path in file.paths],) for area in areas]
+    for number, fused in results(executor, fuse, work):
+        for _ in areas[number]:
+            step()
+        if isinstance(fused, Failure):
+            failed[", ".join(names[str(file.paths)] for file in areas[number])] = fused.cause
+        else:
+            maps[number] = fused
+    if not maps:
+        raise UsmapError("; ".join(f"{name}: {cause}" for name, cause in failed.items()))
+    warnings = [text for number in sorted(files) for text in files[number].warnings]
+    merged = [maps[number] for number in sorted(maps)]
+    paths = RobotPaths()
+    for area in merged:
+        paths.extend(area.paths)
+    skipped = Counter[str]()
+    for file in files.values():
+        skipped.update(file.skipped)
+    return Collected(
+        merge_maps([area.occupancy for area in merged], parameters.mapping),
+        paths,
+        _joined_runs([area.run for area in merged], skipped),
+        len(recordings), len(merged), failed, warnings,
+    )  # fmt: skip
+
+
+def _reconstructed(
+    recordings: Sequence[Path],
+    output: Path,
+    parameters: PipelineParameters,
+    executor: Executor | None,
+    length: int,
+    step: Callable[[], None],
+) -> tuple[dict[int, Cones], dict[str, str]]:
+    """Cones of each recording by its number, and why others have none."""
+    folder = (output / CONES_FOLDER).resolve()
+    found: dict[int, Cones | Failure] = {}
+    divided: dict[int, Divided] = {}
+    whole = [(recording.resolve(), folder, parameters, length) for recording in recordings]
+    for number, made in results(executor, cones_of_recording, whole):
+        if isinstance(made, Divided):
+            divided[number] = made
+        else:
+            found[number] = made
+            step()
+    owners = [
+        (number, place) for number in divided for place in range(len(divided[number].stretches))
+    ]
+    work = [(*divided[number].stretches[place], parameters) for number, place in owners]
+    parts: dict[int, dict[int, Cones | Failure]] = {number: {} for number in divided}
+    for done, made in results(executor, cones_of_stretch, work):
+        number, place = owners[done]
+        parts[number][place] = made
+        if len(parts[number]) == len(divided[number].stretches):
+            found[number] = _joined(divided[number], parts[number])
+            step()
+    failed = {
+        str(recordings[number]): one.cause
+        for number, one in sorted(found.items())
+        if isinstance(one, Failure)
+    }
+    for _ in failed:
+        step()
+    return {n: one for n, one in sorted(found.items()) if isinstance(one, Cones)}, failed
+
+
+def _joined(recording: Divided, parts: dict[int, Cones | Failure]) -> Cones | Failure:
+    """A recording's cones, or the first reason why there are none."""
+    made = [parts[place] for place in sorted(parts)]
+    failures = [part for part in made if isinstance(part, Failure)]
+    cones = [part for part in made if isinstance(part, Cones)]
+    return failures[0] if failures else attempt(joined, recording.name, [recording.begun, *cones])
+
+
+def _joined_runs(runs: Sequence[MappingRun], skipped: Counter[str]) -> MappingRun:
+    total = MappingRun()
+    for run in runs:
+        total.pings += run.pings
+        total.echoes += run.echoes
+        skipped.update(run.skipped)
+        # A robot that is at odds with others in one area is, whatever it was elsewhere.
+        total.robots |= {
+            topic: found
+            for topic, found in run.robots.items()
+            if topic not in total.robots or found.is_suspect
+        }
+        total.without = sorted({*total.without, *run.without})
+    total.skipped = dict(skipped)
+    return total

@@ -1,0 +1,244 @@
+"""From recordings to a map, with an account of what was done."""
+
+from __future__ import annotations
+
+import heapq
+import logging
+import sys
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from usmap_ros.calibration.fitness import PULSES_OF, PulseSurvey
+from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
+from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.map_files import load_map
+from usmap_ros.mapping.extent import Extent
+from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
+from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pings.amplitude_scale import AmplitudeScales
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.fields_of_view import Beam
+from usmap_ros.pings.repeats import SeenPings
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.parallel import Reconstructors
+from usmap_ros.runs.pipeline import Pipeline
+
+logger = logging.getLogger(__name__)
+
+#: Of a recording that is only looked into, every so many pings of a topic are reconstructed, and so
+#: many at most: neighbours hear the same.
+SURVEY_EVERY, SURVEY_MOST = 2, 50
+
+#: Called with topic and cone after each ping that was fused.
+ConeCallback = Callable[[str, EchoCone], None]
+
+
+@dataclass
+class MappingRun:
+    """What became of the pings of a recording.
+
+    Parameters
+    ----------
+    pings : int
+        Pings that went into the map.
+    echoes : int
+        Echoes found in them.
+    skipped : dict
+        Number of pings left out, by the field of the message that was to blame.
+    robots : dict
+        What is to be said of the robots, by topic, as compared with what all others heard.
+    without : list of str
+        Topics that were left out because they should be.
+    """
+
+    pings: int = 0
+    echoes: int = 0
+    skipped: dict[str, int] = field(default_factory=dict)
+    robots: dict[str, Finding] = field(default_factory=dict)
+    without: list[str] = field(default_factory=list)
+
+    def suspects(self) -> dict[str, str]:
+        """What is wrong with robots, by topic; those of which nothing is are left out."""
+        return {topic: found.reason for topic, found in self.robots.items() if found.is_suspect}
+
+    def summary(self, occupancy: OccupancyMap, seconds: float) -> dict[str, Any]:
+        """Contents of ``summary.json``."""
+        occupied = occupancy.observed & (occupancy.probability() >= OCCUPIED_PROBABILITY)
+        return {
+            "pings": self.pings,
+            "echoes": self.echoes,
+            "seconds": seconds,
+            "pings_per_second": self.pings / seconds,
+            "cells_observed": int(np.count_nonzero(occupancy.observed)),
+            "cells_occupied": int(np.count_nonzero(occupied)),
+            "peak_memory_mb": peak_memory_mb(),
+            "skipped": self.skipped,
+            "robots": {topic: found.summary() for topic, found in self.robots.items()},
+            "without": self.without,
+            "frame_id": occupancy.frame_id,
+            "resolution_m": occupancy.geometry.resolution_m,
+        }
+
+
+def map_bag(
+    bag: BagReader,
+    pipeline: Pipeline,
+    paths: RobotPaths,
+    on_cone: ConeCallback | None = None,
+    workers: Reconstructors | None = None,
+    without: Collection[str] = (),
+) -> MappingRun:
+    """Put every ping of an open recording into a pipeline's map.
+
+    Parameters
+    ----------
+    bag : BagReader
+        The recording; its traces are mapped, or its cones if it holds no traces.
+    pipeline : Pipeline
+        Where the map forms.
+    paths : RobotPaths
+        Gets the position and the beam of each ping.
+    on_cone : callable, optional
+        Called after each ping.
+    workers : Reconstructors, optional
+        Processes that reconstruct its traces; without them the caller's does.
+    without : collection of str
+        Topics, or robots, whose pings stay out of the map.
+
+    Raises
+    ------
+    BagError
+        If not a single ping could be used.
+    MapSizeError
+        If pings are so far apart that the map would be too large.
+    """
+    run, seen = MappingRun(), SeenPings()
+    # What is certain to become too large is refused before the work is done.
+    extent = Extent(pipeline.parameters.mapping, with_reach=False)
+    scales = AmplitudeScales()
+    workers = workers or Reconstructors(pipeline)
+    consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
+    for topic, cone in recorded_cones(bag, workers):
+        if is_of(topic, without):
+            left_out.add(topic)
+            continue
+        try:
+            seen.add(cone)
+            extent.add(cone)
+            pipeline.fuse(cone)
+        except MalformedMessageError as error:
+            bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)
+            continue
+        scales.add(topic, cone)
+        consistency.add(topic, cone)
+        run.pings += 1
+        run.echoes += len(cone.ranges_m)
+        x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
+        paths.add(topic, x_m, y_m, Beam.of(cone))
+        if on_cone is not None:
+            on_cone(topic, cone)
+    pulses = PulseSurvey(pipeline.parameters.reconstruction)
+    for topic, trace in bag.first_traces(PULSES_OF):
+        pulses.add(topic, trace)
+    for topic, problem in [*scales.problems().items(), *pulses.problems().items()]:
+        logger.warning("%s: %s", topic, problem)
+    run.skipped, run.without = dict(bag.skipped.by_field), sorted(left_out)
+    if not run.pings:
+        if left_out:
+            raise BagError(", ".join(map(str, bag.paths)), "all of its robots are left out")
+        raise nothing_usable(bag.paths, bag.skipped.by_field)
+    run.robots = consistency.findings(pipeline.fusion.by_others())
+    return run
+
+
+def nothing_usable(paths: Iterable[str | Path], skipped: Counter[str]) -> BagError:
+    """Error of recordings of which every ping was skipped."""
+    causes = ", ".join(f"{field} ({n})" for field, n in skipped.most_common())
+    return BagError(
+        ", ".join(map(str, paths)),
+        f"none of its {skipped.total()} pings can be used, by field: {causes}",
+    )
+
+
+class AmplitudeSurvey:
+    """Judges the amplitudes of a recording by some of its pings, without mapping it.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        Reconstructs their traces.
+    """
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline = pipeline
+        self._pings: Counter[str] = Counter()
+        self._scales = AmplitudeScales()
+
+    def add(self, topic: str, ping: EchoTrace | EchoCone) -> None:
+        """Take a ping into account, or leave it out if others before it were enough."""
+        number = self._pings[topic]
+        self._pings[topic] += 1
+        if number % SURVEY_EVERY or number >= SURVEY_EVERY * SURVEY_MOST:
+            return
+        # What cannot be reconstructed says nothing of amplitudes.
+        with suppress(MalformedMessageError):
+            cone = self._pipeline.reconstruct(ping) if isinstance(ping, EchoTrace) else ping
+            self._scales.add(topic, cone)
+
+    def problems(self) -> dict[str, str]:
+        """What is wrong, by topic."""
+        return self._scales.problems()
+
+
+def recorded_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
+    """Cones of a recording: reconstructed from traces, or else as recorded.
+
+    Never both, because a recorded cone most often stems from a recorded trace, and evidence must
+    not count twice.  Readings of robots that measure ranges only come in between.
+    """
+    cones = workers.cones(bag) if bag.trace_count else bag.cones()
+    yield from heapq.merge(cones, bag.range_cones(), key=lambda entry: entry[1].stamp_ns)
+
+
+def resume_map(folder: Path, parameters: PipelineParameters) -> tuple[Pipeline, RobotPaths]:
+    """Continue the map that was saved in `folder`.
+
+    Raises
+    ------
+    MapFileError
+        If there is none, or its cells are not those of `parameters`.
+    """
+    occupancy, paths = load_map(folder)
+    pipeline = Pipeline(parameters)
+    try:
+        pipeline.resume(occupancy)
+    except ValueError as error:
+        raise MapFileError(folder, f"cannot be continued: {error}") from error
+    return pipeline, paths
+
+
+def peak_memory_mb() -> float:
+    """Largest memory that this process ever took, MB."""
+    # On Linux getrusage starts from the memory of the process that started this one.
+    status = Path("/proc/self/status")
+    if status.is_file():
+        for line in status.read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024 / 1e6
+    # Not on Windows, where nothing but this figure would be missing.
+    try:
+        import resource
+    except ImportError:
+        return float("nan")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Bytes on macOS, kilobytes elsewhere.
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

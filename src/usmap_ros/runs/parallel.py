@@ -1,0 +1,226 @@
+"""Reconstruction on several cores: pings do not depend on each other, only their fusion does."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import (
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+)
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.io.stretch import Skip, TraceStretch
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.soundings import soundings
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.processes.parent import end_with_parent
+from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
+from usmap_ros.runs.pipeline import Pipeline
+
+#: A trace and the topic that it came on.
+RecordedTrace = tuple[str, EchoTrace]
+
+#: Traces that a worker gets at once, so that the handing over does not count.
+BATCH = 32
+#: A recording of fewer traces is mapped before processes for them would have begun.
+WORTH_A_POOL = 300
+#: Batches under way for each worker: enough to keep it busy, and memory flat.
+BATCHES_AHEAD = 2
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    # Not everywhere can a process be kept to some of the cores.
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Reconstructors:
+    """Processes that reconstruct the traces of recordings, or this one alone.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        Its reconstruction is what they do.
+    executor : Executor, optional
+        The processes; without it the caller's own does the work.
+    processes : int
+        How many there are.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        executor: Executor | None = None,
+        processes: int = 1,
+    ) -> None:
+        self.processes = processes
+        self._pipeline = pipeline
+        self._executor = executor
+        self._ahead = BATCHES_AHEAD * processes
+
+    def cones(self, bag: BagReader) -> Iterator[tuple[str, EchoCone]]:
+        """Yield topic and cone of a recording's traces, in their order.
+
+        Those that cannot be used are accounted for in `bag.skipped`.
+        """
+        if self._executor is None:
+            yield from cones_of(bag.traces(), self._pipeline, bag.skipped.add)
+            return
+        # Workers read for themselves: a trace takes as long to hand over as to read.
+        remaining = bag.trace_stretch.cuts(BATCH)
+        under_way: deque[Future[StretchCones]] = deque()
+        while True:
+            while len(under_way) < self._ahead and (stretch := next(remaining, None)) is not None:
+                under_way.append(self._submit(self._executor, stretch))
+            if not under_way:
+                return
+            found = under_way.popleft().result()
+            for source, error in found.skipped:
+                bag.skipped.add(source, error)
+            yield from found.cones
+
+    def _submit(self, executor: Executor, stretch: TraceStretch) -> Future[StretchCones]:
+        # What pings share is found here, where all of them pass; the pipeline has a map in it.
+        levels = self._pipeline.noise.levels(stretch.traces_without_noise())
+        # An open file cannot be sent.
+        stretch.messages.close()
+        parameters = self._pipeline.parameters.reconstruction
+        return executor.submit(stretch_cones, stretch, levels, parameters)
+
+
+@dataclass(frozen=True)
+class StretchCones:
+    """What became of the traces of a stretch.
+
+    Parameters
+    ----------
+    cones : list of (str, EchoCone)
+        Topic and cone of each trace, in their order.
+    skipped : list of (str, MalformedMessageError)
+        Source of each trace that could not be used, and why.
+    """
+
+    cones: list[tuple[str, EchoCone]]
+    skipped: list[tuple[str, MalformedMessageError]]
+
+
+def stretch_cones(
+    stretch: TraceStretch, levels: Sequence[float], parameters: ReconstructionParameters
+) -> StretchCones:
+    """Read and reconstruct a stretch of a recording.
+
+    Parameters
+    ----------
+    stretch : TraceStretch
+        The traces.
+    levels : sequence of float
+        Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
+    parameters : ReconstructionParameters
+        Of reconstruction.
+    """
+    skipped: list[tuple[str, MalformedMessageError]] = []
+    untold = iter(levels)
+
+    def told(trace: EchoTrace) -> EchoTrace:
+        return trace if trace.noise_std > 0.0 else replace(trace, noise_std=next(untold))
+
+    def skip(source: str, error: MalformedMessageError) -> None:
+        skipped.append((source, error))
+
+    try:
+        traces = ((topic, told(trace)) for topic, trace in stretch.traces(skip))
+        return StretchCones(list(_cones(traces, parameters, skip)), skipped)
+    finally:
+        stretch.messages.close()
+
+
+def cones_of(
+    traces: Iterable[RecordedTrace], pipeline: Pipeline, skip: Skip
+) -> Iterator[tuple[str, EchoCone]]:
+    """Reconstruct traces here, in their order; those of transducers that pinged at once, together.
+
+    Parameters
+    ----------
+    traces : iterable of (str, EchoTrace)
+        In the order of their stamps.
+    pipeline : Pipeline
+        Its reconstruction is what is done.
+    skip : callable
+        Told of traces that cannot be reconstructed.
+    """
+    told = ((topic, pipeline.noise.tell(trace)) for topic, trace in traces)
+    return _cones(told, pipeline.parameters.reconstruction, skip)
+
+
+def _cones(
+    told: Iterable[RecordedTrace], parameters: ReconstructionParameters, skip: Skip
+) -> Iterator[tuple[str, EchoCone]]:
+    for sounding in soundings(told):
+        found = reconstruct_sounding([trace for _, trace in sounding], parameters)
+        for (topic, trace), one in zip(sounding, found, strict=True):
+            if isinstance(one, MalformedMessageError):
+                skip(f"{topic} at {trace.stamp_ns / 1e9:.6f} s", one)
+            elif one is not None:
+                yield topic, one.cone
+
+
+@contextmanager
+def reconstructors(pipeline: Pipeline, processes: int) -> Iterator[Reconstructors]:
+    """Start processes that reconstruct as `pipeline` does, and end them.
+
+    They are forked at once: enter this before anything starts a thread, such as a progress bar.
+    One process means none but the caller's, and so does a caller that has threads already:
+    what they hold at the fork, the child would wait for in vain.
+    """
+    with worker_processes(processes) as executor:
+        if executor is None:
+            yield Reconstructors(pipeline)
+        else:
+            yield Reconstructors(pipeline, executor, processes)
+
+
+@contextmanager
+def worker_processes(processes: int) -> Iterator[Executor | None]:
+    """Start processes that work for this one, and end them; None where it has to work alone.
+
+    See `reconstructors` for when that is.
+    """
+    if processes <= 1 or not _can_fork():
+        yield None
+        return
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(
+        processes, mp_context=context, initializer=_begin_worker, initargs=(os.getpid(),)
+    ) as executor:
+        for future in [executor.submit(available_cores) for _ in range(processes)]:
+            future.result()
+        try:
+            yield executor
+        finally:
+            executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin_worker(parent: int) -> None:
+    """Leave it to the process that forked this one to answer signals, and end with it."""
+    # A terminal's Ctrl-C comes to all processes; one of them is to speak.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    end_with_parent(parent, signal.SIGKILL)
+
+
+def _can_fork() -> bool:
+    """Whether this process has one thread only, those that Python does not know of included."""
+    threads = Path("/proc/self/task")
+    return threads.is_dir() and len(list(threads.iterdir())) == 1

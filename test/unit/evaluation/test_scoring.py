@@ -1,0 +1,174 @@
+"""Every figure of the score, on maps small enough to work out by hand."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from scipy.special import logit
+
+from usmap_ros.errors import MapSizeError
+from usmap_ros.evaluation.alignment import align
+from usmap_ros.evaluation.scoring import score
+from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
+
+RESOLUTION_M = 0.5
+
+
+def make_map(
+    probability: np.ndarray, observed: np.ndarray | None = None, origin_m=(0.0, 0.0)
+) -> OccupancyMap:
+    probability = np.asarray(probability, dtype=float)
+    return OccupancyMap(
+        GridGeometry(RESOLUTION_M, origin_m, probability.shape),
+        logit(probability).astype(np.float32),
+        np.ones(probability.shape, dtype=bool) if observed is None else observed,
+        "map",
+    )
+
+
+def make_truth(
+    shape: tuple[int, int], *cells: tuple[int, int], origin_m=(0.0, 0.0), resolution_m=RESOLUTION_M
+) -> TruthMap:
+    occupied = np.zeros(shape, dtype=bool)
+    for cell in cells:
+        occupied[cell] = True
+    return TruthMap(GridGeometry(resolution_m, origin_m, shape), occupied)
+
+
+def with_peaks(shape: tuple[int, int], *cells: tuple[int, int], peak: float = 0.9) -> np.ndarray:
+    probability = np.full(shape, 0.1)
+    for cell in cells:
+        probability[cell] = peak
+    return probability
+
+
+def test_a_perfect_map_has_no_fault() -> None:
+    result = score(make_map(with_peaks((5, 6), (2, 3))), make_truth((5, 6), (2, 3)))
+    assert (result.precision, result.recall, result.f1) == (1.0, 1.0, 1.0)
+    assert (result.mean_distance_m, result.truth_called_free) == (0.0, 0.0)
+    assert (result.predicted_cells, result.truth_cells) == (1, 1)
+    assert result.log_loss == pytest.approx(-np.log(0.9))
+    assert result.brier == pytest.approx(0.01)
+
+
+def test_precision_recall_and_distance_of_a_mixed_map() -> None:
+    # Predicted: one cell beside a truth cell, one far off.  Truth: two, one of them found.
+    probability = with_peaks((6, 9), (1, 2), (1, 7))
+    result = score(make_map(probability), make_truth((6, 9), (2, 3), (5, 0)))
+    assert result.precision == 0.5
+    assert result.recall == 0.5
+    assert result.f1 == 0.5
+    near, far = np.hypot(1, 1), np.hypot(1, 4)
+    assert result.mean_distance_m == pytest.approx(RESOLUTION_M * (near + far) / 2)
+    assert result.truth_called_free == 1.0
+    losses = [np.log(0.9)] * 50 + [np.log(0.1)] * 4
+    assert result.log_loss == pytest.approx(-np.mean(losses))
+    assert result.brier == pytest.approx((50 * 0.01 + 4 * 0.81) / 54)
+
+
+@pytest.mark.parametrize(("distance", "right"), [(0, 1.0), (1, 1.0), (2, 0.0)])
+def test_a_predicted_cell_is_right_up_to_one_cell_away_even_diagonally(
+    distance: int, right: float
+) -> None:
+    result = score(
+        make_map(with_peaks((7, 7), (3, 3))), make_truth((7, 7), (3 + distance, 3 - distance))
+    )
+    assert (result.precision, result.recall) == (right, right)
+
+
+@pytest.mark.parametrize(("peak", "count"), [(0.6499, 0), (0.6501, 1)])
+def test_a_cell_is_predicted_from_065_on(peak: float, count: int) -> None:
+    probability = with_peaks((4, 4), (2, 2), peak=peak)
+    assert score(make_map(probability), make_truth((4, 4), (2, 2))).predicted_cells == count
+
+
+@pytest.mark.parametrize(("probability", "share"), [(0.34, 1.0), (0.36, 0.0)])
+def test_truth_is_called_free_up_to_035(probability: float, share: float) -> None:
+    result = score(
+        make_map(with_peaks((4, 4), (2, 2), peak=probability)), make_truth((4, 4), (2, 2))
+    )
+    assert result.truth_called_free == share
+
+
+def test_what_was_not_observed_does_not_count() -> None:
+    observed = np.ones((6, 6), dtype=bool)
+    observed[0, 0] = observed[5, 5] = False
+    # A wrong prediction and a missed truth cell, both unobserved.
+    occupancy = make_map(with_peaks((6, 6), (2, 2), (0, 0)), observed)
+    result = score(occupancy, make_truth((6, 6), (2, 2), (5, 5)))
+    assert (result.precision, result.recall) == (1.0, 1.0)
+    assert (result.predicted_cells, result.truth_cells) == (1, 1)
+    assert result.brier == pytest.approx(0.01)
+
+
+def test_a_prediction_beside_unobserved_truth_is_right() -> None:
+    observed = np.ones((4, 4), dtype=bool)
+    observed[1, 1] = False
+    result = score(make_map(with_peaks((4, 4), (1, 2)), observed), make_truth((4, 4), (1, 1)))
+    assert result.precision == 1.0
+    assert (result.recall, result.truth_cells) == (0.0, 0)
+
+
+@pytest.mark.parametrize("shift", [(0, 0), (3, 1), (-2, 4), (-3, -5)])
+def test_maps_are_laid_over_each_other_by_their_origins(shift: tuple[int, int]) -> None:
+    rows, columns = shift
+    occupancy = make_map(
+        with_peaks((8, 8), (4, 4)), origin_m=(-columns * RESOLUTION_M, -rows * RESOLUTION_M)
+    )
+    # In the truth's own indices the same place.
+    truth = make_truth((12, 12), (4 - rows, 4 - columns))
+    result = score(occupancy, truth)
+    assert (result.f1, result.mean_distance_m, result.truth_cells) == (1.0, 0.0, 1)
+
+
+def test_nothing_predicted_scores_nothing() -> None:
+    result = score(make_map(np.full((3, 3), 0.1)), make_truth((3, 3), (1, 1)))
+    assert (result.precision, result.recall, result.f1) == (0.0, 0.0, 0.0)
+    assert np.isnan(result.mean_distance_m)
+
+
+def test_being_certain_and_wrong_costs_much_but_not_everything() -> None:
+    occupancy = make_map(np.array([[0.5]]))
+    occupancy.log_odds[0, 0] = -50.0
+    result = score(occupancy, make_truth((1, 1), (0, 0)))
+    assert result.log_loss == pytest.approx(-np.log(1e-6))
+
+
+@pytest.mark.parametrize(
+    ("resolution_m", "shape", "standing"),
+    [
+        (0.25, (8, 8), [(2, 4), (3, 5)]),  # Finer: both lie in the same cell.
+        (1.0, (2, 2), [(0, 1)]),  # Coarser: fills four cells.
+        (0.3, (7, 7), [(3, 3)]),  # Neither way round: some of the cells that it touches.
+    ],
+)
+def test_a_truth_of_other_cells_is_brought_to_those_of_the_map(
+    resolution_m: float, shape: tuple[int, int], standing: list[tuple[int, int]]
+) -> None:
+    maps = align(
+        make_map(np.full((4, 4), 0.1)), make_truth(shape, *standing, resolution_m=resolution_m)
+    )
+    found = {(int(row), int(column)) for row, column in np.argwhere(maps.occupied)}
+    expected = {0.25: {(1, 2)}, 1.0: {(0, 2), (0, 3), (1, 2), (1, 3)}, 0.3: {(2, 2)}}
+    assert found == expected[resolution_m]
+    assert maps.geometry.resolution_m == RESOLUTION_M
+
+
+def test_a_truth_that_lies_between_the_cells_is_scored() -> None:
+    truth = make_truth((3, 3), (1, 1), origin_m=(0.2, -0.2))
+    result = score(make_map(with_peaks((3, 3), (0, 1))), truth)
+    assert (result.precision, result.recall) == (1.0, 1.0)
+
+
+def test_scores_hardly_change_with_the_cells_of_the_truth() -> None:
+    walls = np.zeros((40, 40), dtype=bool)
+    walls[4, 4:36] = walls[4:36, 4] = walls[20, 8:20] = True
+    occupancy = make_map(np.where(walls, 0.9, 0.1))
+    same = score(occupancy, TruthMap(GridGeometry(0.5, (0.0, 0.0), walls.shape), walls))
+    finer = TruthMap(GridGeometry(0.25, (0.0, 0.0), (80, 80)), np.kron(walls, np.ones((2, 2))) > 0)
+    np.testing.assert_equal(asdict(score(occupancy, finer)), asdict(same))
+
+
+def test_a_truth_at_the_other_end_of_the_world_is_refused() -> None:
+    with pytest.raises(MapSizeError, match="may have 1e"):
+        score(make_map(np.full((2, 2), 0.5)), make_truth((2, 2), origin_m=(1e6, 1e6)))

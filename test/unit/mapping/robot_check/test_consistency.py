@@ -1,0 +1,254 @@
+"""Robots that lie are named, and honest ones are not."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.robot_check.agreement import Agreement
+from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
+from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.mapping.robot_check.judgement import judged
+from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import MappingParameters, ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.simulation import Scenario, simulate
+
+LIAR = "/robot2/echo"
+
+
+@cache
+def traces(seed: int) -> list[tuple[str, EchoTrace]]:
+    """Give the pings of three robots among poles."""
+    motion = {"kind": "random_walk", "speed_m_s": 1.5, "clearance_m": 0.2}
+    content = {
+        "description": "poles",
+        "seed": seed,
+        "duration_s": 5.0,
+        "world": {
+            "area_m": [0.0, 5.0, 0.0, 5.0],
+            "random_poles": {"count": 14, "separation_m": 0.5, "reflectivity_spread": 0.35},
+        },
+        "medium": {"sound_speed_m_s": 343.0, "attenuation_db_m": 0.0},
+        "robots": [{"name": f"robot{number}", "motion": motion} for number in (1, 2, 3)],
+    }
+    return list(simulate(Scenario.from_mapping(content, "poles")))
+
+
+@cache
+def cones(seed: int) -> list[tuple[str, EchoCone]]:
+    """Give the same as cones."""
+    return [
+        (topic, reconstruct(trace, ReconstructionParameters()).cone)
+        for topic, trace in traces(seed)
+    ]
+
+
+@cache
+def in_a_room() -> list[tuple[str, EchoCone]]:
+    """Give the cones of three robots in a room with poles."""
+    walls = {"corners_m": [[0.0, 0.0], [5.0, 0.0], [5.0, 4.0], [0.0, 4.0]], "closed": True}
+    motion = {"kind": "random_walk", "speed_m_s": 0.6, "clearance_m": 0.25}
+    starts = ([1.0, 1.0, 0.0], [4.0, 1.0, 1.5], [2.5, 3.0, 3.0])
+    content = {
+        "seed": 1,
+        "duration_s": 12.0,
+        "world": {
+            "area_m": [0.3, 4.7, 0.3, 3.7],
+            "surface": {"specular_reflectivity": 0.2, "diffuse_reflectivity": 3.0},
+            "walls": [walls],
+            "points": [{"x_m": 1.7, "y_m": 1.9}, {"x_m": 3.4, "y_m": 2.3}],
+        },
+        "robots": [
+            {"name": f"robot{number}", "motion": {**motion, "start": start}}
+            for number, start in enumerate(starts, 1)
+        ],
+    }
+    scenario = Scenario.from_mapping(content, "room")
+    return [(t, reconstruct(p, ReconstructionParameters()).cone) for t, p in simulate(scenario)]
+
+
+def findings(pings: list[tuple[str, EchoCone]]) -> dict[str, Finding]:
+    """Map pings, and judge the robots."""
+    parameters = MappingParameters()
+    fusion, consistency = SuperpositionFusion(parameters), Consistency(parameters)
+    for topic, cone in pings:
+        fusion.fuse(cone)
+        consistency.add(topic, cone)
+    return consistency.findings(fusion.by_others())
+
+
+def of_samples(
+    seed: int, factor: float, noise: float, *, is_stated: bool = False
+) -> list[tuple[str, EchoCone]]:
+    """Give cones of which the liar's samples are scaled, as may be stated, and have more noise."""
+    rng = np.random.default_rng(seed)
+    changed = []
+    for (topic, trace), (_, cone) in zip(traces(seed), cones(seed), strict=True):
+        heard = cone
+        if topic == LIAR:
+            more = noise * trace.noise_std * rng.standard_normal(len(trace.samples))
+            samples = (factor * trace.samples + more).astype(np.float32)
+            noise_std = trace.noise_std * (factor if is_stated else 1.0)
+            changed_trace = replace(trace, samples=samples, noise_std=noise_std)
+            heard = reconstruct(changed_trace, ReconstructionParameters()).cone
+        changed.append((topic, heard))
+    return changed
+
+
+def displaced(
+    cone: EchoCone, turned_rad: float, by_m: tuple[float, float] = (0.2, -0.25)
+) -> EchoCone:
+    """Say that a ping came from elsewhere."""
+    x_m, y_m = cone.pose.position_m[:2] + np.array(by_m)
+    return replace(cone, pose=Pose.planar(x_m, y_m, cone.pose.yaw_rad + turned_rad))
+
+
+def named(found: dict[str, Finding]) -> dict[str, str]:
+    """Verdicts on those that are suspected."""
+    return {topic: finding.verdict for topic, finding in found.items() if finding.is_suspect}
+
+
+@pytest.mark.parametrize("give", [lambda: cones(11), lambda: cones(12), in_a_room])
+def test_honest_robots_are_not_suspected(give: Callable[[], list[tuple[str, EchoCone]]]) -> None:
+    """And there is something to go by."""
+    found = findings(give())
+
+    assert named(found) == {}
+    assert any(finding.verdict == "healthy" for finding in found.values())
+
+
+@pytest.mark.slow
+def test_one_that_hears_too_little_is_named() -> None:
+    """Its noise is as it was: it is the echoes that do not get through."""
+    assert named(findings(of_samples(11, 0.05, 0.0))) == {LIAR: "deaf"}
+
+
+@pytest.mark.parametrize(
+    ("factor", "noise", "verdict"), [(1.0, 30.0, "noisy"), (10.0, 0.0, "loud")]
+)
+def test_one_whose_receiver_is_wrong_is_named_without_a_map(
+    factor: float, noise: float, verdict: str
+) -> None:
+    consistency = Consistency(MappingParameters())
+    for topic, cone in of_samples(11, factor, noise, is_stated=verdict == "loud"):
+        consistency.add(topic, cone)
+
+    assert named(consistency.findings(None)) == {LIAR: verdict}
+
+
+def test_one_that_repeats_itself_while_it_moves_is_named() -> None:
+    first = next(cone for topic, cone in cones(11) if topic == LIAR and len(cone.ranges_m))
+    pings = [
+        (topic, replace(first, stamp_ns=cone.stamp_ns, pose=cone.pose) if topic == LIAR else cone)
+        for topic, cone in cones(11)
+    ]
+
+    assert named(findings(pings)) == {LIAR: "stuck"}
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.35])
+def test_one_that_is_elsewhere_is_named(turned_rad: float) -> None:
+    pings = [
+        (topic, displaced(cone, turned_rad) if topic == LIAR else cone) for topic, cone in cones(11)
+    ]
+
+    found = findings(pings)
+
+    assert named(found) == {LIAR: "misplaced"}
+    assert found[LIAR].summary()["evidence"]["fit"] < 0.5
+    assert "misplaced" in found[LIAR].reason
+
+
+@pytest.mark.parametrize("turned_rad", [0.35, -0.3])
+def test_one_that_faces_elsewhere_than_it_says_is_named_with_the_turn(turned_rad: float) -> None:
+    """Nothing but its heading is wrong, and its beam is wide."""
+    pings = [
+        (topic, displaced(cone, turned_rad, (0.0, 0.0)) if topic == LIAR else cone)
+        for topic, cone in cones(11)
+    ]
+
+    found = findings(pings)
+
+    assert named(found) == {LIAR: "misplaced"}
+    assert found[LIAR].summary()["evidence"]["turned_rad"] == pytest.approx(-turned_rad, abs=0.15)
+    assert "if it faces" in found[LIAR].reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("by_m", "turned_rad"), [((0.2, -0.25), 0.0), ((0.0, 0.0), 0.35)])
+def test_one_that_is_misplaced_in_a_room_is_named(
+    by_m: tuple[float, float], turned_rad: float
+) -> None:
+    """Walls are everywhere, and what it adds to the map spoils what the others are judged by."""
+    pings = [
+        (topic, displaced(cone, turned_rad, by_m) if topic == LIAR else cone)
+        for topic, cone in in_a_room()
+    ]
+    assert named(findings(pings)) == {LIAR: "misplaced"}
+
+
+def test_of_two_that_contradict_each_other_both_are_named() -> None:
+    pings = [
+        (topic, displaced(cone, 0.0) if topic == LIAR else cone)
+        for topic, cone in cones(11)
+        if topic != "/robot3/echo"
+    ]
+
+    verdicts = named(findings(pings))
+
+    assert set(verdicts.values()) <= {"misplaced"}
+    assert len(verdicts) in (0, 2)
+
+
+def test_a_robot_alone_is_not_judged() -> None:
+    found = findings([(topic, cone) for topic, cone in cones(11) if topic == LIAR])
+
+    assert {finding.verdict for finding in found.values()} == {"unknown"}
+
+
+def test_names_stand_for_topics_and_robots() -> None:
+    assert is_of("/robot2/left/echo", ["robot2"])
+    assert is_of("/robot2/left/echo", ["/robot2/left/echo"])
+    assert is_of("/robot2/left/echo", ["robot1", "/robot2/left"])
+    assert not is_of("/robot21/echo", ["robot2"])
+    assert not is_of("/robot2/echo", ["", "/"])
+
+
+#: Of one robot among smooth walls, and of its fellows.
+SMOOTH = Agreement(
+    pings=12, echoes=4.0, audible=22, heard=17, matches=17, loudness_db=-6.6, fit=0.85
+)
+OTHERS = [
+    replace(SMOOTH, pings=14, heard=22, loudness_db=3.8, fit=2.2),
+    replace(SMOOTH, pings=9, heard=20, loudness_db=7.8, fit=2.2),
+]
+CHANGES = {
+    "healthy": {},
+    "unknown": {"pings": 7},
+    "deaf": {"loudness_db": -20.0},
+    "loud": {"loudness_db": 30.0},
+    "misplaced": {"fit": 0.1, "heard": 3, "matches": 3},
+}
+
+
+@pytest.mark.parametrize("verdict", CHANGES)
+def test_smooth_walls_do_not_make_a_robot_suspect(verdict: str) -> None:
+    """They are struck squarely by one robot and not by another, whose echoes are fainter then."""
+    own = replace(SMOOTH, **CHANGES[verdict])
+
+    assert judged(own, OTHERS, least_fit=0.4).verdict == verdict
+
+
+def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
+    own = replace(SMOOTH, echoes=0.3, heard=1, matches=1, loudness_db=None, fit=0.0)
+
+    found = judged(own, OTHERS, least_fit=0.4)
+
+    assert found.verdict == "deaf"
+    assert "1 of 22 expected echoes" in found.reason

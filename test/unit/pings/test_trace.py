@@ -1,0 +1,80 @@
+"""What a trace accepts, and how its samples are read."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.pulse import Pulse, PulseShape
+from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trace import EchoTrace, Encoding
+
+TRACE = EchoTrace(
+    stamp_ns=1,
+    frame_id="map",
+    child_frame_id="robot1/sonar",
+    pose=Pose.planar(1.0, 2.0, 0.5),
+    transducer=Transducer(
+        Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032), BeamPattern.linear(), 0.2, 5.0
+    ),
+    channel=Channel(343.0),
+    encoding=Encoding.IQ,
+    sample_rate_hz=25_000.0,
+    start_delay_s=0.001,
+    noise_std=0.01,
+    samples=np.array([1, 2, 3, 4], dtype=np.float32),
+)
+
+
+def test_iq_comes_in_pairs():
+    TRACE.validate()
+    np.testing.assert_array_equal(TRACE.signal(), [1 + 2j, 3 + 4j])
+    np.testing.assert_allclose(TRACE.sample_times_s(), [0.001, 0.00104])
+
+
+@pytest.mark.parametrize("encoding", [Encoding.RAW, Encoding.ENVELOPE])
+def test_other_samples_are_real(encoding):
+    trace = replace(TRACE, encoding=encoding)
+    np.testing.assert_array_equal(trace.signal(), [1, 2, 3, 4])
+    assert len(trace.sample_times_s()) == 4
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"frame_id": ""}, "frame_id"),
+        ({"sample_rate_hz": 0.0}, "sample_rate"),
+        ({"sample_rate_hz": float("nan")}, "sample_rate"),
+        ({"sample_rate_hz": 100.0}, "sample_rate"),
+        ({"sample_rate_hz": 1e12}, "sample_rate"),
+        ({"sample_rate_hz": 2e7, "encoding": Encoding.RAW}, "6.4e.03 samples on a pulse"),
+        ({"start_delay_s": -1.0}, "start_delay"),
+        ({"noise_std": float("inf")}, "noise_std"),
+        ({"samples": np.zeros(0, dtype=np.float32)}, "samples"),
+        ({"samples": np.zeros(3, dtype=np.float32)}, "samples"),
+        ({"samples": np.array([1, np.nan], dtype=np.float32)}, "samples"),
+        ({"channel": Channel(0.0)}, "sound_speed"),
+        ({"pose": Pose.planar(float("nan"), 0.0, 0.0)}, r"pose\.position"),
+    ],
+)
+def test_what_no_sensor_could_have_produced_is_named(change, field):
+    with pytest.raises(MalformedMessageError, match=field):
+        replace(TRACE, **change).validate()
+
+
+def test_clipped_samples_are_known_by_their_like():
+    samples = (1.5 * np.sin(np.linspace(0.0, 10.0, 100))).astype(np.float32)
+    clipped = np.clip(samples, -1.0, 1.0)
+    assert not replace(TRACE, samples=samples).is_saturated
+    assert replace(TRACE, samples=clipped).is_saturated
+
+
+@pytest.mark.parametrize("level", [0.0, 0.01])
+def test_silence_is_not_saturation(level):
+    """Not even behind a converter that gives noise few values to take."""
+    samples = np.tile(np.array([-level, level], dtype=np.float32), 50)
+    assert not replace(TRACE, samples=samples).is_saturated

@@ -1,0 +1,233 @@
+"""What a session needs is compiled beforehand, once, and not in the process that maps."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from usmap_ros.grids import OCCUPIED_PROBABILITY
+from usmap_ros.io.map_files import load_map
+from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED, compiled
+from usmap_ros.runs import compilation
+from usmap_ros.runs.compilation import ALL, EACH_TIME, ONCE, SESSION, SLOW, compile_if_needed
+
+SOURCE = Path(compilation.__file__).parent
+needs_compiler = pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
+
+#: Runs the command line, and says which functions were compiled in its own process.
+PROGRAM = """
+import json, sys
+from numba.core import event
+from usmap_ros.cli import main
+
+class Listener(event.Listener):
+    names = []
+    def on_start(self, started):
+        self.names.append(started.data["dispatcher"].py_func.__qualname__)
+    def on_end(self, ended):
+        pass
+
+event.register("numba:compile", Listener())
+try:
+    main()
+finally:
+    print(json.dumps(Listener.names))
+"""
+SCENARIO = """\
+seed: 3
+duration_s: {duration_s}
+world:
+  points: [{{x_m: 2.0, y_m: 0.4, reflectivity: 1.0}}, {{x_m: 1.5, y_m: -0.6, reflectivity: 0.8}}]
+robots:
+  - name: robot1
+    motion: {{kind: waypoints, waypoints_m: [[0.0, -1.0], [0.0, 1.0]], speed_m_s: 1.0}}
+    transducers:
+      - mount: {{yaw_rad: -1.2}}
+        max_range_m: 3.0
+        receiver: {{encoding: {encoding}, sample_rate_hz: {rate_hz}, noise_std: 0.01}}
+  - name: robot2
+    motion: {{kind: waypoints, waypoints_m: [[0.1, 1.0], [0.1, -1.0]], speed_m_s: 1.0}}
+    transducers:
+      - mount: {{yaw_rad: 1.2}}
+        max_range_m: 3.0
+        receiver: {{encoding: {encoding}, sample_rate_hz: {rate_hz}, noise_std: 0.01}}
+"""
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]:
+    """Give the parts that were compiled, call by call; nothing is, and marks go to a folder."""
+    compiled: list[list[str]] = []
+
+    def compile_apart(parts: list[str]) -> bool:
+        compiled.append(parts)
+        return True
+
+    monkeypatch.setattr(compilation, "_compile_apart", compile_apart)
+    monkeypatch.setattr(compilation, "_folders", lambda: [tmp_path])
+    return compiled
+
+
+@needs_compiler
+def test_it_is_done_once_and_said(calls: list[list[str]]) -> None:
+    said: list[str] = []
+    for _ in range(2):
+        compile_if_needed(said.append)
+    assert said == [ONCE]
+    assert calls == [list(SESSION)]
+    compile_if_needed(said.append, ALL)
+    assert calls[1:] == [[name for name in ALL if name not in SESSION]]
+
+
+@needs_compiler
+def test_it_is_done_again_when_code_or_processor_change(
+    calls: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compile_if_needed(lambda line: None)
+    monkeypatch.setattr(compilation, "compiler_version", lambda: "of another processor")
+    compile_if_needed(lambda line: None)
+    monkeypatch.setattr(compilation, "_state", lambda: "of other code")
+    compile_if_needed(lambda line: None)
+    assert calls == 3 * [list(SESSION)]
+
+
+@needs_compiler
+def test_what_was_compiled_of_older_code_is_removed(calls: list[list[str]], tmp_path: Path) -> None:
+    index = COMPILED[0]._cache._cache_file._index_name
+    data, version = index.replace(".nbi", ".1.nbc"), f"py{sys.version_info[0]}{sys.version_info[1]}"
+    old = [f"a.f-1.{version}.nbi", f"a.f-1.{version}-12345678.2.nbc"]
+    others = ["a.f-1.py27-12345678.nbi", "notes.txt"]
+    for name in (index, data, *old, *others):
+        (tmp_path / name).touch()
+    compile_if_needed(lambda line: None)
+    left = {file.name for file in tmp_path.iterdir() if file.suffix not in (".compiled", ".lock")}
+    assert left == {index, data, *others}
+
+
+@needs_compiler
+def test_what_others_compile_does_not_matter(calls: list[list[str]]) -> None:
+    """It made the marks stale for all other processes."""
+    compile_if_needed(lambda line: None)
+
+    def foreign(x: float) -> float:
+        return x
+
+    compiled(foreign)
+    try:
+        compile_if_needed(lambda line: None)
+    finally:
+        COMPILED.pop()
+    assert calls == [list(SESSION)]
+
+
+@needs_compiler
+def test_a_part_that_failed_is_not_marked_as_done(
+    calls: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(compilation, "_compile_apart", lambda parts: False)
+    compile_if_needed(lambda line: None)
+    assert not list(tmp_path.glob("*.compiled"))
+
+
+@needs_compiler
+def test_without_a_folder_it_is_done_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    said, done = list[str](), list[bool]()
+    monkeypatch.setattr(compilation, "_folders", lambda: None)
+    compile_if_needed(said.append, {"part": lambda: done.append(True)})
+    assert (said, done) == ([EACH_TIME], [True])
+
+
+def test_without_a_compiler_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(compilation, "IS_COMPILED", False)
+    compile_if_needed(said.append)
+    assert said == [SLOW]
+
+
+@needs_compiler
+def test_a_part_runs_in_a_process_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    commands: list[list[str]] = []
+
+    class Process:
+        def __init__(self, command: list[str]) -> None:
+            commands.append(command)
+
+        def wait(self) -> int:
+            return 0
+
+    monkeypatch.setattr(subprocess, "Popen", Process)
+    assert compilation._compile_apart(["one", "other"])
+    start = [sys.executable, "-m", "usmap_ros.runs.compilation", str(os.getpid())]
+    assert commands == [[*start, "one"], [*start, "other"]]
+
+
+@needs_compiler
+def test_everything_that_is_compiled_is_known() -> None:
+    """Whether it is new enough is asked of the files that were imported."""
+    known = {Path(function.py_func.__code__.co_filename) for function in COMPILED}
+    decorated = {
+        path
+        for path in SOURCE.rglob("*.py")
+        if re.search(r"^@compiled$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert decorated == {path for path in known if path.is_relative_to(SOURCE)}
+
+
+@needs_compiler
+def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
+    """Machine code may differ from Python in the last bits, and no cell's class may."""
+    compile_if_needed(lambda line: None)
+    scenario = SCENARIO.format(encoding="iq", rate_hz=25e3, duration_s=0.4)
+    (tmp_path / "scenario.yaml").write_text(scenario)
+    has_numba, has_none = "import sys", "import sys; sys.modules['numba'] = None"
+    said = {}
+    for folder, begin in (("bag", has_numba), ("with", has_numba), ("without", has_none)):
+        program = f"{begin}; from usmap_ros.cli import main; main()"
+        arguments = ["map", "bag", "-o", folder, "--resolution", "0.1"]
+        if folder == "bag":
+            arguments = ["simulate", "scenario.yaml", "-o", "bag"]
+        command = [sys.executable, "-c", program, *arguments]
+        done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True, check=True)
+        said[folder] = done.stderr
+    assert (said["with"], said["without"]) == ("", f"usmap: {SLOW}\n")
+    (one, _), (other, _) = load_map(tmp_path / "with"), load_map(tmp_path / "without")
+    assert one.observed.sum() > 100
+    np.testing.assert_array_equal(one.observed, other.observed)
+    np.testing.assert_array_equal(
+        one.probability() >= OCCUPIED_PROBABILITY, other.probability() >= OCCUPIED_PROBABILITY
+    )
+    np.testing.assert_allclose(one.log_odds, other.log_odds, rtol=0.0, atol=1e-3)
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("encoding", "rate_hz", "duration_s"),
+    [("iq", 25e3, 2.0), ("raw", 25e4, 0.2), ("envelope", 25e3, 0.2)],
+)
+def test_a_map_has_nothing_left_to_compile(
+    tmp_path: Path, encoding: str, rate_hz: float, duration_s: float
+) -> None:
+    compile_if_needed(lambda line: None, ALL)
+    (tmp_path / "scenario.yaml").write_text(
+        SCENARIO.format(encoding=encoding, rate_hz=rate_hz, duration_s=duration_s)
+    )
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-c", PROGRAM, *arguments]
+        done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done
+
+    run("simulate", "scenario.yaml", "-o", "bag")
+    done = run("map", "bag", "-o", "map", "--jobs", "1")
+    assert json.loads(done.stdout.splitlines()[-1]) == []
+    assert done.stderr == ""
+    # LLVM alone would take several hundred megabytes.
+    assert json.loads((tmp_path / "map/summary.json").read_text())["peak_memory_mb"] < 400
+    done = run("plan", "map", "--json")
+    assert json.loads(done.stdout.splitlines()[-1]) == []

@@ -2,8 +2,8 @@
 
 The world is that of a scenario of poles, larger where pings reach farther.  "areas" is how many
 worlds like it, side by side, robots have gone through before the cones that are timed: fusion
-should not care.  Times are medians in milliseconds of one core, of the last cones; F1 is that of
-the map.
+should not care.  Times are medians in milliseconds of one core, of the last cones; F1 and known
+are those of the map.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from reconstruction import of_range
 from usmap_ros.evaluation.scoring import score
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.fields_of_view import PingViews
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
@@ -54,7 +55,7 @@ def heard(scenario: Scenario) -> list[EchoCone]:
 def fused(
     name: str, scenario: Scenario, cones: list[EchoCone], resolution_m: float, areas: int = 1
 ) -> dict[str, float]:
-    """Milliseconds a cone, and F1."""
+    """Milliseconds a cone, F1 and known."""
     mapping = MappingParameters(resolution_m=resolution_m, most_cells=10**9)
     pipeline = Pipeline(PipelineParameters(mapping=mapping))
     for area in range(1, areas):
@@ -70,7 +71,8 @@ def fused(
     figures = {f"{name}_ms": float(np.median(timed)), f"{name}_mean_ms": float(np.mean(timed))}
     if areas == 1:
         truth = scenario.truth_map(resolution_m)
-        figures[f"{name}_f1"] = score(pipeline.occupancy_map(), truth).f1
+        found = score(pipeline.occupancy_map(), truth, PingViews.of(cones))
+        figures |= {f"{name}_f1": found.f1, f"{name}_known": found.known}
     return figures
 
 

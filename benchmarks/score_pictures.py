@@ -22,7 +22,9 @@ from usmap_ros.plotting.plan import draw_probability, draw_truth
 #: Of cells called free that no beam can have reached.
 LEAKED = "#e58fb1"
 #: Figures that are drawn: what they are called, and their field.
-DRAWN = {"F1": "f1", "leak": "leak", "lost": "lost", "escape (m²)": "escape_m2"}
+DRAWN = {
+    "F1": "f1", "known": "known", "leak": "leak", "lost": "lost", "escape (m²)": "escape_m2",
+}  # fmt: skip
 _COLUMNS = 4
 
 

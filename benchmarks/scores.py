@@ -1,10 +1,9 @@
 """How good maps are: the product, what it is without one of its parts, and other methods.
 
 Every scene is drawn at random by `scenes`, recorded under a condition, and mapped by each method.
-F1, log loss and leak, lost and escape are those of `usmap evaluate`; "off" is the largest distance
-from the diagonal of the reliability diagram of all seeds, where a cell counts as right if it holds
-or touches a surface; "seen" is how many of the truth's surface cells are not unknown on the map,
-the only ones that F1 is about. Means over the seeds, with the standard deviation behind ±.
+F1, recall, known, leak, lost, escape and log loss are those of `usmap evaluate`; "off" is the
+largest distance from the diagonal of the reliability diagram of all seeds, where a cell counts as
+right if it holds or touches a surface.  Means over the seeds, with the standard deviation behind ±.
 
 python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ...] [--conditions plain ...]
     [--seeds 901 ...] [--methods ours ...] [--ablations] [--nav2-map MAP.yaml ...] [--cache DIR]
@@ -42,13 +41,15 @@ VARIED = ("poles", "rough_rooms")
 #: Columns of the table: heading, field of the score, digits.
 COLUMNS = (
     ("F1", "f1", 2),
+    ("recall", "recall", 2),
+    ("known", "known", 2),
     ("leak", "leak", 3),
     ("lost", "lost", 3),
     ("escape m²", "escape_m2", 2),
     ("log loss", "log_loss", 3),
-    ("seen", "truth_cells", 0),
 )
-#: Methods in the table of the README.
+#: Of them, in the table of the README; and whose they are.
+SHOWN_COLUMNS = ("f1", "known", "leak", "lost", "escape_m2")
 SHOWN_METHODS = ("ours", "range_only")
 
 
@@ -211,17 +212,19 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 
 def readme_table(rows: list[dict[str, Any]]) -> str:
-    """F1, leak, lost and escape of ours beside range only."""
+    """`SHOWN_COLUMNS` of ours beside range only."""
+    columns = [column for column in COLUMNS if column[1] in SHOWN_COLUMNS]
+    headings = " | ".join(heading for heading, _, _ in columns)
     lines = [
-        "| scene | F1 | leak | lost | escape m² | range only: F1 | leak | lost | escape m² |",
-        "|---|" + "---:|" * 8,
+        f"| scene | {headings} | range only: {headings} |",
+        "|---|" + "---:|" * (len(SHOWN_METHODS) * len(columns)),
     ]
     for _, pair in groupby(rows, key=lambda row: (row["scene"], row["condition"])):
         by_method = {row["method"]: row for row in pair}
         figures = [
             f"{by_method[method][name]:.{digits}f}"
             for method in SHOWN_METHODS
-            for _, name, digits in COLUMNS[:4]
+            for _, name, digits in columns
         ]
         scene = by_method["ours"]["scene"].replace("_", " ")
         lines.append(f"| {scene} | {' | '.join(figures)} |")
@@ -251,7 +254,7 @@ def main() -> None:
     if arguments.readme is not None:
         put(arguments.readme, "scores", readme_table(rows))
     if arguments.page is not None:
-        caption = "F1, leak, lost and escape of every method on every scene"
+        caption = "F1, known, leak, lost and escape of every method on every scene"
         picture = partial(draw_scores, rows)
         text = f"{table}\n{seeds_of(rows)}\n"
         put_with_picture(arguments.page, arguments.place, text, caption, picture)

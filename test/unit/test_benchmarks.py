@@ -123,13 +123,14 @@ def test_conditions_are_varied_on_some_scenes_only(benchmark: ModuleType) -> Non
 
 
 def test_the_readme_shows_ours_beside_range_only(benchmark: ModuleType) -> None:
-    figures = {"f1": 0.5, "leak": 0.25, "lost": 0.125, "escape_m2": 2.0}
+    figures = {"f1": 0.5, "known": 0.75, "leak": 0.25, "lost": 0.125, "escape_m2": 2.0}
     rows = [
         {"scene": "rough_rooms", "condition": "plain", "method": method, "seeds": [3, 1], **figures}
         for method in ("ours", "range_only")
     ]
     lines = benchmark.readme_table(rows).splitlines()
-    assert lines[2] == "| rough rooms |" + " 0.50 | 0.250 | 0.125 | 2.00 |" * 2
+    assert lines[2] == "| rough rooms |" + " 0.50 | 0.75 | 0.250 | 0.125 | 2.00 |" * 2
+    assert lines[0].count("| known |") == 2
     assert lines[-1] == "Seeds: 1, 3."
 
 

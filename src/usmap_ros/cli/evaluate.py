@@ -58,15 +58,15 @@ def describe(score: Score) -> dict[str, str]:
     """Score in words and figures, for people."""
     facts = {
         "F1": f"{score.f1:.3f}",
+        "known (of open space in sight)": f"{score.known:.3f}",
         "precision": f"{score.precision:.3f}",
-        "recall": f"{score.recall:.3f}",
+        "recall (of surfaces in sight)": f"{score.recall:.3f}",
         "log loss": f"{score.log_loss:.4f}",
         "Brier score": f"{score.brier:.4f}",
         "mean distance": f"{score.mean_distance_m * 100:.1f} cm",
-        "truth called free": f"{score.truth_called_free:.1%}",
     }
-    if math.isnan(score.leak):
-        return facts
+    if not score.sight_known:
+        return facts | {"in sight": "not known: what lies within a cell of what is observed"}
     return facts | {
         "leak (free, but out of sight)": f"{score.leak:.1%}",
         "lost (seen walls called free)": f"{score.lost:.1%}",

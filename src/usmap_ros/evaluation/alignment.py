@@ -18,6 +18,8 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Cells that map and truth may have together; comparing them takes about 2 GB then.
 MOST_CELLS = 100_000_000
+#: Probability of cells that lie beyond a map.
+_SAYS_NOTHING = 0.5
 #: Origins that are whole cells apart to this share of a cell, and cells of sizes that differ by
 #: this share, are those of the same grid.
 _SAME, _SAME_SIZE = 0.01, 1e-6
@@ -32,17 +34,20 @@ class AlignedMaps:
     geometry : GridGeometry
         Of that grid.
     probability : (rows, columns) array
-        What the map says.
+        What the map says; beyond its rectangle, an even chance.
     observed : (rows, columns) bool array
         Where it says something.
     occupied : (rows, columns) bool array
         What is there.
+    charted : (rows, columns) bool array
+        The truth's rectangle: beyond it the truth says nothing.
     """
 
     geometry: GridGeometry
     probability: FloatArray
     observed: BoolArray
     occupied: BoolArray
+    charted: BoolArray
 
     @property
     def predicted(self) -> BoolArray:
@@ -77,15 +82,18 @@ def align(occupancy: OccupancyMap, truth: TruthMap) -> AlignedMaps:
         max(ours.shape[1], column + theirs_shape[1]) - left,
     )
     inside = _window(-top, -left, ours.shape)
-    probability = np.zeros(shape)
+    probability = np.full(shape, _SAYS_NOTHING)
     probability[inside] = occupancy.probability()
     observed = np.zeros(shape, dtype=np.bool_)
     observed[inside] = occupancy.observed
     occupied = np.zeros(shape, dtype=np.bool_)
-    occupied[_window(row - top, column - left, theirs_shape)] = occupied_there
+    charted = np.zeros(shape, dtype=np.bool_)
+    there = _window(row - top, column - left, theirs_shape)
+    occupied[there], charted[there] = occupied_there, True
     resolution_m, (x_m, y_m) = ours.resolution_m, ours.origin_m
     origin_m = (x_m + left * resolution_m, y_m + top * resolution_m)
-    return AlignedMaps(GridGeometry(resolution_m, origin_m, shape), probability, observed, occupied)
+    geometry = GridGeometry(resolution_m, origin_m, shape)
+    return AlignedMaps(geometry, probability, observed, occupied, charted)
 
 
 def _check_size(ours: GridGeometry, theirs: GridGeometry) -> None:

@@ -9,14 +9,13 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, label
 
 from usmap_ros.evaluation.alignment import AlignedMaps
 from usmap_ros.evaluation.line_of_sight import pings_in_sight
+from usmap_ros.evaluation.sight import PINGS_TO_KNOW
 from usmap_ros.grids import GridGeometry
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.pings.fields_of_view import PingViews
 
 #: Of the robot that looks for a way out.
 ROBOT_RADIUS_M = 0.15
-#: Pings that must have a truth cell in sight before it can count as lost.
-PINGS_TO_KNOW = 2
 
 _AROUND = np.ones((3, 3), dtype=bool)
 

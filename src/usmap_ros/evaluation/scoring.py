@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from usmap_ros.evaluation.alignment import align
+from usmap_ros.evaluation.alignment import AlignedMaps, align
 from usmap_ros.evaluation.drivability import Drivability, drivability
-from usmap_ros.grids import FREE_PROBABILITY, OccupancyMap, TruthMap
+from usmap_ros.evaluation.sight import InSight, in_sight
+from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.pings.fields_of_view import PingViews
 
 #: Cells (Chebyshev) within which a predicted cell counts as right.
@@ -21,44 +22,51 @@ LOG_LOSS_CLIP = 1e-6
 
 @dataclass(frozen=True)
 class Score:
-    """Agreement of a map with the truth, over the observed cells.
+    """Agreement of a map with the truth, over what could be known of it; shares of nothing are 0.
 
     Parameters
     ----------
+    f1 : float
+        Harmonic mean of precision and recall.
     precision : float
         Share of predicted cells within one cell of a truth cell.
     recall : float
-        Share of observed truth cells within one cell of a predicted one.
-    f1 : float
-        Harmonic mean of the two.
-    log_loss, brier : float
-        Mean over the observed cells, nats and squared probability.
-    mean_distance_m : float
-        From predicted to nearest truth cells; NaN if nothing is predicted.
-    truth_called_free : float
-        Share of observed truth cells with a probability of at most 0.35.
-    predicted_cells, truth_cells : int
-        Observed cells predicted occupied, and observed truth cells.
+        Share of surface cells in sight within one cell of a predicted one; an unknown
+        cell is not found.
+    known : float
+        Share of open cells in sight that are called free.
     leak, lost, escape_m2 : float
         See `Drivability`; NaN if it is not known what the pings looked at.
+    log_loss, brier : float
+        Mean over the cells in sight, nats and squared probability; cells that are neither
+        predicted nor free count with their probability, but at most with 0.5.
+    mean_distance_m : float
+        From predicted to nearest truth cells; NaN if nothing is predicted.
+    predicted_cells, surface_cells, open_cells : int
+        How many are predicted, and how many of either kind are in sight.
+    sight_known : bool
+        Whether it is known what was in sight. If not, all that lies within one cell of an
+        observed cell stands in for it, and a map that says less is asked less.
     """
 
+    f1: float
     precision: float
     recall: float
-    f1: float
-    log_loss: float
-    brier: float
-    mean_distance_m: float
-    truth_called_free: float
-    predicted_cells: int
-    truth_cells: int
+    known: float
     leak: float
     lost: float
     escape_m2: float
+    log_loss: float
+    brier: float
+    mean_distance_m: float
+    predicted_cells: int
+    surface_cells: int
+    open_cells: int
+    sight_known: bool
 
 
 def score(occupancy: OccupancyMap, truth: TruthMap, views: PingViews | None = None) -> Score:
-    """Score a map against the truth.
+    """Score a map against the truth: what could be known counts, whether or not the map knows it.
 
     Parameters
     ----------
@@ -67,35 +75,44 @@ def score(occupancy: OccupancyMap, truth: TruthMap, views: PingViews | None = No
     truth : TruthMap
         What is there; on cells of another size, see `usmap_ros.evaluation.alignment.align`.
     views : PingViews, optional
-        What the pings that made the map looked at; without them it is not known whether one
-        can drive by it.
+        What the pings that made the map looked at; without them it is not known what was in
+        sight, nor whether one can drive by the map.
     """
     maps = align(occupancy, truth)
-    probability, observed, occupied = maps.probability, maps.observed, maps.occupied
+    seen = in_sight(maps, truth, views)
     predicted = maps.predicted
-    seen_truth = observed & occupied
     neighbourhood = np.ones((2 * TOLERANCE_CELLS + 1,) * 2, dtype=bool)
-    precision = _share(binary_dilation(occupied, neighbourhood), predicted)
-    recall = _share(binary_dilation(predicted, neighbourhood), seen_truth)
+    precision = _share(binary_dilation(maps.occupied, neighbourhood), predicted)
+    recall = _share(binary_dilation(predicted, neighbourhood), seen.surface)
     total = precision + recall
-    seen_probability = np.clip(probability[observed], LOG_LOSS_CLIP, 1.0 - LOG_LOSS_CLIP)
-    is_occupied = occupied[observed]
-    losses = -np.log(np.where(is_occupied, seen_probability, 1.0 - seen_probability))
     driving = Drivability(*[float("nan")] * 3) if views is None else drivability(maps, views)
+    log_loss, brier = _losses(maps, seen)
     return Score(
+        f1=2.0 * precision * recall / total if total > 0.0 else 0.0,
         precision=precision,
         recall=recall,
-        f1=2.0 * precision * recall / total if total > 0.0 else 0.0,
-        log_loss=_mean(losses),
-        brier=_mean((probability[observed] - is_occupied) ** 2),
-        mean_distance_m=_mean_distance_m(predicted, occupied, occupancy.geometry.resolution_m),
-        truth_called_free=_share(probability <= FREE_PROBABILITY, seen_truth),
-        predicted_cells=int(np.count_nonzero(predicted)),
-        truth_cells=int(np.count_nonzero(seen_truth)),
+        known=_share(maps.free, seen.open),
         leak=driving.leak,
         lost=driving.lost,
         escape_m2=driving.escape_m2,
+        log_loss=log_loss,
+        brier=brier,
+        mean_distance_m=_mean_distance_m(predicted, maps.occupied, maps.geometry.resolution_m),
+        predicted_cells=int(np.count_nonzero(predicted)),
+        surface_cells=int(np.count_nonzero(seen.surface)),
+        open_cells=int(np.count_nonzero(seen.open)),
+        sight_known=views is not None,
     )
+
+
+def _losses(maps: AlignedMaps, seen: InSight) -> tuple[float, float]:
+    """Log loss and Brier score over the cells in sight."""
+    unknown = ~(maps.predicted | maps.free)
+    probability = np.where(unknown, np.minimum(maps.probability, 0.5), maps.probability)[seen.cells]
+    is_occupied = maps.occupied[seen.cells]
+    clipped = np.clip(probability, LOG_LOSS_CLIP, 1.0 - LOG_LOSS_CLIP)
+    losses = -np.log(np.where(is_occupied, clipped, 1.0 - clipped))
+    return _mean(losses), _mean((probability - is_occupied) ** 2)
 
 
 def _share(property_: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:

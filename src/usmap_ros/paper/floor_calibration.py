@@ -26,6 +26,7 @@ from usmap_ros.paper.setting import (
     method,
 )
 from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pings.fields_of_view import PingViews
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.style import ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cells import reconstruct_cells
@@ -118,10 +119,12 @@ def _explained(traces: list[EchoTrace], channel: Channel) -> dict[str, float]:
     """How well echoes and map agree with the poles when `channel` is believed."""
     pipeline = Pipeline(PipelineParameters())
     false, missed, errors, residuals = 0, 0, [], []
+    cones = []
     for trace in traces:
         told = replace(trace, channel=channel)
         cone = reconstruct(told, pipeline.parameters.reconstruction).cone
         pipeline.fuse(cone)
+        cones.append(cone)
         truth_m = _heard_ranges_m(trace)
         apart = np.abs(cone.ranges_m[:, np.newaxis] - truth_m)
         false += int(np.count_nonzero(apart.min(axis=1, initial=np.inf) > 0.1))
@@ -134,7 +137,7 @@ def _explained(traces: list[EchoTrace], channel: Channel) -> dict[str, float]:
         "missed_echoes_per_ping": missed / len(traces),
         "median_range_error_m": float(np.median(errors)),
         "relative_residual": float(np.mean(residuals)),
-        "map_f1": score(pipeline.occupancy_map(), _truth()).f1,
+        "map_f1": score(pipeline.occupancy_map(), _truth(), PingViews.of(cones)).f1,
     }
 
 

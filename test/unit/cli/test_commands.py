@@ -80,7 +80,7 @@ def test_maps_of_ranges_only_are_made_to_compare_with(usmap: Run, workspace: Pat
 def test_a_score_for_people(usmap: Run, recorded: Path) -> None:
     lines = usmap("evaluate", "map", "--truth", "truth.yaml", cwd=recorded).stdout.splitlines()
     assert lines[0] == "map against truth.yaml"
-    assert lines[1].split()[0] == "F1"
+    assert [line.split()[0] for line in lines[1:3]] == ["F1", "known"]
     assert [line.split()[0] for line in lines[-3:]] == ["leak", "lost", "escape"]
 
 
@@ -90,9 +90,16 @@ def test_a_map_without_beams_is_told_how_far_pings_reached(usmap: Run, workspace
     (workspace / "other").mkdir()
     np.savez(workspace / "other" / "map.npz", **arrays)
     evaluate = ("evaluate", "other", "--truth", "truth.yaml", "--json")
-    assert json.loads(usmap(*evaluate, cwd=workspace).stdout)["leak"] is None
+    without = json.loads(usmap(*evaluate, cwd=workspace).stdout)
+    assert (without["leak"], without["sight_known"]) == (None, False)
+    told = usmap(*evaluate[:-1], cwd=workspace).stdout.splitlines()[-1].split()
+    assert told[:4] == ["in", "sight", "not", "known:"]
     near = json.loads(usmap(*evaluate, "--max-range", "0.5", cwd=workspace).stdout)
     assert near["leak"] > 0.0
+    assert near["sight_known"]
+    # The farther they reached, the more could be known.
+    far = json.loads(usmap(*evaluate, "--max-range", "10", cwd=workspace).stdout)
+    assert far["open_cells"] > near["open_cells"]
 
 
 def test_resume_goes_on_where_the_map_was_left(usmap: Run, workspace: Path) -> None:

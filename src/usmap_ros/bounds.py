@@ -42,6 +42,12 @@ MAX_REACHED_CELLS = 2_000_000
 #: not there, and amplitudes beyond that are no numbers any more.
 MAX_LOSS_DB = 600.0
 
+#: Values of the envelope of an echo that resonances shape, and of the grid it is worked out on.
+LEAST_PROFILE_POINTS, MAX_PROFILE_POINTS, MAX_PROFILE_GRID = 4, 20_000, 500_000
+#: Points that the rough walls of a simulated world scatter from, at some 100 bytes each: 25 km of
+#: wall at 40 a metre.
+MAX_SCATTERERS = 1_000_000
+
 # ---- values
 
 #: No place on Earth has larger UTM coordinates.
@@ -51,6 +57,10 @@ HEIGHT = Bound(-1e4, 1e4, "m")
 VARIANCE = Bound(0.0, 1e12)
 CARRIER = Bound(1.0, 1e7, "Hz")
 PULSE_DURATION = Bound(1e-7, 0.2, "s")
+#: Below a half, nothing resonates.
+QUALITY = Bound(0.5, 1000.0)
+#: Of a simulated robot that wanders: it is drawn step by step.
+WALK_STEP = Bound(0.001, 60.0, "s")
 SWEEP = Bound(-1e7, 1e7, "Hz")
 BEAM_GAIN = Bound(0.0, 100.0)
 MIN_RANGE = Bound(0.0, 200.0, "m")

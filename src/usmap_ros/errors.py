@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 #: Longest cause that an error gives: what it quotes may be a megabyte of somebody's text.
-_LONGEST_CAUSE, _LONGEST_FIELD = 400, 100
+_LONGEST_CAUSE, _LONGEST_FIELD, _LONGEST_NAME = 400, 100, 400
 
 
 def shortened(text: str, length: int) -> str:
@@ -21,6 +21,12 @@ def shortened(text: str, length: int) -> str:
 
 class UsmapError(Exception):
     """Root of every error that bad input can cause."""
+
+
+def _shown(path: str | Path) -> str:
+    """A file's name as text: without what breaks a terminal, and its beginning cut if long."""
+    name = str(path).replace("\0", "\\0")
+    return name if len(name) <= _LONGEST_NAME else f"…{name[1 - _LONGEST_NAME :]}"
 
 
 class FileError(UsmapError):
@@ -37,7 +43,7 @@ class FileError(UsmapError):
     def __init__(self, path: str | Path, cause: str) -> None:
         self.path = Path(path)
         self.cause = shortened(cause, _LONGEST_CAUSE)
-        super().__init__(f"{path}: {self.cause}")
+        super().__init__(f"{_shown(path)}: {self.cause}")
 
 
 class BagError(FileError):

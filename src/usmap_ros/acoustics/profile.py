@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from usmap_ros.bounds import LEAST_PROFILE_POINTS, MAX_PROFILE_GRID, MAX_PROFILE_POINTS
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.arrays import FloatArray, Signal
 
@@ -23,8 +24,6 @@ _APART_OVERLAP, _APART_SHARE = 0.4, 0.35
 #: A resonator's ring counts until so little of the peak is left; grid points a time constant.
 _RUNG_OUT = 0.003
 _POINTS_PER_CONSTANT = 64
-#: Fewest and most points of a profile.
-_LEAST_POINTS, _MOST_POINTS = 4, 20_000
 
 
 @dataclass(frozen=True)
@@ -94,10 +93,10 @@ class Profile:
         if not (np.isfinite(self.rate_hz) and self.rate_hz > 0.0):
             raise MalformedMessageError("pulse.rate", f"is {self.rate_hz:g} Hz, must be above 0")
         count = len(self.values)
-        if not _LEAST_POINTS <= count <= _MOST_POINTS:
+        if not LEAST_PROFILE_POINTS <= count <= MAX_PROFILE_POINTS:
             raise MalformedMessageError(
                 "pulse.template",
-                f"has {count} values, must have {_LEAST_POINTS} to {_MOST_POINTS}",
+                f"has {count} values, must have {LEAST_PROFILE_POINTS} to {MAX_PROFILE_POINTS}",
             )
         values = self.values
         if not np.all(np.isfinite(values)) or not np.any(values):
@@ -123,6 +122,11 @@ def resonant_profile(
     resonances : sequence of (float, float)
         Frequency (Hz) and quality factor of each resonator.
 
+    Raises
+    ------
+    MalformedMessageError
+        If burst and ring last so long, and resonate so widely, that it would take too many values.
+
     Notes
     -----
     About its frequency f, a resonator of quality Q answers an impulse with an envelope
@@ -136,7 +140,14 @@ def resonant_profile(
     rate_hz = _POINTS_PER_CONSTANT * max(*decays_hz, 1.0 / duration_s)
     # Equal resonators in a row ring on as t exp(-t/τ), which takes a little longer.
     ring_s = (2.0 + np.log(1.0 / _RUNG_OUT)) * sum(1.0 / decay for decay in decays_hz)
-    time_s = np.arange(int(np.ceil((duration_s + ring_s) * rate_hz))) / rate_hz
+    points = np.ceil((duration_s + ring_s) * rate_hz)
+    if points > MAX_PROFILE_GRID:
+        raise MalformedMessageError(
+            "pulse.resonances",
+            f"take {points:.3g} values of an envelope of {duration_s + ring_s:.3g} s, at most"
+            f" {MAX_PROFILE_GRID} are taken",
+        )
+    time_s = np.arange(int(points)) / rate_hz
     envelope: Signal = np.asarray(drive(time_s), dtype=np.complex128)
     for (frequency_hz, _), decay_hz in zip(resonances, decays_hz, strict=True):
         turned = 2j * np.pi * (frequency_hz - carrier_hz)

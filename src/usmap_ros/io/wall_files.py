@@ -55,7 +55,7 @@ def load_walls(path: str) -> Mirrors:
     file = Path(path).expanduser()
     try:
         changed_ns = file.stat().st_mtime_ns
-    except OSError:
+    except (OSError, ValueError):
         # What is wrong with it, its reader says.
         changed_ns = -1
     return _read(file, changed_ns)

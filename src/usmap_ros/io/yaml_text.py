@@ -80,6 +80,9 @@ def read_yaml(path: Path, error_class: type[FileError]) -> Any:
         raise error_class(path, "is not a text file") from error
     except YamlTextError as error:
         raise error_class(path, str(error)) from error
+    except ValueError as error:
+        # The name itself is none: it holds a zero byte.
+        raise error_class(path, "is not the name of a file") from error
 
 
 class _BoundedLoader(yaml.SafeLoader):

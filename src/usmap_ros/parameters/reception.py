@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from usmap_ros.bounds import CARRIER, QUALITY, Bound
 from usmap_ros.parameters.fields import ParameterGroup, quantity
 
 
@@ -82,8 +83,8 @@ class PulseParameters(ParameterGroup):
         if self.kind == "resonant":
             if len(self.resonances_hz) != len(self.qualities):
                 raise ValueError("qualities: need one for each of resonances_hz")
-            if min(self.resonances_hz) <= 0.0 or min(self.qualities) <= 0.0:
-                raise ValueError("resonances_hz: and qualities must be above 0")
+            _check_within("resonances_hz", self.resonances_hz, CARRIER)
+            _check_within("qualities", self.qualities, QUALITY)
         if self.kind == "measured":
             if len(self.template_i) != len(self.template_q) or len(self.template_i) < 4:
                 raise ValueError("template_i: and template_q need four values or more each")
@@ -92,6 +93,12 @@ class PulseParameters(ParameterGroup):
             if self.template_rate_hz <= 0.0:
                 raise ValueError("template_rate_hz: must be above 0")
         return self
+
+
+def _check_within(name: str, values: list[float], bound: Bound) -> None:
+    if not all(bound.least <= value <= bound.greatest for value in values):
+        unit = f" {bound.unit}" if bound.unit else ""
+        raise ValueError(f"{name}: must be {bound.least:g} to {bound.greatest:g}{unit}")
 
 
 class RingingParameters(ParameterGroup):

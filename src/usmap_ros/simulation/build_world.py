@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from usmap_ros.bounds import MAX_SCATTERERS
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY
 from usmap_ros.io.nav2_map import Nav2Map
@@ -20,6 +21,7 @@ from usmap_ros.simulation.surfaces import (
     Walls,
     edges_of,
     scatter_along,
+    scatterer_counts,
     walls_of_cells,
 )
 
@@ -142,6 +144,12 @@ def _rough_walls(
         geometry = plan.geometry
         starts, ends = walls_of_cells(occupied, geometry.resolution_m, geometry.origin_m)
         parts.append((Walls.between(starts, ends, surface, one_sided=True), surface))
+    points = sum(scatterer_counts(walls, surface).sum() for walls, surface in parts)
+    if points > MAX_SCATTERERS:
+        raise UsmapError(
+            f"world.walls: scatter from {points:.3g} points (length times scatterers_per_m), at"
+            f" most {MAX_SCATTERERS} are simulated"
+        )
     drawn, edges, first = [], [], 0
     for walls, surface in parts:
         drawn.append(scatter_along(walls, surface, rng).of_walls_from(first))

@@ -131,16 +131,22 @@ class Scatterers:
         )
 
 
+def scatterer_counts(walls: Walls, surface: Surface) -> IntArray:
+    """How many scatterers `scatter_along` draws on each of `walls`."""
+    if surface.diffuse_reflectivity == 0.0:
+        return np.zeros(len(walls), dtype=np.int64)
+    lengths = np.linalg.norm(walls.ends_m - walls.starts_m, axis=-1)
+    counts: IntArray = np.ceil(lengths * surface.scatterers_per_m).astype(np.int64)
+    return counts
+
+
 def scatter_along(walls: Walls, surface: Surface, rng: np.random.Generator) -> Scatterers:
     """Draw the scatterers of `walls`: one at random in every stretch of 1 / density.
 
     Strengths are Rayleigh distributed, as the sum of many small facets is.
     """
     lengths = np.linalg.norm(walls.ends_m - walls.starts_m, axis=-1)
-    if surface.diffuse_reflectivity == 0.0:
-        counts = np.zeros(len(walls), dtype=np.int64)
-    else:
-        counts = np.ceil(lengths * surface.scatterers_per_m).astype(np.int64)
+    counts = scatterer_counts(walls, surface)
     owners = np.repeat(np.arange(len(walls)), counts)
     rank = np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)
     fraction = (rank + rng.random(len(owners))) / counts[owners]

@@ -24,6 +24,11 @@ def robot(**changes):
     return {"robots": [{"name": "robot1"} | changes]}
 
 
+def resonant(quality, duration_s=0.0003):
+    resonances = [{"frequency_hz": 1e6, "quality": quality}]
+    return {"pulse": {"duration_s": duration_s, "resonances": resonances}}
+
+
 def test_a_minimal_one_has_sensible_defaults():
     topic, trace = next(simulate(scenario()))
     trace.validate()
@@ -59,6 +64,10 @@ def test_a_minimal_one_has_sensible_defaults():
         (robot(transducers=[{"receiver": {"noise_std": float("nan")}}]), "noise_std"),
         ({"medium": {"temperature_c": 300.0}}, "temperature_c"),
         ({"medium": {"temperature_c": 30.0, "sound_speed_m_s": 343.0}}, "medium.sound_speed_m_s: "),
+        # What would take terabytes, or for ever.
+        (robot(transducers=[resonant(quality=1e-9)]), "resonances.0.quality"),
+        (robot(transducers=[resonant(quality=0.5, duration_s=0.2)]), "500000 are taken"),
+        (robot(motion={"kind": "random_walk", "step_s": 1e-9}), "step_s"),
         # Also if it says no more than what it would be without a word.
         ({"medium": {"temperature_c": 20.0, "sound_speed_m_s": 343.0}}, "medium.sound_speed_m_s: "),
     ],
@@ -97,6 +106,10 @@ def test_what_cannot_be_is_refused_in_one_line(changes, named):
         (
             {"world": {"area_m": [0, 1, 0, 1], "random_poles": {"count": 99, "separation_m": 1}}},
             "of 99 fit",
+        ),
+        (
+            {"world": {"walls": [{"corners_m": [[-1e5, 0], [1e5, 0]]}]}},
+            r"world.walls: scatter from 8e\+06 points",
         ),
     ],
 )
@@ -138,6 +151,15 @@ def test_mistakes_are_told_in_words_for_people(changes, told):
 def test_a_world_without_an_edge_has_no_outside():
     far = robot(motion={"kind": "waypoints", "waypoints_m": [[50, 50], [60, 60]]})
     next(simulate(scenario(world={"points": [{"x_m": 1, "y_m": 2}]}, **far)))
+
+
+def test_a_name_that_no_file_can_have_is_named(tmp_path):
+    with pytest.raises(MapFileError, match="is not the name of a file") as refusal:
+        scenario(world={"map": {"path": "\0"}}).scene()
+    assert "\0" not in str(refusal.value)
+    with pytest.raises(MapFileError) as refusal:
+        scenario(world={"map": {"path": "x" * 100_000}}).scene()
+    assert len(str(refusal.value)) < 1000
 
 
 def test_a_missing_map_is_named(tmp_path):

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from usmap_ros.bounds import WALK_STEP
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.models.transducers import TransducerModel
 from usmap_ros.simulation.models.world import Coordinate, Point
@@ -56,7 +57,9 @@ class RandomWalkModel(ParameterGroup):
     turn_std_rad: float = quantity(
         0.4, "Standard deviation of the turn from step to step.", "rad", ge=0.0, le=np.pi
     )
-    step_s: float = quantity(0.1, "Duration of a step.", "s", gt=0.0, le=60.0)
+    step_s: float = quantity(
+        0.1, "Duration of a step.", "s", ge=WALK_STEP.least, le=WALK_STEP.greatest
+    )
     clearance_m: float = quantity(
         0.2, "Room that it needs around its centre.", "m", ge=0.0, le=100.0
     )

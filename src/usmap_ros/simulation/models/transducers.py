@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.bounds import QUALITY
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ParameterGroup, quantity
@@ -26,7 +27,7 @@ class ResonanceModel(ParameterGroup):
     """A resonance of the transducer: it rounds off the burst, and rings."""
 
     frequency_hz: float = quantity(..., "Where it is.", "Hz", gt=0.0, le=1e7)
-    quality: float = quantity(..., "Its quality factor.", gt=0.0, le=1000.0)
+    quality: float = quantity(..., "Its quality factor.", ge=QUALITY.least, le=QUALITY.greatest)
 
 
 class PulseModel(ParameterGroup):

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.pings.preparation.valid_part import listened
+from usmap_ros.pings.preparation.valid_part import valid_part
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.cells import reconstruct_cells
 from usmap_ros.reconstruction.cone_cells import ConeCells
@@ -84,7 +84,7 @@ def by_scene(pings: int) -> dict[str, float]:
             traces = [trace for _, trace in islice(simulate(received(scene, encoding)), pings)]
             reconstruct(traces[0], parameters)
             spent = spent_ms(traces, parameters)
-            found = [reconstruct_delays(listened(trace), parameters) for trace in traces]
+            found = [reconstruct_delays(valid_part(trace), parameters) for trace in traces]
             pairs = [
                 (
                     _milliseconds(lambda one=one: operator_search(*one, parameters)),

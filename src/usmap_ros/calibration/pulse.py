@@ -17,7 +17,7 @@ from usmap_ros.calibration.onset import onset_s
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.parameters import PulseParameters, ReconstructionParameters
-from usmap_ros.pings.preparation.prepare import told
+from usmap_ros.pings.preparation.prepare import prepared
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
 from usmap_ros.reconstruction.shared_noise import SharedNoise
@@ -133,7 +133,7 @@ def _snippets(
     noise = SharedNoise(parameters)
     for trace in traces:
         try:
-            known = told(noise.tell(trace), parameters)
+            known = prepared(noise.tell(trace), parameters)
             baseband = to_baseband(known)
         except MalformedMessageError:
             continue

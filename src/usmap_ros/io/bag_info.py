@@ -11,7 +11,7 @@ import numpy as np
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.pings.preparation.valid_part import listened
+from usmap_ros.pings.preparation.valid_part import valid_part
 from usmap_ros.pings.trace import EchoTrace
 
 #: Called with topic and ping.
@@ -33,7 +33,7 @@ class _Topic:
         """Take a ping into account."""
         self.pings += 1
         self.last_ns = ping.stamp_ns
-        self.saturated += isinstance(ping, EchoTrace) and listened(ping).is_saturated
+        self.saturated += isinstance(ping, EchoTrace) and valid_part(ping).is_saturated
         self.encodings.add(ping.encoding.name if isinstance(ping, EchoTrace) else "CONE")
 
     def describe(self) -> dict[str, Any]:

@@ -58,7 +58,7 @@ class MapFusion(LifecycleNode):
         self.health = NodeHealth(self, self.parameters.value.diagnostics_period_s, _COUNTED)
         self.health.watch(self._state)
         self.health.watch(self._slowness)
-        self.health.watch(self._liars)
+        self.health.watch(self._suspected_robots)
         self.health.tell("robots", lambda: self.session.check.summary() if self.session else "")
         self.health.tell(WAITING, lambda: self.session.fusion.waiting if self.session else 0)
         self.health.tell(ROOM, lambda: self.parameters.value.queue_depth)
@@ -160,7 +160,7 @@ class MapFusion(LifecycleNode):
         now = self.parameters.value
         return self.health.slowness(now.order_wait_s + now.latency_limit_s)
 
-    def _liars(self) -> Remark | None:
+    def _suspected_robots(self) -> Remark | None:
         """Which robots contradict the others."""
         return None if self.session is None else self.session.check.suspects()
 

@@ -13,10 +13,10 @@ from usmap_ros.reconstruction.bearings import Sighting, Viewpoint, find_bearings
 from usmap_ros.reconstruction.delays import DelayReconstruction
 
 #: A trace and the echoes in it.
-Heard = tuple[EchoTrace, DelayReconstruction]
+Reconstructed = tuple[EchoTrace, DelayReconstruction]
 
 
-def is_spent(place: int, heard: Sequence[Heard]) -> bool:
+def is_spent(place: int, traces: Sequence[Reconstructed]) -> bool:
     """Whether all that a trace knows is in the bearings of others.
 
     So it is of a transducer that only listened, where one of those that it heard has a trace too.
@@ -25,16 +25,16 @@ def is_spent(place: int, heard: Sequence[Heard]) -> bool:
     ----------
     place : int
         Which trace is meant.
-    heard : sequence of (EchoTrace, DelayReconstruction)
+    traces : sequence of (EchoTrace, DelayReconstruction)
         Traces of one stamp and array, and what each holds.
     """
-    return not _has_sent(heard[place][0]) and any(_has_sent(trace) for trace, _ in heard)
+    return not _has_sent(traces[place][0]) and any(_has_sent(trace) for trace, _ in traces)
 
 
-def cone_with_bearings(place: int, heard: Sequence[Heard]) -> EchoCone:
+def cone_with_bearings(place: int, traces: Sequence[Reconstructed]) -> EchoCone:
     """Cone of a trace, with the bearings that all of its array tell; see `is_spent`."""
-    trace, found = heard[place]
-    sightings = _sightings(place, heard)
+    trace, found = traces[place]
+    sightings = _sightings(place, traces)
     if not sightings or not _has_sent(trace):
         return found.cone
     own = found.echoes[0]
@@ -55,15 +55,15 @@ def _has_sent(trace: EchoTrace) -> bool:
     return trace.is_own(trace.sent[0])
 
 
-def _sightings(place: int, heard: Sequence[Heard]) -> list[Sighting]:
+def _sightings(place: int, traces: Sequence[Reconstructed]) -> list[Sighting]:
     """What is known of the objects that one transducer heard, beside its own echoes."""
-    trace, found = heard[place]
+    trace, found = traces[place]
     sightings = [
         Sighting(emission.mount, emission.transducer.beam, True, echoes)
         for emission, echoes in zip(trace.sent, found.echoes, strict=True)
         if not trace.is_own(emission)
     ]
-    for number, (other, others_found) in enumerate(heard):
+    for number, (other, others_found) in enumerate(traces):
         if number == place:
             continue
         mounts = [one.mount for one in trace.sent if one.child_frame_id == other.child_frame_id]

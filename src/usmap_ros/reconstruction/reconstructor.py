@@ -16,10 +16,10 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.pings.preparation.prepare import told
+from usmap_ros.pings.preparation.prepare import prepared
 from usmap_ros.pings.preparation.ring_down import without_ringing
 from usmap_ros.pings.trace import EchoTrace, Encoding
-from usmap_ros.reconstruction.array_bearings import Heard, cone_with_bearings, is_spent
+from usmap_ros.reconstruction.array_bearings import Reconstructed, cone_with_bearings, is_spent
 from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_delays
 
 
@@ -72,7 +72,7 @@ def reconstruct(trace: EchoTrace, parameters: ReconstructionParameters) -> Recon
     MalformedMessageError
         If the trace cannot be reconstructed.
     """
-    known = told(trace, parameters)
+    known = prepared(trace, parameters)
     if parameters.dictionary == "cells":
         return _by_cells(known, parameters)
     found = reconstruct_delays(known, parameters)
@@ -101,10 +101,10 @@ def reconstruct_sounding(
         a transducer has heard is in the bearings of others.
     """
     outcomes: list[Reconstruction | MalformedMessageError | None] = []
-    heard: dict[int, Heard] = {}
+    heard: dict[int, Reconstructed] = {}
     for place, trace in enumerate(traces):
         try:
-            known = told(trace, parameters)
+            known = prepared(trace, parameters)
             if parameters.dictionary == "cells":
                 outcomes.append(_by_cells(known, parameters))
             else:

@@ -14,7 +14,7 @@ import numpy as np
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.pings.preparation.prepare import told
+from usmap_ros.pings.preparation.prepare import prepared
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.baseband import estimated_noise_std
 
@@ -61,7 +61,7 @@ class SharedNoise:
 
     def _listen(self, level: _Level, trace: EchoTrace) -> None:
         try:
-            heard = told(trace, self._parameters)
+            heard = prepared(trace, self._parameters)
             estimate = estimated_noise_std(heard) * self._parameters.correction.gain
         except MalformedMessageError:
             # Its reconstruction will say why it cannot be used.

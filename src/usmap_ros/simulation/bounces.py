@@ -23,14 +23,14 @@ from usmap_ros.simulation.occlusion import (
     point_segment_distances,
 )
 from usmap_ros.simulation.scene import Discs, Scene
-from usmap_ros.simulation.wall_paths import Ear
+from usmap_ros.simulation.wall_paths import PathEnd
 
 #: Cosine between the normals of walls that meet at a right angle, and how near their ends are.
 _RIGHT_ANGLE, _SAME_PLACE_M = 0.02, 1e-3
 
 
 def bounced_paths(
-    scene: Scene, discs: Discs, sender: Ear, listener: Ear, channel: Channel, reach_m: float
+    scene: Scene, discs: Discs, sender: PathEnd, listener: PathEnd, channel: Channel, reach_m: float
 ) -> tuple[FloatArray, FloatArray]:
     """Lengths and amplitudes of paths that touch two walls or more, and nothing else, (paths,).
 
@@ -40,7 +40,7 @@ def bounced_paths(
         Its walls are the mirrors; up to `Scene.wall_bounces` of them are touched.
     discs : Discs
         What may be in the way.
-    sender, listener : Ear
+    sender, listener : PathEnd
         Both ends.
     channel : Channel
         Gives spreading and absorption.

@@ -14,7 +14,7 @@ from usmap_ros.simulation.bounces import bounced_paths
 from usmap_ros.simulation.occlusion import NO_OWNER, hidden_by_discs, hidden_by_walls
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.view import Targets, View, targets_in_view
-from usmap_ros.simulation.wall_paths import Ear, paths_by_walls
+from usmap_ros.simulation.wall_paths import PathEnd, paths_by_walls
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Sounding:
 
     Parameters
     ----------
-    sender, listener : Ear
+    sender, listener : PathEnd
         Both ends.
     half_angle_rad, reach_m : float
         Cone about the listener's axis, and range, within which things can answer.
@@ -35,8 +35,8 @@ class Sounding:
         Of the listener while the sound is under way; None: it stands still.
     """
 
-    sender: Ear
-    listener: Ear
+    sender: PathEnd
+    listener: PathEnd
     half_angle_rad: float
     reach_m: float
     channel: Channel
@@ -109,7 +109,7 @@ def _there_and_back(
 
 
 def direct_path(
-    scene: Scene, sender: Ear, listener: Ear, channel: Channel, time_s: float
+    scene: Scene, sender: PathEnd, listener: PathEnd, channel: Channel, time_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Length and amplitude of the straight way from one transducer to another, shape (0 or 1,).
 

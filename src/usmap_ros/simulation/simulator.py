@@ -16,7 +16,7 @@ from usmap_ros.pings.transducer_array import TransducerArray
 from usmap_ros.simulation.echo_paths import Sounding, direct_path, echo_paths
 from usmap_ros.simulation.receiver import Arrivals, Receiver
 from usmap_ros.simulation.scene import Scene
-from usmap_ros.simulation.wall_paths import Ear
+from usmap_ros.simulation.wall_paths import PathEnd
 
 NANOSECONDS = 1_000_000_000
 #: Quaternion of a frame that is not turned.
@@ -185,7 +185,7 @@ class EchoSimulator:
         heard_at = true_pose
         if np.any(sonar.receiver_offset_m):
             heard_at = true_pose.compose(Pose(sonar.receiver_offset_m, NO_TURN))
-        listener = Ear(heard_at, sonar.transducer.beam)
+        listener = PathEnd(heard_at, sonar.transducer.beam)
         arrivals = [
             self._arrivals(sonar, true_pose, listener, time_s, emission, velocity_m_s)
             for emission in trace.sent
@@ -211,7 +211,7 @@ class EchoSimulator:
         self,
         sonar: MountedTransducer,
         true_pose: Pose,
-        listener: Ear,
+        listener: PathEnd,
         time_s: float,
         emission: Emission,
         velocity_m_s: FloatArray | None,
@@ -222,7 +222,7 @@ class EchoSimulator:
             sender, half_angle_rad = true_pose, sonar.transducer.beam.half_angle_rad
         channel = sonar.channel_at(time_s)
         sounding = Sounding(
-            Ear(sender, emission.transducer.beam),
+            PathEnd(sender, emission.transducer.beam),
             listener,
             half_angle_rad,
             sonar.listening_s * sonar.channel.sound_speed_m_s / 2.0,
@@ -234,11 +234,11 @@ class EchoSimulator:
         return Arrivals(emission.transducer.pulse, lengths_m / channel.sound_speed_m_s, amplitudes)
 
     def _intrusion(
-        self, sonar: MountedTransducer, listener: Ear, time_s: float, intruder: Intruder
+        self, sonar: MountedTransducer, listener: PathEnd, time_s: float, intruder: Intruder
     ) -> Arrivals:
         """Paths of another robot's pulse: straight, and over what answers."""
         channel, other = sonar.channel_at(time_s), intruder.sonar
-        sender = Ear(intruder.pose, other.transducer.beam)
+        sender = PathEnd(intruder.pose, other.transducer.beam)
         reach_m = (sonar.listening_s - intruder.delay_s) * channel.sound_speed_m_s / 2.0
         sounding = Sounding(sender, listener, np.pi, reach_m, channel, time_s)
         straight = direct_path(self._scene, sender, listener, channel, time_s)

@@ -21,7 +21,7 @@ from usmap_ros.simulation.scene import Discs, Scene
 
 
 @dataclass(frozen=True)
-class Ear:
+class PathEnd:
     """One end of a path: a transducer that sends or listens."""
 
     pose: Pose
@@ -29,7 +29,7 @@ class Ear:
 
 
 def paths_by_walls(
-    scene: Scene, sender: Ear, listener: Ear, channel: Channel, time_s: float
+    scene: Scene, sender: PathEnd, listener: PathEnd, channel: Channel, time_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Lengths and amplitudes of all paths over an object that touch a wall, shape (paths,).
 
@@ -40,7 +40,7 @@ def paths_by_walls(
     ----------
     scene : Scene
         Its discs, balls and facets are the objects, its walls the mirrors.
-    sender, listener : Ear
+    sender, listener : PathEnd
         Both ends.
     channel : Channel
         Between them and the objects.
@@ -78,17 +78,17 @@ class _Objects:
     owners: IntArray
 
 
-def _legs(scene: Scene, discs: Discs, ear: Ear, channel: Channel, objects: _Objects) -> Legs:
+def _legs(scene: Scene, discs: Discs, end: PathEnd, channel: Channel, objects: _Objects) -> Legs:
     """Straight legs to the objects and those by way of walls, silent where something is between."""
     walls = scene.walls
     mirrors = Mirrors(walls.starts_m, walls.ends_m, walls.specular_reflectivity)
     points_m, radii_m = objects.points_m, objects.radii_m
-    straight = straight_legs(ear.pose, ear.beam, channel, points_m, radii_m)
-    position_m, places_m = ear.pose.position_m[:2], points_m[:, :2]
+    straight = straight_legs(end.pose, end.beam, channel, points_m, radii_m)
+    position_m, places_m = end.pose.position_m[:2], points_m[:, :2]
     nobody = np.full(len(places_m), NO_OWNER)
     hidden = hidden_by_walls(position_m, places_m, walls.starts_m, walls.ends_m, nobody)
     hidden |= hidden_by_discs(position_m, places_m, discs.centers_m, discs.radii_m, objects.owners)
-    bounced = wall_legs(ear.pose, ear.beam, channel, points_m, mirrors, radii_m)
+    bounced = wall_legs(end.pose, end.beam, channel, points_m, mirrors, radii_m)
     clear = _clear_of_others(scene, discs, position_m, objects, bounced.gains > 0.0, mirrors)
     return straight.but(hidden).beside(Legs(bounced.lengths_m, bounced.gains * clear))
 

@@ -12,7 +12,7 @@ from usmap_ros.reconstruction.cosamp import Halt
 from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
 from usmap_ros.reconstruction.delay_search import compiled_search, operator_search
 from usmap_ros.reconstruction.sampled.band import without_negatives
-from usmap_ros.reconstruction.sampled.matched import loudness
+from usmap_ros.reconstruction.sampled.matched_filter import loudness
 
 FLOOR = Channel(343.0, 1.3, floor_height_m=0.4, floor_reflectivity=0.6)
 CORNERS = replace(FLOOR, floor_model=FloorModel.CORNER)

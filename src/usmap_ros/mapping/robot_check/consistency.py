@@ -17,9 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotComparison
 from usmap_ros.mapping.robot_check.finding import Finding
-from usmap_ros.mapping.robot_check.judgement import LEAST_ROBOTS_LEFT, Court
-from usmap_ros.mapping.robot_check.receiver_health import hearing, odd_hearing
+from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
 from usmap_ros.mapping.superposition.others import MapByOthers
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -112,11 +112,11 @@ class Consistency:
             return dict(sorted((found | unknown).items()))
         while True:
             chosen = {t: r.chosen() for t, r in self._robots.items() if t not in found}
-            court = Court(self._parameters, chosen, between)
-            screened = court.screen(by_others)
+            comparison = RobotComparison(self._parameters, chosen, between)
+            screened = comparison.screen(by_others)
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
             can_tell = not found or len(screened) > LEAST_ROBOTS_LEFT
-            named = court.named(screened) if can_tell else {}
+            named = comparison.culprits(screened) if can_tell else {}
             if not named:
                 return dict(sorted((found | _cleared(screened)).items()))
             found |= named
@@ -129,8 +129,8 @@ class Consistency:
             if share > REPEATED_SHARE:
                 reason = f"{share:.0%} of its pings repeat the one before though it has moved"
                 found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
-        hearings = {t: hearing(r.cones) for t, r in self._robots.items() if t not in found}
-        return found | odd_hearing({t: own for t, own in hearings.items() if own is not None})
+        healths = {t: receiver_health(r.cones) for t, r in self._robots.items() if t not in found}
+        return found | odd_receivers({t: own for t, own in healths.items() if own is not None})
 
 
 def _cleared(screened: Mapping[str, Finding]) -> dict[str, Finding]:

@@ -17,8 +17,8 @@ class Finding:
     verdict : str
         ``unknown`` where too little of what it looked at was seen by others.
     evidence : dict
-        Numbers that the verdict is from: of an `Agreement`, of a `Hearing`, or the share of pings
-        that repeat the one before though the robot has moved.
+        Numbers that the verdict is from: of an `Agreement`, of a `ReceiverHealth`, or the share of
+        pings that repeat the one before though the robot has moved.
     reason : str
         In words; empty for the healthy.
     """

@@ -21,7 +21,7 @@ FULL_SHARE = 0.8
 
 
 @dataclass(frozen=True)
-class Hearing:
+class ReceiverHealth:
     """Of one robot.
 
     Parameters
@@ -42,14 +42,14 @@ class Hearing:
     loudness_db: float | None
 
 
-def hearing(cones: Sequence[EchoCone]) -> Hearing | None:
+def receiver_health(cones: Sequence[EchoCone]) -> ReceiverHealth | None:
     """How a robot hears; None if it has too few pings to tell."""
     if len(cones) < LEAST_PINGS:
         return None
     counts = np.array([len(cone.ranges_m) for cone in cones])
     amplitudes = np.concatenate([cone.amplitudes for cone in cones]).astype(float)
     limits = [np.median(cone.limit_amplitudes()) for cone in cones]
-    return Hearing(
+    return ReceiverHealth(
         echoes=float(counts.mean()),
         full=float(np.mean(counts == counts.max())),
         limit_db=_decibels(float(np.median(limits))),
@@ -57,7 +57,7 @@ def hearing(cones: Sequence[EchoCone]) -> Hearing | None:
     )
 
 
-def odd_hearing(hearings: Mapping[str, Hearing]) -> dict[str, Finding]:
+def odd_receivers(healths: Mapping[str, ReceiverHealth]) -> dict[str, Finding]:
     """Name those whose detection limits are far from the fleet's, by robot.
 
     A receiver with more noise than it says reports echoes without end, one whose noise is known
@@ -66,10 +66,10 @@ def odd_hearing(hearings: Mapping[str, Hearing]) -> dict[str, Finding]:
 
     Parameters
     ----------
-    hearings : mapping of str to Hearing
+    healths : mapping of str to ReceiverHealth
         Of all robots of which it is known.
     """
-    left, found = dict(hearings), dict[str, Finding]()
+    left, found = dict(healths), dict[str, Finding]()
     while len(left) > 1:
         limit_db = _middle([own.limit_db for own in left.values()])
         # Of two the one with the higher limit comes first: most that goes wrong makes it higher.
@@ -81,12 +81,12 @@ def odd_hearing(hearings: Mapping[str, Hearing]) -> dict[str, Finding]:
         if finding is None:
             return found
         found[farthest] = finding
-        if len(left) == 1 and len(hearings) == 2 and finding.verdict == "loud":
+        if len(left) == 1 and len(healths) == 2 and finding.verdict == "loud":
             found |= dict.fromkeys(left, finding)
     return found
 
 
-def _odd_limit(own: Hearing, others: Sequence[Hearing]) -> Finding | None:
+def _odd_limit(own: ReceiverHealth, others: Sequence[ReceiverHealth]) -> Finding | None:
     """What a detection limit far from others' comes from; None if it is not, or is harmless."""
     above_db = own.limit_db - _middle([other.limit_db for other in others])
     if abs(above_db) <= ODD_LIMIT_DB:
@@ -99,7 +99,9 @@ def _odd_limit(own: Hearing, others: Sequence[Hearing]) -> Finding | None:
     return Finding(verdict, evidence, f"{verdict}: {reason}")
 
 
-def _cause(own: Hearing, others: Sequence[Hearing], above_db: float) -> tuple[Verdict, str] | None:
+def _cause(
+    own: ReceiverHealth, others: Sequence[ReceiverHealth], above_db: float
+) -> tuple[Verdict, str] | None:
     """The verdict on a detection limit far from the others', and why."""
     usual = _middle([other.echoes for other in others])
     side = "above" if above_db > 0.0 else "below"

@@ -35,7 +35,7 @@ _LEAST_MUTED = 0.1
 _QUIET = 0.1
 
 
-def listened(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> EchoTrace:
+def valid_part(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> EchoTrace:
     """Return the part of `trace` in which its receiver listened.
 
     It begins where an echo from the transducer's least range would, or where the transmitter has

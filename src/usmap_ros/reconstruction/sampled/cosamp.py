@@ -13,7 +13,7 @@ import numpy as np
 from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, strengths
-from usmap_ros.reconstruction.sampled.matched import Heard, first_at, refilter
+from usmap_ros.reconstruction.sampled.matched_filter import MatchedFilter, first_at, refilter
 from usmap_ros.reconstruction.sampled.matrix import Places, SampledMatrix, columns_of
 
 #: Why the solver stopped; places in `HALTS` of `usmap_ros.reconstruction.delay_search`.
@@ -26,7 +26,7 @@ STRETCH = 64
 def cosamp(
     matrix: SampledMatrix,
     places: Places,
-    heard: Heard,
+    matched: MatchedFilter,
     thresholds: FloatArray,
     warm_start: IndexArray,
     limits: tuple[int, int, bool],
@@ -39,7 +39,7 @@ def cosamp(
         Φ.
     places : Places
         Where its blocks are.
-    heard : Heard
+    matched : MatchedFilter
         The signal, and the matched filter's output for what is left of it, which is brought up
         to date.
     thresholds : (blocks,) array
@@ -56,7 +56,7 @@ def cosamp(
     iterations, halt : int
         Iterations done, and why no more were.
     """
-    signal = heard.signal
+    signal = matched.signal
     sparsity, max_iterations, non_negative = limits
     best = least_squares(matrix, places, warm_start, signal, non_negative)
     kept = _pruning(matrix, best, thresholds, sparsity)
@@ -66,8 +66,8 @@ def cosamp(
     for iteration in range(1, max_iterations + 1):
         if best.power <= 0.0:
             return best, done, NOISE_LEVEL
-        refilter(matrix, heard, best.residual, non_negative)
-        scores = signal_proxy(matrix, places, heard, best, non_negative)
+        refilter(matrix, matched, best.residual, non_negative)
+        scores = signal_proxy(matrix, places, matched, best, non_negative)
         identified = _identification(matrix, scores, thresholds, best.support, 2 * sparsity)
         if len(identified) == 0:
             return best, done, NOTHING_LEFT
@@ -87,14 +87,14 @@ def cosamp(
 
 @compiled_within
 def signal_proxy(
-    matrix: SampledMatrix, places: Places, heard: Heard, fit: Fit, non_negative: bool
+    matrix: SampledMatrix, places: Places, matched: MatchedFilter, fit: Fit, non_negative: bool
 ) -> FloatArray:
     """Form signal proxy y ← Φ* v, and how well each block by itself explains v.
 
     Blocks that were moved off the grid and left the support are looked at where they are now;
     those of the support explain nothing that is left.
     """
-    scores = heard.scores.copy()
+    scores = matched.scores.copy()
     for block in fit.support:
         scores[block] = 0.0
     one = np.empty(1, np.int64)

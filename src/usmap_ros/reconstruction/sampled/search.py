@@ -10,7 +10,12 @@ from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
 from usmap_ros.reconstruction.sampled.fit import strengths
-from usmap_ros.reconstruction.sampled.matched import heard_in, loudness, refilter, score
+from usmap_ros.reconstruction.sampled.matched_filter import (
+    loudness,
+    matched_filter,
+    refilter,
+    score,
+)
 from usmap_ros.reconstruction.sampled.matrix import (
     SampledMatrix,
     margin,
@@ -101,13 +106,13 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     # Not written as literals, for which all would be compiled once more; of either sign.
     nothing, rectified = np.empty(0, np.int64), how.non_negative & False
     begin, places = len(nothing), on_grid(matrix)
-    heard = heard_in(matrix, signal, rectified)
-    end = heard.filtered.shape[1]
-    thresholds = noise + how.model_error * loudness(heard.scores, _pulse_blocks(matrix))
+    matched = matched_filter(matrix, signal, rectified)
+    end = matched.output.shape[1]
+    thresholds = noise + how.model_error * loudness(matched.scores, _pulse_blocks(matrix))
     if how.non_negative:
-        score(matrix, heard, begin, end, how.non_negative)
+        score(matrix, matched, begin, end, how.non_negative)
     limits = (how.sparsity, how.max_iterations, how.non_negative)
-    fit, iterations, halt = cosamp(matrix, places, heard, thresholds, nothing, limits)
+    fit, iterations, halt = cosamp(matrix, places, matched, thresholds, nothing, limits)
     step_s, stds_s = np.zeros(len(fit.support)), np.zeros(len(fit.support))
     if how.refinements >= 0:
         step_s, stds_s = delay_step(matrix, places, fit)
@@ -119,16 +124,16 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
             break
         before = fit.support
         places = moved(matrix, places, before, step_s)
-        fit, iterations, halt = cosamp(matrix, places, heard, thresholds, before, limits)
+        fit, iterations, halt = cosamp(matrix, places, matched, thresholds, before, limits)
         if largest < how.small and same(fit.support, before):
             step_s = np.zeros(len(before))
             break
         step_s, stds_s = delay_step(matrix, places, fit)
     # The last step is worth taking, but not worth another fit.
     places = moved(matrix, places, fit.support, step_s)
-    refilter(matrix, heard, fit.residual, rectified)
+    refilter(matrix, matched, fit.residual, rectified)
     if how.non_negative:
-        score(matrix, heard, begin, end, rectified)
+        score(matrix, matched, begin, end, rectified)
     beside, ranges_m = margin(matrix), np.empty(len(fit.support))
     for number, block in enumerate(fit.support):
         ranges_m[number] = range_m(matrix, places, block)
@@ -140,7 +145,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         stds_s,
         strengths(matrix, fit),
         thresholds,
-        signal_proxy(matrix, places, heard, fit, rectified),
+        signal_proxy(matrix, places, matched, fit, rectified),
         iterations,
         halt,
     )

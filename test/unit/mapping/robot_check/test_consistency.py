@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.robot_check.agreement import Agreement
+from usmap_ros.mapping.robot_check.comparison import finding_of
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
-from usmap_ros.mapping.robot_check.judgement import judged
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
@@ -242,13 +242,13 @@ def test_smooth_walls_do_not_make_a_robot_suspect(verdict: str) -> None:
     """They are struck squarely by one robot and not by another, whose echoes are fainter then."""
     own = replace(SMOOTH, **CHANGES[verdict])
 
-    assert judged(own, OTHERS, least_fit=0.4).verdict == verdict
+    assert finding_of(own, OTHERS, least_fit=0.4).verdict == verdict
 
 
 def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
     own = replace(SMOOTH, echoes=0.3, heard=1, matches=1, loudness_db=None, fit=0.0)
 
-    found = judged(own, OTHERS, least_fit=0.4)
+    found = finding_of(own, OTHERS, least_fit=0.4)
 
     assert found.verdict == "deaf"
     assert "1 of 22 expected echoes" in found.reason

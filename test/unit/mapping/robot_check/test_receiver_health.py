@@ -2,19 +2,19 @@
 
 import pytest
 
-from usmap_ros.mapping.robot_check.receiver_health import Hearing, odd_hearing
+from usmap_ros.mapping.robot_check.receiver_health import ReceiverHealth, odd_receivers
 
 USUAL = [
-    Hearing(echoes=3.0, full=0.1, limit_db=-34.0, loudness_db=-25.0),
-    Hearing(echoes=2.4, full=0.2, limit_db=-33.0, loudness_db=-23.0),
-    Hearing(echoes=3.6, full=0.1, limit_db=-35.0, loudness_db=-27.0),
+    ReceiverHealth(echoes=3.0, full=0.1, limit_db=-34.0, loudness_db=-25.0),
+    ReceiverHealth(echoes=2.4, full=0.2, limit_db=-33.0, loudness_db=-23.0),
+    ReceiverHealth(echoes=3.6, full=0.1, limit_db=-35.0, loudness_db=-27.0),
 ]
 ODD = {
-    "deaf by noise that is known": (Hearing(0.2, 0.9, -5.0, -1.0), "deaf"),
-    "deaf by a cover": (Hearing(2.0, 0.2, -20.0, -24.0), "deaf"),
-    "noise that nobody knows of": (Hearing(32.0, 1.0, -13.0, -10.0), "noisy"),
-    "too much gain": (Hearing(2.8, 0.2, -14.0, -4.0), "loud"),
-    "too little gain": (Hearing(2.8, 0.2, -60.0, -50.0), "deaf"),
+    "deaf by noise that is known": (ReceiverHealth(0.2, 0.9, -5.0, -1.0), "deaf"),
+    "deaf by a cover": (ReceiverHealth(2.0, 0.2, -20.0, -24.0), "deaf"),
+    "noise that nobody knows of": (ReceiverHealth(32.0, 1.0, -13.0, -10.0), "noisy"),
+    "too much gain": (ReceiverHealth(2.8, 0.2, -14.0, -4.0), "loud"),
+    "too little gain": (ReceiverHealth(2.8, 0.2, -60.0, -50.0), "deaf"),
 }
 
 
@@ -24,22 +24,22 @@ def test_the_odd_one_is_named(case: str, others: int) -> None:
     own, verdict = ODD[case]
     fleet = {f"/robot{number}/cone": usual for number, usual in enumerate(USUAL[:others])}
 
-    found = odd_hearing({**fleet, "/odd/cone": own})
+    found = odd_receivers({**fleet, "/odd/cone": own})
 
     assert {topic: finding.verdict for topic, finding in found.items()} == {"/odd/cone": verdict}
     assert "dB" in found["/odd/cone"].reason
 
 
 def test_a_better_receiver_is_not_odd() -> None:
-    quiet = Hearing(echoes=4.0, full=0.1, limit_db=-50.0, loudness_db=-27.0)
+    quiet = ReceiverHealth(echoes=4.0, full=0.1, limit_db=-50.0, loudness_db=-27.0)
 
-    assert odd_hearing({"/1": USUAL[0], "/2": USUAL[1], "/3": quiet}) == {}
+    assert odd_receivers({"/1": USUAL[0], "/2": USUAL[1], "/3": quiet}) == {}
 
 
 def test_several_are_named_one_after_the_other() -> None:
     odd = {"/deaf": ODD["deaf by noise that is known"][0], "/loud": ODD["too much gain"][0]}
 
-    found = odd_hearing({**{f"/{n}": usual for n, usual in enumerate(USUAL)}, **odd})
+    found = odd_receivers({**{f"/{n}": usual for n, usual in enumerate(USUAL)}, **odd})
 
     assert {topic: finding.verdict for topic, finding in found.items()} == {
         "/deaf": "deaf",
@@ -48,8 +48,8 @@ def test_several_are_named_one_after_the_other() -> None:
 
 
 def test_of_two_only_noise_tells_which_is_odd() -> None:
-    noisy = odd_hearing({"/1": USUAL[0], "/2": ODD["noise that nobody knows of"][0]})
-    loud = odd_hearing({"/1": USUAL[0], "/2": ODD["too much gain"][0]})
+    noisy = odd_receivers({"/1": USUAL[0], "/2": ODD["noise that nobody knows of"][0]})
+    loud = odd_receivers({"/1": USUAL[0], "/2": ODD["too much gain"][0]})
 
     assert set(noisy) == {"/2"}
     assert set(loud) == {"/1", "/2"}
@@ -57,4 +57,4 @@ def test_of_two_only_noise_tells_which_is_odd() -> None:
 
 
 def test_one_alone_is_not_judged() -> None:
-    assert odd_hearing({"/1": ODD["too much gain"][0]}) == {}
+    assert odd_receivers({"/1": ODD["too much gain"][0]}) == {}

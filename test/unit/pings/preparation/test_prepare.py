@@ -7,9 +7,9 @@ import pytest
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.pings.preparation.prepare import told
-from usmap_ros.pings.preparation.resting_level import _is_around_zero, _median_level, at_rest_zero
-from usmap_ros.pings.preparation.valid_part import listened
+from usmap_ros.pings.preparation.dc_offset import _is_around_zero, _median_level, without_dc_offset
+from usmap_ros.pings.preparation.prepare import prepared
+from usmap_ros.pings.preparation.valid_part import valid_part
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.reconstruction.shared_noise import SharedNoise
@@ -29,10 +29,10 @@ def trace_of(encoding=Encoding.IQ, noise=0.01, seed=0, objects=((1.5, 0.0),)):
 def test_level_that_samples_rest_at_is_taken_off(encoding):
     trace = trace_of(encoding)
     lifted = replace(trace, samples=(trace.samples + np.float32(2048.0)))
-    settled = at_rest_zero(lifted)
+    settled = without_dc_offset(lifted)
 
     assert settled.samples == pytest.approx(trace.samples, abs=0.005)
-    assert at_rest_zero(trace) is trace
+    assert without_dc_offset(trace) is trace
     cone = reconstruct(lifted, DEFAULTS).cone
     assert cone.ranges_m == pytest.approx([1.5], abs=0.002)
 
@@ -71,7 +71,7 @@ def test_transducers_do_not_share_their_noise():
 
 
 def test_stated_window_is_obeyed():
-    window = listened(trace_of(), 0.005, 0.012)
+    window = valid_part(trace_of(), 0.005, 0.012)
 
     assert window.start_delay_s == pytest.approx(0.005, abs=1e-4)
     assert window.sampling.end_s == pytest.approx(0.012, abs=1e-4)
@@ -112,6 +112,6 @@ def test_receiver_beside_the_sender_is_honoured(dictionary):
 
 
 def test_offset_is_not_for_arrays():
-    trace = told(trace_of(), ReconstructionParameters(receiver_offset_m=[0.0, 0.05, 0.0]))
+    trace = prepared(trace_of(), ReconstructionParameters(receiver_offset_m=[0.0, 0.05, 0.0]))
     with pytest.raises(MalformedMessageError, match="receiver_offset_m"):
-        told(trace, ReconstructionParameters(receiver_offset_m=[0.0, 0.05, 0.0]))
+        prepared(trace, ReconstructionParameters(receiver_offset_m=[0.0, 0.05, 0.0]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.pings.preparation.valid_part import listened
+from usmap_ros.pings.preparation.valid_part import valid_part
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.reconstruction.reconstructor import reconstruct
 
@@ -68,7 +68,7 @@ def trace(hear):
 @pytest.mark.parametrize("reception", RECEPTIONS)
 def test_a_trace_is_listened_to_from_the_least_range_on(trace, reception):
     whole = trace(reception)
-    part = listened(whole)
+    part = valid_part(whole)
 
     assert part.start_delay_s == pytest.approx(2.0 * 0.2 / 343.0, abs=1.0 / whole.sample_rate_hz)
     assert part.sampling.end_s == pytest.approx(whole.sampling.end_s)
@@ -109,22 +109,22 @@ def test_ring_down_changes_nothing(trace, reception, min_range_m):
     assert after.noise_std == pytest.approx(before.noise_std, rel=0.1)
     assert after.cone.residual == pytest.approx(before.cone.residual, rel=0.15)
     assert rung.is_saturated
-    assert not listened(rung).is_saturated
+    assert not valid_part(rung).is_saturated
 
 
 @pytest.mark.parametrize("reception", RECEPTIONS)
 def test_silence_is_not_taken_for_a_muted_receiver(hear, reception):
     for seed in range(20):
         silent = hear([], reception=reception, noise_std=0.01, seed=seed)
-        assert listened(silent).sampling.end_s == pytest.approx(silent.sampling.end_s)
+        assert valid_part(silent).sampling.end_s == pytest.approx(silent.sampling.end_s)
         near = hear([(0.5, 0.0)], reception=reception, noise_std=0.01, seed=seed)
-        assert listened(near).sampling.end_s == pytest.approx(near.sampling.end_s)
+        assert valid_part(near).sampling.end_s == pytest.approx(near.sampling.end_s)
 
 
 def test_a_coarse_converter_is_not_taken_for_a_muted_receiver(trace):
     fine = trace("iq")
     coarse = replace(fine, samples=(np.rint(fine.samples / 0.1) * 0.1).astype(np.float32))
-    assert listened(coarse).sampling.end_s == pytest.approx(fine.sampling.end_s)
+    assert valid_part(coarse).sampling.end_s == pytest.approx(fine.sampling.end_s)
 
 
 @pytest.mark.parametrize("starts_s", [0.0, 4e-4])
@@ -144,6 +144,6 @@ def test_a_transmitter_that_rises_slowly_and_rings_unclipped_is_left_out(
     heard = with_samples(trace_, ring).cut(max(0, late), trace_.sampling.sample_count)
     cone = reconstruct(heard, PARAMETERS).cone
 
-    assert listened(heard).start_delay_s > 2.2e-3
+    assert valid_part(heard).start_delay_s > 2.2e-3
     loudest_m = cone.ranges_m[np.argmax(cone.amplitudes)]
     assert min(abs(loudest_m - np.hypot(*point)) for point in POINTS) < 0.01

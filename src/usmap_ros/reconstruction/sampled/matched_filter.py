@@ -15,103 +15,110 @@ from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.matrix import SampledMatrix, margin
 
 
-class Heard(NamedTuple):
-    """A signal, and what its matched filter says of what is left of it.
+class MatchedFilter(NamedTuple):
+    """A signal, its residual, and the matched filter's output for the residual.
 
     Attributes
     ----------
-    signal, unexplained : (samples,) arrays
+    signal, residual : (samples,) arrays
         The signal between its margins, and what is left of it.
-    filtered : (oversampling, windows) array
+    output : (oversampling, windows) array
         The matched filter's output for what is left.
-    sizes : (oversampling * windows,) array
+    magnitudes : (oversampling * windows,) array
         Its magnitudes, or its positive parts where coefficients must not be negative.
     scores : (blocks,) array
         How well each block, on the grid and by itself, explains what is left.
     """
 
     signal: Signal
-    unexplained: Signal
-    filtered: Signal
-    sizes: FloatArray
+    residual: Signal
+    output: Signal
+    magnitudes: FloatArray
     scores: FloatArray
 
 
 @inlined
-def heard_in(matrix: SampledMatrix, signal: Signal, non_negative: bool) -> Heard:
+def matched_filter(matrix: SampledMatrix, signal: Signal, non_negative: bool) -> MatchedFilter:
     """A signal of which nothing is explained yet."""
     beside = margin(matrix)
     padded = np.zeros(matrix.sample_count + 2 * beside, np.complex128)
-    unexplained = np.zeros(len(padded), np.complex128)
+    residual = np.zeros(len(padded), np.complex128)
     for sample in range(matrix.sample_count):
         padded[beside + sample] = signal[sample]
     rows, windows = matrix.polyphase.shape[0], matrix.sample_count + beside - 1
-    filtered = np.zeros((rows, windows), np.complex128)
-    sizes, scores = np.zeros(rows * windows), np.zeros(len(matrix.delays_s))
-    heard = Heard(padded, unexplained, filtered, sizes, scores)
-    refilter(matrix, heard, padded, non_negative)
-    return heard
+    output = np.zeros((rows, windows), np.complex128)
+    magnitudes, scores = np.zeros(rows * windows), np.zeros(len(matrix.delays_s))
+    matched = MatchedFilter(padded, residual, output, magnitudes, scores)
+    refilter(matrix, matched, padded, non_negative)
+    return matched
 
 
 @compiled_within
-def refilter(matrix: SampledMatrix, heard: Heard, residual: Signal, non_negative: bool) -> None:
+def refilter(
+    matrix: SampledMatrix, matched: MatchedFilter, residual: Signal, non_negative: bool
+) -> None:
     """Bring filter and scores up to date where the residual has changed."""
     end, place, taps = len(residual), 0, margin(matrix)
     while place < end:
-        if heard.unexplained[place] == residual[place]:
+        if matched.residual[place] == residual[place]:
             place += 1
             continue
         begin = last = place
         # Changes within a pulse of each other are worth one pass.
         while place < end and place - last <= taps:
-            if heard.unexplained[place] != residual[place]:
-                heard.unexplained[place] = residual[place]
+            if matched.residual[place] != residual[place]:
+                matched.residual[place] = residual[place]
                 last = place
             place += 1
-        first, stop = max(0, begin - taps), min(heard.filtered.shape[1], last + 1)
-        _filter(matrix, heard, first, stop)
-        score(matrix, heard, first, stop, non_negative)
+        first, stop = max(0, begin - taps), min(matched.output.shape[1], last + 1)
+        _filter(matrix, matched, first, stop)
+        score(matrix, matched, first, stop, non_negative)
 
 
 @compiled_within
-def _filter(matrix: SampledMatrix, heard: Heard, begin: int, end: int) -> None:
+def _filter(matrix: SampledMatrix, matched: MatchedFilter, begin: int, end: int) -> None:
     """Φᴴ r on the grid, in windows from `begin` to before `end`."""
     taps = margin(matrix)
-    for phase in range(heard.filtered.shape[0]):
-        row = heard.filtered[phase, begin:end]
+    for phase in range(matched.output.shape[0]):
+        row = matched.output[phase, begin:end]
         row[:] = 0.0
         # Two at a time, for half as many ways to memory and back.
         for tap in range(0, taps - 1, 2):
             factor = np.conj(matrix.polyphase[phase, tap])
             next_factor = np.conj(matrix.polyphase[phase, tap + 1])
-            samples = heard.unexplained[begin + 1 + tap : end + 1 + tap]
-            next_samples = heard.unexplained[begin + 2 + tap : end + 2 + tap]
+            samples = matched.residual[begin + 1 + tap : end + 1 + tap]
+            next_samples = matched.residual[begin + 2 + tap : end + 2 + tap]
             for window in range(len(row)):
                 row[window] += factor * samples[window] + next_factor * next_samples[window]
         if taps % 2:
             factor = np.conj(matrix.polyphase[phase, taps - 1])
-            samples = heard.unexplained[begin + taps : end + taps]
+            samples = matched.residual[begin + taps : end + taps]
             for window in range(len(row)):
                 row[window] += factor * samples[window]
 
 
 @compiled_within
-def score(matrix: SampledMatrix, heard: Heard, begin: int, end: int, non_negative: bool) -> None:
+def score(
+    matrix: SampledMatrix, matched: MatchedFilter, begin: int, end: int, non_negative: bool
+) -> None:
     """Bring scores up to date with the filter's output in windows from `begin` to before `end`."""
-    rows, windows = heard.filtered.shape
+    rows, windows = matched.output.shape
     for phase in range(rows):
-        row, sizes = heard.filtered[phase], heard.sizes[phase * windows : (phase + 1) * windows]
+        row, magnitudes = (
+            matched.output[phase],
+            matched.magnitudes[phase * windows : (phase + 1) * windows],
+        )
         if non_negative:
             # What would need a negative coefficient cannot explain anything.
             for window in range(begin, end):
-                sizes[window] = max(row[window].real, 0.0)
+                magnitudes[window] = max(row[window].real, 0.0)
         else:
             for window in range(begin, end):
-                sizes[window] = np.sqrt(row[window].real ** 2 + row[window].imag ** 2)
+                magnitudes[window] = np.sqrt(row[window].real ** 2 + row[window].imag ** 2)
     # Half a step before the first delay of a window.
     start_s = matrix.grid_start_s + (begin * rows - 0.5) * matrix.delay_step_s
     stop_s = matrix.grid_start_s + (end * rows - 0.5) * matrix.delay_step_s
-    done = len(heard.scores)
+    done = len(matched.scores)
     for path in range(matrix.delays_s.shape[1]):
         delays_s = matrix.delays_s[:, path]
         # Longer paths that take as long are of nearer blocks.
@@ -119,8 +126,10 @@ def score(matrix: SampledMatrix, heard: Heard, begin: int, end: int, non_negativ
         for block in range(first, stop):
             total = 0.0
             for one in range(matrix.delays_s.shape[1]):
-                total += matrix.weights[0, block, one] * heard.sizes[matrix.places[block, one]]
-            heard.scores[block] = total
+                total += (
+                    matrix.weights[0, block, one] * matched.magnitudes[matrix.places[block, one]]
+                )
+            matched.scores[block] = total
         done = first
 
 

@@ -33,7 +33,7 @@ MOST_LEFT_OUT, AGREED = 4, 0.8
 LEAST_TURN_GAIN, LEAST_TURN_CERTAINTY = 1.0, 2.0
 
 
-class Court:
+class RobotComparison:
     """Judges robots by what they have heard, and by maps that some of them have no part in.
 
     Parameters
@@ -54,8 +54,8 @@ class Court:
     ) -> None:
         self._parameters, self._cones, self._between = parameters, cones, between
         self._agreements: dict[str, Agreement] = {}
-        # What `_apart` has found, which takes as long as to map everything again.
-        self._heard_apart: dict[str, tuple[Agreement, list[Agreement]]] = {}
+        # What `_agreement_without` has found, which takes as long as to map everything again.
+        self._without: dict[str, tuple[Agreement, list[Agreement]]] = {}
 
     def screen(self, by_others: MapByOthers) -> dict[str, Finding]:
         """Judge all by the map that they have made together."""
@@ -64,15 +64,15 @@ class Court:
         found = {}
         for topic, own in self._agreements.items():
             others = [a for t, a in self._agreements.items() if t != topic]
-            found[topic] = judged(own, others, SUSPECT_FIT, most_asked=math.inf)
+            found[topic] = finding_of(own, others, SUSPECT_FIT, most_asked=math.inf)
         return found
 
-    def named(self, screened: Mapping[str, Finding]) -> dict[str, Finding]:
+    def culprits(self, screened: Mapping[str, Finding]) -> dict[str, Finding]:
         """The suspect that is a liar, or those of which one is; nobody if all are cleared."""
         suspects = [topic for topic, finding in screened.items() if finding.is_suspect]
         for topic in suspects:
             if screened[topic].verdict != "misplaced":
-                finding = judged(*self._apart(topic), MISPLACED_FIT)
+                finding = finding_of(*self._agreement_without(topic), MISPLACED_FIT)
                 if finding.is_suspect:
                     return {topic: finding}
         return self._misplaced(suspects) if suspects else {}
@@ -85,14 +85,14 @@ class Court:
         """
         fits = {t: a.fit for t, a in self._agreements.items() if a.fit is not None}
         worst = sorted(fits, key=lambda topic: (topic not in suspects, fits[topic]))[:MOST_LEFT_OUT]
-        apart = {topic: self._apart(topic) for topic in worst}
+        apart = {topic: self._agreement_without(topic) for topic in worst}
         known = [fit for _, others in apart.values() if (fit := usual_fit(others)) is not None]
         # Of those who know nothing of one another, nothing speaks against their agreeing.
         agreed = {
             topic: usual_fit(others) or max(known, default=USUAL_FIT)
             for topic, (_, others) in apart.items()
         }
-        verdicts = {topic: judged(*apart[topic], MISPLACED_FIT) for topic in agreed}
+        verdicts = {topic: finding_of(*apart[topic], MISPLACED_FIT) for topic in agreed}
         least = AGREED * max(agreed.values(), default=0.0)
         fitting = [agreed[t] for t, own in verdicts.items() if own.is_suspect and agreed[t] > least]
         named = {
@@ -102,10 +102,10 @@ class Court:
         }
         return {topic: _or_its_rivals(topic, named) for topic in named}
 
-    def _apart(self, topic: str) -> tuple[Agreement, list[Agreement]]:
+    def _agreement_without(self, topic: str) -> tuple[Agreement, list[Agreement]]:
         """How a robot agrees with the map of the others, and they with one another, without it."""
-        if topic in self._heard_apart:
-            return self._heard_apart[topic]
+        if topic in self._without:
+            return self._without[topic]
         others = {t: own for t, own in self._cones.items() if t != topic}
         apart = SuperpositionFusion(self._parameters)
         cones = (cone for own in others.values() for cone in own)
@@ -115,8 +115,8 @@ class Court:
         by_others = apart.by_others()
         own = by_others.expected(self._cones, self._between, of=[topic])[topic]
         among_them = by_others.expected(others, self._between).values()
-        self._heard_apart[topic] = agreement(own), [agreement(pings) for pings in among_them]
-        return self._heard_apart[topic]
+        self._without[topic] = agreement(own), [agreement(pings) for pings in among_them]
+        return self._without[topic]
 
 
 def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:
@@ -138,7 +138,7 @@ def _is_turned(own: Agreement) -> bool:
     return gain >= LEAST_TURN_GAIN and certainty >= LEAST_TURN_CERTAINTY
 
 
-def judged(
+def finding_of(
     own: Agreement, others: list[Agreement], least_fit: float, most_asked: float = USUAL_FIT
 ) -> Finding:
     """Judge a robot by how it agrees with the others' map, beside how they agree with theirs.

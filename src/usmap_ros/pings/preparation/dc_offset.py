@@ -1,4 +1,4 @@
-"""The level that samples rest at, as behind a converter without a sign, taken off."""
+"""The DC offset of samples, as behind a converter without a sign, taken off."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SPREADS, _SPREADS_OF_MAGNITUDES = 1.0, 3.0
 _STEPS = 10
 
 
-def at_rest_zero(trace: EchoTrace) -> EchoTrace:
+def without_dc_offset(trace: EchoTrace) -> EchoTrace:
     """Return `trace` with samples that are around zero where nothing is heard.
 
     Raw and I/Q samples rest at their median, since echoes are few and their phases cancel.

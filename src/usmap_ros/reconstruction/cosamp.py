@@ -1,5 +1,10 @@
 """Compressive sampling matching pursuit on any sensing operator.
 
+This one runs for the dictionary of cells, for several pulses in the air at once, and wherever
+nothing is compiled.  For the echoes of one pulse, which is the default, its compiled twin runs:
+`usmap_ros.reconstruction.sampled.cosamp`; `usmap_ros.reconstruction.delay_search.search` chooses,
+and tests hold the two to the same echoes.
+
 Needell & Tropp, "CoSaMP: Iterative signal recovery from incomplete and inaccurate samples",
 Appl. Comput. Harmon. Anal. 26 (2009) 301-321; in blocks after Baraniuk, Cevher, Duarte &
 Hegde, "Model-based compressive sensing", IEEE Trans. Inf. Theory 56 (2010) 1982-2001; with a

@@ -8,11 +8,11 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
+from usmap_ros.mapping.fusion import LeaveOneOut
 from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
 from usmap_ros.mapping.robot_check.finding import Finding, Verdict
 from usmap_ros.mapping.robot_check.receiver_health import FEW_ECHOES
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
-from usmap_ros.mapping.superposition.others import MapByOthers
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -57,7 +57,7 @@ class RobotComparison:
         # What `_agreement_without` has found, which takes as long as to map everything again.
         self._without: dict[str, tuple[Agreement, list[Agreement]]] = {}
 
-    def screen(self, by_others: MapByOthers) -> dict[str, Finding]:
+    def screen(self, by_others: LeaveOneOut) -> dict[str, Finding]:
         """Judge all by the map that they have made together."""
         expected = by_others.expected(self._cones, self._between)
         self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}

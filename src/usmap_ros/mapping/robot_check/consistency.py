@@ -17,10 +17,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from usmap_ros.mapping.fusion import LeaveOneOut
 from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotComparison
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
-from usmap_ros.mapping.superposition.others import MapByOthers
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -90,7 +90,7 @@ class Consistency:
         return other
 
     def findings(
-        self, by_others: MapByOthers | None, between: Callable[[], None] = lambda: None
+        self, by_others: LeaveOneOut | None, between: Callable[[], None] = lambda: None
     ) -> dict[str, Finding]:
         """Judge every robot, by topic.
 
@@ -100,7 +100,7 @@ class Consistency:
 
         Parameters
         ----------
-        by_others : MapByOthers, optional
+        by_others : LeaveOneOut, optional
             `Fusion.by_others` of the map that the pings went into.
         between : callable
             Called between pieces of work, which take milliseconds; what it raises ends the

@@ -1,5 +1,8 @@
 """CoSaMP in the delay domain, compiled: the steps of `usmap_ros.reconstruction.cosamp`.
 
+This is the one that runs by default: for the echoes of one pulse on the delay axis.  The other runs
+for the dictionary of cells, for several pulses at once, and where nothing is compiled.
+
 They have the same names, and find the same: proxy, identification, support merger, least squares
 (`fit.least_squares`), pruning, sample update.  What differs is how: the matched filter is kept and
 brought up to date where the residual has changed, and least squares goes by runs of echoes that

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from usmap_ros import __version__
 from usmap_ros.errors import BagError
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.bag_reader import BagReader
@@ -25,6 +24,7 @@ from usmap_ros.io.stretch import TraceStretch
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.shared_noise import SharedNoise
+from usmap_ros.runs.collection.code_state import PACKAGE, reconstruction_state
 from usmap_ros.runs.offline import nothing_usable, recorded_cones
 from usmap_ros.runs.parallel import Reconstructors, stretch_cones
 from usmap_ros.runs.pipeline import Pipeline
@@ -237,8 +237,11 @@ def _write(name: Path, cones: Iterable[tuple[str, EchoCone]], skipped: SkippedMe
 
 
 def _digest(recording: Path, parameters: PipelineParameters) -> str:
-    """Of all that cones depend on; of the recording's files, their sizes and dates."""
-    digest = hashlib.sha256(f"{__version__} {recording.resolve()}".encode())
+    """Of all that cones depend on, the code that makes them included.
+
+    Of the recording's files their sizes and dates count.
+    """
+    digest = hashlib.sha256(f"{reconstruction_state(PACKAGE)} {recording.resolve()}".encode())
     digest.update(parameters.reconstruction.model_dump_json().encode())
     walls = parameters.reconstruction.known_walls
     files = sorted(recording.iterdir()) if recording.is_dir() else [recording]

@@ -1,6 +1,7 @@
 """Many recordings, each by itself, give the map that all of them give together."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from usmap_ros.io.map_files import load_map
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import Encoding
-from usmap_ros.runs.collection import cones, find_recordings, map_collection
+from usmap_ros.runs.collection import code_state, cones, find_recordings, map_collection
 from usmap_ros.runs.collection.areas import areas_of
 from usmap_ros.runs.collection.cones import Cones
 from usmap_ros.runs.offline import map_bag
@@ -107,6 +108,40 @@ def test_a_second_run_takes_up_the_first(
     os.utime(file, ns=(0, 0))
     map_collection(recordings, tmp_path / "map", PARAMETERS)
     assert [path.name.rpartition("-")[0] for path in made] == [recordings[1].name]
+
+
+def test_cones_of_another_reconstruction_are_not_taken_up(
+    fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor would anybody know, after a change of the code, what their map was made by."""
+    shutil.copytree(code_state.PACKAGE, tmp_path / "code", ignore=shutil.ignore_patterns("config"))
+    recordings = find_recordings([fleet / "here"], tmp_path)
+    made: list[Path] = []
+    write = cones._write
+    monkeypatch.setattr(cones, "_write", lambda *of: (made.append(of[0]), write(*of))[1])
+
+    def made_anew(changed: str) -> int:
+        file = tmp_path / "code" / changed
+        file.write_text(file.read_text(encoding="utf-8") + "#\n", encoding="utf-8")
+        code_state.reconstruction_state.cache_clear()
+        made.clear()
+        map_collection(recordings, tmp_path / "map", PARAMETERS)
+        return len(made)
+
+    monkeypatch.setattr(cones, "PACKAGE", tmp_path / "code")
+    assert made_anew("reconstruction/detection.py") == 3
+    assert made_anew("mapping/merging.py") == 0
+    assert made_anew("reconstruction/sampled/fit.py") == 3
+
+
+def test_all_that_cones_depend_on_counts() -> None:
+    """What the modules that make them import is among the files of which any line counts."""
+    counted = {part for maker in code_state.MAKERS for part in [maker.removesuffix(".py")]}
+    source = code_state.PACKAGE
+    for maker in ("reconstruction/reconstructor.py", "runs/parallel.py"):
+        for found in re.findall(r"^from usmap_ros\.([\w.]+)", (source / maker).read_text(), re.M):
+            path = found.replace(".", "/")
+            assert path in counted or path.split("/")[0] in {*counted, "errors", "processes"}, found
 
 
 @pytest.fixture(scope="module")

@@ -179,11 +179,7 @@ setup(
         "dev": [
             *TEST,
             *DASK,
-            "mypy>=1.13",
-            "pre-commit>=3.7",
-            "ruff>=0.8",
-            "scipy-stubs",
-            "types-PyYAML",
+            *LINT,
         ],
         "ros": ["ros-jazzy-common-interfaces", "ros-jazzy-rclpy[fastrtps]"],
     },

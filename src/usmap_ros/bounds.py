@@ -61,7 +61,6 @@ PULSE_DURATION = Bound(1e-7, 0.2, "s")
 QUALITY = Bound(0.5, 1000.0)
 #: Of a simulated robot that wanders: it is drawn step by step.
 WALK_STEP = Bound(0.001, 60.0, "s")
-SWEEP = Bound(-1e7, 1e7, "Hz")
 BEAM_GAIN = Bound(0.0, 100.0)
 MIN_RANGE = Bound(0.0, 200.0, "m")
 MAX_RANGE = Bound(1e-3, 200.0, "m")

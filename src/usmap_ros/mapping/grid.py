@@ -51,11 +51,6 @@ class TiledGrid:
         self._directory_origin = (0, 0)
 
     @property
-    def tile_count(self) -> int:
-        """Tiles in memory."""
-        return self._tile_count
-
-    @property
     def memory_bytes(self) -> int:
         """Memory of all layers of the tiles in use."""
         a_tile = sum(pool.shape[1] * pool.itemsize for pool in self._pools.values())

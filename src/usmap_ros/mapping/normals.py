@@ -67,22 +67,22 @@ def surface_normals(
     return normal_rad
 
 
-def connected_parts(inside: BoolArray) -> IndexArray:
+def connected_parts(beside: CellsBeside) -> IndexArray:
     """Which part each cell is of, where parts hang together by sides or corners.
 
     Every cell begins as a part of its own; neighbours take over the lower number, and numbers that
     of the cell which they name, until nothing changes.
+
+    Parameters
+    ----------
+    beside : CellsBeside
+        Of the cells that make up the parts, with a reach of one cell or more.
 
     Returns
     -------
     numbers : (n,) int array
         Of the cells inside, row by row: equal within a part.
     """
-    return _connected(_Beside(inside, 1))
-
-
-def _connected(beside: _Beside) -> IndexArray:
-    """`connected_parts`, of cells beside which has been looked already."""
     pairs = []
     for row, column in _ONWARD:
         neighbour = beside(row, column)
@@ -99,7 +99,7 @@ def _connected(beside: _Beside) -> IndexArray:
     return parts
 
 
-class _Beside:
+class CellsBeside:
     """Finds the cells beside others, among those inside, which are few of a large map.
 
     Parameters
@@ -152,8 +152,8 @@ def _sums_around(
     heard : (2, n) array
         Of the directions from which they were heard.
     """
-    beside = _Beside(believed, REACH_CELLS)
-    parts = _connected(beside)
+    beside = CellsBeside(believed, REACH_CELLS)
+    parts = connected_parts(beside)
     moments, heard = np.zeros((6, len(parts))), np.zeros((2, len(parts)))
     # Cells by the thousand: those of a large map, with all around them, would take gigabytes.
     for first in range(0, len(parts), _AT_ONCE):

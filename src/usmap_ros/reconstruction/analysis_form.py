@@ -72,11 +72,6 @@ def diagonal_matrix(values: FloatArray) -> SparseMatrix:
     return sparse.csc_array(sparse.diags(values))
 
 
-def identity_operator(columns: int) -> AnalysisOperator:
-    """Ω = I: sparse coefficients, the synthesis model with Ψ = I; equations (1) and (2)."""
-    return AnalysisOperator(diagonal_matrix(np.ones(columns)))
-
-
 def gradient_operator(places: IndexArray) -> AnalysisOperator:
     """D of equation (3): differences to the next pixel above and to the right ([2]_).
 

@@ -8,8 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
@@ -27,7 +25,6 @@ from usmap_ros.reconstruction.detection import (
 )
 from usmap_ros.reconstruction.envelope import std_factors, unbiased
 from usmap_ros.reconstruction.joint import DelayOperator, JointOperator
-from usmap_ros.reconstruction.template import Template
 
 #: Error of amplitudes, relative to them, that the rounding of samples may amount to.
 ROUNDING = 1e-5
@@ -129,20 +126,8 @@ def _operator(
     return parts[0] if len(parts) == 1 else JointOperator(parts)
 
 
-@lru_cache(maxsize=64)
-def _cached_operator(
-    template: Template,
-    sampling: Sampling,
-    channel: Channel,
-    min_range_m: float,
-    max_range_m: float,
-    oversampling: int,
-    exclusion_s: float,
-) -> DelayDomainOperator:
-    """One operator for all pings that were sent and sampled alike."""
-    return DelayDomainOperator(
-        template, sampling, channel, min_range_m, max_range_m, oversampling, exclusion_s
-    )
+#: One operator for all pings that were sent and sampled alike.
+_cached_operator = lru_cache(maxsize=64)(DelayDomainOperator)
 
 
 def _echoes(

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 from scipy import special as scipy_special
 
-from usmap_ros.mapping.normals import connected_parts
+from usmap_ros.mapping.normals import CellsBeside, connected_parts
 from usmap_ros.numerics.arrays import quantiles
 from usmap_ros.numerics.special import entropy, logistic, logit, normal_quantile, running_maximum
 
@@ -42,7 +42,7 @@ def test_running_maxima(width, shape):
 def test_connected_parts(share):
     inside = np.random.default_rng(1).random((40, 30)) < share
     expected, count = ndimage.label(inside, structure=np.ones((3, 3)))
-    found = connected_parts(inside)
+    found = connected_parts(CellsBeside(inside, 1))
     # The same parts, under whatever numbers.
     together = np.unique(np.stack([found, expected[inside]]), axis=1)
     assert together.shape[1] == count == len(np.unique(found))

@@ -6,14 +6,20 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from usmap_ros.reconstruction.analysis_form import (
+    AnalysisOperator,
+    diagonal_matrix,
     gradient_operator,
-    identity_operator,
     least_analysis_cost,
     walls_operator,
 )
 
 SIDE = 10
 PLACES = np.stack(np.divmod(np.arange(SIDE**2), SIDE), axis=-1)
+
+
+def identity_operator(columns):
+    """Ω = I: sparse coefficients, the synthesis model with Ψ = I; equations (1) and (2)."""
+    return AnalysisOperator(diagonal_matrix(np.ones(columns)))
 
 
 def random_matrix(rows, columns, seed=0):

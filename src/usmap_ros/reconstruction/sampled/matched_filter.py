@@ -12,7 +12,7 @@ import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.numerics.compiled import compiled_within, inlined
-from usmap_ros.reconstruction.sampled.matrix import SampledMatrix, margin
+from usmap_ros.reconstruction.sampled.matrix import SampledMatrix, margin, with_margin
 
 
 class MatchedFilter(NamedTuple):
@@ -40,12 +40,9 @@ class MatchedFilter(NamedTuple):
 @inlined
 def matched_filter(matrix: SampledMatrix, signal: Signal, non_negative: bool) -> MatchedFilter:
     """A signal of which nothing is explained yet."""
-    beside = margin(matrix)
-    padded = np.zeros(matrix.sample_count + 2 * beside, np.complex128)
+    padded = with_margin(matrix, signal)
     residual = np.zeros(len(padded), np.complex128)
-    for sample in range(matrix.sample_count):
-        padded[beside + sample] = signal[sample]
-    rows, windows = matrix.polyphase.shape[0], matrix.sample_count + beside - 1
+    rows, windows = matrix.polyphase.shape[0], matrix.sample_count + margin(matrix) - 1
     output = np.zeros((rows, windows), np.complex128)
     magnitudes, scores = np.zeros(rows * windows), np.zeros(len(matrix.delays_s))
     matched = MatchedFilter(padded, residual, output, magnitudes, scores)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from methods import Method
-from recordings import code, world
+from recordings import MAKERS, code, world
 
 from usmap_ros.evaluation.reliability import Reliability
 from usmap_ros.evaluation.scoring import Score
@@ -17,9 +17,9 @@ from usmap_ros.io.atomic import write_atomically
 from usmap_ros.simulation import Scenario
 
 #: Of the package: what a score depends on.
-_MAKERS = ("acoustics", "simulation", "reconstruction", "mapping")
-#: What a method made of a scene.
-Judged = tuple[Score, Reliability]
+_MAKERS = (*MAKERS, "mapping", "evaluation", "parameters", "runs")
+#: What a method made of a scene, and what it took, in ms a ping.
+Judged = tuple[Score, Reliability, float]
 
 
 class KeptResults:
@@ -34,27 +34,31 @@ class KeptResults:
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
-    def get(self, scenario: Scenario, method: Method) -> Judged | None:
+    def get(self, scenario: Scenario, sensor: str, method: Method) -> Judged | None:
         """What was kept, if anything was."""
-        if self._folder is None or not (path := self._path(scenario, method)).exists():
+        if self._folder is None or not (path := self._path(scenario, sensor, method)).exists():
             return None
         content = json.loads(path.read_text(encoding="utf-8"))
         counts = {name: np.array(values) for name, values in content["reliability"].items()}
-        return Score(**content["score"]), Reliability(**counts)
+        return Score(**content["score"]), Reliability(**counts), content["ms_per_ping"]
 
-    def put(self, scenario: Scenario, method: Method, judged: Judged) -> None:
+    def put(self, scenario: Scenario, sensor: str, method: Method, judged: Judged) -> None:
         """Keep a result."""
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         counts = {name: values.tolist() for name, values in asdict(judged[1]).items()}
-        content = {"score": asdict(judged[0]), "reliability": counts}
-        write_atomically(self._path(scenario, method), json.dumps(content).encode())
+        content = {
+            "score": asdict(judged[0]), "reliability": counts, "ms_per_ping": judged[2],
+        }  # fmt: skip
+        write_atomically(self._path(scenario, sensor, method), json.dumps(content).encode())
 
-    def _path(self, scenario: Scenario, method: Method) -> Path:
+    def _path(self, scenario: Scenario, sensor: str, method: Method) -> Path:
         assert self._folder is not None
         digest = hashlib.sha256(code(_MAKERS) + world(scenario))
-        digest.update((Path(__file__).parent / "methods.py").read_bytes())
+        digest.update(sensor.encode())
+        for module in ("methods.py", "rangings.py", "audible.py"):
+            digest.update((Path(__file__).parent / module).read_bytes())
         digest.update(repr((method.merges_by_maximum, method.trusted_axes)).encode())
         digest.update(method.parameters().model_dump_json().encode())
         return self._folder / f"{digest.hexdigest()[:24]}.json"

@@ -6,6 +6,9 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
+import rangings
+from rangings import range_cones, range_traces
+
 import usmap_ros
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
@@ -18,11 +21,14 @@ from usmap_ros.simulation import Scenario, simulate
 Cones = list[tuple[str, EchoCone]]
 
 #: Of the package: what a cone depends on.
-_MAKERS = ("acoustics", "simulation", "reconstruction")
+MAKERS = ("acoustics", "numerics", "pings", "simulation", "reconstruction")
 
 
 def cones(
-    scenario: Scenario, parameters: ReconstructionParameters, cache_folder: Path | None
+    scenario: Scenario,
+    parameters: ReconstructionParameters,
+    cache_folder: Path | None,
+    sensor: str = "sonar",
 ) -> Cones:
     """Cones of a scenario's pings.
 
@@ -34,28 +40,35 @@ def cones(
         How cones come from traces.
     cache_folder : path, optional
         Where cones are kept; whatever they depend on is part of their name, the code as well.
+    sensor : str
+        What hears them, as in `scenes.Condition`.
     """
     if cache_folder is None:
-        return _simulated(scenario, parameters)
-    path = cache_folder / _name(scenario, parameters)
+        return _simulated(scenario, parameters, sensor)
+    path = cache_folder / _name(scenario, parameters, sensor)
     if not path.exists():
         # Under another name until it is whole, since others may look for it.
         unfinished = path.with_suffix(".part")
         with new_bag(unfinished, replace=True) as writer:
-            for topic, cone in _simulated(scenario, parameters):
+            for topic, cone in _simulated(scenario, parameters, sensor):
                 writer.write_cone(topic, cone)
         unfinished.rename(path)
     with BagReader([path]) as bag:
         return list(bag.cones())
 
 
-def _simulated(scenario: Scenario, parameters: ReconstructionParameters) -> Cones:
-    return [(topic, reconstruct(trace, parameters).cone) for topic, trace in simulate(scenario)]
+def _simulated(scenario: Scenario, parameters: ReconstructionParameters, sensor: str) -> Cones:
+    if sensor == "ranges":
+        return list(range_cones(scenario))
+    traces = range_traces(scenario) if sensor == "range_traces" else simulate(scenario)
+    return [(topic, reconstruct(trace, parameters).cone) for topic, trace in traces]
 
 
-def _name(scenario: Scenario, parameters: ReconstructionParameters) -> str:
-    digest = hashlib.sha256(code(_MAKERS) + world(scenario))
+def _name(scenario: Scenario, parameters: ReconstructionParameters, sensor: str) -> str:
+    digest = hashlib.sha256(code(MAKERS) + world(scenario))
     digest.update(parameters.model_dump_json().encode())
+    if sensor != "sonar":
+        digest.update(sensor.encode() + Path(rangings.__file__).read_bytes())
     return digest.hexdigest()[:24]
 
 

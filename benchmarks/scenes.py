@@ -1,34 +1,52 @@
 """Random worlds to judge maps by, made otherwise than the scenarios that parameters were chosen on.
 
-Rooms are cut out of a rectangle by partitions with doors, or are corridors with rooms beside them,
-or have the shape of an L or a U; they are turned by any angle and stand off the grid.  A kind, a
-condition and a seed give the same scenario every time.
+A kind, a condition and a seed give the same scenario every time.  `plans` draws what has walls;
+most of it is turned and stands off the grid.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from plans import (
+    Plan,
+    Point,
+    arena,
+    clutter,
+    columns,
+    corners,
+    corridor,
+    depot,
+    hall,
+    room,
+    swarm_room,
+    warehouse,
+)
 
 from usmap_ros.simulation import Scenario
 
 FloatArray = NDArray[np.float64]
 #: Of a world's section in a scenario file.
 World = dict[str, Any]
-Point = tuple[float, float]
+#: Draws a world, and where robots start in it; empty: anywhere.
+Draw = Callable[[np.random.Generator], tuple[World, list[Point]]]
 
-FLAT = Path(__file__).parent.parent / "config" / "maps" / "flat.yaml"
+ROOT = Path(__file__).parent.parent
+FLAT = ROOT / "config" / "maps" / "flat.yaml"
+#: nav2's small world, which is not part of this repository: where tests look for others' maps, too.
+SANDBOX = Path(os.environ.get("USMAP_SHARED", ROOT.parent / "shared")) / "maps" / "tb3_sandbox.yaml"
 ROUGH = {"specular_reflectivity": 0.1, "diffuse_reflectivity": 5.0, "scatterers_per_m": 20.0}
 SMOOTH = {"specular_reflectivity": 0.5, "diffuse_reflectivity": 0.3, "scatterers_per_m": 20.0}
-#: Least distance of things, doors and robots from one another and from walls.
-MARGIN_M = 0.5
-DOOR_M = 0.95
+#: Angles by which rooms are turned against the map's grid, if not at all or by any.
+SLIGHTLY_RAD, NOT_AT_ALL_RAD, ANYHOW_RAD = (-0.5, 0.5), (0.0, 0.0), (0.0, 0.5 * np.pi)
+#: Directions in which a small robot of a swarm measures ranges, and half the angle of each beam.
+RANGE_YAWS_RAD, RANGE_HALF_ANGLE_RAD = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi), np.deg2rad(22.5)
 
 
 @dataclass(frozen=True)
@@ -47,6 +65,14 @@ class Condition:
         Errors of reported poses.
     wander_s : float
         Time in which such an error is forgotten; 0: at once.
+    floor_reflectivity : float
+        Of a floor half a metre below the transducers; 0: there is none.
+    parked_s : float
+        How long each robot stands and pings before it drives; not counted in `pings`.
+    sensor : str
+        ``sonar``: echo traces.  ``ranges``: sensors that measure ranges only, as
+        ``sensor_msgs/Range`` has them, four on each robot.  ``range_traces``: the same readings
+        as traces with one pulse.
     """
 
     shown: str
@@ -56,12 +82,29 @@ class Condition:
     position_std_m: float = 0.0
     yaw_std_rad: float = 0.0
     wander_s: float = 0.0
+    floor_reflectivity: float = 0.0
+    parked_s: float = 0.0
+    sensor: str = "sonar"
 
 
 CONDITIONS = {
     "plain": Condition("three robots, 200 pings each"),
     "noisy": Condition("noise of 0.04", noise_std=0.04),
+    "many_pings": Condition("500 pings a robot", pings=500),
     "few_pings": Condition("30 pings a robot", pings=30),
+    "100_pings": Condition("100 pings a robot", pings=100),
+    "100_noisy": Condition("100 pings, noise of 0.04", pings=100, noise_std=0.04),
+    "100_poses_off": Condition(
+        "100 pings, poses off by 3 cm and 0.6°", pings=100, position_std_m=0.03, yaw_std_rad=0.01
+    ),
+    "100_floor": Condition("100 pings, a floor", pings=100, floor_reflectivity=0.6),
+    "100_parked": Condition("100 pings after 30 s of standing", pings=100, parked_s=30.0),
+    "floor": Condition("a floor", floor_reflectivity=0.6),
+    "parked": Condition("30 s of standing first", parked_s=30.0),
+    "ranges": Condition("range readings alone", robots=5, pings=60, sensor="ranges"),
+    "range_traces": Condition(
+        "range readings as traces", robots=5, pings=60, sensor="range_traces"
+    ),
     "one_robot": Condition("one robot", robots=1),
     "six_robots": Condition("six robots", robots=6),
     "poses_off": Condition("poses off by 3 cm and 0.6°", position_std_m=0.03, yaw_std_rad=0.01),
@@ -73,26 +116,6 @@ CONDITIONS = {
         wander_s=5.0,
     ),
 }
-
-
-@dataclass
-class Plan:
-    """A world as it is drawn: outlines, what stands inside, and where robots may start.
-
-    Parameters
-    ----------
-    walls : list of (corners, closed)
-        Outlines and partitions.
-    poles, pillars : list of (x, y)
-        Thin poles, and pillars of 10 to 25 cm.
-    free : list of (x, y)
-        Places with room for a robot.
-    """
-
-    walls: list[tuple[list[Point], bool]] = field(default_factory=list)
-    poles: list[Point] = field(default_factory=list)
-    pillars: list[Point] = field(default_factory=list)
-    free: list[Point] = field(default_factory=list)
 
 
 def scenario(kind: str, condition: str, seed: int, nav2_map: Path | None = None) -> Scenario:
@@ -115,12 +138,15 @@ def scenario(kind: str, condition: str, seed: int, nav2_map: Path | None = None)
     else:
         world, starts = of_map(nav2_map, ROUGH)
     recorded = CONDITIONS[condition]
+    medium = {"temperature_c": 20.0, "relative_humidity": 0.5}
+    if recorded.floor_reflectivity:
+        medium["floor_reflectivity"] = recorded.floor_reflectivity
     content = {
         "description": f"{kind}, {recorded.shown}",
         "seed": seed,
-        "duration_s": recorded.pings / 10.0,
+        "duration_s": recorded.parked_s + recorded.pings / 10.0,
         "world": world,
-        "medium": {"temperature_c": 20.0, "relative_humidity": 0.5},
+        "medium": medium,
         "robots": [
             robot(number, recorded, starts, speed_m_s=1.2 if "random_poles" in world else 0.6)
             for number in range(recorded.robots)
@@ -137,16 +163,34 @@ def robot(
     if starts:
         x_m, y_m = starts[number % len(starts)]
         motion["start"] = [x_m, y_m, 2.4 * number]
+    if recorded.sensor != "sonar":
+        motion |= {"speed_m_s": 0.4, "clearance_m": 0.12}
     return {
         "name": f"robot{number + 1}",
         "motion": motion,
-        "transducers": [{"receiver": {"noise_std": recorded.noise_std}}],
+        "transducers": transducers(recorded),
+        "starts_after_s": recorded.parked_s,
         "pose_error": {
             "position_std_m": recorded.position_std_m,
             "yaw_std_rad": recorded.yaw_std_rad,
             "wander_s": recorded.wander_s,
         },
     }
+
+
+def transducers(recorded: Condition) -> list[dict[str, Any]]:
+    """What a robot carries: a sonar, or range sensors all around."""
+    if recorded.sensor == "sonar":
+        sonar: dict[str, Any] = {"receiver": {"noise_std": recorded.noise_std}}
+        if recorded.floor_reflectivity:
+            sonar["mount"] = {"z_m": 0.5}
+        return [sonar]
+    beam = {"kind": "linear", "half_angle_rad": float(RANGE_HALF_ANGLE_RAD)}
+    return [
+        {"name": f"range{number + 1}", "mount": {"yaw_rad": yaw_rad}, "beam": beam,
+         "min_range_m": 0.02, "max_range_m": 4.0}
+        for number, yaw_rad in enumerate(RANGE_YAWS_RAD)
+    ]  # fmt: skip
 
 
 def poles(rng: np.random.Generator) -> tuple[World, list[Point]]:
@@ -157,85 +201,16 @@ def poles(rng: np.random.Generator) -> tuple[World, list[Point]]:
     return {"area_m": [0.0, side_m, 0.0, side_m], "random_poles": scattered}, []
 
 
-def room(rng: np.random.Generator) -> Plan:
-    """A rectangle cut by one or two partitions with a door each."""
-    width_m, height_m = rng.uniform(6.0, 8.5), rng.uniform(4.5, 6.5)
-    plan = Plan([(_box(0.0, 0.0, width_m, height_m), True)])
-    cuts = np.sort(rng.uniform(0.3, 0.7, 1)) if rng.random() < 0.5 else np.array([0.34, 0.67])
-    for cut in cuts * width_m:
-        door_m = rng.uniform(MARGIN_M, height_m - MARGIN_M - DOOR_M)
-        plan.walls.append(([(cut, 0.0), (cut, door_m)], False))
-        plan.walls.append(([(cut, door_m + DOOR_M), (cut, height_m)], False))
-    borders = [0.0, *(cuts * width_m), width_m]
-    for left, right in pairwise(borders):
-        _furnish(plan, rng, (left, right, 0.0, height_m), poles=2, pillars=1)
-    return plan
-
-
-def corridor(rng: np.random.Generator) -> Plan:
-    """A corridor with rooms along one side."""
-    length_m, depth_m, across_m = rng.uniform(8.0, 10.0), rng.uniform(2.5, 3.2), 1.6
-    plan = Plan([(_box(0.0, 0.0, length_m, depth_m + across_m), True)])
-    borders = np.linspace(0.0, length_m, 4)
-    borders[1:-1] += rng.uniform(-0.4, 0.4, 2)
-    ends = [0.0]
-    for left, right in pairwise(borders):
-        door_m = rng.uniform(left + MARGIN_M, right - MARGIN_M - DOOR_M)
-        plan.walls.append(([(ends[-1], across_m), (door_m, across_m)], False))
-        ends.append(door_m + DOOR_M)
-        _furnish(plan, rng, (left, right, across_m, across_m + depth_m), poles=1, pillars=0)
-    plan.walls.append(([(ends[-1], across_m), (length_m, across_m)], False))
-    for border in borders[1:-1]:
-        plan.walls.append(([(border, across_m), (border, across_m + depth_m)], False))
-    _furnish(plan, rng, (0.0, length_m, 0.0, across_m), poles=1, pillars=0)
-    return plan
-
-
-def corners(rng: np.random.Generator) -> Plan:
-    """A room in the shape of an L or of a U."""
-    width_m, height_m = rng.uniform(6.5, 8.5), rng.uniform(5.0, 7.0)
-    arm_m, foot_m = rng.uniform(2.0, 2.6), rng.uniform(2.0, 2.6)
-    inner = [(width_m, foot_m), (arm_m, foot_m), (arm_m, height_m)]
-    areas = [(0.0, arm_m, 0.0, height_m), (arm_m, width_m, 0.0, foot_m)]
-    if rng.random() < 0.5:
-        right_m = width_m - arm_m
-        inner = [
-            (width_m, height_m), (right_m, height_m), (right_m, foot_m),
-            (arm_m, foot_m), (arm_m, height_m),
-        ]  # fmt: skip
-        areas = [areas[0], (arm_m, right_m, 0.0, foot_m), (right_m, width_m, 0.0, height_m)]
-    plan = Plan([([(0.0, 0.0), (width_m, 0.0), *inner, (0.0, height_m)], True)])
-    for area in areas:
-        _furnish(plan, rng, area, poles=1, pillars=0)
-    return plan
-
-
-def clutter(rng: np.random.Generator) -> Plan:
-    """A room full of poles, pillars and crates."""
-    width_m, height_m = rng.uniform(5.5, 7.5), rng.uniform(5.0, 6.5)
-    plan = Plan([(_box(0.0, 0.0, width_m, height_m), True)])
-    crates: list[Point] = []
-    for _ in range(4):
-        _place(crates, rng, (0.5, width_m - 0.5, 0.5, height_m - 0.5), [crates], 1.6)
-    for x_m, y_m in crates:
-        half_x_m, half_y_m = rng.uniform(0.15, 0.35, 2)
-        box = _box(x_m - half_x_m, y_m - half_y_m, x_m + half_x_m, y_m + half_y_m)
-        plan.walls.append((box, True))
-    for things, count in ((plan.pillars, 4), (plan.poles, 8), (plan.free, 3)):
-        for _ in range(count):
-            others = [crates, plan.pillars, plan.poles, plan.free]
-            _place(things, rng, (0.0, width_m, 0.0, height_m), others, 0.9)
-    return plan
-
-
 def built(
-    draw: Callable[[np.random.Generator], Plan], surface: dict[str, float]
-) -> Callable[[np.random.Generator], tuple[World, list[Point]]]:
-    """A kind of scene from what draws its plan: turned by any angle, with walls of a surface."""
+    draw: Callable[[np.random.Generator], Plan],
+    surface: dict[str, float],
+    turned_rad: tuple[float, float] = SLIGHTLY_RAD,
+) -> Draw:
+    """A kind of scene from what draws its plan: turned by some angle, with walls of a surface."""
 
     def build(rng: np.random.Generator) -> tuple[World, list[Point]]:
         plan = draw(rng)
-        angle = rng.uniform(-0.5, 0.5)
+        angle = rng.uniform(*turned_rad)
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         shift = rng.uniform(-1.0, 1.0, 2)
 
@@ -255,20 +230,16 @@ def built(
             "cylinders": [
                 {"x_m": x_m, "y_m": y_m, "radius_m": float(rng.uniform(0.1, 0.25))}
                 for x_m, y_m in moved(plan.pillars)
+            ]
+            + [
+                {"x_m": x_m, "y_m": y_m, "radius_m": radius_m}
+                for (x_m, y_m), (_, _, radius_m) in zip(
+                    moved([column[:2] for column in plan.columns]), plan.columns, strict=True
+                )
             ],
         }, moved(plan.free)
 
     return build
-
-
-def hall(rng: np.random.Generator) -> Plan:
-    """An empty rectangle but for a few poles and a pillar."""
-    width_m, height_m = rng.uniform(5.0, 6.5), rng.uniform(4.5, 6.0)
-    plan = Plan([(_box(0.0, 0.0, width_m, height_m), True)])
-    for _ in range(3):
-        _place(plan.free, rng, (0.0, width_m, 0.0, height_m), [plan.free], 1.5)
-    _furnish(plan, rng, (0.0, width_m, 0.0, height_m), poles=3, pillars=1)
-    return plan
 
 
 def moving(rng: np.random.Generator) -> tuple[World, list[Point]]:
@@ -283,7 +254,7 @@ def of_map(path: Path, surface: dict[str, float]) -> tuple[World, list[Point]]:
     return {"map": {"path": str(path.resolve()), "surface": surface}}, []
 
 
-KINDS: dict[str, Callable[[np.random.Generator], tuple[World, list[Point]]]] = {
+KINDS: dict[str, Draw] = {
     "poles": poles,
     "clutter": built(clutter, ROUGH),
     "rough_rooms": built(room, ROUGH),
@@ -293,40 +264,14 @@ KINDS: dict[str, Callable[[np.random.Generator], tuple[World, list[Point]]]] = {
     "moving": moving,
     "flat_rough": lambda rng: of_map(FLAT, ROUGH),
     "flat_smooth": lambda rng: of_map(FLAT, SMOOTH),
+    "columns_rough": built(columns, ROUGH, NOT_AT_ALL_RAD),
+    "columns_smooth": built(columns, SMOOTH, NOT_AT_ALL_RAD),
+    "turned_rough": built(room, ROUGH, ANYHOW_RAD),
+    "turned_smooth": built(room, SMOOTH, ANYHOW_RAD),
+    "depot": built(depot, ROUGH),
+    "warehouse": built(warehouse, ROUGH),
+    "arena": built(arena, ROUGH),
+    "swarm": built(swarm_room, ROUGH),
 }
-
-
-def _box(left: float, low: float, right: float, high: float) -> list[Point]:
-    return [(left, low), (right, low), (right, high), (left, high)]
-
-
-def _furnish(
-    plan: Plan,
-    rng: np.random.Generator,
-    area: tuple[float, float, float, float],
-    poles: int,
-    pillars: int,
-) -> None:
-    """Put things and a place to start into a rectangle, apart from its borders and one another."""
-    others = [plan.pillars, plan.poles, plan.free]
-    for things, count in ((plan.free, 1), (plan.pillars, pillars), (plan.poles, poles)):
-        for _ in range(count):
-            _place(things, rng, area, others, 2.0 * MARGIN_M)
-
-
-def _place(
-    things: list[Point],
-    rng: np.random.Generator,
-    area: tuple[float, float, float, float],
-    others: list[list[Point]],
-    apart_m: float,
-) -> None:
-    """Add a place in an area apart from others, if one is found."""
-    low = np.array(area[0::2]) + MARGIN_M
-    high = np.array(area[1::2]) - MARGIN_M
-    taken: FloatArray = np.array([place for places in others for place in places]).reshape(-1, 2)
-    for _ in range(200):
-        x_m, y_m = rng.uniform(low, high)
-        if np.all(np.hypot(*(taken - [x_m, y_m]).T) >= apart_m):
-            things.append((float(x_m), float(y_m)))
-            return
+if SANDBOX.is_file():
+    KINDS["sandbox"] = lambda rng: of_map(SANDBOX, ROUGH)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,12 @@ class Score:
     sight_known: bool
 
 
-def score(occupancy: OccupancyMap, truth: TruthMap, views: PingViews | None = None) -> Score:
+def score(
+    occupancy: OccupancyMap,
+    truth: TruthMap,
+    views: PingViews | None = None,
+    audible: TruthMap | None = None,
+) -> Score:
     """Score a map against the truth: what could be known counts, whether or not the map knows it.
 
     Parameters
@@ -77,9 +82,14 @@ def score(occupancy: OccupancyMap, truth: TruthMap, views: PingViews | None = No
     views : PingViews, optional
         What the pings that made the map looked at; without them it is not known what was in
         sight, nor whether one can drive by the map.
+    audible : TruthMap, optional
+        Where it is known, as in simulations, the part of the truth that is loud enough to be
+        heard: recall asks for no other surfaces.  None: all of it is.
     """
     maps = align(occupancy, truth)
     seen = in_sight(maps, truth, views)
+    if audible is not None:
+        seen = replace(seen, surface=seen.surface & align(occupancy, audible).occupied)
     predicted = maps.predicted
     neighbourhood = np.ones((2 * TOLERANCE_CELLS + 1,) * 2, dtype=bool)
     precision = _share(binary_dilation(maps.occupied, neighbourhood), predicted)

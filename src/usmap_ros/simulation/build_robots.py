@@ -19,7 +19,7 @@ from usmap_ros.simulation.models.robots import (
     WaypointModel,
 )
 from usmap_ros.simulation.models.transducers import TransducerModel
-from usmap_ros.simulation.motion import Bounds, Motion, RandomWalk, WaypointMotion
+from usmap_ros.simulation.motion import Bounds, DelayedMotion, Motion, RandomWalk, WaypointMotion
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
@@ -65,7 +65,9 @@ def build_robot(
     turns = [0] * count if model.simultaneous else range(count)
     seeds = noise_seed.spawn(count + 1)
     with _errors_name("motion: "):
-        motion = _motion(model, scene, area, np.random.default_rng(motion_seed))
+        motion = DelayedMotion(
+            _motion(model, scene, area, np.random.default_rng(motion_seed)), model.starts_after_s
+        )
     transducers = []
     for number, transducer in enumerate(model.transducers):
         with _errors_name(f"transducers.{number}."):

@@ -33,6 +33,26 @@ class Motion(Protocol):
         ...
 
 
+class DelayedMotion:
+    """A robot that stands where it starts, and moves later.
+
+    Parameters
+    ----------
+    motion : Motion
+        How it moves then.
+    starts_after_s : float
+        How long it stands.
+    """
+
+    def __init__(self, motion: Motion, starts_after_s: float) -> None:
+        self._motion = motion
+        self._starts_after_s = starts_after_s
+
+    def pose(self, time_s: float) -> Pose:
+        """True pose of the robot's base at a time after the scene's start."""
+        return self._motion.pose(max(time_s - self._starts_after_s, 0.0))
+
+
 class WaypointMotion:
     """A robot that follows waypoints at constant speed and looks where it goes.
 

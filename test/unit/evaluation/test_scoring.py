@@ -182,6 +182,14 @@ def test_nothing_stops_sight_among_lone_poles() -> None:
     assert (hidden.surface_cells, hidden.open_cells) == (1, 2)
 
 
+def test_what_is_too_faint_to_be_heard_is_not_asked_but_no_mistake() -> None:
+    occupancy = make_map(with_peaks((9, 9), (1, 1), (7, 7)))
+    truth, audible = make_truth((9, 9), (1, 1), (4, 4), (7, 7)), make_truth((9, 9), (1, 1))
+    asked = score(occupancy, truth, everywhere((9, 9)), audible)
+    assert (asked.precision, asked.recall, asked.surface_cells) == (1.0, 1.0, 1)
+    assert score(occupancy, truth, everywhere((9, 9))).recall == pytest.approx(2 / 3)
+
+
 @pytest.mark.parametrize(
     ("resolution_m", "cells", "are_poles"),
     [

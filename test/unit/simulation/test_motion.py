@@ -7,7 +7,7 @@ import pytest
 
 from usmap_ros.grids import GridGeometry
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.simulation.motion import BlockedPathError, RandomWalk, WaypointMotion
+from usmap_ros.simulation.motion import BlockedPathError, DelayedMotion, RandomWalk, WaypointMotion
 from usmap_ros.simulation.occlusion import path_wall_distances
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import FreeCells
@@ -134,3 +134,14 @@ def test_a_random_start_is_on_a_free_cell(scene):
     world = scene(free_space=FreeCells(GridGeometry(1.0, (0.0, 0.0), (4, 4)), free))
     position = walk(world).pose(0.0).position_m
     assert np.floor(position[:2]).tolist() == [1.0, 3.0]
+
+
+def test_a_robot_that_starts_later_goes_the_same_way(scene):
+    now, later = walk(scene()), DelayedMotion(walk(scene()), 30.0)
+    for time_s in (0.0, 12.3, 30.0):
+        np.testing.assert_array_equal(later.pose(time_s).position_m, now.pose(0.0).position_m)
+        assert later.pose(time_s).yaw_rad == now.pose(0.0).yaw_rad
+    for time_s in (0.0, 0.1, 7.77):
+        np.testing.assert_allclose(
+            later.pose(30.0 + time_s).position_m, now.pose(time_s).position_m, atol=1e-9
+        )

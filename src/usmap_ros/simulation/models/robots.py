@@ -81,6 +81,9 @@ class RobotModel(ParameterGroup):
         "Whether its transducers ping at once and hear one another's pulses, which must differ;"
         " otherwise they take turns.",
     )
+    starts_after_s: float = quantity(
+        0.0, "How long it stands where it starts, and pings, before it moves.", "s", ge=0.0, le=1e6
+    )
     moves_during_ping: bool = quantity(
         False,
         "Whether it goes on moving while it listens; otherwise a ping takes no time.",

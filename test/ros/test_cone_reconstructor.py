@@ -17,6 +17,7 @@ from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
 ECHO, CONE = "usmap_msgs/msg/EchoTrace", "usmap_msgs/msg/EchoCone"
@@ -109,15 +110,15 @@ def test_the_oldest_is_dropped_and_counted_when_it_cannot_keep_up(
     node = live.add(ConeReconstructor, queue_depth=3, diagnostics_period_s=0.1)
     # What went wrong shows for some seconds: here, for as long as the test takes.
     monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
-    reconstruct = node._pipeline.reconstruct_sounding
+    reconstruct = Pipeline.reconstruct_sounding
     has_begun, may_go_on = threading.Event(), threading.Event()
 
-    def when_told(sounding: list[EchoTrace]) -> Any:
+    def when_told(pipeline: Pipeline, sounding: list[EchoTrace]) -> Any:
         has_begun.set()
         assert may_go_on.wait(90.0)
-        return reconstruct(sounding)
+        return reconstruct(pipeline, sounding)
 
-    monkeypatch.setattr(node._pipeline, "reconstruct_sounding", when_told)
+    monkeypatch.setattr(Pipeline, "reconstruct_sounding", when_told)
     found = live.listen(CONE, "/cone", 50)
     diagnostics = live.listen("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", 50)
     echo = live.publisher(ECHO, "/echo")

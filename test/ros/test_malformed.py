@@ -10,6 +10,7 @@ import pytest
 from usmap_ros.live.health import Level
 from usmap_ros.nodes.cone_reconstructor import ConeReconstructor
 from usmap_ros.nodes.map_fusion import MapFusion
+from usmap_ros.runs.pipeline import Pipeline
 
 NAN = float("nan")
 Change = Callable[[Any], None]
@@ -169,14 +170,13 @@ def test_an_error_nobody_thought_of_costs_one_message(
     node = live.add(ConeReconstructor)
     # What went wrong shows for some seconds: here, for as long as the test takes.
     monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
-    pipeline = node._pipeline
-    reconstruct = pipeline.reconstruct_sounding
+    reconstruct = Pipeline.reconstruct_sounding
 
-    def broken(sounding: Any) -> Any:
-        monkeypatch.setattr(pipeline, "reconstruct_sounding", reconstruct)
+    def broken(pipeline: Pipeline, sounding: Any) -> Any:
+        monkeypatch.setattr(Pipeline, "reconstruct_sounding", reconstruct)
         raise ZeroDivisionError("nobody thought of this")
 
-    monkeypatch.setattr(pipeline, "reconstruct_sounding", broken)
+    monkeypatch.setattr(Pipeline, "reconstruct_sounding", broken)
     echo = live.publisher("usmap_msgs/msg/EchoTrace", "/echo")
     echo.publish(trace_message)
     live.until(lambda: node.health.total("failed") == 1)

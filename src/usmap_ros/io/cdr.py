@@ -3,6 +3,11 @@
 Each number lies at a multiple of its size, counted from behind the four bytes that every message
 begins with; the second of these tells the byte order.  Texts and sequences begin with their length,
 that of a text counts the zero at its end.  (OMG, "DDS Interoperability Wire Protocol", 10.2.)
+
+A library would read the same.  A trace is read and checked in 19 µs; rclpy takes 31 µs to make a
+message of the bytes that still is to be checked and turned into a trace, and rosbags 10 µs, after
+97 ms to learn the types, which every command and worker would wait for (``python
+benchmarks/own_code.py``).
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The one reader of YAML: plain data only, and bounded, since files come from anywhere.
 
 A few lines of YAML can stand for terabytes (aliases of aliases), nest deeper than Python can
-follow, or hold values that no parser of numbers or dates takes.  All of it ends in one `ValueError`
-whose text says where.
+follow, or hold values that no parser of numbers or dates takes.  PyYAML bounds none of it, and
+keeps the last of two keys alike in silence; what stands here is no parser but those checks, hung
+into PyYAML's own.  All of it ends in one `ValueError` whose text says where.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Elementary functions in single precision without branches or calls, to be used in compiled loops.
 
 What a library offers works on one number at a time; of these the compiler works out as many at once
-as the processor can.  Errors are below one millionth, of the value for `exp32`, and absolute for
-the others.
+as the processor can: 0.6 ns a value instead of 2.1 for `exp32`, 0.3 instead of 2.6 for `log32`, 0.6
+instead of 13 for `atan2_32` (``python benchmarks/own_code.py``), in the loops that fusion spends
+its time in.  Errors are below one millionth, of the value for `exp32`, and absolute for the others.
 """
 
 from __future__ import annotations

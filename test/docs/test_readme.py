@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from usmap_ros.nodes.program import NODE_NAMES
+
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```sh\n(.*?)```", README, flags=re.DOTALL)
@@ -61,6 +63,11 @@ def test_the_nodes_and_files_it_names_exist() -> None:
         assert (ROOT / "launch" / launch_file).is_file(), launch_file
     for link in re.findall(r"\]\((?!https?:)([^)#]+)\)", README):
         assert (ROOT / link).exists(), link
+
+
+def test_its_table_of_nodes_has_them_all() -> None:
+    table = README.split("| node | in → out |")[1].split("\n\n")[0]
+    assert sorted(re.findall(r"^\| `(\w+)` \|", table, flags=re.MULTILINE)) == sorted(NODE_NAMES)
 
 
 def test_its_first_screen_shows_commands_picture_and_ros() -> None:

@@ -143,13 +143,17 @@ def test_a_file_and_the_command_line_reach_the_node(
     file = tmp_path / "parameters.yaml"
     file.write_text(
         "map_fusion:\n  ros__parameters:\n    publish_rate_hz: 7.0\n"
-        "    mapping: {resolution_m: 0.2}\n    maping: {prior: 0.1}\n"
+        "    mapping: {resolution_m: 0.2, audibility: 0.9}\n    maping: {prior: 0.1}\n"
     )
     command = [sys.executable, "-m", "usmap_ros.nodes.map_fusion", "--ros-args"]
     command += ["--params-file", str(file), "-p", "order_wait_s:=0.125"]
     process = processes.run(command, "fusion")
     names = ["publish_rate_hz", "mapping.resolution_m", "order_wait_s"]
+    # By its former name.
+    names.append("mapping.detection_probability")
     response = live.call("rcl_interfaces/srv/GetParameters", "/map_fusion/get_parameters",
                          names=names)  # fmt: skip
-    assert [value.double_value for value in response.values] == [7.0, 0.2, 0.125]
-    assert "'maping.prior' is unknown; did you mean 'mapping.prior'" in process.log.read_text()
+    assert [value.double_value for value in response.values] == [7.0, 0.2, 0.125, 0.9]
+    said = process.log.read_text()
+    assert "'maping.prior' is unknown; did you mean 'mapping.prior'" in said
+    assert "audibility is called detection_probability now" in said

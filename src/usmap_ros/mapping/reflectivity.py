@@ -78,7 +78,7 @@ class Silence:
 
 
 def silence(
-    belief: LogReflectivity, bound: RealArray, audibility: RealArray, fluctuation: float
+    belief: LogReflectivity, bound: RealArray, detection_probability: RealArray, fluctuation: float
 ) -> Silence:
     """Evidence of a silent look.
 
@@ -92,7 +92,7 @@ def silence(
         Before the look.
     bound : (cells,) array
         ln of the reflectivity at which an object there would just have been reported.
-    audibility : (cells,) array
+    detection_probability : (cells,) array
         Probability that a loud enough object is heard at all.
     fluctuation : float
         Standard deviation of ln s from look to look.
@@ -104,9 +104,9 @@ def silence(
     total = np.sqrt(variance + fluctuation**2)
     deviations = (bound - belief.mean) / total
     below = ndtr(deviations)
-    silent = (1.0 - audibility) + audibility * below
+    silent = (1.0 - detection_probability) + detection_probability * below
     # Share of the silence that is due to the object being too weak, and so bounds ln s.
-    due_to_weakness = audibility * below / silent
+    due_to_weakness = detection_probability * below / silent
     density = np.exp(-0.5 * deviations**2) / SQRT_TWO_PI
     hazard = np.where(deviations < TAIL, -deviations, density / np.maximum(below, TINY))
     shrinkage = variance**2 / total**2 * hazard * (hazard + deviations)

@@ -115,7 +115,7 @@ def _range_fit(
     return fit / 3.0
 
 
-def fit_to_ring(ring: Ring, belief: LogReflectivity, audibility: RealArray) -> RealArray:
+def fit_to_ring(ring: Ring, belief: LogReflectivity, detection_probability: RealArray) -> RealArray:
     """Likelihood q of each pair's echo, had the cell returned it; 1 for a perfect fit.
 
     Parameters
@@ -124,11 +124,11 @@ def fit_to_ring(ring: Ring, belief: LogReflectivity, audibility: RealArray) -> R
         Pairs of echo and cell.
     belief : LogReflectivity
         Of the ring's cells.
-    audibility : (ring cells,) array
+    detection_probability : (ring cells,) array
         Probability that a loud enough object is heard at all.
     """
     spread = belief.variance[ring.cell] + ring.variance
     misfit = (ring.log_reflectivity - belief.mean[ring.cell]) ** 2 / spread
     loudness_fit = np.sqrt(ring.variance / spread) * np.exp(-0.5 * misfit)
-    fit: RealArray = audibility[ring.cell] * ring.range_fit * loudness_fit
+    fit: RealArray = detection_probability[ring.cell] * ring.range_fit * loudness_fit
     return fit

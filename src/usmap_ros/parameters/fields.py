@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, TypeGuard, get_origin
+import logging
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import Any, ClassVar, TypeGuard, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
+
+_logger = logging.getLogger(__name__)
 
 
 def quantity(default: Any, description: str, unit: str = "", **bounds: Any) -> Any:
@@ -27,6 +31,31 @@ class ParameterGroup(BaseModel):
         allow_inf_nan=False,
         protected_namespaces=(),
     )
+    #: Names that fields had in the version before, with those that they have now.  What is given
+    #: under the former one is taken, with a warning; the version after this forgets it.
+    renamed: ClassVar[Mapping[str, str]] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_former_names(cls, content: Any) -> Any:
+        if not isinstance(content, Mapping) or not cls.renamed.keys() & content.keys():
+            return content
+        taken = dict(content)
+        for former, name in cls.renamed.items():
+            if former in taken:
+                _warn_of_former_name(former, name)
+                # What is set on top of a file may have the new name already.
+                value = taken.pop(former)
+                taken.setdefault(name, value)
+        return taken
+
+
+@lru_cache(maxsize=64)
+def _warn_of_former_name(former: str, name: str) -> None:
+    """Say once what a parameter is called now."""
+    _logger.warning(
+        "parameter %s is called %s now; its former name is understood for one version", former, name
+    )
 
 
 def is_model(annotation: object) -> TypeGuard[type[BaseModel]]:
@@ -45,6 +74,15 @@ def flat_fields(group: type[BaseModel], prefix: str = "") -> Iterator[tuple[str,
             yield from flat_fields(info.annotation, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", info
+
+
+def former_names(group: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Former and present name, with groups in dots, of every renamed parameter in a group."""
+    for former, name in getattr(group, "renamed", {}).items():
+        yield f"{prefix}{former}", f"{prefix}{name}"
+    for name, info in group.model_fields.items():
+        if is_model(info.annotation):
+            yield from former_names(info.annotation, f"{prefix}{name}.")
 
 
 def flat_values(model: BaseModel) -> dict[str, Any]:

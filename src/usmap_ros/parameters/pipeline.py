@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import model_validator
 
@@ -154,6 +155,8 @@ class ReconstructionParameters(ParameterGroup):
 class MappingParameters(ParameterGroup):
     """How cones become a map."""
 
+    renamed: ClassVar[Mapping[str, str]] = {"audibility": "detection_probability"}
+
     method: Literal["superposition", "additive", "range_only"] = quantity(
         "superposition",
         "How pings become a map: all echoes explained together by the powers of cells; each"
@@ -182,7 +185,7 @@ class MappingParameters(ParameterGroup):
     fluctuation: float = quantity(
         0.1, "Standard deviation of ln reflectivity from look to look.", gt=0.0, le=5.0
     )
-    audibility: float = quantity(
+    detection_probability: float = quantity(
         0.95, "Probability that a loud enough object in the clear is heard.", gt=0.0, lt=1.0
     )
     range_error_m: float = quantity(

@@ -14,30 +14,32 @@ def normal(mean: float, std: float) -> LogReflectivity:
     return LogReflectivity(np.array([std**-2]), np.array([mean * std**-2]))
 
 
-def hear_nothing(belief: LogReflectivity, bound: float, audibility: float) -> Silence:
-    return silence(belief, np.array([bound]), np.array([audibility]), FLUCTUATION)
+def hear_nothing(belief: LogReflectivity, bound: float, detection_probability: float) -> Silence:
+    return silence(belief, np.array([bound]), np.array([detection_probability]), FLUCTUATION)
 
 
 def integrated(
-    mean: float, std: float, bound: float, audibility: float
+    mean: float, std: float, bound: float, detection_probability: float
 ) -> tuple[float, float, float]:
     """Probability of silence, and mean and variance of ln s given it, by summing over ln s."""
     density = np.exp(-0.5 * ((LN_S - mean) / std) ** 2)
     density /= density.sum()
-    weight = density * (1.0 - audibility + audibility * ndtr((bound - LN_S) / FLUCTUATION))
+    weight = density * (
+        1.0 - detection_probability + detection_probability * ndtr((bound - LN_S) / FLUCTUATION)
+    )
     probability = weight.sum()
     after = weight @ LN_S / probability
     return probability, after, weight @ (LN_S - after) ** 2 / probability
 
 
 @pytest.mark.parametrize("bound", [-6.0, -2.0, -0.7, 0.0, 1.5, 5.0])
-@pytest.mark.parametrize("audibility", [0.05, 0.5, 0.95, 1.0])
+@pytest.mark.parametrize("detection_probability", [0.05, 0.5, 0.95, 1.0])
 @pytest.mark.parametrize(("mean", "std"), [(-0.7, 0.9), (0.3, 0.3), (0.0, 2.0)])
 def test_the_ratio_is_the_integral_over_all_reflectivities(
-    mean: float, std: float, bound: float, audibility: float
+    mean: float, std: float, bound: float, detection_probability: float
 ) -> None:
-    probability, _, _ = integrated(mean, std, bound, audibility)
-    heard = hear_nothing(normal(mean, std), bound, audibility)
+    probability, _, _ = integrated(mean, std, bound, detection_probability)
+    heard = hear_nothing(normal(mean, std), bound, detection_probability)
     np.testing.assert_allclose(heard.log_ratio, np.log(probability), rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(heard.detection_probability, 1.0 - probability, rtol=1e-6, atol=1e-9)
 
@@ -47,9 +49,9 @@ def test_the_ratio_is_the_integral_over_all_reflectivities(
 def test_silence_that_only_weakness_explains_moves_the_belief_to_its_true_moments(
     mean: float, std: float, bound: float
 ) -> None:
-    _, mean_after, variance_after = integrated(mean, std, bound, audibility=1.0)
+    _, mean_after, variance_after = integrated(mean, std, bound, detection_probability=1.0)
     belief = normal(mean, std)
-    heard = hear_nothing(belief, bound, audibility=1.0)
+    heard = hear_nothing(belief, bound, detection_probability=1.0)
     precision = belief.precision + heard.precision
     np.testing.assert_allclose(1.0 / precision, max(variance_after, LEAST_VARIANCE), rtol=1e-4)
     np.testing.assert_allclose(
@@ -57,12 +59,12 @@ def test_silence_that_only_weakness_explains_moves_the_belief_to_its_true_moment
     )
 
 
-@pytest.mark.parametrize("audibility", [0.1, 0.6, 0.95])
+@pytest.mark.parametrize("detection_probability", [0.1, 0.6, 0.95])
 def test_the_less_audible_a_cell_the_less_its_silence_says_of_its_reflectivity(
-    audibility: float,
+    detection_probability: float,
 ) -> None:
     belief = normal(-0.7, 0.9)
-    faint = hear_nothing(belief, -0.7, audibility)
+    faint = hear_nothing(belief, -0.7, detection_probability)
     clear = hear_nothing(belief, -0.7, 1.0)
     assert 0.0 < faint.precision[0] < clear.precision[0]
     assert clear.log_ratio[0] < faint.log_ratio[0] < 0.0

@@ -1,6 +1,6 @@
 """Parameters are declared once, completely, and refuse what makes no sense."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 from pydantic import BaseModel, ValidationError
@@ -13,6 +13,8 @@ from usmap_ros.parameters import (
     ReconstructionParameters,
     quantity,
 )
+from usmap_ros.parameters.fields import flat_fields, former_names
+from usmap_ros.parameters.nodes import ConeReconstructorParameters, MapFusionParameters
 
 GROUPS: list[type[BaseModel]] = [
     CorrectionParameters,
@@ -58,7 +60,7 @@ def test_the_defaults_are_valid() -> None:
         ({"prior": 0.0}, "prior"),
         ({"prior": 1.0}, "prior"),
         ({"resolution_m": 0.0}, "resolution_m"),
-        ({"audibility": 1.0}, "audibility"),
+        ({"detection_probability": 1.0}, "detection_probability"),
         ({"least_log_odds": 0.5}, "least_log_odds"),
         ({"greatest_log_odds": float("inf")}, "greatest_log_odds"),
         ({"forgetting": float("nan")}, "forgetting"),
@@ -75,6 +77,31 @@ def test_a_solver_is_refused_without_the_dictionary_that_it_needs() -> None:
     with pytest.raises(ValidationError, match="omp needs the dictionary of cells"):
         ReconstructionParameters(solver="omp")
     assert ReconstructionParameters(solver="omp", dictionary="cells").solver == "omp"
+
+
+def test_a_former_name_is_understood_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    class Now(ParameterGroup):
+        renamed: ClassVar[dict[str, str]] = {"size": "length_m"}
+
+        length_m: float = quantity(1.0, "A length.", "m", gt=0.0, le=9.0)
+
+    class Above(ParameterGroup):
+        now: Now = Now()
+
+    assert Above.model_validate({"now": {"size": 2.0}}).now.length_m == 2.0
+    assert caplog.messages == [
+        "parameter size is called length_m now; its former name is understood for one version"
+    ]
+    assert Now.model_validate({"size": 2.0, "length_m": 3.0}).length_m == 3.0
+    with pytest.raises(ValidationError, match="length_m"):
+        Now.model_validate({"size": -2.0})
+    assert list(former_names(Above)) == [("now.size", "now.length_m")]
+
+
+def test_former_names_lead_to_parameters_that_exist() -> None:
+    for group in (PipelineParameters, ConeReconstructorParameters, MapFusionParameters):
+        names = dict(flat_fields(group))
+        assert all(name in names and old not in names for old, name in former_names(group))
 
 
 def test_parameters_cannot_be_changed_behind_the_pipelines_back() -> None:

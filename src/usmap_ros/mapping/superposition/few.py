@@ -158,7 +158,7 @@ def _weighed(
     judge_alone(sources, power_steps(parameters), parameters.fluctuation, density, power)
     log_odds = np.empty(quarters)
     prior = logit(parameters.prior / QUARTERS)
-    weigh_sources(sources, density, bin_count, parameters.audibility, prior, log_odds)
+    weigh_sources(sources, density, bin_count, parameters.detection_probability, prior, log_odds)
     vacancy = -np.logaddexp(0.0, log_odds).reshape(-1, QUARTERS).sum(axis=1)
     return vacancy, (logistic(log_odds) * power).reshape(-1, QUARTERS)
 

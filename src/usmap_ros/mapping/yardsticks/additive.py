@@ -28,12 +28,11 @@ class AdditiveFusion(Fusion):
         ring = find_ring(cone, cells, self.parameters)
         nothing = np.zeros(len(slots))
         belief = prior_reflectivity(self.parameters, nothing, nothing)
-        audibility = np.full(len(slots), self.parameters.audibility)
-        quiet = silence(
-            belief, log_reflectivity_bound(cone, cells), audibility, self.parameters.fluctuation
-        )
+        detection_probability = np.full(len(slots), self.parameters.detection_probability)
+        bound = log_reflectivity_bound(cone, cells)
+        quiet = silence(belief, bound, detection_probability, self.parameters.fluctuation)
         evidence = quiet.log_ratio
-        fit = fit_to_ring(ring, belief.at(ring.cells), audibility[ring.cells])
+        fit = fit_to_ring(ring, belief.at(ring.cells), detection_probability[ring.cells])
         evidence[ring.cells] = self._gain(ring, fit)
         log_odds = self._grid.layer(LOG_ODDS)
         log_odds[slots] = self._clamped(log_odds[slots] + evidence)

@@ -24,6 +24,7 @@ from usmap_ros.parameters.fields import (
     constraints_of,
     flat_fields,
     flat_values,
+    former_names,
     is_among,
     nested_values,
     unit_of,
@@ -110,7 +111,7 @@ class ParameterServer(Generic[_Parameters]):
         self.on_change: list[Callable[[], None]] = []
         fields = dict(flat_fields(group))
         given = {}
-        for name in fields:
+        for name in [*fields, *dict(former_names(group))]:
             if node.has_parameter(name):
                 given[name] = node.get_parameter(name).value
                 node.undeclare_parameter(name)

@@ -1,7 +1,7 @@
 """Multi-robot occupancy mapping from in-air ultrasound.
 
-Data flows one way: acoustics → pings → reconstruction → mapping → runs.  ``simulation`` and ``io``
-stand beside them; ``live``, ``nodes`` and ``cli`` are on top.
+Imports go one way: numerics → acoustics → pings → io → reconstruction → runs → live → nodes → cli.
+``simulation``, ``mapping`` and ``evaluation`` stand beside reconstruction.
 
 What programs need most can be had from here; docs/python.md shows how.  Nothing is imported
 before it is asked for, and nothing of it needs ROS.

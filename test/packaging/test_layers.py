@@ -101,6 +101,21 @@ def test_the_core_imports_no_ros() -> None:
     assert not wrong
 
 
+def test_the_map_of_the_code_has_the_same_layers() -> None:
+    page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    table = page.split("## The map of the code")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| (`[^|]*`) \|", table, flags=re.MULTILINE)
+    assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == LAYERS
+
+
+@pytest.mark.parametrize("page", ["README.md", "src/usmap_ros/__init__.py"])
+def test_what_is_said_of_the_direction_is_so(page: str) -> None:
+    text = (SOURCE.parents[1] / page).read_text(encoding="utf-8")
+    (chain,) = re.findall(r"\w+`*(?: → `*\w+`*){4,}", text)
+    heights = [HEIGHT[name] for name in re.findall(r"\w+", chain)]
+    assert heights == sorted(set(heights))
+
+
 def test_types_of_arrays_have_one_home() -> None:
     wrong = [
         name

@@ -38,6 +38,8 @@ MAX_NAME = 256
 #: Cells of the square that one ping reaches: 35 m around in cells of 5 cm.  Fusion keeps some 300
 #: bytes of each.
 MAX_REACHED_CELLS = 2_000_000
+#: Rows and columns of a map: what nav2 takes.
+MAX_MAP_SIDE = 32_767
 #: Decibels that sound loses in air to the greatest range and back: what is heard at -600 dB is
 #: not there, and amplitudes beyond that are no numbers any more.
 MAX_LOSS_DB = 600.0

@@ -115,8 +115,8 @@ def test_no_malformed_cone_stops_the_fusion(live: Any, cone_message: Any) -> Non
     live.until(lambda: node.health.total("fused") == 1)
     cone_message.pose.pose.position.x = 1e6
     publisher.publish(cone_message)
-    live.until(lambda: node.health.total("malformed") == len(OF_CONES) + 1)
-    assert "mapping.most_cells" in node.health.reason("malformed")
+    live.until(lambda: node.health.total("set apart") == 1)
+    assert "m away from all pings that are mapped" in node.health.reason("set apart")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -447,7 +448,7 @@ def test_a_checkpoint_that_does_not_fit_is_left_alone(
 
 
 def test_a_cone_in_another_frame_is_refused_with_the_reason(live: Any, cones: Cones) -> None:
-    node = live.add(MapFusion)
+    node = live.add(MapFusion, frame_id="map")
     send(live, cones[:3])
     publisher = live.publisher(CONE, "/lost/cone", 50)
     publisher.publish(cone_to_cdr(replace(cones[0][1], frame_id="odom")))
@@ -457,6 +458,30 @@ def test_a_cone_in_another_frame_is_refused_with_the_reason(live: Any, cones: Co
     assert "'map'" in reason
     assert "tf2_ros" in reason
     assert node.health.total("fused") == 3
+
+
+def test_a_first_cone_in_another_frame_does_not_lock_out_the_others(
+    live: Any, cones: Cones
+) -> None:
+    node = live.add(MapFusion, order_wait_s=0.0)
+    lost = live.publisher(CONE, "/lost/cone", 50)
+    lost.publish(cone_to_cdr(replace(cones[0][1], frame_id="x")))
+    live.until(lambda: node.health.total("fused") == 1)
+    send(live, [("/robot1/cone", cone) for _, cone in later(cones, 40)])
+    live.until(lambda: node.health.total("fused") == 41)
+    grid = live.call("nav_msgs/srv/GetMap", "/map_fusion/get_map").map
+    assert grid.header.frame_id == "map"
+    assert "the map begins anew" in node.health.reason("set apart")
+    assert node.health.total("set apart") == 1
+
+
+def later(cones: Cones, count: int) -> Cones:
+    """As many cones, five a second."""
+    first = cones[0][1]
+    return [
+        (topic, replace(cone, stamp_ns=first.stamp_ns + number * 200_000_000))
+        for number, (topic, cone) in zip(range(1, count + 1), cycle(cones), strict=False)
+    ]
 
 
 def test_cones_that_cannot_wait_any_longer_are_dropped_and_counted(live: Any, cones: Cones) -> None:

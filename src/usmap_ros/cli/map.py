@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from usmap_ros.parameters import PipelineParameters
     from usmap_ros.runs.offline import MappingRun
+    from usmap_ros.runs.pipeline import Pipeline
 
 
 def _methods() -> list[str]:
@@ -60,6 +61,14 @@ def map_bags(
         list[str] | None,
         typer.Option(metavar="ROBOT", help="Leave out this robot, or topic; may be repeated."),
     ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The map's frame; without it, the one that most robots share in the first seconds."
+            " Pings in other frames are set apart.",
+        ),
+    ] = None,
     jobs: Annotated[
         int,
         typer.Option(
@@ -100,7 +109,7 @@ def map_bags(
     _refuse_twice("mapping.resolution_m", "--resolution", resolution, settings)
     chosen = [f"mapping.method={method}"] if method else []
     parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
-    order = _Order(output, parameters, jobs, passes, without or [])
+    order = _Order(output, parameters, jobs, passes, without or [], frame or "")
     _refuse_idle(order, scheduler)
     recordings = find_recordings(bags, besides=output)
     if scheduler is None and set(recordings) == set(bags):
@@ -120,6 +129,7 @@ class _Order:
     jobs: int
     passes: int
     without: list[str]
+    frame: str
 
 
 def _refuse_twice(key: str, option: str, value: object, settings: list[str] | None) -> None:
@@ -169,6 +179,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
         pipeline, paths = Pipeline(order.parameters), RobotPaths()
     else:
         pipeline, paths = resume_map(resume, order.parameters)
+    _state_frame(order, pipeline)
     with BagReader(bags) as bag, map_folder(order.output):
         _refuse_absent(order.without, bag.ping_topics())
         # Not before it is known that all there is to read can be read.
@@ -188,6 +199,14 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
     _tell(order.output, run, summary, as_json=as_json)
 
 
+def _state_frame(order: _Order, pipeline: Pipeline) -> None:
+    """Have the map in the frame that is asked for."""
+    before = pipeline.fusion.frame_id
+    if order.frame and before not in ("", order.frame):
+        raise typer.BadParameter(f"the map to continue is in '{before}'", param_hint="'--frame'")
+    pipeline.fusion.frame_id = order.frame or before
+
+
 def _map_collection(
     order: _Order, recordings: list[Path], scheduler: str | None, *, as_json: bool
 ) -> None:
@@ -195,7 +214,7 @@ def _map_collection(
     from usmap_ros.errors import UsmapError
     from usmap_ros.io.map_files import map_folder, save_map, save_summary
     from usmap_ros.processes.cluster import cluster
-    from usmap_ros.runs.collection import map_collection
+    from usmap_ros.runs.collection import Wishes, map_collection
     from usmap_ros.runs.parallel import available_cores, worker_processes
 
     with map_folder(order.output):
@@ -207,7 +226,7 @@ def _map_collection(
     ):
         done = map_collection(
             recordings, order.output, order.parameters, executor,
-            passes=order.passes, without=order.without, step=step,
+            wishes=Wishes(order.passes, tuple(order.without), order.frame), step=step,
         )  # fmt: skip
     save_map(order.output, done.occupancy, done.paths)
     summary = done.summary(seconds_since_start())
@@ -223,6 +242,16 @@ def _map_collection(
         )
 
 
+def _apart(run: MappingRun) -> str:
+    """Pings that are set apart, as the end of a line; nothing if there are none."""
+    found = [
+        f"{count} of {topic} {why}"
+        for topic, counts in run.set_apart.items()
+        for why, count in counts.items()
+    ]
+    return f"; set apart: {', '.join(found)}" if found else ""
+
+
 def _tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: bool) -> None:
     from usmap_ros.io.map_files import NAV2_FILE
 
@@ -235,4 +264,5 @@ def _tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: bo
             f"{output / NAV2_FILE}: {run.pings} pings, {run.echoes} echoes,"
             f" {summary['cells_occupied']} of {summary['cells_observed']} observed cells occupied;"
             f" {summary['seconds']:.1f} s, {summary['pings_per_second']:.0f} pings/s"
+            f"{_apart(run)}"
         )

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-import numpy as np
-
-from usmap_ros.errors import MalformedMessageError, MapSizeError
+from usmap_ros.bounds import MAX_MAP_SIDE
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.io.conversions.grid import MAX_SIDE
 from usmap_ros.live.ordering import StampOrder
-from usmap_ros.mapping.extent import Extent
+from usmap_ros.mapping.common_frame import CommonFrame
+from usmap_ros.mapping.far_off import FarOff, FarOffError, Ping
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.parameters import MappingParameters, PipelineParameters
@@ -26,9 +26,6 @@ from usmap_ros.runs.pipeline import Pipeline
 
 #: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
 _LONGEST_REACH = 0.1
-#: No place on Earth has larger UTM coordinates.  A first cone from nowhere must not become the
-#: middle of the map.
-_FARTHEST_M = 1e7
 
 
 @dataclass(frozen=True)
@@ -67,9 +64,18 @@ class LiveFusion:
     capacity : int
         Cones that may wait.
     frame_id : str
-        The map's frame; empty: that of the first cone.
+        The map's frame; empty: the one that most robots share in the first seconds.
     clock : callable
         Seconds of a clock that never runs backwards.
+    on_set_apart : callable
+        Told how many pings were set apart, and why, when that is known only after they came.
+
+    Attributes
+    ----------
+    version : int
+        Rises with every change of the map.
+    generation : int
+        Rises when the map begins anew.
     """
 
     def __init__(
@@ -79,24 +85,31 @@ class LiveFusion:
         capacity: int,
         frame_id: str = "",
         clock: Callable[[], float] = time.monotonic,
+        on_set_apart: Callable[[int, str], None] = lambda count, cause: None,
     ) -> None:
         self._parameters = PipelineParameters(mapping=parameters)
         self._pipeline = Pipeline(self._parameters)
-        self._pipeline.fusion.frame_id = frame_id
-        self._clock = clock
+        self._frame, self._far = CommonFrame(frame_id), FarOff(parameters)
+        self._clock, self._on_set_apart = clock, on_set_apart
         self._order: StampOrder[_Received] = StampOrder(order_wait_s, capacity)
         self._consistency = Consistency(parameters)
         # Two locks, so that cones go on being received while one is fused.
         self._map_lock = threading.Lock()
         self._order_lock = threading.Lock()
-        self._extent = Extent(parameters, MAX_SIDE)
         self._seen = SeenPings()
-        self.version = 0
+        # What is to be fused next, since its place is known now.
+        self._ready: deque[Ping] = deque()
+        self.version = self.generation = self._pings = 0
 
     @property
     def frame_id(self) -> str:
-        """The map's frame; empty until it is known."""
-        return self._pipeline.fusion.frame_id
+        """The map's frame, or the one that stands in for it; empty before the first cone."""
+        return self._frame.frame_id
+
+    @property
+    def is_frame_decided(self) -> bool:
+        """Whether the frame stays as it is."""
+        return self._frame.is_decided
 
     @property
     def dropped(self) -> int:
@@ -106,7 +119,7 @@ class LiveFusion:
     @property
     def waiting(self) -> int:
         """Cones that wait to be fused."""
-        return len(self._order)
+        return len(self._order) + len(self._ready)
 
     @property
     def is_behind(self) -> bool:
@@ -138,45 +151,104 @@ class LiveFusion:
                     self._order.remove_source(source)
 
     def receive(self, topic: str, cone: EchoCone) -> None:
-        """Take a cone in, to be fused when its turn comes; its frame must be the map's.
+        """Take a cone in, to be fused when its turn comes.
+
+        Until it is known which frame most robots share, those in another than the first cone's
+        are held; the map may then begin anew with them.
 
         Raises
         ------
         RepeatedPingError
             If the ping was there before.
         MalformedMessageError
-            If it lies or reaches so far away that the map could not be published any more.
+            If it is in another frame than the map, or reaches too far for a map to be published.
         """
         self._check_reach(cone)
         self._seen.add(cone)
-        if not self.frame_id:
-            # From the first cone on, though it may still wait to be fused: the next ones must fit.
-            self._pipeline.fusion.frame_id = cone.frame_id
+        was_decided = self._frame.is_decided
+        if self._frame.add(topic, cone):
+            self._push(topic, cone)
+        elif was_decided:
+            raise MalformedMessageError(
+                "header.frame_id", f"is '{cone.frame_id}', the map's is '{self.frame_id}'"
+            )
+        if not was_decided:
+            self._decide_on_frame()
+
+    def _push(self, topic: str, cone: EchoCone) -> None:
         now_s = self._clock()
         with self._order_lock:
             self._order.push(topic, cone.stamp_ns, _Received(cone, now_s), now_s)
+
+    def _decide_on_frame(self) -> None:
+        """Go on with the frame of most robots, if it is known now."""
+        if self._frame.decide():
+            with self._map_lock, self._order_lock:
+                lost = self._pings + self.waiting
+                self._begin_anew()
+                self._order.clear()
+                self._far = FarOff(self._parameters.mapping)
+            self._tell_apart(lost, "are not in the frame of most robots", "; the map begins anew")
+        if self._frame.is_decided:
+            held = self._frame.take_held()
+            fitting = [ping for ping in held if ping[1].frame_id == self.frame_id]
+            for topic, cone in fitting:
+                self._push(topic, cone)
+            self._tell_apart(len(held) - len(fitting), "are in other frames")
+
+    def _tell_apart(self, count: int, why: str, then: str = "") -> None:
+        if count:
+            self._on_set_apart(count, f"{count} pings {why}, '{self.frame_id}'{then}")
 
     def fuse_next(self) -> Fused | None:
         """Fuse the next cone, if its turn has come.
 
         Raises
         ------
+        FarOffError
+            If it is set apart, for now or for good.
         MalformedMessageError
             If it cannot be fused.
         """
-        with self._order_lock:
-            released = self._order.pop(self._clock())
-        if released is None:
-            return None
-        topic, received = released
+        came_s = self._clock()
+        if not self._ready:
+            with self._order_lock:
+                released = self._order.pop(came_s)
+            if released is None:
+                return None
+            topic, received = released
+            came_s = received.at_s
+            self._sort_out(topic, received.cone)
         with self._map_lock:
-            self._pipeline.fuse(received.cone, topic)
-            self._consistency.add(topic, received.cone)
+            topic, cone = self._ready.popleft()
+            self._pipeline.fuse(cone, topic)
+            self._consistency.add(topic, cone)
             self.version += 1
-        return Fused(topic, self._clock() - received.at_s)
+            self._pings += 1
+        return Fused(topic, self._clock() - came_s)
+
+    def _sort_out(self, topic: str, cone: EchoCone) -> None:
+        """Find what is to be fused now that there is this cone; raise its error if nothing is."""
+        with self._map_lock:
+            apart: FarOffError | None = None
+            try:
+                self._ready.extend(self._far.add(topic, cone))
+            except FarOffError as error:
+                apart = error
+            anew = self._far.decide()
+            if anew is not None:
+                self._tell_apart(
+                    self._pings, "are far from most robots in", "; the map begins anew"
+                )
+                self._begin_anew()
+                self._ready.extend(anew)
+        if apart is not None and not self._ready:
+            raise apart
 
     def due_in_s(self) -> float | None:
         """How long until `fuse_next` has something to do; None: not before another cone comes."""
+        if self._ready:
+            return 0.0
         with self._order_lock:
             return self._order.due_in_s(self._clock())
 
@@ -221,35 +293,37 @@ class LiveFusion:
             raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self.frame_id}'")
         with self._map_lock:
             self._pipeline.resume(occupancy)
-            self._extent.cover(occupancy.geometry)
+            self._frame = CommonFrame(self._pipeline.fusion.frame_id or self.frame_id)
+            if self._pipeline.resumed is not None:
+                self._far.cover(self._pipeline.resumed)
             self.version += 1
 
     def _check_reach(self, cone: EchoCone) -> None:
-        """Refuse what would make the map larger than memory, or than nav2 takes."""
-        limit_m = 0.5 * MAX_SIDE * self._parameters.mapping.resolution_m
-        reach_m, position_m = cone.transducer.max_range_m, cone.pose.position_m[:2]
+        """Refuse what a map of a size that nav2 takes has no room for."""
+        limit_m = 0.5 * MAX_MAP_SIDE * self._parameters.mapping.resolution_m
+        reach_m = cone.transducer.max_range_m
         if reach_m > _LONGEST_REACH * limit_m:
             raise MalformedMessageError(
                 "transducer.max_range", f"is {reach_m:g} m, too far for the resolution of the map"
             )
-        if np.abs(position_m).max() > _FARTHEST_M:
-            raise MalformedMessageError(
-                "pose.position", f"is {np.abs(position_m).max():g} m from the frame's origin"
-            )
-        try:
-            self._extent.add(cone)
-        except MapSizeError as error:
-            raise MalformedMessageError("pose.position", str(error)) from error
 
     def reset(self) -> None:
         """Forget the map and the cones that wait; frame and stamp stay."""
         with self._map_lock, self._order_lock:
-            before = self._pipeline.fusion
-            self._pipeline = Pipeline(self._parameters)
-            self._pipeline.fusion.frame_id = before.frame_id
-            self._pipeline.fusion.stamp_ns = before.stamp_ns
-            self._consistency = Consistency(self._parameters.mapping)
+            stamp_ns = self._pipeline.fusion.stamp_ns
+            self._frame = CommonFrame(self.frame_id)
+            self._begin_anew()
+            self._pipeline.fusion.stamp_ns = stamp_ns
             self._order.clear()
-            self._extent = Extent(self._parameters.mapping, MAX_SIDE)
+            self._far = FarOff(self._parameters.mapping)
             self._seen = SeenPings()
-            self.version += 1
+
+    def _begin_anew(self) -> None:
+        """Forget the map, under its lock."""
+        self._pipeline = Pipeline(self._parameters)
+        self._pipeline.fusion.frame_id = self.frame_id
+        self._consistency = Consistency(self._parameters.mapping)
+        self._ready.clear()
+        self._pings = 0
+        self.version += 1
+        self.generation += 1

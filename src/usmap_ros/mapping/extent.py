@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import MapSizeError
 from usmap_ros.grids import GridGeometry
 from usmap_ros.parameters import MappingParameters
@@ -11,29 +12,16 @@ from usmap_ros.pings.cone import EchoCone
 
 
 class Extent:
-    """Rectangle around the pings of a map.
+    """Rectangle around all that the pings of a map may hear, which no map exceeds.
 
     Parameters
     ----------
     parameters : MappingParameters
         Say how large a cell is, and how many there may be.
-    most_side : int, optional
-        Cells along a side that there may be.
-    with_reach : bool
-        Whether it goes around all that they may hear, which no map exceeds, or around the places
-        alone from which they were sent, which is the least that a map needs.
     """
 
-    def __init__(
-        self,
-        parameters: MappingParameters,
-        most_side: int | None = None,
-        *,
-        with_reach: bool = True,
-    ) -> None:
+    def __init__(self, parameters: MappingParameters) -> None:
         self._parameters = parameters
-        self._with_reach = with_reach
-        self._most_side = most_side
         self._west_m = self._south_m = math.inf
         self._east_m = self._north_m = -math.inf
 
@@ -47,8 +35,15 @@ class Extent:
         """
         # For every ping: NumPy's way with two numbers takes four times as long.
         x_m, y_m, _ = cone.pose.position_m.tolist()
-        reach_m = cone.transducer.max_range_m if self._with_reach else 0.0
+        reach_m = cone.transducer.max_range_m
         self._stretch(x_m - reach_m, x_m + reach_m, y_m - reach_m, y_m + reach_m)
+
+    def distance_m(self, cone: EchoCone) -> float:
+        """How far from it a ping was sent; 0 within it."""
+        x_m, y_m, _ = cone.pose.position_m.tolist()
+        east_m = max(self._west_m - x_m, 0.0, x_m - self._east_m)
+        north_m = max(self._south_m - y_m, 0.0, y_m - self._north_m)
+        return math.hypot(east_m, north_m)
 
     def cover(self, geometry: GridGeometry) -> None:
         """Stretch it over a map.
@@ -66,10 +61,10 @@ class Extent:
         columns = math.ceil((east_m - west_m) / self._parameters.resolution_m)
         rows = math.ceil((north_m - south_m) / self._parameters.resolution_m)
         check_size(rows, columns, self._parameters)
-        if self._most_side is not None and max(rows, columns) > self._most_side:
+        if max(rows, columns) > MAX_MAP_SIDE:
             raise MapSizeError(
                 f"{_rectangle(rows, columns, self._parameters)} has a side of more than"
-                f" {self._most_side} cells, which nav2 does not take: {_ADVICE}"
+                f" {MAX_MAP_SIDE} cells, which nav2 does not take: {_ADVICE}"
             )
         self._west_m, self._east_m = west_m, east_m
         self._south_m, self._north_m = south_m, north_m

@@ -29,7 +29,7 @@ from usmap_ros.parameters.nodes import MapFusionParameters
 _BEGUN_AFTER = 0.75
 _COUNTED = (
     "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "paused", "failed",
-    "left out", "elsewhere", "published",
+    "left out", "elsewhere", "set apart", "published",
 )  # fmt: skip
 
 

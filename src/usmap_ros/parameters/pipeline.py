@@ -167,7 +167,7 @@ class MappingParameters(ParameterGroup):
     most_cells: int = quantity(
         25_000_000,
         "Cells that the rectangle of a map may have, however few of them are known: 250 m x 250 m"
-        " of 5 cm. `usmap map` ends where it would be larger, and map_fusion refuses the ping.",
+        " of 5 cm. Pings that would make it larger are set apart.",
         ge=1,
         le=4_000_000_000,
     )

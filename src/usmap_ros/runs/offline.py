@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from usmap_ros.calibration.fitness import PULSES_OF, PulseSurvey
-from usmap_ros.errors import BagError, MalformedMessageError, MapFileError
+from usmap_ros.errors import BagError, MalformedMessageError, MapFileError, MapSizeError, UsmapError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import load_map
-from usmap_ros.mapping.extent import Extent
+from usmap_ros.mapping.far_off import Ping
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.parameters import PipelineParameters
@@ -31,6 +31,7 @@ from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
 
 logger = logging.getLogger(__name__)
 
@@ -54,6 +55,9 @@ class MappingRun:
         Echoes found in them.
     skipped : dict
         Number of pings left out, by the field of the message that was to blame.
+    set_apart : dict
+        Number of sound pings that are not of this map, by topic and by why: they are in another
+        frame than most, or far off.
     robots : dict
         What is to be said of the robots, by topic, as compared with what all others heard.
     without : list of str
@@ -63,6 +67,7 @@ class MappingRun:
     pings: int = 0
     echoes: int = 0
     skipped: dict[str, int] = field(default_factory=dict)
+    set_apart: dict[str, dict[str, int]] = field(default_factory=dict)
     robots: dict[str, Finding] = field(default_factory=dict)
     without: list[str] = field(default_factory=list)
 
@@ -82,6 +87,7 @@ class MappingRun:
             "cells_occupied": int(np.count_nonzero(occupied)),
             "peak_memory_mb": peak_memory_mb(),
             "skipped": self.skipped,
+            "set_apart": self.set_apart,
             "robots": {topic: found.summary() for topic, found in self.robots.items()},
             "without": self.without,
             "frame_id": occupancy.frame_id,
@@ -119,21 +125,16 @@ def map_bag(
     BagError
         If not a single ping could be used.
     MapSizeError
-        If pings are so far apart that the map would be too large.
+        If a single ping makes the map too large.
     """
-    run, seen = MappingRun(), SeenPings()
-    # What is certain to become too large is refused before the work is done.
-    extent = Extent(pipeline.parameters.mapping, with_reach=False)
+    run, seen, apart = MappingRun(), SeenPings(), SetApart()
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
-    for topic, cone in recorded_cones(bag, workers):
-        if is_of(topic, without):
-            left_out.add(topic)
-            continue
+    wanted = _wanted(recorded_cones(bag, workers), without, left_out)
+    for topic, cone in pings_of_one_map(wanted, pipeline, apart):
         try:
             seen.add(cone)
-            extent.add(cone)
             pipeline.fuse(cone)
         except MalformedMessageError as error:
             bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)
@@ -149,15 +150,33 @@ def map_bag(
     pulses = PulseSurvey(pipeline.parameters.reconstruction)
     for topic, trace in bag.first_traces(PULSES_OF):
         pulses.add(topic, trace)
-    for topic, problem in [*scales.problems().items(), *pulses.problems().items()]:
-        logger.warning("%s: %s", topic, problem)
+    for problems in (scales.problems(), pulses.problems(), apart.causes()):
+        for topic, problem in problems.items():
+            logger.warning("%s: %s", topic, problem)
     run.skipped, run.without = dict(bag.skipped.by_field), sorted(left_out)
+    run.set_apart = apart.summary()
     if not run.pings:
-        if left_out:
-            raise BagError(", ".join(map(str, bag.paths)), "all of its robots are left out")
-        raise nothing_usable(bag.paths, bag.skipped.by_field)
+        raise _why_nothing(bag, left_out, apart)
     run.robots = consistency.findings(pipeline.fusion.by_others())
     return run
+
+
+def _wanted(pings: Iterable[Ping], without: Collection[str], left_out: set[str]) -> Iterator[Ping]:
+    """Pings of those that are not to be left out; topics of the others go into `left_out`."""
+    for topic, cone in pings:
+        if is_of(topic, without):
+            left_out.add(topic)
+        else:
+            yield topic, cone
+
+
+def _why_nothing(bag: BagReader, left_out: set[str], apart: SetApart) -> UsmapError:
+    """Error of a recording of which nothing was mapped."""
+    if causes := apart.causes():
+        return MapSizeError("; ".join(causes.values()))
+    if left_out:
+        return BagError(", ".join(map(str, bag.paths)), "all of its robots are left out")
+    return nothing_usable(bag.paths, bag.skipped.by_field)
 
 
 def nothing_usable(paths: Iterable[str | Path], skipped: Counter[str]) -> BagError:

@@ -9,7 +9,7 @@ import numpy as np
 
 from usmap_ros.bounds import MAX_REACHED_CELLS
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.grids import OccupancyMap
+from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.wall_files import load_walls
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
@@ -52,6 +52,8 @@ class Pipeline:
         The map, with its frame and stamp.
     noise : SharedNoise
         What is known of the noise of transducers that state none.
+    resumed : GridGeometry or None
+        Where the cells of the map lie that it started from, if there was one.
 
     Raises
     ------
@@ -65,6 +67,7 @@ class Pipeline:
         load_walls(self.parameters.reconstruction.known_walls)
         self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
         self.noise = SharedNoise(self.parameters.reconstruction)
+        self.resumed: GridGeometry | None = None
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
         """Return the echoes in a trace, and how loud an unheard one might have been.
@@ -133,6 +136,7 @@ class Pipeline:
             If its resolution or origin does not fit.
         """
         self.fusion.resume(occupancy)
+        self.resumed = occupancy.geometry if occupancy.observed.any() else None
 
     def refine(self, passes: int) -> None:
         """Look at the recent cones again, `passes` times.

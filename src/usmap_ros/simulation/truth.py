@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import FREE_PROBABILITY, OCCUPIED_PROBABILITY, GridGeometry, TruthMap
 from usmap_ros.io.nav2_map import Nav2Map
@@ -12,8 +13,6 @@ from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.scene import Scene
 
-#: What nav2 takes.
-MAX_SIDE = 32_767
 #: Distance between the points that trace an outline, in cells.
 _SAMPLING = 0.1
 
@@ -38,7 +37,7 @@ def build_truth_map(
     Raises
     ------
     UsmapError
-        If it would have more than `MAX_SIDE` rows or columns.
+        If it would have more than `MAX_MAP_SIDE` rows or columns.
     """
     walls = scene.walls
     # Those of a map have one side; the cells behind them are what counts.
@@ -58,9 +57,9 @@ def build_truth_map(
         lowest = np.minimum(lowest, index.min(axis=0))
         highest = np.maximum(highest, index.max(axis=0) + 1)
     columns, rows = highest - lowest
-    if max(columns, rows) > MAX_SIDE:
+    if max(columns, rows) > MAX_MAP_SIDE:
         raise UsmapError(
-            f"world: a truth map of {columns} x {rows} cells is larger than {MAX_SIDE} a side;"
+            f"world: a truth map of {columns} x {rows} cells is larger than {MAX_MAP_SIDE} a side;"
             " choose a coarser resolution"
         )
     occupied = np.zeros((rows, columns), dtype=bool)

@@ -69,11 +69,28 @@ def test_robots_that_are_too_far_apart(usmap: Run, workspace: Path) -> None:
     (workspace / "apart.yaml").write_text(scenario + far)
     assert usmap("simulate", "apart.yaml", "-o", "apart", cwd=workspace).returncode == 0
     done = usmap("map", "apart", "-o", "far", cwd=workspace)
-    assert done.returncode == 1
-    (line,) = done.stderr.splitlines()
-    assert "3000 m x 3001 m would have 3.6e+09 cells and may have 2.5e+07" in line
-    assert "(mapping.most_cells): map robots that are so far apart by themselves" in line
-    assert not (workspace / "far").exists()
+    assert done.returncode == 0
+    (warning,) = done.stderr.splitlines()
+    assert warning.startswith("usmap: warning: /robot2/echo: 10 pings are set apart, pose.position")
+    assert "is 4236 m away from all pings that are mapped" in warning
+    assert done.stdout.endswith("; set apart: 10 of /robot2/echo far off\n")
+    summary = json.loads((workspace / "far" / "summary.json").read_text())
+    assert summary["set_apart"] == {"/robot2/echo": {"far off": 10}}
+
+
+def test_one_ping_in_another_frame_does_not_cost_the_others(usmap: Run, workspace: Path) -> None:
+    with BagReader([workspace / "bag"]) as bag, new_bag(workspace / "odd") as writer:
+        for number, (topic, trace) in enumerate(bag.traces()):
+            writer.write_trace(topic, trace if number else replace(trace, frame_id="x"))
+    done = usmap("map", "odd", "-o", "odd_map", cwd=workspace)
+    assert done.returncode == 0
+    assert "odd_map/map.yaml: 9 pings" in done.stdout
+    assert done.stdout.endswith("; set apart: 1 of /robot1/echo in another frame\n")
+    assert "is 'x', the map's is 'map'" in done.stderr
+    stated = usmap("map", "odd", "-o", "odd_map", "--frame", "x", "--json", cwd=workspace)
+    summary = json.loads(stated.stdout)
+    assert (summary["pings"], summary["frame_id"]) == (1, "x")
+    assert summary["set_apart"] == {"/robot1/echo": {"in another frame": 9}}
 
 
 def test_unusable_recordings_among_many_are_named_and_the_others_mapped(

@@ -8,6 +8,8 @@ import pytest
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.live.live_fusion import LiveFusion
+from usmap_ros.mapping.common_frame import ENOUGH_PINGS
+from usmap_ros.mapping.far_off import FarOffError
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.repeats import RepeatedPingError
@@ -114,27 +116,39 @@ def test_a_cone_that_would_make_the_map_too_large_is_refused_and_the_map_stays(
 ) -> None:
     # 250 m by 250 m of cells of 0.2 m.
     parameters = MappingParameters(resolution_m=0.2, most_cells=1_562_500)
-    fusion = LiveFusion(parameters, 0.0, capacity=3, clock=clock)
+    fusion = LiveFusion(parameters, 0.0, capacity=10, clock=clock)
 
     def moved(cone: EchoCone, distance_m: float) -> EchoCone:
         away = np.array([distance_m, distance_m, 0.0])
         return replace(cone, pose=replace(cone.pose, position_m=cone.pose.position_m + away))
 
     fusion.receive("a", cones[0])
-    with pytest.raises(MalformedMessageError, match=r"mapping.most_cells\): map robots .* apart"):
-        fusion.receive("b", moved(cones[1], 260.0))
-    fusion.receive("b", moved(cones[1], 200.0))
-    while fusion.fuse_next() is not None:
-        pass
+    assert fusion.fuse_next() is not None
+    # One who drives there, farther than there is room for.
+    for number, way_m in enumerate(range(40, 250, 40)):
+        cone = replace(cones[1], stamp_ns=cones[1].stamp_ns + number)
+        fusion.receive("b", moved(cone, float(way_m)))
+    for _ in range(5):
+        assert fusion.fuse_next() is not None
+    with pytest.raises(FarOffError, match=r"mapping.most_cells\): map robots .* apart"):
+        fusion.fuse_next()
     west, east, _, _ = fusion.occupancy_map().geometry.extent_m
     assert 190.0 < east - west < 250.0
 
 
-def test_no_map_is_longer_than_nav2_takes(fusion: LiveFusion, cones: list[EchoCone]) -> None:
-    fusion.receive("a", cones[0])
-    far = replace(cones[1].pose, position_m=np.array([7000.0, 0.0, 0.0]))
-    with pytest.raises(MalformedMessageError, match="32767 cells, which nav2 does not take"):
-        fusion.receive("a", replace(cones[1], pose=far))
+def test_no_map_is_longer_than_nav2_takes(cones: list[EchoCone], clock: Any) -> None:
+    parameters = MappingParameters(resolution_m=0.2, most_cells=10**9)
+    fusion = LiveFusion(parameters, 0.0, capacity=3, clock=clock)
+    way = np.arange(0.0, 6600.0, 40.0)
+
+    def drive() -> None:
+        for number, x_m in enumerate(way):
+            there = replace(cones[1].pose, position_m=np.array([x_m, 0.0, 0.0]))
+            fusion.receive("a", replace(cones[1], stamp_ns=number, pose=there))
+            assert fusion.fuse_next() is not None
+
+    with pytest.raises(FarOffError, match="32767 cells, which nav2 does not take"):
+        drive()
 
 
 def test_a_ping_that_comes_twice_is_fused_once(fusion: LiveFusion, cones: list[EchoCone]) -> None:
@@ -164,3 +178,76 @@ def test_what_a_robot_said_is_taken_back_when_it_is_left_out(
     fusion.leave_out(["a"])
     assert fusion.version == version + 1
     assert not fusion.occupancy_map().observed.any()
+
+
+def later(cone: EchoCone, number: int, x_m: float = 0.0, frame_id: str = "map") -> EchoCone:
+    """One of cones that come five times a second."""
+    pose = replace(cone.pose, position_m=cone.pose.position_m + np.array([x_m, 0.0, 0.0]))
+    stamp_ns = cone.stamp_ns + number * 200_000_000
+    return replace(cone, stamp_ns=stamp_ns, pose=pose, frame_id=frame_id)
+
+
+def test_one_odd_frame_before_all_others_locks_nobody_out(
+    cones: list[EchoCone], clock: Any
+) -> None:
+    told: list[tuple[int, str]] = []
+    parameters = MappingParameters(resolution_m=0.2)
+    fusion = LiveFusion(parameters, 0.0, 100, clock=clock, on_set_apart=lambda *of: told.append(of))
+    fusion.receive("odd", later(cones[0], 0, frame_id="x"))
+    assert fusion.fuse_next() is not None
+    assert (fusion.frame_id, fusion.is_frame_decided) == ("x", False)
+    assert fusion.occupancy_map().frame_id == "x"
+    for number in range(1, ENOUGH_PINGS):
+        fusion.receive("a", later(cones[0], number))
+    assert (fusion.frame_id, fusion.is_frame_decided) == ("map", True)
+    assert told == [(1, "1 pings are not in the frame of most robots, 'map'; the map begins anew")]
+    fused = sum(1 for _ in iter(fusion.fuse_next, None))
+    assert fused == ENOUGH_PINGS - 1
+    occupancy = fusion.occupancy_map()
+    assert (occupancy.frame_id, fusion.generation) == ("map", 1)
+    with pytest.raises(MalformedMessageError, match="frame_id: is 'x', the map's is 'map'"):
+        fusion.receive("odd", later(cones[0], 100, frame_id="x"))
+    alone = LiveFusion(parameters, 0.0, 100, clock=clock)
+    for number in range(1, ENOUGH_PINGS):
+        alone.receive("a", later(cones[0], number))
+        alone.fuse_next()
+    np.testing.assert_array_equal(occupancy.log_odds, alone.occupancy_map().log_odds)
+
+
+def test_one_far_pose_before_all_others_locks_nobody_out(cones: list[EchoCone], clock: Any) -> None:
+    told: list[int] = []
+    parameters = MappingParameters(resolution_m=0.2)
+    fusion = LiveFusion(
+        parameters, 0.0, 100, clock=clock, on_set_apart=lambda count, _: told.append(count)
+    )
+    fusion.receive("a", later(cones[0], 0, 800.0))
+    assert fusion.fuse_next() is not None
+    fused = 0
+    for number in range(1, ENOUGH_PINGS + 10):
+        fusion.receive("a", later(cones[0], number))
+        while fusion.due_in_s() is not None:
+            try:
+                fused += fusion.fuse_next() is not None
+            except FarOffError:
+                continue
+    assert fused == ENOUGH_PINGS + 9
+    assert told == [1]
+    west, east, _, _ = fusion.occupancy_map().geometry.extent_m
+    assert east - west < 20.0
+    fusion.receive("b", later(cones[0], 100, 800.0))
+    with pytest.raises(FarOffError, match="is 795 m away"):
+        fusion.fuse_next()
+
+
+def test_a_map_that_was_resumed_is_where_its_cells_are(cones: list[EchoCone], clock: Any) -> None:
+    parameters = MappingParameters(resolution_m=0.2)
+    first = LiveFusion(parameters, 0.0, 3, clock=clock)
+    first.receive("a", cones[0])
+    first.fuse_next()
+    second = LiveFusion(parameters, 0.0, 3, clock=clock)
+    second.resume(first.occupancy_map())
+    second.receive("a", later(cones[0], 1, 800.0))
+    with pytest.raises(FarOffError):
+        second.fuse_next()
+    second.receive("a", later(cones[0], 2))
+    assert second.fuse_next() is not None

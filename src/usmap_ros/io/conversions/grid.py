@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import GridGeometry
 from usmap_ros.io.conversions.common import (
@@ -15,9 +16,6 @@ from usmap_ros.io.conversions.common import (
     header_to_message,
     stamp_from_header,
 )
-
-#: nav2 refuses a map with a longer side.
-MAX_SIDE = 32767
 
 
 def metadata_to_message(geometry: GridGeometry, stamp_ns: int, types: MessageTypes) -> Any:
@@ -29,7 +27,7 @@ def metadata_to_message(geometry: GridGeometry, stamp_ns: int, types: MessageTyp
         If a side is longer than nav2 takes.
     """
     rows, columns = geometry.shape
-    if not (1 <= rows <= MAX_SIDE and 1 <= columns <= MAX_SIDE):
+    if not (1 <= rows <= MAX_MAP_SIDE and 1 <= columns <= MAX_MAP_SIDE):
         raise MalformedMessageError("info", f"of {columns} × {rows} cells is not taken by nav2")
     x, y = geometry.origin_m
     position = types.message_class("geometry_msgs/msg/Point")(x=float(x), y=float(y), z=0.0)

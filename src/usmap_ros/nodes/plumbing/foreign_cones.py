@@ -23,14 +23,20 @@ class ForeignCones:
         Counts what is refused.
     on_cone : callable
         Gets topic and cone of what could be moved.
+    on_stranger : callable
+        Gets topic and cone of what could not; whether it has a use for it.
     """
 
     def __init__(
-        self, transforms: Transforms, health: Health, on_cone: Callable[[str, EchoCone], None]
+        self,
+        transforms: Transforms,
+        health: Health,
+        on_cone: Callable[[str, EchoCone], None],
+        on_stranger: Callable[[str, EchoCone], bool],
     ) -> None:
         self._transforms = transforms
         self._health = health
-        self._on_cone = on_cone
+        self._on_cone, self._on_stranger = on_cone, on_stranger
         self._waiting: deque[tuple[float, str, EchoCone]] = deque()
 
     def __len__(self) -> int:
@@ -51,6 +57,8 @@ class ForeignCones:
             except (NoTransformError, MalformedMessageError) as error:
                 if self._transforms.is_available and time.monotonic() < deadline_s:
                     self._waiting.append((deadline_s, topic, cone))
+                    continue
+                if self._on_stranger(topic, cone):
                     continue
                 self._health.problem(
                     "refused",

@@ -12,6 +12,7 @@ from usmap_ros.io.conversions import cone_from_cdr
 from usmap_ros.live.checkpoint import Checkpoint
 from usmap_ros.live.health import Health
 from usmap_ros.live.live_fusion import LiveFusion
+from usmap_ros.mapping.far_off import FarOffError
 from usmap_ros.mapping.robot_check.consistency import is_of
 from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
 from usmap_ros.nodes.plumbing.frames import Transforms
@@ -74,7 +75,13 @@ class MapSession:
         transforms: Transforms,
     ) -> None:
         now = parameters.value
-        self.fusion = LiveFusion(now.mapping, now.order_wait_s, now.queue_depth, now.frame_id)
+        self.fusion = LiveFusion(
+            now.mapping,
+            now.order_wait_s,
+            now.queue_depth,
+            now.frame_id,
+            on_set_apart=lambda count, cause: health.problem("set apart", cause, number=count),
+        )
         self._checkpoint = Checkpoint(now.checkpoint_path)
         if now.resume and self._checkpoint.restore(self.fusion):
             node.get_logger().info(f"resumed the map in {now.checkpoint_path}")
@@ -83,9 +90,9 @@ class MapSession:
         self._node = node
         self._parameters = parameters
         self._health = health
-        self._foreign_cones = ForeignCones(transforms, health, self._hand_over)
+        self._foreign_cones = ForeignCones(transforms, health, self._hand_over, self._hold)
         self._publisher = MapPublisher(node, now.publish_updates, now.whole_map_period_s)
-        self._published_version = 0
+        self._published_version = self._generation = 0
         self._noted = dict.fromkeys(_LOSSES, 0)
         self._without = frozenset[str]()
         self._leave_out(now.without)
@@ -169,10 +176,20 @@ class MapSession:
         except MalformedMessageError as error:
             self._health.problem("malformed", f"{topic}: {error}")
 
+    def _hold(self, topic: str, cone: EchoCone) -> bool:
+        """Have a say to whoever is in another frame, as long as the map's is not decided."""
+        if self.fusion.is_frame_decided:
+            return False
+        self._hand_over(topic, cone)
+        return True
+
     def _step(self) -> float | None:
         """Fuse the next cone; runs in the worker's thread."""
         try:
             fused = self.fusion.fuse_next()
+        except FarOffError as error:
+            self._health.problem("set apart", str(error))
+            return 0.0
         except MalformedMessageError as error:
             self._health.problem("malformed", str(error))
             return 0.0
@@ -241,8 +258,8 @@ class MapSession:
         if not has_changed and self._publisher.is_complete:
             return
         self._is_unpublished = False
-        if self._was_reset:
-            self._was_reset = False
+        if self._was_reset or self.fusion.generation != self._generation:
+            self._was_reset, self._generation = False, self.fusion.generation
             self._publisher.forget_extent()
         try:
             occupancy = self.fusion.occupancy_map()

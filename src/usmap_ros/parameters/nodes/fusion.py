@@ -62,7 +62,9 @@ class MapFusionParameters(NodeParameters):
     discovery_period_s: float = quantity(
         0.5, "Time from one look for new cone topics to the next.", "s", ge=0.05, le=60.0
     )
-    frame_id: str = quantity("", "The map's frame; empty: that of the first cone.")
+    frame_id: str = quantity(
+        "", "The map's frame; empty: the one that most robots share in the first seconds."
+    )
     transform_wait_s: float = quantity(
         0.2, "How long a cone in another frame waits for its transform.", "s", ge=0.0, le=10.0
     )

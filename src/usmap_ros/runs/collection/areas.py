@@ -77,10 +77,36 @@ def _around(boxes: Sequence[Sequence[float]]) -> tuple[float, ...]:
     return (*map(float, sides[:, :2].min(axis=0)), *map(float, sides[:, 2:].max(axis=0)))
 
 
-def fuse_area(
-    cones: Sequence[str], parameters: PipelineParameters, passes: int, without: Sequence[str]
-) -> AreaMap:
+@dataclass(frozen=True)
+class Wishes:
+    """What is asked for of every area's map.
+
+    Parameters
+    ----------
+    passes : int
+        Further looks at the recent pings.
+    without : tuple of str
+        Topics, or robots, whose pings stay out of the map.
+    frame_id : str
+        The map's frame; empty: the one that most robots share.
+    """
+
+    passes: int = 0
+    without: tuple[str, ...] = ()
+    frame_id: str = ""
+
+
+def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: Wishes) -> AreaMap:
     """Fuse recordings of cones in the order of their stamps.
+
+    Parameters
+    ----------
+    cones : sequence of str
+        The recordings.
+    parameters : PipelineParameters
+        Of mapping.
+    wishes : Wishes
+        What else is asked for.
 
     Raises
     ------
@@ -88,7 +114,8 @@ def fuse_area(
         If nothing in them can be used, or the map would be too large.
     """
     pipeline, paths = Pipeline(parameters), RobotPaths()
+    pipeline.fusion.frame_id = wishes.frame_id
     with BagReader([Path(path) for path in cones]) as bag:
-        run = map_bag(bag, pipeline, paths, without=without)
-    pipeline.refine(passes)
+        run = map_bag(bag, pipeline, paths, without=wishes.without)
+    pipeline.refine(wishes.passes)
     return AreaMap(pipeline.occupancy_map(), paths, run)

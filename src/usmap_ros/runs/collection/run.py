@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -16,7 +16,7 @@ from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.processes.cluster import Failure, attempt, results
-from usmap_ros.runs.collection.areas import AreaMap, areas_of, fuse_area
+from usmap_ros.runs.collection.areas import AreaMap, Wishes, areas_of, fuse_area
 from usmap_ros.runs.collection.cones import (
     STRETCH,
     Cones,
@@ -71,8 +71,7 @@ def map_collection(
     parameters: PipelineParameters,
     executor: Executor | None = None,
     *,
-    passes: int = 0,
-    without: Sequence[str] = (),
+    wishes: Wishes = Wishes(),  # noqa: B008 - it cannot be changed
     step: Callable[[], None] = lambda: None,
     stretch: int = STRETCH,
 ) -> Collected:
@@ -88,10 +87,8 @@ def map_collection(
         Of reconstruction and mapping.
     executor : Executor, optional
         Does the work; without one this process does.
-    passes : int
-        Further looks at the recent pings of each area.
-    without : sequence of str
-        Topics, or robots, whose pings stay out of the map.
+    wishes : Wishes
+        What else is asked for.
     step : callable
         Called twice for each recording: when its cones are there, and when it is mapped.
     stretch : int
@@ -105,7 +102,7 @@ def map_collection(
     files, failed = _reconstructed(recordings, output, parameters, executor, stretch, step)
     areas = areas_of(list(files.values()))
     names = {str(file.paths): str(recordings[number]) for number, file in files.items()}
-    fuse = partial(fuse_area, parameters=parameters, passes=passes, without=tuple(without))
+    fuse = partial(fuse_area, parameters=parameters, wishes=wishes)
     maps: dict[int, AreaMap] = {}
     work = [([path for file in area for path in file.paths],) for area in areas]
     for number, fused in results(executor, fuse, work):
@@ -115,6 +112,10 @@ def map_collection(
             failed[", ".join(names[str(file.paths)] for file in areas[number])] = fused.cause
         else:
             maps[number] = fused
+    for number in _in_other_frames(maps):
+        frame = maps.pop(number).occupancy.frame_id
+        name = ", ".join(names[str(file.paths)] for file in areas[number])
+        failed[name] = f"is in the frame '{frame}', and most of the others are not"
     if not maps:
         raise UsmapError("; ".join(f"{name}: {cause}" for name, cause in failed.items()))
     warnings = [text for number in sorted(files) for text in files[number].warnings]
@@ -131,6 +132,15 @@ def map_collection(
         _joined_runs([area.run for area in merged], skipped),
         len(recordings), len(merged), failed, warnings,
     )  # fmt: skip
+
+
+def _in_other_frames(maps: Mapping[int, AreaMap]) -> list[int]:
+    """Numbers of the areas that are not in the frame of most pings: those do not join."""
+    pings = Counter[str]()
+    for area in maps.values():
+        pings[area.occupancy.frame_id] += area.run.pings
+    most = max(pings, key=lambda frame_id: pings[frame_id], default="")
+    return [number for number, area in maps.items() if area.occupancy.frame_id != most]
 
 
 def _reconstructed(
@@ -187,6 +197,9 @@ def _joined_runs(runs: Sequence[MappingRun], skipped: Counter[str]) -> MappingRu
         total.pings += run.pings
         total.echoes += run.echoes
         skipped.update(run.skipped)
+        for topic, counts in run.set_apart.items():
+            before = Counter(total.set_apart.get(topic, {}))
+            total.set_apart[topic] = dict(before + Counter(counts))
         # A robot that is at odds with others in one area is, whatever it was elsewhere.
         total.robots |= {
             topic: found

@@ -18,7 +18,7 @@ FULL := $(VENV)/.stamp-full
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench readme scores figures docs test-lower-bounds test-ubuntu \
+.PHONY: help demo test lint format bench readme scores gates figures docs test-lower-bounds test-ubuntu \
   release-check constraints clean
 
 help: ## list the targets
@@ -65,6 +65,9 @@ readme: $(FULL) ## make the README's pictures and table anew
 scores: $(FULL) ## compare methods, and measure how reliable probabilities are: into docs/benchmarks.md
 	@$(BIN)/python benchmarks/scores.py --jobs 2 --page docs/benchmarks.md
 	@$(BIN)/python benchmarks/reliability.py --jobs 2 --page docs/benchmarks.md
+
+gates: $(FULL) ## store how well test/acceptance maps its scenes, which no change may do worse
+	@$(BIN)/python benchmarks/gates.py --rewrite
 
 figures: $(FULL) ## reproduce the paper's figures: into figures
 	@$(BIN)/usmap paper -o figures

@@ -23,7 +23,7 @@ from usmap_ros.simulation.simulator import NANOSECONDS, MountedTransducer
 
 FloatArray = NDArray[np.float64]
 #: Standard deviation of a range, and as a share of it; how many readings miss what is there.
-RANGE_STD_M, RANGE_SHARE, MISSED = 0.005, 0.01, 0.01
+RANGE_STD_M, RANGE_SHARE, MISSED = 0.005, 0.01, 0.001
 #: Rays in a beam, and how wide a thin pole is to them.
 _RAYS, _POLE_RADIUS_M = 61, 0.015
 #: Of the traces.

@@ -101,9 +101,9 @@ CONDITIONS = {
     "100_parked": Condition("100 pings after 30 s of standing", pings=100, parked_s=30.0),
     "floor": Condition("a floor", floor_reflectivity=0.6),
     "parked": Condition("30 s of standing first", parked_s=30.0),
-    "ranges": Condition("range readings alone", robots=5, pings=60, sensor="ranges"),
+    "ranges": Condition("range readings alone", robots=5, pings=120, sensor="ranges"),
     "range_traces": Condition(
-        "range readings as traces", robots=5, pings=60, sensor="range_traces"
+        "range readings as traces", robots=5, pings=120, sensor="range_traces"
     ),
     "one_robot": Condition("one robot", robots=1),
     "six_robots": Condition("six robots", robots=6),

@@ -13,7 +13,7 @@ def offered(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str],
     Parameters
     ----------
     package : str
-        Its name.
+        The package's whole name, as ``__name__`` has it.
     homes : mapping
         Names that it offers, by the module below it in which they are at home.
     """

@@ -39,7 +39,7 @@ class Air:
     relative_humidity : float
         0 to 1.
     pressure_pa : float
-        Static pressure.
+        Static pressure of the air, Pa.
 
     Raises
     ------

@@ -116,9 +116,9 @@ def resonant_profile(
     drive : callable
         Envelope of the burst over the carrier, at times after its beginning.
     duration_s : float
-        Its length.
+        Length of the burst that drives the transducer, s.
     carrier_hz : float
-        Its carrier.
+        Frequency of that burst, Hz.
     resonances : sequence of (float, float)
         Frequency (Hz) and quality factor of each resonator.
 

@@ -16,7 +16,7 @@ class Sampling:
     Parameters
     ----------
     sample_rate_hz : float
-        Their rate.
+        Samples, or pairs of I and Q, per second.
     start_delay_s : float
         From the start of emission to the first one.
     sample_count : int

@@ -172,7 +172,7 @@ def fit(
     Parameters
     ----------
     table : EchoTable
-        The echoes.
+        All echoes of the recording, with poses and pings.
     matches : Matches
         What they came from.
     start : Model

@@ -30,7 +30,7 @@ def guess_floor_m(table: EchoTable, floor_model: FloorModel) -> float | None:
     Parameters
     ----------
     table : EchoTable
-        The echoes.
+        All echoes of the recording, with poses and pings.
     floor_model : FloorModel
         How it would return sound.
     """

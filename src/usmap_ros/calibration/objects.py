@@ -36,7 +36,7 @@ def find_objects(table: EchoTable, candidates: IndexArray) -> FloatArray:
     Parameters
     ----------
     table : EchoTable
-        The echoes.
+        All echoes of the recording, with poses and pings.
     candidates : (n,) integer array
         Echoes that are to be explained by objects.
     """
@@ -157,7 +157,7 @@ def associate(table: EchoTable, model: Model, gate_m: float) -> tuple[Model, Mat
     Parameters
     ----------
     table : EchoTable
-        The echoes.
+        All echoes of the recording, with poses and pings.
     model : Model
         Where objects stand, and what the sound does.
     gate_m : float

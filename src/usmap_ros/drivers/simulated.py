@@ -25,7 +25,7 @@ class SimulatedWorld:
     scene : Scene
         What it hears.
     frame_id : str
-        World frame.
+        Frame that poses are in, shared by all robots.
     time : ScenarioTime
         When the scenario began, which may change.
     robot : SimulatedRobot

@@ -34,7 +34,7 @@ def pings_in_sight(occupied: BoolArray, geometry: GridGeometry, views: PingViews
     geometry : GridGeometry
         Where the cells lie.
     views : PingViews
-        The pings.
+        Where each ping was sent from, and its beam.
 
     Returns
     -------

@@ -76,7 +76,7 @@ def score(
     Parameters
     ----------
     occupancy : OccupancyMap
-        The map.
+        The map to be scored, on any grid of the truth's frame.
     truth : TruthMap
         What is there; on cells of another size, see `usmap_ros.evaluation.alignment.align`.
     views : PingViews, optional

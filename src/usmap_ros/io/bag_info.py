@@ -63,7 +63,7 @@ def describe_bag(bag: BagReader, on_ping: PingCallback) -> dict[str, Any]:
     Parameters
     ----------
     bag : BagReader
-        The recording.
+        An open recording, of which every message is read once.
     on_ping : callable
         Called with topic and ping after each ping.
     """

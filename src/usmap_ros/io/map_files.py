@@ -93,7 +93,7 @@ def save_map(folder: str | Path, occupancy: OccupancyMap, paths: RobotPaths | No
     folder : path
         Made if it is not there; other files in it are left alone.
     occupancy : OccupancyMap
-        The map.
+        What is written: as an image for nav2, and as arrays.
     paths : RobotPaths, optional
         Kept in ``map.npz`` beside the map.
 

@@ -44,7 +44,7 @@ class Files:
     Parameters
     ----------
     storages : list of Storage
-        The files.
+        Files of the recordings, in the order in which places count them.
     """
 
     def __init__(self, storages: list[Storage]) -> None:

@@ -31,7 +31,7 @@ def load_yaml(path: Path, model: type[_Model]) -> _Model:
     Parameters
     ----------
     path : path
-        The file.
+        YAML of the model's keys, at most 1 MiB.
     model : type
         A pydantic model that forbids unknown keys.
 

@@ -56,7 +56,7 @@ def read_yaml(path: Path, error_class: type[FileError]) -> Any:
     Parameters
     ----------
     path : path
-        The file.
+        YAML in UTF-8, at most 1 MiB.
     error_class : type
         Of the error that is raised.
 

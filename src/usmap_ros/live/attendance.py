@@ -43,7 +43,7 @@ class Attendance:
         Parameters
         ----------
         now_s : float
-            Real time.
+            Seconds of a clock that never runs backwards.
         missing : collection of str
             Topics that nobody is seen to listen to, or to publish, who should.
         listeners : mapping of str to int

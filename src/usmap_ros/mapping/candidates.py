@@ -53,7 +53,7 @@ def candidate_cells(cone: EchoCone, parameters: MappingParameters) -> CandidateC
     Parameters
     ----------
     cone : EchoCone
-        The cone.
+        One ping's echoes.
     parameters : MappingParameters
         Cells and sensor model.
     """

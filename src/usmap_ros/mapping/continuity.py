@@ -25,7 +25,7 @@ def bridge_gaps(occupancy: OccupancyMap, gap_m: float) -> OccupancyMap:
     Parameters
     ----------
     occupancy : OccupancyMap
-        A map.
+        A finished map; it stays as it is.
     gap_m : float
         Widest gap that is bridged; 0: none.
 

@@ -41,7 +41,7 @@ def free_space(cone: EchoCone, parameters: MappingParameters) -> FreeSpace:
     Parameters
     ----------
     cone : EchoCone
-        The ping.
+        One ping's echoes and detection limits.
     parameters : MappingParameters
         Cell size, and reflectivity of objects.
     """

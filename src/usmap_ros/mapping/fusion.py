@@ -189,7 +189,7 @@ class Fusion(ABC):
         Parameters
         ----------
         passes : int
-            How often.
+            Passes through the window of recent cones.
 
         Raises
         ------

@@ -53,7 +53,7 @@ def candidate_poses(
     Parameters
     ----------
     occupancy : OccupancyMap
-        The map.
+        The map so far, with its layer of ambiguity.
     spacing_m : float
         Between neighbouring places.
     headings : int

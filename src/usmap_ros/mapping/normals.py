@@ -105,7 +105,7 @@ class CellsBeside:
     Parameters
     ----------
     inside : (rows, columns) bool array
-        The cells.
+        Cells among which neighbours are looked for.
     reach : int
         How far it looks.
     """
@@ -143,7 +143,7 @@ def _sums_around(
     believed : (rows, columns) bool array
         Of which n are.
     weight, heard_from : (n,) and (n, 2) arrays
-        Of those.
+        Of each believed cell: its weight, and the direction it was heard from.
 
     Returns
     -------

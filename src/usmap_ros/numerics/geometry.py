@@ -112,7 +112,7 @@ class Pose:
         Returns
         -------
         ranges_m : (...) array
-            Distance.
+            Distance of each point from the pose's position.
         bearings_rad : (...) array
             Angle off the x axis in [-π, π], negative to the right: of a point at the height of a
             pose that is not tilted, its bearing in the plane.

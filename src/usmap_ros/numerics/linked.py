@@ -44,7 +44,7 @@ class Linked(CPUDispatcher):
     Parameters
     ----------
     function : callable
-        The function.
+        A Python function of numbers and arrays.
     options : dict
         Of the compiler.
     """

@@ -20,7 +20,7 @@ class Part:
     numbers : dict
         What a check can read.
     figure : Figure
-        The picture.
+        The picture, drawn to the end.
     """
 
     name: str

@@ -58,7 +58,7 @@ class Pair:
     yaws_rad : (float, float)
         Where they look.
     listenings : (Listening, Listening)
-        Their pulses.
+        Pulse, encoding and sample rate of each of the two transducers.
     together : bool
         Whether they emit at once, so that only the sum of their echoes is received.
     """

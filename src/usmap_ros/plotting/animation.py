@@ -74,7 +74,7 @@ def save_animation(
     paths : RobotPaths
         The robots' whole paths.
     path : path
-        The file.
+        The GIF; one that is there is replaced.
     truth : TruthMap, optional
         Drawn as an outline.
     extent_m : (x_min, x_max, y_min, y_max), optional

@@ -35,7 +35,7 @@ def cone_figure(
     Parameters
     ----------
     cone : EchoCone
-        The cone.
+        One ping's echoes, pose and beam.
     candidates : CandidateCells
         Cells that may have returned its echoes.
     truth : TruthMap, optional

@@ -36,7 +36,7 @@ def map_figure(
     Parameters
     ----------
     occupancy : OccupancyMap
-        The map.
+        The map that is drawn, cell by cell.
     paths : RobotPaths, optional
         Where the robots were.
     truth : TruthMap, optional

@@ -26,7 +26,7 @@ def views_figure(
     occupancy : OccupancyMap
         With the layer `ambiguity`.
     views : sequence of NextView
-        Best first.
+        Poses to ping from next, the best first.
     half_angle_rad : float
         Of the cone.
     """

@@ -130,12 +130,12 @@ def least_analysis_cost(
     matrix : (samples, columns) array or sparse array
         A.  Columns of zeros get coefficients of zero.
     signal : (samples,) array
-        y.
+        The samples y that A q approximates.
     bound : float
         ε, largest norm of the residual.  Where it cannot be reached, the residual is made as
         small as it can be.
     operator : AnalysisOperator
-        Ω.
+        Ω, whose groups of Ω q are to be few.
     non_negative : bool
         Whether coefficients must not be negative.
 

@@ -46,7 +46,7 @@ class Viewpoint:
     tilt : Pose
         Of its frame in one that is level, with the x axis above or below its own.
     beam : BeamPattern
-        Its beam.
+        Gain of its transducer over the angle off axis.
     rise_m : float
         Height of the objects above it.
     """
@@ -112,7 +112,7 @@ def find_bearings(
     own : Echoes
         Of the transducer's own pulse, heard by itself.
     view : Viewpoint
-        The transducer.
+        Where the transducer is whose echoes get bearings, and its beam.
     sightings : list of Sighting
         What others heard of the same objects.
 

@@ -107,7 +107,7 @@ class CellDictionary(MatrixOperator):
     Parameters
     ----------
     cells : ConeCells
-        The cells.
+        Cells in the cone, each of which has a column.
     sounds : sequence of CellSound
         What was emitted, where and how loud the cells heard it: a column is the sum of the echoes
         of all pulses that were in the air.

@@ -54,11 +54,11 @@ class Solution:
     support : (k,) array
         Ascending indices of the non-zero blocks.
     coefficients : (k, block_size) array
-        Their coefficients.
+        Coefficient of each column of these blocks.
     residual : (samples,) array
         y − Φ x.
     iterations : int
-        Iterations done.
+        Iterations until it stopped.
     halt : Halt
         Why no more were.
     """

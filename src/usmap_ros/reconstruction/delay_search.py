@@ -80,7 +80,7 @@ def search(
     operator : DelayDomainOperator or JointOperator
         The sensing matrix, with all blocks on the grid.
     baseband : Baseband
-        The signal.
+        Signal, templates and noise of a trace.
     parameters : ReconstructionParameters
         Sparsity, thresholds, rounds.
     """

@@ -96,7 +96,7 @@ def same_direction(operator: MatrixOperator, generator: np.random.Generator) -> 
     Parameters
     ----------
     operator : MatrixOperator
-        The matrix.
+        A stored matrix, with the norms of its columns.
     generator : numpy.random.Generator
         Draws the projections.
 
@@ -123,7 +123,7 @@ def merged(operator: MatrixOperator, labels: IndexArray) -> tuple[MatrixOperator
     Parameters
     ----------
     operator : MatrixOperator
-        The matrix.
+        A stored matrix, with the norms of its columns.
     labels : (columns,) integer array
         From `same_direction` or `identical`.
 

@@ -20,7 +20,7 @@ class Problem:
     operator : MatrixOperator
         A, which is Φ because Ψ is the identity.
     signal : (samples,) array
-        y, real.
+        The samples y, real.
     sparsity : int
         Most columns in the solution; of whole numbers, most cells.
     tolerance : float
@@ -34,7 +34,7 @@ class Problem:
     cells : (columns,) integer array, optional
         Cells that a column stands for, which bounds whole numbers; one each by default.
     max_iterations : int
-        Of CoSaMP.
+        Most iterations of CoSaMP; other solvers do not count theirs.
     """
 
     operator: MatrixOperator

@@ -77,7 +77,7 @@ def between_samples(
     delay_s : (k,) array
         Delays at which the echoes fit.
     amplitude : (k,) array
-        Their amplitudes.
+        Amplitude of each echo.
     noise_std : float
         Standard deviation of the noise of samples about an edge, in phase with the echo.
     duration_s : float

@@ -124,11 +124,11 @@ def stretch_cones(
     Parameters
     ----------
     stretch : TraceStretch
-        The traces.
+        Where the traces lie that are to be reconstructed.
     levels : sequence of float
         Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
     parameters : ReconstructionParameters
-        Of reconstruction.
+        How each trace is reconstructed.
     """
     skipped: list[tuple[str, MalformedMessageError]] = []
     untold = iter(levels)

@@ -41,7 +41,7 @@ def bounced_paths(
     discs : Discs
         What may be in the way.
     sender, listener : PathEnd
-        Both ends.
+        Pose and beam of who sends and of who listens.
     channel : Channel
         Gives spreading and absorption.
     reach_m : float

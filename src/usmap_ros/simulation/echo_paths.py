@@ -24,7 +24,7 @@ class Sounding:
     Parameters
     ----------
     sender, listener : PathEnd
-        Both ends.
+        Pose and beam of who sends and of who listens.
     half_angle_rad, reach_m : float
         Cone about the listener's axis, and range, within which things can answer.
     channel : Channel

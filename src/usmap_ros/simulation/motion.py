@@ -59,7 +59,7 @@ class WaypointMotion:
     Parameters
     ----------
     path : Polyline
-        Its way.
+        The corners that it passes.
     speed_m_s : float
         Along the path.
     scene : Scene

@@ -46,7 +46,7 @@ def hear(
     pose : Pose, optional
         Of the transducer; without one it is at the origin and looks along x.
     transducer : Transducer
-        What pings.
+        Pulse, beam and ranges of what pings.
     receiver : Receiver
         Encoding, rate, and the noise it adds.
     channel : Channel

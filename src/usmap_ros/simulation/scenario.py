@@ -76,7 +76,7 @@ class Scenario(ParameterGroup):
         Parameters
         ----------
         content : mapping
-            As parsed.
+            Keys and values as the YAML has them.
         source : path
             The file: errors name it, and paths in it are relative to its folder.
 

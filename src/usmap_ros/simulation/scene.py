@@ -23,7 +23,7 @@ class Discs:
     centers_m : (n, 2) array
         Where they stand.
     radii_m : (n,) array
-        Their radii.
+        Radius of each disc; 0 for a point.
     reflectivities : (n,) array
         Each echoes like a point target of this reflectivity at the nearest point of its surface.
     """
@@ -52,7 +52,7 @@ class MovingDisc:
     Parameters
     ----------
     path : Polyline
-        Its way.
+        The corners that it passes.
     speed_m_s : float
         Along the path.
     radius_m, reflectivity : float

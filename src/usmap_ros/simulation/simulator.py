@@ -32,7 +32,7 @@ class MountedTransducer:
     topic : str
         Where its echoes are published.
     child_frame_id : str
-        Its frame.
+        Frame of the transducer, +x along the beam's axis.
     mount : Pose
         Of its frame in the robot's base frame.
     transducer : Transducer
@@ -94,7 +94,7 @@ class Intruder:
     sonar : MountedTransducer
         What sent it.
     pose : Pose
-        From where.
+        Pose in the world that the pulse is sent from.
     delay_s : float
         From the emission of the one that listens to its own.
     """
@@ -113,7 +113,7 @@ class EchoSimulator:
     Parameters
     ----------
     scene : Scene
-        The world.
+        Discs, walls and facets that return sound.
     frame_id : str
         World frame of all poses.
     start_ns : int
@@ -142,7 +142,7 @@ class EchoSimulator:
         Parameters
         ----------
         sonar : MountedTransducer
-            Who pings.
+            The transducer that pings, and where it is on its robot.
         true_pose : Pose
             Where the transducer really is.
         stamp_ns : int

@@ -57,7 +57,7 @@ class Walls:
     one_sided : (n,) bool array
         Whether only the front can be seen, as of the walls of a map.
     specular_reflectivity : (n,) array
-        See `Surface`.
+        Amplitude that each wall reflects as a mirror; see `Surface`.
     """
 
     starts_m: FloatArray

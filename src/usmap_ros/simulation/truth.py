@@ -25,7 +25,7 @@ def build_truth_map(
     Parameters
     ----------
     scene : Scene
-        The world.
+        Discs, walls and facets; what moves is left out.
     area : (x_min, x_max, y_min, y_max)
         To be covered; the map's origin is the next multiple of the resolution below.
     plan : Nav2Map or None

@@ -125,7 +125,7 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
     Parameters
     ----------
     scene : Scene
-        The world.
+        Discs, walls and facets that return sound.
     view : View
         Where the sounding starts, and its cone.
     time_s : float

@@ -41,7 +41,7 @@ def paths_by_walls(
     scene : Scene
         Its discs, balls and facets are the objects, its walls the mirrors.
     sender, listener : PathEnd
-        Both ends.
+        Pose and beam of who sends and of who listens.
     channel : Channel
         Between them and the objects.
     time_s : float

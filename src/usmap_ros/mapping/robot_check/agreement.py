@@ -154,7 +154,7 @@ def log_likelihood(look: Look, power: FloatArray) -> FloatArray:
     look : Look
         What was heard.
     power : (bins,) array
-        Expected power.
+        Expected power of each range bin, noise included.
     """
     heard = -look.power / power - np.log(power)
     silent = np.log(-np.expm1(-np.maximum(look.limit / power, 1e-9)))

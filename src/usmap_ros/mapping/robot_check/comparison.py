@@ -146,7 +146,7 @@ def finding_of(
     Parameters
     ----------
     own : Agreement
-        The robot's.
+        How the robot in question agrees with the map of all others.
     others : list of Agreement
         Those of the others.
     least_fit : float

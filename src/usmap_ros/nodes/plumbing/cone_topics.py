@@ -20,7 +20,7 @@ class ConeTopics:
     Parameters
     ----------
     node : Node
-        Who subscribes.
+        The node that subscribes, and whose graph is looked at.
     listed : list of str
         Topics to fuse; empty: every one that there is.
     on_cone : callable

@@ -23,7 +23,7 @@ class EchoOutputs:
     Parameters
     ----------
     node : Node
-        Which publishes.
+        The node on whose topics traces and ranges are published.
     health : Health
         Counts what was published.
     namespaces : mapping

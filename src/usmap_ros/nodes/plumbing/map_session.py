@@ -57,7 +57,7 @@ class MapSession:
     Attributes
     ----------
     fusion : LiveFusion
-        The map.
+        What orders and fuses cones, and holds the map.
     check : RobotCheck
         Tells which robots contradict the others.
 

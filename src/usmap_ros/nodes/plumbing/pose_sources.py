@@ -50,7 +50,7 @@ class PathPose:
     Parameters
     ----------
     motion : Motion
-        Its path.
+        Pose of the robot's base by the time since the scenario began.
     """
 
     def __init__(self, motion: Motion) -> None:
@@ -77,7 +77,7 @@ class OdometryPose:
     Parameters
     ----------
     node : Node
-        Which subscribes.
+        The node that subscribes to ``odom``.
     health : Health
         Counts what is no odometry.
     timeout_s : float
@@ -110,7 +110,7 @@ class TransformPose:
     Parameters
     ----------
     transforms : Transforms
-        TF.
+        The node's buffer of TF.
     base_frame, world : str
         The robot's frame, and that of the scenario.
     timeout_s : float

@@ -19,7 +19,7 @@ def corrected(trace: EchoTrace, correction: CorrectionParameters) -> EchoTrace:
     Parameters
     ----------
     trace : EchoTrace
-        As recorded.
+        As recorded; it stays as it is.
     correction : CorrectionParameters
         What is off in it.
 

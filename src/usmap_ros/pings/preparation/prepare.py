@@ -19,7 +19,7 @@ def prepared(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrac
     Parameters
     ----------
     trace : EchoTrace
-        As recorded.
+        As recorded; it stays as it is.
     parameters : ReconstructionParameters
         What is known of it.
 

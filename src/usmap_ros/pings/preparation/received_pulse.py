@@ -21,7 +21,7 @@ def with_profile(trace: EchoTrace, parameters: PulseParameters) -> EchoTrace:
     Parameters
     ----------
     trace : EchoTrace
-        As recorded.
+        As recorded; it stays as it is.
     parameters : PulseParameters
         What transducers do.
 

@@ -19,7 +19,7 @@ def without_ringing(cone: EchoCone, ringing: RingingParameters) -> EchoCone:
     Parameters
     ----------
     cone : EchoCone
-        As reconstructed.
+        As reconstructed, with what the transducer hears of itself among its echoes.
     ringing : RingingParameters
         What is heard in every ping.
     """

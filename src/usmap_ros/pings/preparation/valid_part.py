@@ -44,7 +44,7 @@ def valid_part(trace: EchoTrace, from_s: float = 0.0, until_s: float = 0.0) -> E
     Parameters
     ----------
     trace : EchoTrace
-        As recorded.
+        As recorded; it stays as it is.
     from_s, until_s : float
         When its samples begin and cease to be valid, after the start of emission; 0: that is found.
     """

@@ -84,11 +84,11 @@ def without_negatives(gram: FloatArray, begins: IndexArray, right: FloatArray) -
     Parameters
     ----------
     gram : (n, n) array
-        Aᵀ A.
+        Aᵀ A of the columns A, symmetric.
     begins : (n,) integer array
         First column of each row that is not zero.
     right : (n,) array
-        Aᵀ y.
+        Aᵀ y of the columns A and the signal y.
     """
     count = len(right)
     found, free = np.zeros(count), np.zeros(count, np.bool_)

@@ -39,7 +39,7 @@ def cosamp(
     Parameters
     ----------
     matrix : SampledMatrix
-        Φ.
+        Φ: template at sub-sample shifts, delays and weights of blocks.
     places : Places
         Where its blocks are.
     matched : MatchedFilter
@@ -55,7 +55,7 @@ def cosamp(
     Returns
     -------
     fit : Fit
-        The echoes.
+        Blocks of the support with coefficients, and the residual.
     iterations, halt : int
         Iterations done, and why no more were.
     """

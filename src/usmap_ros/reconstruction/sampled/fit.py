@@ -57,11 +57,11 @@ def least_squares(
     Parameters
     ----------
     matrix : SampledMatrix
-        Φ.
+        Φ: template at sub-sample shifts, delays and weights of blocks.
     places : Places
         Where its blocks are.
     support : (k,) integer array
-        T, ascending.
+        T: indices of the blocks that take part, ascending.
     signal : (samples,) array
         u, between margins.
     non_negative : bool

@@ -32,7 +32,7 @@ class Search(NamedTuple):
     Attributes
     ----------
     sparsity : int
-        Most echoes.
+        Most blocks in the support, k of CoSaMP.
     max_iterations : int
         Of CoSaMP in one round.
     non_negative : bool
@@ -61,7 +61,7 @@ class Found(NamedTuple):
     Attributes
     ----------
     support : (k,) integer array
-        Blocks, ascending.
+        Indices of the blocks that were found, ascending.
     coefficients : (k, paths) array
         Of their paths.
     residual : (samples,) array
@@ -95,9 +95,9 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     Parameters
     ----------
     matrix : SampledMatrix
-        Φ.
+        Φ: template at sub-sample shifts, delays and weights of blocks.
     signal : (samples,) complex array
-        y.
+        The baseband signal y.
     noise : (blocks,) array
         Scores that noise alone may have.
     how : Search

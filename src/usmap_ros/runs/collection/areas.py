@@ -27,7 +27,7 @@ class AreaMap:
     Parameters
     ----------
     occupancy : OccupancyMap
-        The map.
+        The map of the area alone.
     paths : RobotPaths
         Of the robots in it.
     run : MappingRun
@@ -102,9 +102,9 @@ def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: Wish
     Parameters
     ----------
     cones : sequence of str
-        The recordings.
+        Paths of the recordings of cones whose pings reach the area.
     parameters : PipelineParameters
-        Of mapping.
+        Of which those of mapping count.
     wishes : Wishes
         What else is asked for.
 

@@ -113,11 +113,11 @@ def cones_of_recording(
     Parameters
     ----------
     recording : path
-        The recording.
+        A bag's folder, or a bare file.
     folder : path
         Where cones are kept.
     parameters : PipelineParameters
-        Of reconstruction.
+        Of which those of reconstruction count.
     length : int
         Traces from which on it is only divided.
 

@@ -38,7 +38,7 @@ class Collected:
     Parameters
     ----------
     occupancy : OccupancyMap
-        The map.
+        The map of all areas, joined.
     paths : RobotPaths
         Of all robots.
     run : MappingRun

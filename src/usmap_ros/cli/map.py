@@ -169,7 +169,7 @@ def _refuse_absent(without: list[str], topics: Iterable[str]) -> None:
 def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_json: bool) -> None:
     """Map recordings as if they were one."""
     from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.io.map_files import map_folder, save_map, save_summary
+    from usmap_ros.io.map_files import map_folder, save_map
     from usmap_ros.pings.robot_paths import RobotPaths
     from usmap_ros.runs.offline import map_bag, resume_map
     from usmap_ros.runs.parallel import WORTH_A_POOL, available_cores, reconstructors
@@ -193,9 +193,9 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
             run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
         pipeline.refine(order.passes)
         occupancy = pipeline.occupancy_map()
-        save_map(order.output, occupancy, paths)
-        summary = run.summary(occupancy, seconds_since_start())
-        save_summary(order.output, summary)
+        summary = save_map(
+            order.output, occupancy, paths, lambda: run.summary(occupancy, seconds_since_start())
+        )
     _tell(order.output, run, summary, as_json=as_json)
 
 
@@ -212,7 +212,7 @@ def _map_collection(
 ) -> None:
     """Map many recordings, each by itself as far as that goes; a second run takes up the first."""
     from usmap_ros.errors import UsmapError
-    from usmap_ros.io.map_files import map_folder, save_map, save_summary
+    from usmap_ros.io.map_files import map_folder, save_map
     from usmap_ros.processes.cluster import cluster
     from usmap_ros.runs.collection import Wishes, map_collection
     from usmap_ros.runs.parallel import available_cores, worker_processes
@@ -228,9 +228,9 @@ def _map_collection(
             recordings, order.output, order.parameters, executor,
             wishes=Wishes(order.passes, tuple(order.without), order.frame), step=step,
         )  # fmt: skip
-    save_map(order.output, done.occupancy, done.paths)
-    summary = done.summary(seconds_since_start())
-    save_summary(order.output, summary)
+    summary = save_map(
+        order.output, done.occupancy, done.paths, lambda: done.summary(seconds_since_start())
+    )
     for text in [*done.warnings, *(f"{name}: {cause}" for name, cause in done.failed.items())]:
         typer.echo(f"usmap: warning: {text}", err=True)
     _tell(order.output, done.run, summary, as_json=as_json)

@@ -29,7 +29,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
         # mkstemp lets nobody else read the file; open() would have.
-        temporary.chmod(0o666 & ~_umask())
+        temporary.chmod(usual_mode())
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -62,6 +62,11 @@ def new_folder(path: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
+
+
+def usual_mode() -> int:
+    """Who may read and write a new file, as `open` has it."""
+    return 0o666 & ~_umask()
 
 
 def _umask() -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,8 @@ from usmap_ros.grids import (
 )
 from usmap_ros.io.array_archive import load_arrays, numbers
 from usmap_ros.io.atomic import write_atomically
-from usmap_ros.io.nav2_map import load_nav2_map, save_nav2_map
+from usmap_ros.io.file_set import replace_files
+from usmap_ros.io.nav2_map import load_nav2_map, nav2_files, save_nav2_map
 from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths
 
@@ -85,8 +86,15 @@ def map_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-def save_map(folder: str | Path, occupancy: OccupancyMap, paths: RobotPaths | None = None) -> None:
-    """Write ``map.npz``, ``map.pgm`` and ``map.yaml``, each in one step.
+def save_map(
+    folder: str | Path,
+    occupancy: OccupancyMap,
+    paths: RobotPaths | None = None,
+    summarize: Callable[[], dict[str, Any]] = dict,
+) -> dict[str, Any]:
+    """Write ``map.npz``, ``map.pgm``, ``map.yaml`` and ``summary.json``, all in one step.
+
+    Whoever is killed at it leaves all as they were before, or all as they are to be.
 
     Parameters
     ----------
@@ -96,33 +104,30 @@ def save_map(folder: str | Path, occupancy: OccupancyMap, paths: RobotPaths | No
         What is written: as an image for nav2, and as arrays.
     paths : RobotPaths, optional
         Kept in ``map.npz`` beside the map.
+    summarize : callable
+        Gives the summary, once all else is done; without any there is no ``summary.json``.
+
+    Returns
+    -------
+    summary : dict
+        What `summarize` gave.
 
     Raises
     ------
     MapFileError
-        If a file cannot be written.
+        If a file cannot be written: then all are as they were.
     """
     folder = Path(folder)
+    files = {GRID_FILE: _to_bytes(occupancy, paths or RobotPaths())}
+    files |= nav2_files(folder / NAV2_FILE, occupancy.geometry, occupancy.trinary())
+    if summary := summarize():
+        files[SUMMARY_FILE] = (json.dumps(summary, indent=2) + "\n").encode()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(folder / GRID_FILE, _to_bytes(occupancy, paths or RobotPaths()))
+        replace_files(folder, files, gone=[SUMMARY_FILE])
     except OSError as error:
         raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
-    save_nav2_map(folder / NAV2_FILE, occupancy.geometry, occupancy.trinary())
-
-
-def save_summary(folder: Path, summary: Mapping[str, Any]) -> None:
-    """Write ``summary.json`` in one step.
-
-    Raises
-    ------
-    MapFileError
-        If it cannot be written.
-    """
-    try:
-        write_atomically(folder / SUMMARY_FILE, (json.dumps(summary, indent=2) + "\n").encode())
-    except OSError as error:
-        raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
+    return summary
 
 
 def load_map(folder: str | Path) -> tuple[OccupancyMap, RobotPaths]:

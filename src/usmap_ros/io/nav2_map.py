@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.errors import MapFileError, shortened
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
-from usmap_ros.io.atomic import write_atomically
+from usmap_ros.io.file_set import replace_files
 from usmap_ros.io.yaml_text import read_yaml
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -52,19 +52,30 @@ class Nav2Map:
 def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> None:
     """Write a trinary map: a YAML file at `path`, and an image of the same name beside it.
 
-    Parameters
-    ----------
-    path : path
-        Of the YAML file, ending in ``.yaml``.
-    geometry : GridGeometry
-        Where the cells lie.
-    values : (rows, columns) int8 array
-        As `OccupancyMap.trinary` gives them.
+    Parameters are those of `nav2_files`.
 
     Raises
     ------
     MapFileError
-        If a file cannot be written.
+        If a file cannot be written: then both are as they were.
+    """
+    try:
+        replace_files(path.parent, nav2_files(path, geometry, values))
+    except OSError as error:
+        raise MapFileError(path, f"cannot be written: {error.strerror}") from error
+
+
+def nav2_files(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> dict[str, bytes]:
+    """Contents, by name, of the two files of a trinary map: an image and a YAML file.
+
+    Parameters
+    ----------
+    path : path
+        Of the YAML file, ending in ``.yaml``; the image has the same name but for that.
+    geometry : GridGeometry
+        Where the cells lie.
+    values : (rows, columns) int8 array
+        As `OccupancyMap.trinary` gives them.
     """
     shades = np.full(values.shape, _UNKNOWN_SHADE, dtype=np.uint8)
     shades[values == FREE_VALUE] = _FREE_SHADE
@@ -83,12 +94,8 @@ def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) 
         "free_thresh": _FREE_THRESHOLD,
     }
     text = yaml.safe_dump(description, sort_keys=False, default_flow_style=None)
-    try:
-        write_atomically(image_path, image)
-        # Last, so that it never names an image that is not there.
-        write_atomically(path, text.encode())
-    except OSError as error:
-        raise MapFileError(path, f"cannot be written: {error.strerror}") from error
+    # Last, so that it never names an image that is not there.
+    return {image_path.name: image, path.name: text.encode()}
 
 
 def load_nav2_map(path: Path) -> Nav2Map:

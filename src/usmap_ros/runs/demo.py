@@ -14,7 +14,7 @@ from usmap_ros.evaluation.scoring import Score, score
 from usmap_ros.grids import AMBIGUITY, NORMAL, OccupancyMap, TruthMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.map_files import NAV2_FILE, map_folder, save_map, save_summary, save_truth
+from usmap_ros.io.map_files import NAV2_FILE, map_folder, save_map, save_truth
 from usmap_ros.io.yaml_files import read_mapping
 from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
 from usmap_ros.parameters import PipelineParameters
@@ -91,9 +91,12 @@ def run_demo(folder: Path, progress: Progress) -> DemoResult:
         ):
             run = map_bag(bag, recorder.pipeline, recorder.paths, recorder.watch(step))
         occupancy = recorder.pipeline.occupancy_map()
-        save_map(folder, occupancy, recorder.paths)
-        summary = run.summary(occupancy, time.perf_counter() - started)
-        save_summary(folder, summary)
+        summary = save_map(
+            folder,
+            occupancy,
+            recorder.paths,
+            lambda: run.summary(occupancy, time.perf_counter() - started),
+        )
         _draw(recorder, truth, paths, progress)
         range_only = recorder.range_only.occupancy_map()
         views = recorder.paths.views()

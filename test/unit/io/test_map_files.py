@@ -14,7 +14,6 @@ from usmap_ros.io.map_files import (
     load_truth,
     map_folder,
     save_map,
-    save_summary,
     save_truth,
 )
 from usmap_ros.io.nav2_map import load_nav2_map
@@ -142,9 +141,13 @@ def test_a_truth_map_survives_saving(tmp_path: Path) -> None:
     np.testing.assert_array_equal(loaded.occupied, occupied)
 
 
-def test_a_summary_is_json(tmp_path: Path) -> None:
-    save_summary(tmp_path, {"pings": 3, "skipped": {"samples": 1}})
-    assert json.loads((tmp_path / "summary.json").read_text())["skipped"] == {"samples": 1}
+def test_a_summary_is_json(tmp_path: Path, occupancy: OccupancyMap) -> None:
+    told = {"pings": 3, "skipped": {"samples": 1}}
+    assert save_map(tmp_path, occupancy, summarize=lambda: told) == told
+    assert json.loads((tmp_path / "summary.json").read_text()) == told
+    # Of another map, it would be wrong.
+    save_map(tmp_path, occupancy)
+    assert not (tmp_path / "summary.json").exists()
 
 
 class TestFolder:

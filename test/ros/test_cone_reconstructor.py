@@ -47,7 +47,7 @@ def test_cones_that_nobody_hears_are_a_warning(
     live: Any, trace_message: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = live.add(ConeReconstructor)
-    monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
+    monkeypatch.setattr(node.health, "clock", lambda: 0.0)
     live.publisher(ECHO, "/echo").publish(trace_message)
     live.until(lambda: node.health.total("published") == 1)
     report = node.health.report()
@@ -109,7 +109,7 @@ def test_the_oldest_is_dropped_and_counted_when_it_cannot_keep_up(
 ) -> None:
     node = live.add(ConeReconstructor, queue_depth=3, diagnostics_period_s=0.1)
     # What went wrong shows for some seconds: here, for as long as the test takes.
-    monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
+    monkeypatch.setattr(node.health, "clock", lambda: 0.0)
     reconstruct = Pipeline.reconstruct_sounding
     has_begun, may_go_on = threading.Event(), threading.Event()
 
@@ -145,7 +145,7 @@ def test_what_it_does_is_counted_and_timed(
     live: Any, traces: Traces, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = live.add(ConeReconstructor)
-    monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
+    monkeypatch.setattr(node.health, "clock", lambda: 0.0)
     echo = live.publisher(ECHO, "/echo")
     for number, (_, trace) in enumerate(traces[:5]):
         echo.publish(trace_to_cdr(trace))
@@ -158,12 +158,12 @@ def test_what_it_does_is_counted_and_timed(
 def test_an_error_in_the_worker_ends_the_node(
     live: Any, trace_message: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node = live.add(ConeReconstructor)
+    live.add(ConeReconstructor)
 
     def broken(*_: Any) -> None:
         raise RuntimeError("the publisher broke")
 
-    monkeypatch.setattr(node, "_publish", broken)
+    monkeypatch.setattr("usmap_ros.nodes.cone_reconstructor.cone_to_cdr", broken)
     echo = live.publisher(ECHO, "/echo")
     echo.publish(trace_message)
     with pytest.raises(RuntimeError, match="the publisher broke"):

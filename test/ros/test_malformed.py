@@ -169,7 +169,7 @@ def test_an_error_nobody_thought_of_costs_one_message(
 ) -> None:
     node = live.add(ConeReconstructor)
     # What went wrong shows for some seconds: here, for as long as the test takes.
-    monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
+    monkeypatch.setattr(node.health, "clock", lambda: 0.0)
     reconstruct = Pipeline.reconstruct_sounding
 
     def broken(pipeline: Pipeline, sounding: Any) -> Any:

@@ -114,8 +114,27 @@ def test_a_late_subscriber_gets_the_map_at_once(
     assert metadata[0] == grids[0].info
 
 
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], float | None]]:
+    """Give what a session's threads would do, by name, to be done here: so it is known when."""
+    found: dict[str, Callable[[], float | None]] = {}
+
+    class Stepped:
+        def __init__(self, node: Any, step: Callable[[], float | None]) -> None:
+            found["publish" if found else "fuse"] = step
+
+        def wake(self) -> None:
+            """Nobody sleeps."""
+
+        def stop(self) -> None:
+            """Nobody works."""
+
+    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_session.Worker", Stepped)
+    return found
+
+
 def test_what_nobody_listens_to_waits_until_the_map_stands_still(
-    live: Any, cones: Cones, nav2_qos: Any, monkeypatch: pytest.MonkeyPatch
+    live: Any, cones: Cones, nav2_qos: Any, monkeypatch: pytest.MonkeyPatch, steps: Any
 ) -> None:
     made: list[int] = []
     count = OccupancyMap.ambiguity_percent
@@ -126,42 +145,36 @@ def test_what_nobody_listens_to_waits_until_the_map_stands_still(
     percents = live.listen(GRID, "/map_probability", nav2_qos)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     own = [cone for topic, cone in cones if topic == "/robot1/cone"]
-    # What its thread does is done here, so that it is known when.
-    node.session._bringer.stop()
     for number, cone in enumerate(own[:5]):
         publisher.publish(cone_to_cdr(cone))
-        live.until(lambda n=number: node.health.total("fused") == n + 1)
+        live.until(lambda n=number: steps["fuse"]() or node.health.total("fused") == n + 1)
         node.session.publish()
-        node.session._bring_out()
+        steps["publish"]()
     live.until(lambda: len(percents) == 5)
     assert made == []
     node.session.publish()
-    node.session._bring_out()
+    steps["publish"]()
     assert made == [own[4].stamp_ns]
     assert node.health.total("published") == 5
 
 
 def test_a_map_is_put_off_while_cones_wait_but_not_for_ever(
-    live: Any, cones: Cones, monkeypatch: pytest.MonkeyPatch
+    live: Any, cones: Cones, monkeypatch: pytest.MonkeyPatch, steps: Any
 ) -> None:
-    node = live.add(MapFusion)
-    # What its thread does is done here, so that it is known when.
-    node.session._bringer.stop()
-    publisher = live.publisher(CONE, "/robot1/cone", 50)
-    publisher.publish(cone_to_cdr(cones[0][1]))
-    live.until(lambda: node.health.total("fused") == 1)
     clock = SimpleNamespace(monotonic=lambda: clock.now_s, now_s=0.0)
     monkeypatch.setattr("usmap_ros.nodes.plumbing.map_session.time", clock)
+    node = live.add(MapFusion)
+    publisher = live.publisher(CONE, "/robot1/cone", 50)
+    publisher.publish(cone_to_cdr(cones[0][1]))
+    live.until(lambda: steps["fuse"]() or node.health.total("fused") == 1)
     monkeypatch.setattr(LiveFusion, "is_behind", True)
-    node.session._is_to_be_published = False
-    node.session.publish()
     period_s = 1.0 / node.parameters.value.publish_rate_hz
     for clock.now_s in (0.0, 1.9 * period_s):
         node.session.publish()
-        assert node.session._bring_out() is not None
+        assert steps["publish"]() is not None
         assert node.health.total("published") == 0
     clock.now_s = 2.1 * period_s
-    assert node.session._bring_out() is None
+    assert steps["publish"]() is None
     assert node.health.total("published") == 1
 
 
@@ -324,7 +337,7 @@ def test_pause_and_reset(
 ) -> None:
     node = live.add(MapFusion, publish_rate_hz=20.0, latency_limit_s=3600.0)
     # However busy the machine, the node is neither slow nor unheard.
-    monkeypatch.setattr(node.health, "_clock", lambda: 0.0)
+    monkeypatch.setattr(node.health, "clock", lambda: 0.0)
     grids = live.listen(GRID, "/map", nav2_qos)
     own = [cone for cone in cones if cone[0] == "/robot1/cone"]
     send(live, own[:2])

@@ -23,7 +23,7 @@ def test_every_node_has_a_line(live: Any, processes: Any, monkeypatch: pytest.Mo
     options = {"diagnostics_period_s": 0.1}
     # Without a clock, the reconstructor never finds that it has been silent for long.
     reconstructor = live.add(ConeReconstructor, namespace="robot1", **options)
-    monkeypatch.setattr(reconstructor.health, "_clock", lambda: 0.0)
+    monkeypatch.setattr(reconstructor.health, "clock", lambda: 0.0)
     live.add(MapFusion, autostart=False, **options)
     table = processes.run(usmap("status", "--wait", "10"), "table")
     listing = processes.run(usmap("status", "--wait", "10", "--json"), "listing")

@@ -53,6 +53,11 @@ class Health:
         Gets the first occurrence of each problem, and what is found from then on that it is.
     clock : callable
         Seconds of a clock that never runs backwards.
+
+    Attributes
+    ----------
+    clock : callable
+        The same, which may be exchanged at any time.
     """
 
     def __init__(
@@ -62,7 +67,7 @@ class Health:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._warn = warn
-        self._clock = clock
+        self.clock = clock
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter(dict.fromkeys(counted, 0))
         self._reasons: dict[str, str] = {}
@@ -87,7 +92,7 @@ class Health:
         """Count a piece of what the node is there for, and take it into the rate."""
         with self._lock:
             self._counts[what] += 1
-            self._work_s.append(self._clock())
+            self._work_s.append(self.clock())
 
     def count(self, what: str, number: int = 1) -> None:
         """Count something that is as it should be."""
@@ -100,7 +105,7 @@ class Health:
             is_first = what not in self._reasons
             self._counts[what] += number
             self._reasons[what] = reason
-            self._problems[what] = (self._clock(), Level.ERROR if is_error else Level.WARN)
+            self._problems[what] = (self.clock(), Level.ERROR if is_error else Level.WARN)
         if is_first:
             # Later ones are only counted: a broken sensor must not fill the disk.
             self._warn(f"{what}: {reason} (further ones in /diagnostics)")
@@ -108,7 +113,7 @@ class Health:
     def latency(self, seconds: float) -> None:
         """Note how long a message took through the node."""
         with self._lock:
-            self._latencies_s.append((self._clock(), seconds))
+            self._latencies_s.append((self.clock(), seconds))
 
     def total(self, what: str) -> int:
         """How often something was counted."""
@@ -132,7 +137,7 @@ class Health:
         """Warn if no work has come for some seconds; `text` says of what, and why that may be."""
         with self._lock:
             since_s = self._work_s[-1] if self._work_s else self._started_s
-        silent_s = self._clock() - since_s
+        silent_s = self.clock() - since_s
         if silent_s < _SILENT_AFTER_S:
             return None
         return Remark(Level.WARN, f"silent for {silent_s:.0f} s: {text}")
@@ -165,7 +170,7 @@ class Health:
 
     def _recent_problems(self) -> Iterator[Remark]:
         for what, (when_s, level) in self._problems.items():
-            if self._clock() - when_s < _MEMORY_S:
+            if self.clock() - when_s < _MEMORY_S:
                 yield Remark(level, f"{what}: {self._reasons[what]}")
 
     def _timing(self) -> dict[str, str]:
@@ -177,7 +182,7 @@ class Health:
         return facts
 
     def _rate_hz(self) -> float:
-        now_s = self._clock()
+        now_s = self.clock()
         recent = [when_s for when_s in self._work_s if now_s - when_s < _MEMORY_S]
         if len(recent) < _RECENT:
             return len(recent) / _MEMORY_S
@@ -186,6 +191,6 @@ class Health:
 
     def _recent_latency_s(self, share: float) -> float | None:
         """Latency that this share of the recent messages did not exceed; None without any."""
-        now_s = self._clock()
+        now_s = self.clock()
         recent = sorted(s for when_s, s in self._latencies_s if now_s - when_s < _MEMORY_S)
         return recent[int(share * (len(recent) - 1))] if recent else None

@@ -59,8 +59,7 @@ readme: $(FULL) ## make the README's pictures and table anew
 	@$(BIN)/usmap demo -o demo_output
 	@for picture in map.gif map.png range_only.png normals.png ambiguity.png ping.png; do \
 	  cp demo_output/$$picture docs/images/demo_$$picture; done
-	@$(BIN)/python benchmarks/scores.py --conditions plain --methods ours range_only \
-	  --seeds 941 942 943 --jobs 2 --readme README.md
+	@$(BIN)/python benchmarks/scores.py --targets --report --jobs 2 --readme README.md
 
 scores: $(FULL) ## compare methods, and measure how reliable probabilities are: into docs/benchmarks.md
 	@$(BIN)/python benchmarks/scores.py --jobs 2 --page docs/benchmarks.md

@@ -117,6 +117,8 @@ def readme_table(rows: list[dict[str, Any]]) -> str:
         f"| scene | {headings} | range only: {headings} |",
         "|---|" + "---:|" * (len(SHOWN_METHODS) * len(columns)),
     ]
+    # What is not part of this repository cannot be measured everywhere.
+    rows = [row for row in rows if row["scene"] != "sandbox"]
     for _, pair in groupby(rows, key=lambda row: (row["scene"], row["condition"])):
         by_method = {row["method"]: row for row in pair}
         figures = [
@@ -124,7 +126,7 @@ def readme_table(rows: list[dict[str, Any]]) -> str:
             for method in SHOWN_METHODS
             for _, name, digits in columns
         ]
-        scene = by_method["ours"]["scene"].replace("_", " ")
+        scene = shown_scene(by_method["ours"])
         lines.append(f"| {scene} | {' | '.join(figures)} |")
     lines += ["", seeds_of(rows)]
     return "\n".join(lines) + "\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -28,11 +28,16 @@ def evaluate(
             help="How far pings reached, all around, of which the map holds positions only.",
         ),
     ] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Another map to score beside it, such as that of 'usmap map --method range_only'.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the score as JSON.")] = False,
 ) -> None:
     """Score a map against a truth map."""
-    from dataclasses import asdict
-
     from usmap_ros.evaluation.scoring import score
     from usmap_ros.io.map_files import load_map, load_truth
 
@@ -43,15 +48,31 @@ def evaluate(
             f"{folder} holds {'no pings' if views is None else 'the beams of all its pings'}",
             param_hint="'--max-range'",
         )
-    result = score(occupancy, load_truth(truth), views)
+    really = load_truth(truth)
+    scores = [score(occupancy, really, views)]
+    if beside is not None:
+        other, other_paths = load_map(beside)
+        scores.append(score(other, really, other_paths.views(max_range)))
     if as_json:
-        # JSON knows no NaN.
-        finite = {
-            name: value if math.isfinite(value) else None for name, value in asdict(result).items()
-        }
-        typer.echo(json.dumps(finite, indent=2))
-    else:
-        console.print_facts(f"{folder} against {truth}", describe(result))
+        content = _finite(scores[0])
+        if beside is not None:
+            content["beside"] = _finite(scores[1])
+        typer.echo(json.dumps(content, indent=2))
+        return
+    shown = [describe(one) for one in scores]
+    if beside is None:
+        console.print_facts(f"{folder} against {truth}", shown[0])
+        return
+    names = dict.fromkeys(name for facts in shown for name in facts)
+    rows = [[name, *(facts.get(name, "") for facts in shown)] for name in names]
+    console.print_table(f"Scored against {truth}", ["", str(folder), str(beside)], rows)
+
+
+def _finite(score: Score) -> dict[str, Any]:
+    """Fields of a score; JSON knows no NaN."""
+    from dataclasses import asdict
+
+    return {name: value if math.isfinite(value) else None for name, value in asdict(score).items()}
 
 
 def describe(score: Score) -> dict[str, str]:

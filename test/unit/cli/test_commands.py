@@ -84,6 +84,21 @@ def test_a_score_for_people(usmap: Run, recorded: Path) -> None:
     assert [line.split()[0] for line in lines[-3:]] == ["leak", "lost", "escape"]
 
 
+def test_two_maps_are_scored_beside_each_other(usmap: Run, workspace: Path) -> None:
+    usmap("map", "bag", "-o", "ranges", "--method", "range_only", cwd=workspace)
+    evaluate = ("evaluate", "map", "--truth", "truth.yaml")
+    both = json.loads(usmap(*evaluate, "--beside", "ranges", "--json", cwd=workspace).stdout)
+    ranges = usmap("evaluate", "ranges", "--truth", "truth.yaml", "--json", cwd=workspace)
+    assert both.pop("beside") == json.loads(ranges.stdout)
+    assert both == json.loads(usmap(*evaluate, "--json", cwd=workspace).stdout)
+    told = usmap(*evaluate, "--beside", "ranges", cwd=workspace).stdout
+    (known,) = [line.split() for line in told.splitlines() if line.split()[:1] == ["known"]]
+    assert known[-2:] == [f"{both['known']:.3f}", f"{json.loads(ranges.stdout)['known']:.3f}"]
+    missing = usmap(*evaluate, "--beside", "nowhere", cwd=workspace)
+    assert missing.returncode == 1
+    assert missing.stderr.startswith("usmap: error: nowhere")
+
+
 def test_a_map_without_beams_is_told_how_far_pings_reached(usmap: Run, workspace: Path) -> None:
     arrays = dict(np.load(workspace / "map" / "map.npz"))
     arrays["path_beams"][:] = np.nan

@@ -51,8 +51,12 @@ from usmap_ros.pings.fields_of_view import PingViews
 #: Seeds that settings may be chosen by, and seeds of figures that are reported: nothing is chosen
 #: by those, and none of their maps is looked at before.
 CHOOSING_SEEDS, REPORTED_SEEDS = (901, 902, 903), (971, 972, 973)
-#: Under which conditions other than the plain one scenes are recorded, if none is named.
+#: Scenes that are recorded under more than the plain condition if none is named, and which.
 VARIED = ("poles", "rough_rooms")
+VARIATIONS = (
+    "plain", "noisy", "few_pings", "one_robot", "six_robots", "poses_off", "headings_off",
+    "poses_drift",
+)  # fmt: skip
 #: Pings that are mapped before the time of a method is taken.
 WARMING_PINGS = 60
 #: Methods whose machine code this process has.
@@ -81,7 +85,7 @@ def cases(
     worlds += [(path.stem, path) for path in nav2_maps]
     found = []
     for name, path in worlds:
-        usual = list(CONDITIONS) if name in VARIED else ["plain"]
+        usual = VARIATIONS if name in VARIED else ("plain",)
         for condition in conditions or usual:
             found += [Case(name, condition, seed, path) for seed in seeds]
     return found
@@ -123,12 +127,12 @@ def results_of(
             recorded = cones(world, method.parameters().reconstruction, cache, sensor)
             views = views or PingViews.of(cone for _, cone in recorded)
             occupancy, ms_per_ping = timed_map(name, recorded)
-            maps[method.shown] = occupancy
             audible = None
             if sensor == "sonar" and is_lone_poles(truth):
                 audible = audible_poles(world, recorded, truth)
             scored = score(occupancy, truth, views, audible)
             judged = scored, reliability(occupancy, truth), ms_per_ping
+            maps[f"{method.shown}\nF1 {scored.f1:.2f}, known {scored.known:.2f}"] = occupancy
             kept.put(world, sensor, method, judged)
         found.append(Result(case, name, *judged))
     if must_draw and picture is not None and views is not None:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from usmap_ros.numerics.geometry import Pose
     from usmap_ros.parameters import PipelineParameters
     from usmap_ros.pings.cone import EchoCone
+    from usmap_ros.pings.fields_of_view import PingViews
     from usmap_ros.pings.trace import EchoTrace, Encoding
     from usmap_ros.plotting import draw
     from usmap_ros.runs.pipeline import Pipeline
@@ -50,6 +51,7 @@ __all__ = [
     "EchoTrace",
     "Encoding",
     "OccupancyMap",
+    "PingViews",
     "Pipeline",
     "PipelineParameters",
     "Pose",
@@ -79,6 +81,7 @@ __getattr__ = offered(
         "acoustics.pulse": ["Pulse", "PulseShape"],
         "acoustics.transducer": ["Transducer"],
         "pings.cone": ["EchoCone"],
+        "pings.fields_of_view": ["PingViews"],
         "errors": ["UsmapError"],
         "numerics.geometry": ["Pose"],
         "grids": ["OccupancyMap", "TruthMap"],

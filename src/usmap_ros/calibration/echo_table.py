@@ -145,7 +145,7 @@ def listen(
     sensors: dict[str, int] = {}
     pings, columns, limits = [], [], []
     noise = SharedNoise(parameters)
-    for trace in map(noise.tell, traces):
+    for trace in map(noise.with_noise, traces):
         stated = stated or trace.channel
         deaf = replace(trace.channel, floor_height_m=0.0)
         farthest_m = _FARTHER * trace.transducer.max_range_m

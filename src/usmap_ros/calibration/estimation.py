@@ -78,7 +78,7 @@ def calibrate(
     pulse, reconstruction = None, parameters.reconstruction
     if reconstruction.pulse.kind == "stated":
         pulse = measure_pulse(first, reconstruction)
-        if pulse is not None and pulse.is_told:
+        if pulse is not None and pulse.is_known:
             found = {"pulse": pulse.parameters, "model_error": pulse.model_error}
             reconstruction = reconstruction.model_copy(update=found)
     table = listen(chain(first, remaining), reconstruction)
@@ -90,7 +90,7 @@ def calibrate(
     guess = (1.0, 0.0) if target is None else guess_from(table, target, _TARGET_SLOWNESSES)
     explained = best_explained(table, Start(target, *guess))
     speed = _sound_speed(explained)
-    if target is not None and not speed.is_told:
+    if target is not None and not speed.is_known:
         explained = _at_stated_speed(table, target) or explained
     return Calibration(
         sound_speed_m_s=speed,
@@ -147,8 +147,8 @@ def _sound_speed(explained: Explained) -> Estimate:
     std = speed_std_m_s(explained.table, found)
     if not len(found.model.places_m):
         return _NOTHING
-    untold = "" if std <= SPEED_STD_M_S else _TOO_FEW_PLACES
-    return Estimate(value, std, untold)
+    why_unknown = "" if std <= SPEED_STD_M_S else _TOO_FEW_PLACES
+    return Estimate(value, std, why_unknown)
 
 
 def _range_offset(explained: Explained, target: Target | None) -> Estimate:
@@ -158,12 +158,12 @@ def _range_offset(explained: Explained, target: Target | None) -> Estimate:
     std = float(found.stds[OFFSET])
     spread = 1.4826 * float(np.median(np.abs(found.deviations)))
     if std > OFFSET_STD_M:
-        untold = _TOO_FEW_PLACES
+        why_unknown = _TOO_FEW_PLACES
     elif target is None and spread > _POINT_LIKE:
-        untold = "what was heard is wider than a point: name a target"
+        why_unknown = "what was heard is wider than a point: name a target"
     else:
-        untold = ""
-    return Estimate(found.model.offset_m, std, untold)
+        why_unknown = ""
+    return Estimate(found.model.offset_m, std, why_unknown)
 
 
 def _floor_height(explained: Explained) -> Estimate:
@@ -179,10 +179,10 @@ def _floor_height(explained: Explained) -> Estimate:
         return Estimate(np.nan, np.nan, _NO_FLOOR)
     over_floor = np.count_nonzero(matches.paths > 0)
     std = float(found.stds[HEIGHT])
-    untold = ""
+    why_unknown = ""
     if over_floor < LEAST_ECHOES or std > _HEIGHT_STD_M:
-        untold = "too few echoes over the floor were heard clearly"
-    return Estimate(found.model.floor_m, std, untold)
+        why_unknown = "too few echoes over the floor were heard clearly"
+    return Estimate(found.model.floor_m, std, why_unknown)
 
 
 def _floor_reflectivity(explained: Explained) -> Estimate:

@@ -50,7 +50,7 @@ class PulseSurvey:
     def problem(self, topic: str) -> str:
         """What is wrong with the pulse of one topic; empty if nothing is."""
         measured = measure_pulse(self._traces[topic], self._parameters)
-        if measured is None or not measured.is_told:
+        if measured is None or not measured.is_known:
             return ""
         return (
             f"the stated pulse leaves {measured.stated_residual:.2f} of an echo, a measured"

@@ -56,8 +56,8 @@ def gain_from_target(log_seen: FloatArray, reflectivity: float) -> Estimate:
     log_gain = float(np.median(log_seen)) - np.log(reflectivity)
     spread = np.hypot(_spread(log_seen), _FLUCTUATION)
     std = 1.2533 * spread / np.sqrt(len(log_seen))
-    untold = "" if std <= _GOOD_LOG_STD else "echoes of the target differ too much"
-    return Estimate(float(np.exp(log_gain)), float(std), untold)
+    why_unknown = "" if std <= _GOOD_LOG_STD else "echoes of the target differ too much"
+    return Estimate(float(np.exp(log_gain)), float(std), why_unknown)
 
 
 def gain_from_population(
@@ -74,10 +74,12 @@ def gain_from_population(
     log_gain = float(np.median(each)) - np.log(mapping.reflectivity)
     spread = max(_spread(each), mapping.reflectivity_spread)
     std = float(np.hypot(mapping.reflectivity_spread, 1.2533 * spread / np.sqrt(len(each))))
-    untold = ""
+    why_unknown = ""
     if abs(log_gain) < _BEYOND_DOUBT * std:
-        untold = "within what is expected of unknown objects; --target with a reflectivity tells it"
-    return Estimate(float(np.exp(log_gain)), std, untold)
+        why_unknown = (
+            "within what is expected of unknown objects; --target with a reflectivity tells it"
+        )
+    return Estimate(float(np.exp(log_gain)), std, why_unknown)
 
 
 def gain_from_echoes(table: EchoTable, channel: Channel, mapping: MappingParameters) -> Estimate:
@@ -128,8 +130,10 @@ def floor_reflectivity(
     std = 1.2533 * _spread(values) / np.sqrt(len(values))
     if len(each) > 1:
         std = max(std, 1.2533 * _spread(each) / np.sqrt(len(each)))
-    untold = "" if std <= _LARGEST_REFLECTIVITY_STD else "echoes over the floor differ too much"
-    return Estimate(float(np.clip(np.median(values), 0.0, 1.0)), float(std), untold)
+    why_unknown = (
+        "" if std <= _LARGEST_REFLECTIVITY_STD else "echoes over the floor differ too much"
+    )
+    return Estimate(float(np.clip(np.median(values), 0.0, 1.0)), float(std), why_unknown)
 
 
 def _spread(values: FloatArray) -> float:

@@ -69,7 +69,7 @@ class MeasuredPulse:
     echoes: int
 
     @property
-    def is_told(self) -> bool:
+    def is_known(self) -> bool:
         """Whether it is not what traces state."""
         return self.parameters.kind == "measured"
 
@@ -133,7 +133,7 @@ def _snippets(
     noise = SharedNoise(parameters)
     for trace in traces:
         try:
-            known = prepared(noise.tell(trace), parameters)
+            known = prepared(noise.with_noise(trace), parameters)
             baseband = to_baseband(known)
         except MalformedMessageError:
             continue

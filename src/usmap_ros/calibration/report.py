@@ -28,7 +28,7 @@ def summary(calibration: Calibration) -> dict[str, str]:
     lines = {
         _SHOWN[name][2]: _line(name, estimate) for name, estimate in calibration.estimates().items()
     }
-    if calibration.floor_height_m.is_told and calibration.floor_height_m.value > 0.0:
+    if calibration.floor_height_m.is_known and calibration.floor_height_m.value > 0.0:
         lines["floor model"] = calibration.floor_model.value
     if calibration.pulse is not None:
         lines["pulse"] = _pulse_line(calibration.pulse)
@@ -43,8 +43,8 @@ def as_json(calibration: Calibration) -> dict[str, Any]:
         name: {
             "value": _finite(estimate.value),
             "std": _finite(estimate.std),
-            "told": estimate.is_told,
-            "untold": estimate.untold,
+            "known": estimate.is_known,
+            "why_unknown": estimate.why_unknown,
         }
         for name, estimate in calibration.estimates().items()
     }
@@ -52,7 +52,7 @@ def as_json(calibration: Calibration) -> dict[str, Any]:
     figures["floor_model"] = calibration.floor_model.value
     if calibration.pulse is not None:
         figures["pulse"] = {
-            "measured": calibration.pulse.is_told,
+            "measured": calibration.pulse.is_known,
             "residual": calibration.pulse.residual,
             "stated_residual": calibration.pulse.stated_residual,
             "model_error": calibration.pulse.model_error,
@@ -95,7 +95,7 @@ def _line(name: str, estimate: Estimate) -> str:
     digits, unit, _ = _SHOWN[name]
     value, std = estimate.value, estimate.std
     if not np.isfinite(value):
-        return estimate.untold
+        return estimate.why_unknown
     if name == "gain":
         factor = f"{value:.4g}, "
         value, std = _DECIBELS * np.log(value), _DECIBELS * std
@@ -104,14 +104,14 @@ def _line(name: str, estimate: Estimate) -> str:
     if unit == "mm":
         value, std = 1e3 * value, 1e3 * std
     text = f"{factor}{value:.{digits}f} ± {std:.{digits}f} {unit}".rstrip()
-    if name == "floor_height_m" and estimate.is_told and value == 0.0:
+    if name == "floor_height_m" and estimate.is_known and value == 0.0:
         return "no floor is heard, although messages state one"
-    return text if estimate.is_told else f"{text}; left as stated: {estimate.untold}"
+    return text if estimate.is_known else f"{text}; left as stated: {estimate.why_unknown}"
 
 
 def _pulse_line(pulse: MeasuredPulse) -> str:
     stated = f"the stated one leaves {pulse.stated_residual:.2f} of an echo"
-    if not pulse.is_told:
+    if not pulse.is_known:
         return f"as stated; {stated}"
     return (
         f"measured on {pulse.echoes} echoes; {stated}, the measured one {pulse.residual:.2f}; model"

@@ -27,18 +27,18 @@ class Estimate:
     ----------
     value, std : float
         Best value and its standard deviation; NaN where there is nothing to go by.
-    untold : str
+    why_unknown : str
         Why the recording does not tell it well enough to be used; empty if it does.
     """
 
     value: float
     std: float
-    untold: str = ""
+    why_unknown: str = ""
 
     @property
-    def is_told(self) -> bool:
+    def is_known(self) -> bool:
         """Whether it is known well enough to be used."""
-        return not self.untold
+        return not self.why_unknown
 
 
 @dataclass(frozen=True)
@@ -88,35 +88,35 @@ class Calibration:
 
     def correction(self) -> CorrectionParameters:
         """Parameters that set right what the recording tells; the rest stays as stated."""
-        told: dict[str, Any] = {
-            name: one.value for name, one in self.estimates().items() if one.is_told
+        known: dict[str, Any] = {
+            name: one.value for name, one in self.estimates().items() if one.is_known
         }
-        if self.floor_height_m.is_told:
-            told["floor_model"] = self.floor_model.value
-        return CorrectionParameters(**told)
+        if self.floor_height_m.is_known:
+            known["floor_model"] = self.floor_model.value
+        return CorrectionParameters(**known)
 
     def reconstruction(self) -> dict[str, Any]:
         """Contents of the group ``reconstruction`` of a parameter file: all that was found."""
-        told = self.correction().model_dump(exclude_unset=True)
-        if told.get("floor_model") == FloorModel.IMAGE.value:
-            del told["floor_model"]
-        content: dict[str, Any] = {"correction": told}
-        if self.pulse is not None and self.pulse.is_told:
+        known = self.correction().model_dump(exclude_unset=True)
+        if known.get("floor_model") == FloorModel.IMAGE.value:
+            del known["floor_model"]
+        content: dict[str, Any] = {"correction": known}
+        if self.pulse is not None and self.pulse.is_known:
             content["model_error"] = float(f"{self.pulse.model_error:.3g}")
             content["pulse"] = self.pulse.parameters.model_dump(exclude_unset=True)
         if self.ringing is not None:
-            content["ringing"] = self._told_ringing(self.ringing).model_dump()
+            content["ringing"] = self._corrected_ringing(self.ringing).model_dump()
         return content
 
-    def _told_ringing(self, ringing: Ringing) -> RingingParameters:
+    def _corrected_ringing(self, ringing: Ringing) -> RingingParameters:
         """Where, and how loud, it is in traces that are set right."""
-        told = self.correction()
-        speed = told.sound_speed_m_s / self.stated_speed_m_s if told.sound_speed_m_s else 1.0
+        known = self.correction()
+        speed = known.sound_speed_m_s / self.stated_speed_m_s if known.sound_speed_m_s else 1.0
         return RingingParameters(
             ranges_m=[
-                float(f"{one:.4g}") for one in speed * ringing.ranges_m - told.range_offset_m
+                float(f"{one:.4g}") for one in speed * ringing.ranges_m - known.range_offset_m
             ],
-            amplitudes=[float(f"{one:.4g}") for one in ringing.amplitudes / told.gain],
+            amplitudes=[float(f"{one:.4g}") for one in ringing.amplitudes / known.gain],
         )
 
     def channel(self, stated: Channel) -> Channel:

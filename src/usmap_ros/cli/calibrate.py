@@ -124,7 +124,7 @@ def _check_told(name: str, found: Calibration) -> None:
     from usmap_ros.calibration.report import summary
     from usmap_ros.errors import BagError
 
-    if not any(estimate.is_told for estimate in found.estimates().values()):
+    if not any(estimate.is_known for estimate in found.estimates().values()):
         causes = "; ".join(f"{quantity}: {why}" for quantity, why in summary(found).items())
         raise BagError(name, f"tells nothing well enough: {causes}")
 

@@ -17,7 +17,7 @@ from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellObjects, cell_signal
-from usmap_ros.reconstruction.column_sets import ColumnSets, alike, told_apart
+from usmap_ros.reconstruction.column_sets import ColumnSets, alike, distinguishable
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.detection import binned_maximum
@@ -109,7 +109,7 @@ def explain(
     """`reconstruct_cells` with a dictionary that is at hand."""
     signal, noise_std = cell_signal(trace)
     labels = alike(dictionary)
-    sets = told_apart(dictionary, labels, parameters.solver)
+    sets = distinguishable(dictionary, labels, parameters.solver)
     problem = Problem(
         operator=sets.operator,
         signal=signal,

@@ -106,7 +106,9 @@ def alike(dictionary: MatrixOperator) -> IndexArray:
     return same_direction(dictionary, np.random.default_rng(_SEED))
 
 
-def told_apart(dictionary: MatrixOperator, labels: IndexArray, solver: SolverName) -> ColumnSets:
+def distinguishable(
+    dictionary: MatrixOperator, labels: IndexArray, solver: SolverName
+) -> ColumnSets:
     """Sets of the cells of a dictionary as a solver needs them; `labels` are those of `alike`."""
     if solver in ("tv", "walls"):
         # Which of two equal columns is taken depends on what is beside it in the image.

@@ -53,7 +53,7 @@ class Problem:
             support, iterations, halt
         )
 
-    def told(self, support: IndexArray, coefficients: FloatArray, halt: Halt) -> Solution:
+    def solution(self, support: IndexArray, coefficients: FloatArray, halt: Halt) -> Solution:
         """Solution with coefficients as they are."""
         residual = self.signal - self.operator.columns(support) @ coefficients
         return Solution(support, coefficients[:, np.newaxis], residual, 1, halt)

@@ -43,7 +43,7 @@ class SharedNoise:
         self._parameters = parameters
         self._levels: dict[str, _Level] = {}
 
-    def tell(self, trace: EchoTrace) -> EchoTrace:
+    def with_noise(self, trace: EchoTrace) -> EchoTrace:
         """Return `trace` with a level of noise; as it is if it states one, or tells none."""
         if trace.noise_std > 0.0:
             return trace
@@ -56,8 +56,8 @@ class SharedNoise:
         return replace(trace, noise_std=float(np.median(level.estimates)))
 
     def levels(self, traces: Iterable[EchoTrace]) -> list[float]:
-        """Levels that `tell` gives traces; 0 for those that tell none."""
-        return [self.tell(trace).noise_std for trace in traces]
+        """Levels that `with_noise` gives traces; 0 for those that tell none."""
+        return [self.with_noise(trace).noise_std for trace in traces]
 
     def _listen(self, level: _Level, trace: EchoTrace) -> None:
         try:

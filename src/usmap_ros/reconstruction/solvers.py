@@ -154,7 +154,7 @@ def _pruned(problem: Problem, coefficients: FloatArray, solver: SolverName) -> S
     support = np.sort(order[above[order]])
     whole_image = solver in IMAGES and np.count_nonzero(above) == len(support)
     if solver in WHOLE or whole_image:
-        return problem.told(support, coefficients[support], Halt.MINIMUM)
+        return problem.solution(support, coefficients[support], Halt.MINIMUM)
     return problem.fitted(support, 1, Halt.MINIMUM)
 
 

@@ -131,16 +131,16 @@ def stretch_cones(
         How each trace is reconstructed.
     """
     skipped: list[tuple[str, MalformedMessageError]] = []
-    untold = iter(levels)
+    unstated = iter(levels)
 
-    def told(trace: EchoTrace) -> EchoTrace:
-        return trace if trace.noise_std > 0.0 else replace(trace, noise_std=next(untold))
+    def with_noise(trace: EchoTrace) -> EchoTrace:
+        return trace if trace.noise_std > 0.0 else replace(trace, noise_std=next(unstated))
 
     def skip(source: str, error: MalformedMessageError) -> None:
         skipped.append((source, error))
 
     try:
-        traces = ((topic, told(trace)) for topic, trace in stretch.traces(skip))
+        traces = ((topic, with_noise(trace)) for topic, trace in stretch.traces(skip))
         return StretchCones(list(_cones(traces, parameters, skip)), skipped)
     finally:
         stretch.messages.close()
@@ -160,14 +160,14 @@ def cones_of(
     skip : callable
         Told of traces that cannot be reconstructed.
     """
-    told = ((topic, pipeline.noise.tell(trace)) for topic, trace in traces)
-    return _cones(told, pipeline.parameters.reconstruction, skip)
+    stated = ((topic, pipeline.noise.with_noise(trace)) for topic, trace in traces)
+    return _cones(stated, pipeline.parameters.reconstruction, skip)
 
 
 def _cones(
-    told: Iterable[RecordedTrace], parameters: ReconstructionParameters, skip: Skip
+    traces: Iterable[RecordedTrace], parameters: ReconstructionParameters, skip: Skip
 ) -> Iterator[tuple[str, EchoCone]]:
-    for sounding in soundings(told):
+    for sounding in soundings(traces):
         found = reconstruct_sounding([trace for _, trace in sounding], parameters)
         for (topic, trace), one in zip(sounding, found, strict=True):
             if isinstance(one, MalformedMessageError):

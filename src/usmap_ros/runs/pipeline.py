@@ -77,7 +77,7 @@ class Pipeline:
         MalformedMessageError
             If the trace cannot be reconstructed.
         """
-        return reconstruct(self.noise.tell(trace), self.parameters.reconstruction).cone
+        return reconstruct(self.noise.with_noise(trace), self.parameters.reconstruction).cone
 
     def reconstruct_sounding(
         self, traces: Sequence[EchoTrace]
@@ -90,10 +90,10 @@ class Pipeline:
             For each trace: its cone, why there is none, or None where all that a transducer has
             heard is in the cones of others.
         """
-        told = [self.noise.tell(trace) for trace in traces]
+        with_noise = [self.noise.with_noise(trace) for trace in traces]
         return [
             found.cone if isinstance(found, Reconstruction) else found
-            for found in reconstruct_sounding(told, self.parameters.reconstruction)
+            for found in reconstruct_sounding(with_noise, self.parameters.reconstruction)
         ]
 
     def fuse(self, cone: EchoCone, source: str = "") -> None:

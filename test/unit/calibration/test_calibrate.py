@@ -90,8 +90,8 @@ def test_speed_and_offset_are_found_of_every_encoding(reception):
 
     assert found.sound_speed_m_s.value == pytest.approx(346.0, abs=0.5)
     assert found.range_offset_m.value == pytest.approx(0.068, abs=0.005)
-    assert found.sound_speed_m_s.is_told
-    assert found.range_offset_m.is_told
+    assert found.sound_speed_m_s.is_known
+    assert found.range_offset_m.is_known
 
 
 @pytest.mark.parametrize("offset_m", [0.0, -0.05])
@@ -114,15 +114,15 @@ def test_target_tells_gain_and_offset(gain):
 
     assert abs(20.0 * np.log10(found.gain.value / gain)) < 1.0
     assert found.range_offset_m.value == pytest.approx(0.03, abs=0.005)
-    assert found.gain.is_told
+    assert found.gain.is_known
 
 
 def test_units_that_cannot_be_are_noticed_without_a_target():
     found = calibrate(spoilt(record(), 1500.0))
 
-    assert found.gain.is_told
+    assert found.gain.is_known
     assert abs(np.log(found.gain.value / 1500.0)) < 2.0 * found.gain.std
-    assert not calibrate(record()).gain.is_told
+    assert not calibrate(record()).gain.is_known
 
 
 def test_deviations_are_those_of_repeated_recordings():
@@ -150,8 +150,8 @@ def test_correction_makes_ranges_and_amplitudes_true():
 
 def test_no_floor_is_found_where_there_is_none():
     silent = calibrate(record())
-    assert not silent.floor_height_m.is_told
-    assert "no echo over a floor" in silent.floor_height_m.untold
+    assert not silent.floor_height_m.is_known
+    assert "no echo over a floor" in silent.floor_height_m.why_unknown
 
     contradicted = calibrate(record(stated={"floor_height_m": 0.5, "floor_reflectivity": 0.9}))
     assert contradicted.floor_height_m.value == 0.0
@@ -161,8 +161,8 @@ def test_no_floor_is_found_where_there_is_none():
 def test_robot_that_stands_still_cannot_tell_speed_or_offset():
     found = calibrate(record(waypoints=[[0.5, 0.5]], spin_rad_s=0.0, duration_s=2.0))
 
-    assert "from enough places" in found.sound_speed_m_s.untold
-    assert "from enough places" in found.range_offset_m.untold
+    assert "from enough places" in found.sound_speed_m_s.why_unknown
+    assert "from enough places" in found.range_offset_m.why_unknown
     assert found.correction() == CorrectionParameters()
 
 
@@ -172,7 +172,7 @@ def test_robot_that_goes_straight_at_an_object_cannot_tell_an_offset():
         record(waypoints=ahead, spin_rad_s=0.0, poles=[(4.5, 1.0, 1.0)], duration_s=3.0)
     )
 
-    assert not found.range_offset_m.is_told
+    assert not found.range_offset_m.is_known
     assert found.sound_speed_m_s.value == pytest.approx(346.0, abs=1.0)
 
 
@@ -205,8 +205,8 @@ def test_target_tells_the_offset_at_the_stated_speed_where_the_speed_is_not_told
     jittered = [spoilt([trace], 1.0, -0.09 + rng.normal(0.0, 0.008))[0] for trace in traces]
     found = calibrate(jittered, target=Target(2.5, 1.0, 1.0))
 
-    assert not found.sound_speed_m_s.is_told
-    assert found.range_offset_m.is_told
+    assert not found.sound_speed_m_s.is_known
+    assert found.range_offset_m.is_known
     assert found.range_offset_m.value == pytest.approx(-0.09, abs=0.01)
 
 

@@ -30,8 +30,8 @@ def test_what_stands_beside_most_echoes_is_model_error() -> None:
     clean = measure_pulse(traces, parameters)
     crowded = measure_pulse([beside(trace, 0.12) for trace in traces], parameters)
 
-    assert clean.is_told
-    assert crowded.is_told
+    assert clean.is_known
+    assert crowded.is_known
     assert clean.model_error < 0.07
     # As loud as the copy, or twice that where the mean pulse has taken up one of its signs.
     assert 0.08 < crowded.model_error < 0.3

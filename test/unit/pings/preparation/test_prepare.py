@@ -53,13 +53,13 @@ def test_noise_of_a_recording_is_shared(encoding):
     shared = SharedNoise(DEFAULTS)
     stated = trace_of(encoding).noise_std
     levels = [
-        shared.tell(replace(trace_of(encoding, seed=seed), noise_std=0.0)).noise_std
+        shared.with_noise(replace(trace_of(encoding, seed=seed), noise_std=0.0)).noise_std
         for seed in range(30)
     ]
 
     assert levels[-1] == pytest.approx(stated, rel=0.1)
     assert np.std(levels[20:]) < 0.02 * stated
-    assert shared.tell(trace_of(encoding)).noise_std == stated
+    assert shared.with_noise(trace_of(encoding)).noise_std == stated
 
 
 def test_transducers_do_not_share_their_noise():
@@ -67,7 +67,7 @@ def test_transducers_do_not_share_their_noise():
     quiet, loud = (replace(trace_of(noise=one), noise_std=0.0) for one in (0.001, 0.1))
     loud = replace(loud, child_frame_id="other")
 
-    assert shared.tell(quiet).noise_std < 0.1 * shared.tell(loud).noise_std
+    assert shared.with_noise(quiet).noise_std < 0.1 * shared.with_noise(loud).noise_std
 
 
 def test_stated_window_is_obeyed():

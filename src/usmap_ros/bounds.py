@@ -50,6 +50,21 @@ LEAST_PROFILE_POINTS, MAX_PROFILE_POINTS, MAX_PROFILE_GRID = 4, 20_000, 500_000
 #: wall at 40 a metre.
 MAX_SCATTERERS = 1_000_000
 
+# ---- files: what is packed in few bytes is unpacked no further than this
+
+#: One chunk or message of a recording.
+MAX_CHUNK_BYTES = 2**28
+#: All of a recording: so many times its size, and so much in any case.
+MAX_UNPACKED_RATIO, LEAST_UNPACKED_BYTES = 100, 2**28
+#: Records of a chunk that is no larger than so many bytes each on average, and so many in any case.
+LEAST_RECORD_BYTES, LEAST_RECORDS = 8, 100_000
+#: Steps of SQLite's machine for a byte of a recording, and in any case; a message takes some ten.
+MAX_SQLITE_STEPS_PER_BYTE, LEAST_SQLITE_STEPS = 20, 10_000_000
+#: All arrays of a map, or of samples that are imported.
+MAX_ARRAY_BYTES = 2**30
+#: Pixels of a map's image: a square of 290 m in cells of 5 cm.
+MAX_PIXELS = 2**25
+
 # ---- values
 
 #: No place on Earth has larger UTM coordinates.

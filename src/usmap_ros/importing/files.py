@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.io import wavfile
 
 from usmap_ros.errors import FileError
+from usmap_ros.io.array_archive import array_names, load_arrays
 from usmap_ros.numerics.arrays import FloatArray
 
 #: Names of poses' columns; those that need not be there have a value for all pings.
@@ -77,7 +78,7 @@ def read_poses(folder: Path, path: str, samples_path: str) -> dict[str, FloatArr
     if path:
         columns = _read_columns(file)
     elif file.suffix.lower() == ".npz":
-        archive = _loaded(file)
+        archive = _arrays_of(file, COLUMNS)
         columns = {name: _numbers(file, name, archive[name]) for name in COLUMNS if name in archive}
     missing = [name for name in COLUMNS if name not in columns and name not in OPTIONAL]
     if missing:
@@ -92,18 +93,30 @@ def read_poses(folder: Path, path: str, samples_path: str) -> dict[str, FloatArr
 
 def _loaded(file: Path) -> Any:
     try:
-        return np.load(file, allow_pickle=False)
+        # Not read before it is used: a header can promise terabytes.
+        return np.load(file, mmap_mode="r", allow_pickle=False)
     except FileNotFoundError as error:
         raise FileError(file, "does not exist") from error
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, OverflowError) as error:
         raise FileError(file, "is not a NumPy file, or damaged") from error
 
 
 def _array_of(file: Path, name: str) -> Any:
-    archive = _loaded(file)
+    archive = _arrays_of(file, [name])
     if name not in archive:
-        raise FileError(file, f"has no array {name!r}, only {', '.join(archive)}")
+        raise FileError(file, f"has no array {name!r}, only {', '.join(array_names(file))}")
     return archive[name]
+
+
+def _arrays_of(file: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
+    try:
+        return load_arrays(file, names)
+    except FileNotFoundError as error:
+        raise FileError(file, "does not exist") from error
+    except OSError as error:
+        raise FileError(file, f"cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise FileError(file, f"is not a readable NumPy file: {error}") from error
 
 
 def _read_table(file: Path) -> FloatArray:

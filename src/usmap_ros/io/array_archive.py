@@ -18,8 +18,9 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-#: All arrays of a map together: 100 million cells, or a square of 500 m in cells of 5 cm.
-MAX_BYTES = 2**31
+from usmap_ros.bounds import MAX_ARRAY_BYTES
+
+_PIECE_BYTES = 2**22
 #: What zipfile and zlib raise on a damaged archive, beside ValueError.
 ARCHIVE_ERRORS = (OSError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile)
 
@@ -49,13 +50,19 @@ def load_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
                     for member in archive.infolist()
                     if (name := member.filename.removesuffix(".npy")) in names
                 }
-                if sum(member.file_size for member in wanted.values()) > MAX_BYTES:
-                    raise ValueError(f"its arrays take more than {MAX_BYTES // 2**20} MiB")
+                if sum(member.file_size for member in wanted.values()) > MAX_ARRAY_BYTES:
+                    raise ValueError(f"its arrays take more than {MAX_ARRAY_BYTES // 2**20} MiB")
                 return {name: _load(archive, name, member) for name, member in wanted.items()}
         except (*ARCHIVE_ERRORS, zlib.error) as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise
             raise ValueError("it is damaged") from error
+
+
+def array_names(path: Path) -> list[str]:
+    """Names of all arrays of an archive that `load_arrays` could open."""
+    with zipfile.ZipFile(path) as archive:
+        return [name.removesuffix(".npy") for name in archive.namelist()]
 
 
 def _load(archive: zipfile.ZipFile, name: str, member: zipfile.ZipInfo) -> NDArray[Any]:
@@ -65,8 +72,12 @@ def _load(archive: zipfile.ZipFile, name: str, member: zipfile.ZipInfo) -> NDArr
         size = count * dtype.itemsize
         if min(shape, default=0) < 0 or file.tell() + size != member.file_size:
             raise ValueError(f"{name} is not of the size that it says")
-        content = file.read(size)
-    if len(content) != size:
+        # In pieces: reading all at once would take the room twice.
+        content, filled = bytearray(size), 0
+        while filled < size and (piece := file.read(min(_PIECE_BYTES, size - filled))):
+            content[filled : filled + len(piece)] = piece
+            filled += len(piece)
+    if filled != size:
         raise ValueError(f"{name} is cut off")
     # A type without a size, such as that of empty texts, has no bytes to count.
     if size == 0:
@@ -83,7 +94,7 @@ def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.dtype
     except (ValueError, TypeError, AttributeError, SyntaxError, TokenError) as error:
         raise ValueError(f"{name} is no array") from error
     # Python's objects are never unpacked: that would run code.
-    if dtype.hasobject or dtype.kind not in "biufU" or dtype.itemsize > 2**16:
+    if dtype.hasobject or dtype.kind not in "biufcU" or dtype.itemsize > 2**16:
         raise ValueError(f"{name} is no array of numbers or text")
     if dtype.itemsize == 0 and math.prod(shape) > 2**20:
         raise ValueError(f"{name} is not of the size that it says")
@@ -107,8 +118,10 @@ def numbers(
         raise ValueError(f"{name} is {array.dtype} {array.shape}")
     if np.issubdtype(dtype, np.integer) and array.dtype.kind == "f":
         raise ValueError(f"{name} is no whole number")
+    if issubclass(dtype, np.integer) and array.size:
+        bounds = np.iinfo(dtype)
+        if not bounds.min <= int(array.min()) <= int(array.max()) <= bounds.max:
+            raise ValueError(f"{name} is out of bounds")
     with np.errstate(over="ignore", invalid="ignore"):
-        converted = array.astype(dtype)
-    if np.issubdtype(dtype, np.integer) and np.any(converted.astype(object) != array):
-        raise ValueError(f"{name} is out of bounds")
-    return converted
+        # As large as it is: no copy where none is needed.
+        return array.astype(dtype, copy=False)

@@ -231,8 +231,12 @@ def _map_from(arrays: dict[str, NDArray[Any]]) -> OccupancyMap:
         if layer.shape != log_odds.shape:
             raise ValueError(f"log_odds is {log_odds.shape} and {name} {layer.shape}")
         # Where a layer says nothing it has NaN.
-        if np.any(np.abs(layer) > _GREATEST_LAYER):
-            raise ValueError(f"{name} is up to {np.nanmax(np.abs(layer)):g}")
+        greatest = max(
+            -float(np.fmin.reduce(layer, axis=None, initial=0.0)),
+            float(np.fmax.reduce(layer, axis=None, initial=0.0)),
+        )
+        if greatest > _GREATEST_LAYER:
+            raise ValueError(f"{name} is up to {greatest:g}")
     rows, columns = log_odds.shape
     return OccupancyMap(
         geometry=GridGeometry(resolution, (x, y), (rows, columns)),
@@ -271,8 +275,14 @@ def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
     lengths = numbers(arrays, "path_lengths", 1, np.int64)
     if np.any(lengths < 0) or sum(map(int, lengths)) != len(positions):
         raise ValueError(f"path_lengths make {sum(map(int, lengths))} of {len(positions)} pings")
-    topics = np.repeat(arrays["path_topics"], lengths)
-    for topic, (x_m, y_m), beam in zip(topics, positions, beams, strict=True):
-        known = bool(np.all(np.isfinite(beam)))
-        paths.add(str(topic), float(x_m), float(y_m), Beam(*map(float, beam)) if known else None)
+    if len(lengths) != len(arrays["path_topics"]):
+        raise ValueError(
+            f"path_lengths are of {len(lengths)} of {len(arrays['path_topics'])} paths"
+        )
+    beams[~np.isfinite(beams).all(axis=1)] = np.nan
+    first = 0
+    for topic, length in zip(arrays["path_topics"], map(int, lengths), strict=True):
+        own = slice(first, first + length)
+        paths.add_all(str(topic), positions[own], beams[own])
+        first += length
     return paths

@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from usmap_ros.bounds import MAX_PIXELS
 from usmap_ros.errors import MapFileError, shortened
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
 from usmap_ros.io.file_set import replace_files
@@ -22,8 +23,6 @@ from usmap_ros.numerics.arrays import FloatArray
 if TYPE_CHECKING:
     from PIL import Image
 
-#: Largest image that is read: a square of 290 m in cells of 5 cm takes a gigabyte while it is.
-MAX_PIXELS = 2**25
 #: Shades of gray that nav2 and the map server of ROS 1 use.
 _OCCUPIED_SHADE, _FREE_SHADE, _UNKNOWN_SHADE = 0, 254, 205
 #: Just below the 0.19608 that the shade of an unknown cell stands for; nav2's default frees it.
@@ -127,7 +126,16 @@ def load_nav2_map(path: Path) -> Nav2Map:
 
 def _probability(image: Image.Image, mode: str, description: _Description) -> FloatArray:
     """Probability of every pixel in one of nav2's modes; NaN where unknown."""
-    shade = _shade(image, mode)
+    sums, shade = _shades(image, mode)
+    # Worked out for each shade, not for each pixel: of those there may be millions.
+    probability: FloatArray = _probability_of(shade, mode, description)[sums]
+    if mode == "scale" and image.mode.endswith("A"):
+        probability[np.asarray(image)[..., -1] < 255] = np.nan
+    return probability
+
+
+def _probability_of(shade: FloatArray, mode: str, description: _Description) -> FloatArray:
+    """Probability of each of some shades, from 0 to 1; NaN where unknown."""
     occupied_share = shade if description.number("negate", 0) else 1.0 - shade
     if mode == "raw":
         value = np.rint(shade * 255.0)
@@ -141,10 +149,7 @@ def _probability(image: Image.Image, mode: str, description: _Description) -> Fl
         )
     between = (occupied_share - free) / (occupied - free) if mode == "scale" else np.nan
     probability = np.where(occupied_share < free, 0.0, between)
-    probability = np.where(occupied_share > occupied, 1.0, probability)
-    if mode == "scale" and image.mode.endswith("A"):
-        probability = np.where(np.asarray(image)[..., -1] < 255, np.nan, probability)
-    return probability
+    return np.where(occupied_share > occupied, 1.0, probability)
 
 
 def _load_image(path: Path) -> Image.Image:
@@ -182,13 +187,20 @@ def _check_size(path: Path, image: Image.Image) -> None:
         )
 
 
-def _shade(image: Image.Image, mode: str) -> FloatArray:
-    """Mean of an image's channels, from 0 to 1; nav2 counts opacity in where it is trinary."""
-    values = np.asarray(image, dtype=np.float64) / 255.0
+def _shades(image: Image.Image, mode: str) -> tuple[NDArray[np.integer], FloatArray]:
+    """Sum of each pixel's channels, and the shade, from 0 to 1, that each sum stands for.
+
+    nav2 counts opacity in where it is trinary.
+    """
+    values = np.asarray(image)
     if values.ndim == 2:
-        return values
+        return values, np.arange(256) / 255.0
     channels = values if mode == "trinary" or not image.mode.endswith("A") else values[..., :-1]
-    return np.asarray(channels.mean(axis=-1))
+    sums = channels[..., 0].astype(np.uint16)
+    for number in range(1, channels.shape[-1]):
+        sums += channels[..., number]
+    greatest = 255 * channels.shape[-1]
+    return sums, np.arange(greatest + 1) / greatest
 
 
 class _Description:

@@ -49,6 +49,11 @@ class RobotPaths:
         """Append a ping."""
         self._rows.setdefault(topic, array("d")).extend((x_m, y_m, *(beam or _UNKNOWN_BEAM)))
 
+    def add_all(self, topic: str, positions_m: FloatArray, beams: FloatArray) -> None:
+        """Append pings: positions, (n, 2), and numbers of beams, (n, 3), known or all NaN."""
+        table = np.concatenate([positions_m, beams], axis=1)
+        self._rows.setdefault(topic, array("d")).frombytes(table.astype(np.float64).tobytes())
+
     def extend(self, other: RobotPaths) -> None:
         """Append the pings of other paths."""
         for topic, rows in other._rows.items():

@@ -1,22 +1,54 @@
-"""Decompression that makes do with the beginning of the data."""
+"""Decompression that makes do with the beginning of the data, and knows when it is enough."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import lz4.frame
 import zstandard
+
+from usmap_ros.bounds import LEAST_UNPACKED_BYTES, MAX_CHUNK_BYTES, MAX_UNPACKED_RATIO
 
 #: What `decompress` may raise on corrupt data.
 DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, ValueError)
 
 FORMATS = ("", "lz4", "zstd")
 
-
-#: Most that one chunk or message is unpacked to: a few bytes can stand for very many.
-MAX_CONTENT_BYTES = 2**30
 _PIECE_BYTES = 2**22
 
 
-def decompress(data: bytes | memoryview, compression: str) -> bytes:
+class TooMuchError(ValueError):
+    """Few bytes that stand for very many."""
+
+
+class Allowance:
+    """What the chunks and messages of one recording may unpack to, all together.
+
+    Parameters
+    ----------
+    packed_bytes : int
+        Size of the recording.
+    """
+
+    def __init__(self, packed_bytes: int) -> None:
+        self.left_bytes = max(LEAST_UNPACKED_BYTES, MAX_UNPACKED_RATIO * packed_bytes)
+
+    def take(self, size: int) -> None:
+        """Use some of it up.
+
+        Raises
+        ------
+        TooMuchError
+            If there is not as much.
+        """
+        if size > self.left_bytes:
+            raise TooMuchError("unpacks to more than is believed")
+        self.left_bytes -= size
+
+
+def decompress(
+    data: bytes | memoryview, compression: str, allowance: Allowance | None = None
+) -> bytes:
     """Decompress as much as `data` holds: all of it, or what comes before a cut.
 
     Parameters
@@ -25,38 +57,39 @@ def decompress(data: bytes | memoryview, compression: str) -> bytes:
         One frame, or its beginning.
     compression : str
         One of `FORMATS`; nothing is done for "".
+    allowance : Allowance, optional
+        Of the recording that it is from; what was scanned with one can be read again without.
 
     Raises
     ------
-    ValueError
-        If it is more than `MAX_CONTENT_BYTES`.
+    TooMuchError
+        If it is more than `MAX_CHUNK_BYTES`, or than is allowed.
     """
-    if compression == "lz4":
-        return _decompress_lz4(data)
-    if compression == "zstd":
-        return _decompress_zstd(data)
-    return bytes(data)
+    if compression not in ("lz4", "zstd"):
+        return bytes(data)
+    most = MAX_CHUNK_BYTES
+    if allowance is not None:
+        most = min(most, allowance.left_bytes)
+    pieces, size = [], 0
+    for piece in _lz4_pieces(data) if compression == "lz4" else _zstd_pieces(data):
+        pieces.append(piece)
+        size += len(piece)
+        if size > most:
+            raise TooMuchError("unpacks to more than is believed")
+    if allowance is not None:
+        allowance.take(size)
+    return b"".join(pieces)
 
 
-def _decompress_lz4(data: bytes | memoryview) -> bytes:
+def _lz4_pieces(data: bytes | memoryview) -> Iterator[bytes]:
     # In pieces: room for the longest result would be taken at once.
     decompressor = lz4.frame.LZ4FrameDecompressor()
-    pieces = [decompressor.decompress(data, max_length=_PIECE_BYTES)]
-    size = len(pieces[0])
+    yield decompressor.decompress(data, max_length=_PIECE_BYTES)
     while not decompressor.eof and not decompressor.needs_input:
-        pieces.append(decompressor.decompress(b"", max_length=_PIECE_BYTES))
-        size += len(pieces[-1])
-        if size > MAX_CONTENT_BYTES:
-            raise ValueError("unpacks to more than is believed")
-    return b"".join(pieces)
+        yield decompressor.decompress(b"", max_length=_PIECE_BYTES)
 
 
-def _decompress_zstd(data: bytes | memoryview) -> bytes:
-    pieces, size = [], 0
+def _zstd_pieces(data: bytes | memoryview) -> Iterator[bytes]:
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
         while piece := reader.read(_PIECE_BYTES):
-            pieces.append(piece)
-            size += len(piece)
-            if size > MAX_CONTENT_BYTES:
-                raise ValueError("unpacks to more than is believed")
-    return b"".join(pieces)
+            yield piece

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import re
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,6 +12,7 @@ from typing import Any
 import zstandard
 
 from usmap_ros.errors import BagError
+from usmap_ros.io.storage.compression import Allowance, TooMuchError
 from usmap_ros.io.storage.index import Storage
 from usmap_ros.io.storage.mcap_file import McapFile
 from usmap_ros.io.storage.sqlite_file import SqliteFile
@@ -22,6 +22,7 @@ logger = logging.getLogger(__name__)
 
 _STORAGES: dict[str, type[McapFile] | type[SqliteFile]] = {".mcap": McapFile, ".db3": SqliteFile}
 _COMPRESSED_SUFFIXES = (".zst", ".zstd")
+_PIECE_BYTES = 2**22
 
 
 @dataclass(frozen=True)
@@ -116,11 +117,14 @@ def _open_file(file: Path, message_compression: str, scratch: Path) -> Storage:
 
 def _decompress_file(file: Path, target: Path) -> None:
     """Unpack a file as far as it goes; the storage will notice if it is cut off."""
+    allowance = Allowance(file.stat().st_size)
     with file.open("rb") as packed, target.open("wb") as unpacked:
         try:
             with zstandard.ZstdDecompressor().stream_reader(packed) as content:
-                shutil.copyfileobj(content, unpacked)
-        except zstandard.ZstdError as error:
+                while piece := content.read(_PIECE_BYTES):
+                    allowance.take(len(piece))
+                    unpacked.write(piece)
+        except (zstandard.ZstdError, TooMuchError) as error:
             logger.warning("%s: is damaged (%s)", file, error)
 
 

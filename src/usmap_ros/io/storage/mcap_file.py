@@ -22,8 +22,15 @@ from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema as SchemaRecord
 
+from usmap_ros.bounds import LEAST_RECORD_BYTES, LEAST_RECORDS, MAX_CHUNK_BYTES
 from usmap_ros.errors import BagError
-from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, FORMATS, decompress
+from usmap_ros.io.storage.compression import (
+    DECOMPRESSION_ERRORS,
+    FORMATS,
+    Allowance,
+    TooMuchError,
+    decompress,
+)
 from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
 
 logger = logging.getLogger(__name__)
@@ -35,6 +42,7 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
 _CACHED_CHUNK_BYTES = 16 * 2**20
+_READ = (Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 #: Block number of messages that lie in the file uncompressed.
 _IN_FILE = -1
 
@@ -137,9 +145,11 @@ class _Scan:
         self._wanted = wanted
         self._compression = compression
         self._total_bytes = file.seek(0, io.SEEK_END)
+        self._most_records = max(LEAST_RECORDS, self._total_bytes // LEAST_RECORD_BYTES)
         self._schemas: dict[int, SchemaRecord] = {}
         self._topic_numbers: dict[int, int] = {}
         self._unchecked = 0
+        self._allowance = Allowance(self._total_bytes)
 
     def run(self) -> None:
         """Fill `index` and `chunks`."""
@@ -184,6 +194,8 @@ class _Scan:
 
     def _read_record(self, opcode: int, position: int, size: int) -> None:
         """Read a record outside of chunks, or a chunk; other kinds hold no messages."""
+        if opcode in _READ and min(size, self._total_bytes - position) > MAX_CHUNK_BYTES:
+            raise _CorruptError("has a record larger than is believed", position)
         if opcode == Opcode.CHUNK:
             self._read_chunk(position, size)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
@@ -224,13 +236,19 @@ class _Scan:
         if not compression:
             return stored
         try:
-            return memoryview(decompress(stored, compression))
+            return memoryview(decompress(stored, compression, self._allowance))
+        except TooMuchError as error:
+            raise _CorruptError(f"has a chunk that {error}", position) from error
         except DECOMPRESSION_ERRORS as error:
             raise _CorruptError("has a chunk that does not decompress", position) from error
 
     def _note_all(self, content: memoryview, block: int, base: int, position: int) -> None:
-        for opcode, start, stop in _records_of(content):
+        number = 0
+        for number, (opcode, start, stop) in enumerate(_records_of(content), start=1):
+            if number > self._most_records:
+                raise _CorruptError("has a chunk of more records than are believed", position)
             self._note(opcode, content[start:stop], block, base + start, position)
+        self._most_records -= number
 
     def _note(self, opcode: int, body: memoryview, block: int, offset: int, position: int) -> None:
         """Note a record; `offset` is that of its body in the block, `position` that in the file."""
@@ -270,7 +288,7 @@ class _Scan:
             return
         payload = body[_MESSAGE_HEAD.size :]
         if self._compression:
-            payload = memoryview(decompress(payload, self._compression))
+            payload = memoryview(decompress(payload, self._compression, self._allowance))
         stamp_ns = header_stamp_ns(payload, otherwise=log_time_ns)
         size = len(body) - _MESSAGE_HEAD.size
         self.index.append(number, stamp_ns, log_time_ns, block, offset + _MESSAGE_HEAD.size, size)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 from collections.abc import Container, Iterable
 from pathlib import Path
 
+from usmap_ros.bounds import LEAST_SQLITE_STEPS, MAX_CHUNK_BYTES, MAX_SQLITE_STEPS_PER_BYTE
 from usmap_ros.errors import BagError, shortened
-from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, decompress
+from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, Allowance, decompress
 from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
 
 MAGIC = b"SQLite format 3\x00"
@@ -41,7 +43,11 @@ class SqliteFile:
         if magic != MAGIC:
             raise BagError(self.path, "is not an sqlite3 file")
         index = MessageIndex()
-        kept_bytes = 0
+        kept_bytes, size = 0, self._file_path.stat().st_size
+        allowance = Allowance(size)
+        # Of a page that leads back to itself, or a table that is computed, there is no end.
+        most_steps = max(LEAST_SQLITE_STEPS, MAX_SQLITE_STEPS_PER_BYTE * size)
+        self._open().set_progress_handler(lambda: 1, most_steps)
         try:
             numbers = self._read_topics(index)
             for row, topic, log_time_ns, data in self._open().execute(
@@ -51,12 +57,14 @@ class SqliteFile:
                 recorded = index.topics[number]
                 recorded.count += 1
                 if recorded.message_type in wanted:
-                    stamp_ns = header_stamp_ns(self._unpack(data), log_time_ns)
+                    stamp_ns = header_stamp_ns(self._unpack(data, allowance), log_time_ns)
                     index.append(number, stamp_ns, log_time_ns, block=0, offset=row, size=0)
                 kept_bytes += len(data)
         except (sqlite3.Error, LookupError, TypeError, *DECOMPRESSION_ERRORS) as error:
             cause = f"is damaged ({shortened(str(error), 100)})"
-            index.damage = Damage(cause, kept_bytes, self._file_path.stat().st_size)
+            index.damage = Damage(cause, kept_bytes, size)
+        finally:
+            self._open().set_progress_handler(None, 0)
         return index
 
     def payload(self, block: int, offset: int, size: int) -> memoryview:
@@ -86,18 +94,28 @@ class SqliteFile:
             # sqlite3 refuses a file shorter than its header says, unless it is told that somebody
             # means to repair it.  Nothing is written: the file is opened for reading only.
             self._connection.execute("PRAGMA writable_schema = ON")
+            if sys.version_info >= (3, 11):
+                self._connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES)
         return self._connection
 
     def _read_topics(self, index: MessageIndex) -> dict[int, int]:
         """Fill `index.topics`; positions in it by the database's topic number."""
         database = self._open()
-        # Views are left out: what they hold is computed, at whatever length their author chose.
+        # Views are left out, and so are tables of modules and columns that are generated: what they
+        # hold is computed, at whatever length their author chose.
         tables = {
             name
-            for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+            for name, text in database.execute(
+                "SELECT name, sql FROM sqlite_master WHERE type = 'table'"
+            )
+            if not str(text).lstrip().upper().startswith("CREATE VIRTUAL")
         }
         if not {"topics", "messages"} <= tables:
             raise BagError(self.path, "is not a rosbag2 recording: it has no topics and messages")
+        for table in ("topics", "messages", "message_definitions"):
+            declared = database.execute(f"PRAGMA table_xinfo({table})")
+            if any(hidden for *_, hidden in declared):
+                raise BagError(self.path, f"is no recording: {table} has columns that are computed")
         definitions = {}
         if "message_definitions" in tables:
             definitions = {
@@ -130,5 +148,7 @@ class SqliteFile:
             )
         return numbers
 
-    def _unpack(self, data: bytes) -> memoryview:
-        return memoryview(decompress(data, self._compression) if self._compression else data)
+    def _unpack(self, data: bytes, allowance: Allowance | None = None) -> memoryview:
+        if not self._compression:
+            return memoryview(data)
+        return memoryview(decompress(data, self._compression, allowance))

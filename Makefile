@@ -18,8 +18,8 @@ FULL := $(VENV)/.stamp-full
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench readme scores gates figures docs test-lower-bounds test-ubuntu \
-  release-check constraints clean
+.PHONY: help demo test lint format bench readme scores gates figures docs test-lower-bounds test-newest \
+  test-ubuntu release-check constraints clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|' 2>/dev/null \
@@ -85,6 +85,16 @@ test-lower-bounds: ## run the tests against the oldest versions that setup.py al
 	@$(VENV)-lower/bin/usmap compile
 	@$(VENV)-lower/bin/python -m pytest --timeout=600 -m "not ros" $(PYTEST_ARGS)
 
+# Without constraints, so that a new release of Numba, above all, is met here first.
+test-newest: ## run the tests against the newest releases of all that is needed, without ROS
+	@$(MAKE) --no-print-directory $(VENV)-newest/pyvenv.cfg VENV=$(VENV)-newest
+	@echo "Installing the newest versions"
+	@$(VENV)-newest/bin/python -m pip install --quiet --disable-pip-version-check \
+	  --upgrade --upgrade-strategy eager --editable '.[test]'
+	@$(VENV)-newest/bin/python -m pip list --format freeze | grep -iE '^(numba|llvmlite|numpy)='
+	@$(VENV)-newest/bin/usmap compile
+	@$(VENV)-newest/bin/python -m pytest --timeout=600 -m "not ros" $(PYTEST_ARGS)
+
 # With ROS from wheels, since Ubuntu's own packages of it need Ubuntu; PYTHON=python3.12 is Ubuntu's.
 test-ubuntu: ## run the tests against the versions of Ubuntu 24.04, nodes included (PYTHON=python3.12)
 	@$(MAKE) --no-print-directory $(VENV)-ubuntu/pyvenv.cfg VENV=$(VENV)-ubuntu
@@ -111,7 +121,7 @@ constraints: ## pin the newest versions anew
 	@$(PYTHON) tools/pin_versions.py $(PYTHONS)
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) $(VENV)-lower $(VENV)-ubuntu $(VENV)-release build install log dist src/*.egg-info
+	rm -rf $(VENV) $(VENV)-lower $(VENV)-newest $(VENV)-ubuntu $(VENV)-release build install log dist src/*.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache demo_output figures bench_output
 	find src test tools -name __pycache__ -type d -prune -exec rm -rf {} +
 

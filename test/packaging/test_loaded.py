@@ -20,11 +20,11 @@ try:
 finally:
     print(*sys.modules, sep="\\n", file=sys.stderr)
 """
-#: What drawing, calibrating, simulating, other solvers and ways of mapping need, and Numba to
-#: compile what is not kept on disk.
+#: What drawing, calibrating, simulating, other solvers and ways of mapping need.  Numba loads
+#: scipy.linalg before it takes machine code from disk.
 SLOW = {
-    "PIL", "matplotlib", "numba.np.arraymath", "rosbags.typesys.stores.ros2_jazzy", "scipy.fft",
-    "scipy.linalg", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse",
+    "PIL", "matplotlib", "rosbags.typesys.stores.ros2_jazzy", "scipy.fft",
+    "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse",
     "scipy.spatial", "scipy.special", "usmap_ros.calibration.estimation", "usmap_ros.simulation",
     "distributed", "rclpy",
 }  # fmt: skip

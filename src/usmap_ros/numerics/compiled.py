@@ -1,45 +1,47 @@
-"""Compilation of the loops that NumPy cannot express, by Numba.
+"""Compilation of the loops that NumPy cannot express, by Numba's public functions alone.
 
-Where there is no Numba, or NUMBA_DISABLE_JIT is set, as a debugger needs it, they run as the Python
-that they are written in.
+Where there is no Numba, where there is one that cannot be used, or where NUMBA_DISABLE_JIT is set,
+as a debugger needs it, they run as the Python that they are written in.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
-from collections.abc import Callable
-from contextlib import suppress
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-try:
-    import numba
-    from numba.core.caching import FunctionCache, IndexDataCacheFile
-    from numba.core.runtime.nrt import rtsys
-except ImportError:
-    IS_COMPILED = False
-else:
-    #: Whether functions are compiled.
-    IS_COMPILED = not vars(numba.config)["DISABLE_JIT"]
-
-#: How all functions are compiled.  Nobody calls one from C, and what C would call takes a tenth of
-#: the compiler's time.  None touches an object of Python's: other threads, as that which receives
-#: messages, run meanwhile.
-OPTIONS: dict[str, Any] = {
-    "error_model": "numpy",
-    "fastmath": True,
-    "nogil": True,
-    "no_cfunc_wrapper": True,
-}
-#: What changes with the way in which functions are compiled.
-_WAY = "\n".join(
-    Path(__file__).with_name(name).read_text(encoding="utf-8")
-    for name in ("compiled.py", "linked.py")
-)
+#: How all functions are compiled.  None touches an object of Python's: other threads, as that which
+#: receives messages, run meanwhile.
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True, "nogil": True}
 #: All functions whose machine code is kept on disk.
 COMPILED: list[Any] = []
+
+#: Why nothing is compiled, if so.
+WHY_NOT = ""
+try:
+    import numba
+    from numba.extending import register_jitable
+
+    numba.njit(inline="always", **OPTIONS)(lambda: None)
+    #: Numba's settings, those that have names of environment variables without NUMBA_.
+    _SETTINGS = vars(numba.config)
+    if _SETTINGS["DISABLE_JIT"]:
+        WHY_NOT = "Numba is switched off"
+except ImportError as error:
+    WHY_NOT = f"Numba is missing ({error})" if error.name != "numba" else "Numba is missing"
+except Exception as error:  # Versions that do not fit together raise what they like.
+    WHY_NOT = f"Numba cannot be used ({type(error).__name__}: {error})"
+
+#: Whether functions are compiled.
+IS_COMPILED = not WHY_NOT
 
 
 def compiled(function: Function) -> Function:
@@ -50,24 +52,21 @@ def compiled(function: Function) -> Function:
     """
     if not IS_COMPILED:
         return function
-    dispatcher = _stamped(numba.njit(**OPTIONS)(function))
-    _keep(dispatcher)
+    folder = folder_of(function.__module__)
+    with _cached_in(folder):
+        dispatcher = numba.njit(cache=folder is not None, **OPTIONS)(function)
+    COMPILED.append(dispatcher)
     return cast("Function", dispatcher)
 
 
 def compiled_within(function: Function) -> Function:
     """Compile a function that only compiled functions call: from Python it runs as Python.
 
-    It has no machine code of its own, only as a part of that of its callers.  To take arguments
-    apart for a call from Python, and to put results together, is as much code as many a function,
-    most of all with named tuples of arrays; here it is left out.
+    Its machine code is kept as a part of that of its callers.
     """
     if not IS_COMPILED:
         return function
-    from usmap_ros.numerics.linked import Linked
-
-    options = {"nopython": True, "no_cpython_wrapper": True, **OPTIONS}
-    return cast("Function", _stamped(Linked(function, options)))
+    return register_jitable(**OPTIONS)(function)
 
 
 def inlined(function: Function) -> Function:
@@ -78,66 +77,85 @@ def inlined(function: Function) -> Function:
     """
     if not IS_COMPILED:
         return function
-    return cast("Function", _stamped(numba.njit(inline="always", **OPTIONS)(function)))
+    return cast("Function", numba.njit(inline="always", **OPTIONS)(function))
+
+
+def run_as_python(why: str) -> None:
+    """Let everything run as Python from now on, in this process and in those that it starts."""
+    os.environ["NUMBA_DISABLE_JIT"] = "1"
+    instead: dict[str, Any] = {"IS_COMPILED": False, "WHY_NOT": why}
+    for name, module in list(sys.modules.items()):
+        if name.startswith("usmap_ros."):
+            for key, value in list(vars(module).items()):
+                setattr(module, key, instead.get(key, getattr(value, "py_func", value)))
 
 
 def compiler_version() -> str:
     """Everything but the code that machine code depends on: Numba, processor, options."""
     from llvmlite import binding
 
-    chosen = [vars(numba.config)[name] for name in ("CPU_NAME", "CPU_FEATURES", "OPT")]
+    chosen = [_SETTINGS[name] for name in ("CPU_NAME", "CPU_FEATURES", "OPT")]
     found = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
     return repr([numba.__version__, *map(str, chosen), *found])
 
 
-def _stamped(dispatcher: Any) -> Any:
-    """Note what changes with the file of a function and with those of all that it may call.
+@functools.cache
+def cache_folder() -> Path | None:
+    """Folder for machine code: in NUMBA_CACHE_DIR, or the user's; None if it cannot be written."""
+    users = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    folder = Path(_SETTINGS["CACHE_DIR"] or users, "usmap_ros")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return folder if os.access(folder, os.W_OK) else None
 
-    All compiled functions that its module has imported count, for those that stand below it in its
-    file may call them, too.
+
+def folder_of(module: str) -> Path | None:
+    """Folder for the machine code of a module, as it and all that it imports are now.
+
+    Numba looks at the file of a function alone, but the machine code has in it what was imported,
+    too: helpers and constants.
     """
-    function = dispatcher.py_func
-    known = [value for _, value in sorted(function.__globals__.items())]
-    helpers = [helper.source_stamp for helper in known if hasattr(helper, "source_stamp")]
-    text = Path(function.__code__.co_filename).read_text(encoding="utf-8")
-    parts = [_WAY, text, *helpers]
-    dispatcher.source_stamp = hashlib.sha256("\n".join(parts).encode()).hexdigest()
-    return dispatcher
+    folder = cache_folder()
+    return folder and folder / f"{module}-{_digest(module)}"
 
 
-def _keep(dispatcher: Any) -> None:
-    """Keep the machine code of a function on disk, where there is a folder for it."""
-    # Numba's word for: neither the package's folder nor the user's cache can be written.
-    with suppress(RuntimeError):
-        try:
-            dispatcher._cache = _cache(dispatcher)
-        except (AttributeError, OSError):
-            # Numba keeps its caches otherwise in this version; then they are as it makes them.
-            dispatcher.enable_caching()
-    COMPILED.append(dispatcher)
+def _digest(module: str) -> str:
+    """Digest of the source of a module and of those of all that it imports, directly or not."""
+    begin = _file_of(module) or Path(sys.modules[module].__file__ or "")
+    digests: dict[Path, str] = {}
+    waiting = {begin}
+    while waiting:
+        path = waiting.pop()
+        digests[path], imported = _source(path)
+        waiting |= imported - digests.keys()
+    return hashlib.sha256("".join(sorted(digests.values())).encode()).hexdigest()[:12]
 
 
-def _cache(dispatcher: Any) -> Any:
-    """What keeps a function apart from what it was when it, or one that it may call, was another.
+@functools.cache
+def _source(path: Path) -> tuple[str, set[Path]]:
+    """Digest of a source, and the sources of this package that it imports where it begins."""
+    text = path.read_text(encoding="utf-8")
+    imports = re.findall(r"^from (usmap_ros[\w.]*) import (\w+)?", text, re.MULTILINE)
+    files = (_file_of(f"{module}.{name}") or _file_of(module) for module, name in imports)
+    return hashlib.sha256(text.encode()).hexdigest(), {file for file in files if file}
 
-    Numba looks at the file of the function only, but the machine code has its helpers in it.  Old
-    and new have files of their own, because Numba fails on what it kept of a class that is not
-    where it was.
-    """
 
-    class Cache(FunctionCache):
-        # Numba gives the methods of its caches no types.
-        def __init__(self, function: Callable[..., Any]) -> None:
-            super().__init__(function)  # type: ignore[no-untyped-call]
-            name = f"{self._impl.filename_base}-{dispatcher.source_stamp[:8]}"
-            kept_in: Any = IndexDataCacheFile
-            self._cache_file = kept_in(self._cache_path, name, dispatcher.source_stamp)
+@functools.cache
+def _file_of(module: str) -> Path | None:
+    """Source of a module of this package."""
+    path = Path(__file__).parents[2].joinpath(*module.split("."))
+    found = (file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file())
+    return next(found, None)
 
-        def load_overload(self, sig: Any, target_context: Any) -> Any:
-            # Numba would first learn all that it can compile, which takes longer than to load what
-            # is compiled already; it learns it anyway as soon as there is something to compile.
-            rtsys.initialize(target_context)
-            with self._guard_against_spurious_io_errors():
-                return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
-    return Cache(dispatcher.py_func)
+@contextmanager
+def _cached_in(folder: Path | None) -> Iterator[None]:
+    """Let Numba keep in a folder what is declared meanwhile."""
+    before = _SETTINGS["CACHE_DIR"]
+    _SETTINGS["CACHE_DIR"] = str(folder or before)
+    try:
+        yield
+    finally:
+        _SETTINGS["CACHE_DIR"] = before

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,8 @@ from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.mapping.next_view import best_views, candidate_poses
-from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED, compiler_version
+from usmap_ros.numerics import compiled
+from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone, encode_limits
 from usmap_ros.pings.trace import Encoding
@@ -40,7 +42,9 @@ EACH_TIME = (
     "Compiling the inner loops (some 60 s), as at each start: no folder to keep them in can be"
     " written; NUMBA_CACHE_DIR can name one"
 )
-SLOW = "Numba is missing or switched off: the inner loops run as Python, some eighty times slower"
+SLOW = "the inner loops run as Python, some eighty times slower"
+#: Versions of each module whose machine code is kept; characters of what a compiler complains of.
+VERSIONS_KEPT, MOST_SAID = 8, 300
 
 
 def reconstruct_all_kinds() -> None:
@@ -98,7 +102,7 @@ ALL = {
 def compile_if_needed(
     say: Callable[[str], None], parts: Mapping[str, Callable[[], None]] = SESSION
 ) -> None:
-    """Compile what a session needs, unless that was done before.
+    """Compile what a session needs, unless that was done before; where it fails, run as Python.
 
     Parameters
     ----------
@@ -108,76 +112,50 @@ def compile_if_needed(
         What to compile, `SESSION` or `ALL`.
     """
     if not IS_COMPILED:
-        say(SLOW)
+        say(f"{compiled.WHY_NOT}: {SLOW}")
         return
-    folders = _folders()
-    if folders is None:
+    folder = compiled.cache_folder()
+    if folder is None:
         say(EACH_TIME)
-        for part in parts.values():
-            part()
+        failure = next(filter(None, map(_failure, parts.values())), None)
+    elif not _missing(parts, folder):
         return
-    if not _missing(parts, folders):
-        return
-    say(ONCE)
-    with _one_at_a_time(folders[0]):
-        # While this process waited, another one may have done it.
-        missing = _missing(parts, folders)
-        _remove_outdated(folders)
-        if _compile_apart(missing):
-            for mark in (mark for part in missing for mark in _marks(part, folders)):
-                mark.write_text(_state(), encoding="ascii")
+    else:
+        say(ONCE)
+        with _one_at_a_time(folder):
+            # While this process waited, another one may have done it.
+            failure = _compile_apart(_missing(parts, folder))
+    if failure:
+        compiled.run_as_python(f"Numba {version('numba')} fails ({failure})")
+        say(f"{compiled.WHY_NOT}: {SLOW}")
 
 
-def _own() -> list[Any]:
-    """The package's compiled functions: those that others may have compiled are their business."""
-    home = str(Path(__file__).parents[1]) + os.sep
-    return [function for function in COMPILED if _file_of(function).startswith(home)]
+def _missing(parts: Iterable[str], folder: Path) -> dict[str, Path]:
+    """Parts that are not in a folder, as new as the code, with the files that will say they are."""
+    functions = (function.py_func for function in COMPILED)
+    # What others have compiled is their business.
+    modules = {name for name in (f.__module__ for f in functions) if name.startswith("usmap_ros.")}
+    depends_on = [
+        *(str(compiled.folder_of(name)) for name in sorted(modules)),
+        Path(__file__).read_text(encoding="utf-8"),
+        # Numba has a folder for each that sources lie in, and files for each version of Python.
+        *(__file__, str(sys.implementation.cache_tag), compiled.compiler_version()),
+    ]
+    state = hashlib.sha256("\n".join(depends_on).encode()).hexdigest()[:12]
+    marks = {part: folder / f"{part}-{state}" for part in parts}
+    return {part: mark for part, mark in marks.items() if not mark.exists()}
 
 
-def _file_of(function: Any) -> str:
-    return str(function.py_func.__code__.co_filename)
-
-
-def _folders() -> list[Path] | None:
-    """Folders in which compiled functions are kept; None if some are not."""
-    paths = {function._cache.cache_path for function in _own()}
-    return None if None in paths else sorted(map(Path, paths))
-
-
-def _missing(parts: Iterable[str], folders: list[Path]) -> list[str]:
-    """Parts that are not on disk, as new as the code, for this compiler and processor."""
-    state = _state()
-
-    def is_there(mark: Path) -> bool:
-        return mark.is_file() and mark.read_text(encoding="ascii") == state
-
-    return [part for part in parts if not all(map(is_there, _marks(part, folders)))]
-
-
-def _remove_outdated(folders: list[Path]) -> None:
-    """Remove machine code of functions as they are no more, for this version of Python."""
-    kept = {Path(function._cache._cache_file._index_name).stem for function in _own()}
-    version = f".py{sys.version_info.major}{sys.version_info.minor}"
-    for folder in folders:
-        for file in folder.glob(f"*{version}*.nb[ic]"):
-            # Machine code has a number behind the name of its index.
-            name = file.stem if file.suffix == ".nbi" else Path(file.stem).stem
-            if name not in kept:
-                file.unlink(missing_ok=True)
-
-
-def _marks(part: str, folders: list[Path]) -> list[Path]:
-    """Files that say that a part was compiled; one in each folder, for who deletes that."""
-    machine = hashlib.sha256(compiler_version().encode()).hexdigest()[:8]
-    name = f"usmap-{part}.{sys.implementation.cache_tag}-{machine}.compiled"
-    return [folder / name for folder in folders]
-
-
-def _state() -> str:
-    """What functions are compiled from, as it is now: by the same token as they are kept by."""
-    parts = [Path(__file__).read_text(encoding="utf-8")]
-    parts += sorted(function.source_stamp for function in _own())
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+def _remove_old(folder: Path) -> None:
+    """Keep the newest versions of what lies in a folder, that of each module and each mark."""
+    versions: dict[str, list[Path]] = {}
+    for path in sorted(folder.glob("*-*"), key=lambda path: path.stat().st_mtime, reverse=True):
+        versions.setdefault(path.name.rpartition("-")[0], []).append(path)
+    for old in (path for paths in versions.values() for path in paths[VERSIONS_KEPT:]):
+        if old.is_dir():
+            shutil.rmtree(old, ignore_errors=True)
+        else:
+            old.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -188,27 +166,50 @@ def _one_at_a_time(folder: Path) -> Iterator[None]:
     except ImportError:  # On Windows each may do it.
         yield
         return
-    with (folder / "usmap.lock").open("w") as file:
+    with (folder / "lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
-def _compile_apart(names: list[str]) -> bool:
-    """Run parts in processes of their own, as many at once as there are cores; whether all did."""
+def _compile_apart(marks: Mapping[str, Path]) -> str | None:
+    """Run parts in processes of their own, as many at once as there are cores.
+
+    Returns
+    -------
+    str, optional
+        Why one failed; nothing is said of one that was stopped, what it lacks is compiled later.
+    """
     command = [sys.executable, "-m", __spec__.name, str(os.getpid())]
-    waiting, succeeded = list(names), True
-    running: list[subprocess.Popen[bytes]] = []
+    waiting, failure = list(marks), None
+    running: dict[str, subprocess.Popen[str]] = {}
     try:
         while waiting or running:
             while waiting and len(running) < available_cores():
-                running.append(subprocess.Popen([*command, waiting.pop(0)]))
-            succeeded &= running[0].wait() == 0
-            del running[0]
+                part = waiting.pop(0)
+                started = subprocess.Popen([*command, part], stderr=subprocess.PIPE, text=True)
+                running[part] = started
+            part = next(iter(running))
+            _, said = running[part].communicate()
+            status = running.pop(part).returncode
+            if status == 0:
+                _remove_old(marks[part].parent)
+                marks[part].touch()
+            elif status > 0:
+                failure = failure or said.strip() or f"exit status {status}"
     finally:
-        for process in running:
+        for process in running.values():
             process.kill()
             process.wait()
-    return succeeded
+    return failure
+
+
+def _failure(part: Callable[[], None]) -> str | None:
+    """Run a part; what went wrong, if anything did."""
+    try:
+        part()
+    except Exception as error:  # What a compiler raises that cannot do it is not known beforehand.
+        return " ".join(f"{type(error).__name__}: {error}".split())[:MOST_SAID]
+    return None
 
 
 def main(parent: str, name: str) -> None:
@@ -217,7 +218,7 @@ def main(parent: str, name: str) -> None:
     # A terminal's Ctrl-C comes to all processes; one of them is to speak.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     look_for_garbage_rarely()
-    ALL[name]()
+    sys.exit(_failure(ALL[name]))
 
 
 def _mapped(transducer: Transducer) -> tuple[Pipeline, list[EchoCone]]:

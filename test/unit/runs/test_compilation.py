@@ -5,11 +5,13 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from usmap_ros import numerics
 from usmap_ros.grids import OCCUPIED_PROBABILITY
 from usmap_ros.io.map_files import load_map
 from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED, compiled
@@ -64,12 +66,13 @@ def calls(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]:
     """Give the parts that were compiled, call by call; nothing is, and marks go to a folder."""
     compiled: list[list[str]] = []
 
-    def compile_apart(parts: list[str]) -> bool:
-        compiled.append(parts)
-        return True
+    def compile_apart(marks: dict[str, Path]) -> None:
+        compiled.append(list(marks))
+        for mark in marks.values():
+            mark.touch()
 
     monkeypatch.setattr(compilation, "_compile_apart", compile_apart)
-    monkeypatch.setattr(compilation, "_folders", lambda: [tmp_path])
+    monkeypatch.setattr(numerics.compiled, "cache_folder", lambda: tmp_path)
     return compiled
 
 
@@ -86,27 +89,27 @@ def test_it_is_done_once_and_said(calls: list[list[str]]) -> None:
 
 @needs_compiler
 def test_it_is_done_again_when_code_or_processor_change(
-    calls: list[list[str]], monkeypatch: pytest.MonkeyPatch
+    calls: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     compile_if_needed(lambda line: None)
-    monkeypatch.setattr(compilation, "compiler_version", lambda: "of another processor")
+    monkeypatch.setattr(numerics.compiled, "compiler_version", lambda: "of another processor")
     compile_if_needed(lambda line: None)
-    monkeypatch.setattr(compilation, "_state", lambda: "of other code")
+    monkeypatch.setattr(numerics.compiled, "folder_of", lambda name: tmp_path / f"{name}-other")
     compile_if_needed(lambda line: None)
     assert calls == 3 * [list(SESSION)]
 
 
-@needs_compiler
-def test_what_was_compiled_of_older_code_is_removed(calls: list[list[str]], tmp_path: Path) -> None:
-    index = COMPILED[0]._cache._cache_file._index_name
-    data, version = index.replace(".nbi", ".1.nbc"), f"py{sys.version_info[0]}{sys.version_info[1]}"
-    old = [f"a.f-1.{version}.nbi", f"a.f-1.{version}-12345678.2.nbc"]
-    others = ["a.f-1.py27-12345678.nbi", "notes.txt"]
-    for name in (index, data, *old, *others):
-        (tmp_path / name).touch()
-    compile_if_needed(lambda line: None)
-    left = {file.name for file in tmp_path.iterdir() if file.suffix not in (".compiled", ".lock")}
-    assert left == {index, data, *others}
+def test_of_old_versions_the_newest_are_kept(tmp_path: Path) -> None:
+    for number in range(12):
+        folder = tmp_path / f"usmap_ros.one-{number:012x}"
+        folder.mkdir()
+        (folder / "machine_code").touch()
+        os.utime(folder, (number, number))
+    (tmp_path / "usmap_ros.other-0").touch()
+    compilation._remove_old(tmp_path)
+    left = sorted(path.name for path in tmp_path.iterdir())
+    newest = [f"usmap_ros.one-{number:012x}" for number in range(4, 12)]
+    assert left == [*newest, "usmap_ros.other-0"]
 
 
 @needs_compiler
@@ -126,18 +129,9 @@ def test_what_others_compile_does_not_matter(calls: list[list[str]]) -> None:
 
 
 @needs_compiler
-def test_a_part_that_failed_is_not_marked_as_done(
-    calls: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(compilation, "_compile_apart", lambda parts: False)
-    compile_if_needed(lambda line: None)
-    assert not list(tmp_path.glob("*.compiled"))
-
-
-@needs_compiler
 def test_without_a_folder_it_is_done_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     said, done = list[str](), list[bool]()
-    monkeypatch.setattr(compilation, "_folders", lambda: None)
+    monkeypatch.setattr(numerics.compiled, "cache_folder", lambda: None)
     compile_if_needed(said.append, {"part": lambda: done.append(True)})
     assert (said, done) == ([EACH_TIME], [True])
 
@@ -145,25 +139,52 @@ def test_without_a_folder_it_is_done_in_this_process(monkeypatch: pytest.MonkeyP
 def test_without_a_compiler_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr(compilation, "IS_COMPILED", False)
+    monkeypatch.setattr(numerics.compiled, "WHY_NOT", "Numba is missing")
     compile_if_needed(said.append)
-    assert said == [SLOW]
+    assert said == [f"Numba is missing: {SLOW}"]
+
+
+class Process:
+    """A process that ends as it is told to."""
+
+    commands: list[list[str]]
+    ends: dict[str, tuple[int, str]]
+
+    def __init__(self, command: list[str], **options: object) -> None:
+        self.commands.append(command)
+        self.returncode, self._said = self.ends.get(command[-1], (0, ""))
+
+    def communicate(self) -> tuple[None, str]:
+        return None, self._said
 
 
 @needs_compiler
-def test_a_part_runs_in_a_process_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    commands: list[list[str]] = []
-
-    class Process:
-        def __init__(self, command: list[str]) -> None:
-            commands.append(command)
-
-        def wait(self) -> int:
-            return 0
-
+def test_a_part_runs_in_a_process_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(subprocess, "Popen", Process)
-    assert compilation._compile_apart(["one", "other"])
+    monkeypatch.setattr(Process, "commands", [], raising=False)
+    ends = {"stopped": (-9, ""), "failed": (1, "LoweringError: no.\n")}
+    monkeypatch.setattr(Process, "ends", ends, raising=False)
+    marks = {name: tmp_path / name for name in ("one", "stopped", "other")}
+    assert compilation._compile_apart(marks) is None
     start = [sys.executable, "-m", "usmap_ros.runs.compilation", str(os.getpid())]
-    assert commands == [[*start, "one"], [*start, "other"]]
+    assert Process.commands == [[*start, name] for name in marks]
+    assert compilation._compile_apart({"failed": tmp_path / "failed"}) == "LoweringError: no."
+    # What did not end well is not marked as done.
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one", "other"]
+
+
+@needs_compiler
+def test_what_cannot_be_compiled_runs_as_python(
+    calls: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said, why = list[str](), list[str]()
+    monkeypatch.setattr(compilation, "_compile_apart", lambda marks: "LoweringError: no.")
+    monkeypatch.setattr(numerics.compiled, "run_as_python", why.append)
+    compile_if_needed(said.append)
+    assert why == [f"Numba {version('numba')} fails (LoweringError: no.)"]
+    assert said == [ONCE, f"{numerics.compiled.WHY_NOT}: {SLOW}"]
 
 
 @needs_compiler
@@ -194,7 +215,7 @@ def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
         command = [sys.executable, "-c", program, *arguments]
         done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True, check=True)
         said[folder] = done.stderr
-    assert (said["with"], said["without"]) == ("", f"usmap: {SLOW}\n")
+    assert (said["with"], said["without"]) == ("", f"usmap: Numba is missing: {SLOW}\n")
     (one, _), (other, _) = load_map(tmp_path / "with"), load_map(tmp_path / "without")
     assert one.observed.sum() > 100
     np.testing.assert_array_equal(one.observed, other.observed)
@@ -202,6 +223,35 @@ def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
         one.probability() >= OCCUPIED_PROBABILITY, other.probability() >= OCCUPIED_PROBABILITY
     )
     np.testing.assert_allclose(one.log_odds, other.log_odds, rtol=0.0, atol=1e-3)
+
+
+@needs_compiler
+def test_with_a_numba_that_fails_commands_run_as_python(tmp_path: Path) -> None:
+    """As with a release that refuses what those before it compiled."""
+    scenario = SCENARIO.format(encoding="iq", rate_hz=25e3, duration_s=0.2)
+    (tmp_path / "scenario.yaml").write_text(scenario)
+    # Each process that finds it has it, those that compile too.
+    (tmp_path / "other" / "sitecustomize.py").parent.mkdir()
+    (tmp_path / "other" / "sitecustomize.py").write_text(
+        "import numba\nnumba.njit = lambda **options: numba.jit(unheard_of=True, nopython=True)\n"
+    )
+    other = os.pathsep.join([str(tmp_path / "other"), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    for arguments in (["simulate", "scenario.yaml", "-o", "bag"], ["info", "bag"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "usmap_ros", *arguments],
+            cwd=tmp_path,
+            text=True,
+            capture_output=True,
+            check=True,
+            env=environment,
+        )
+        environment["PYTHONPATH"] = other
+    once, slow = done.stderr.splitlines()
+    assert once == f"usmap: {ONCE}"
+    assert slow.startswith(f"usmap: Numba {version('numba')} fails (KeyError: ")
+    assert slow.endswith(f"): {SLOW}")
+    assert "pings      4" in done.stdout
 
 
 @needs_compiler

@@ -62,7 +62,7 @@ readme: $(FULL) ## make the README's pictures and table anew
 	@$(BIN)/python benchmarks/scores.py --targets --report --jobs 2 --readme README.md
 
 scores: $(FULL) ## compare methods, and measure how reliable probabilities are: into docs/benchmarks.md
-	@$(BIN)/python benchmarks/scores.py --jobs 2 --page docs/benchmarks.md
+	@$(BIN)/python benchmarks/scores.py --targets --report --jobs 2 --page docs/benchmarks.md
 	@$(BIN)/python benchmarks/reliability.py --jobs 2 --page docs/benchmarks.md
 
 gates: $(FULL) ## store how well test/acceptance maps its scenes, which no change may do worse

@@ -33,6 +33,15 @@ def simulate(
         Path | None,
         typer.Option(metavar="MAP.yaml", help="Write the true map as well, in nav2's format."),
     ] = None,
+    true_paths_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--true-paths",
+            metavar="DIR",
+            help="Write where each transducer really was as well: TUM files, for 'usmap evaluate"
+            " --paths'.",
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace a recording that is there already.")
     ] = False,
@@ -42,8 +51,9 @@ def simulate(
         raise typer.BadParameter("must end in .yaml", param_hint="'--truth'")
     from usmap_ros.io.bag_writer import new_bag
     from usmap_ros.io.map_files import save_truth
+    from usmap_ros.io.tum_files import save_trajectories
     from usmap_ros.io.yaml_files import read_mapping
-    from usmap_ros.simulation import Scenario, record
+    from usmap_ros.simulation import Scenario, record, true_paths
 
     scenario = Scenario.from_mapping(read_mapping(scenario_file), scenario_file)
     with (
@@ -53,5 +63,7 @@ def simulate(
         # Before what takes long, and where an error takes the recording along.
         if truth is not None:
             save_truth(truth, scenario.truth_map())
+        if true_paths_folder is not None:
+            save_trajectories(true_paths_folder, true_paths(scenario))
         count = record(scenario, writer, step)
     typer.echo(f"{output}: {count} pings of {len(scenario.robots)} robots")

@@ -61,6 +61,7 @@ class SimulatedTransducers:
         self._sonars = [(sonar, np.random.default_rng(seed)) for sonar, seed in transducers]
         self._array = world.robot.shared_array(0)
         self._errors = world.robot.shared_pose_errors()
+        self._wheels = world.robot.wheels()
 
     def open(self) -> None:
         """Nothing has to be opened."""
@@ -75,7 +76,7 @@ class SimulatedTransducers:
         simulator = EchoSimulator(world.scene, world.frame_id, world.time.start_ns)
         time_s = (stamp_ns - world.time.start_ns) / NANOSECONDS
         error = None if self._errors is None else self._errors.at(time_s)
-        return [
+        traces = [
             simulator.ping(
                 sonar,
                 base.compose(sonar.mount),
@@ -89,4 +90,11 @@ class SimulatedTransducers:
                 ],
             )
             for sonar, rng in self._sonars
+        ]
+        wheels = self._wheels
+        if wheels is None:
+            return traces
+        return [
+            world.robot.told(trace, wheels, time_s, sonar.mount)
+            for trace, (sonar, _) in zip(traces, self._sonars, strict=True)
         ]

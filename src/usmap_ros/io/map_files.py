@@ -50,6 +50,7 @@ _ARRAYS = (
     "path_lengths",
     "path_positions",
     "path_beams",
+    "path_stamps_ns",
     *LAYERS,
 )
 #: Sides of cells that are believed, m, and how far from the frame's origin a map may lie.
@@ -194,6 +195,7 @@ def load_truth(path: str | Path) -> TruthMap:
 
 def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
     positions, beams = list(paths.positions_m.values()), list(paths.beams.values())
+    stamps_ns = list(paths.stamps_ns.values())
     # Any: savez_compressed has an argument of its own that is no array.
     layers: dict[str, Any] = dict(occupancy.layers)
     content = io.BytesIO()
@@ -209,6 +211,7 @@ def _to_bytes(occupancy: OccupancyMap, paths: RobotPaths) -> bytes:
         path_lengths=np.array([len(path) for path in positions], dtype=np.int64),
         path_positions=np.concatenate([np.zeros((0, 2)), *positions]).astype(np.float32),
         path_beams=np.concatenate([np.zeros((0, 3)), *beams]).astype(np.float32),
+        path_stamps_ns=np.concatenate([np.zeros(0, np.int64), *stamps_ns]),
         **layers,
     )
     return content.getvalue()
@@ -270,6 +273,10 @@ def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
     beams = numbers({"path_beams": unknown, **arrays}, "path_beams", 2, np.float64)
     if positions.shape[1:] != (2,) or beams.shape != unknown.shape:
         raise ValueError(f"path_positions is {positions.shape} and path_beams {beams.shape}")
+    timeless = np.zeros(len(positions), np.int64)
+    stamps_ns = numbers({"path_stamps_ns": timeless, **arrays}, "path_stamps_ns", 1, np.int64)
+    if len(stamps_ns) != len(positions):
+        raise ValueError(f"path_stamps_ns are {len(stamps_ns)} of {len(positions)} pings")
     if not np.all(np.isfinite(positions)):
         raise ValueError("path_positions is not finite everywhere")
     lengths = numbers(arrays, "path_lengths", 1, np.int64)
@@ -283,6 +290,6 @@ def _paths_from(arrays: dict[str, NDArray[Any]]) -> RobotPaths:
     first = 0
     for topic, length in zip(arrays["path_topics"], map(int, lengths), strict=True):
         own = slice(first, first + length)
-        paths.add_all(str(topic), positions[own], beams[own])
+        paths.add_all(str(topic), positions[own], beams[own], stamps_ns[own])
         first += length
     return paths

@@ -124,6 +124,12 @@ class EchoDriver(Node):
 
     def _make_pose_source(self, robot: SimulatedRobot, base_frame: str) -> PoseSource:
         parameters = self.parameters.value
+        if parameters.pose_source != "path" and robot.odometry is not None:
+            raise ConfigurationError(
+                f"parameters of {self.get_fully_qualified_name()}",
+                f"pose_source: is {parameters.pose_source}, but the scenario gives"
+                f" {robot.name!r} odometry of its own, which follows its path",
+            )
         if parameters.pose_source == "odometry":
             return OdometryPose(self, self.health, parameters.pose_timeout_s)
         if parameters.pose_source == "tf" and self._transforms is not None:

@@ -168,6 +168,25 @@ def _one_turn_after_another(first: FloatArray, second: FloatArray) -> FloatArray
     return unit
 
 
+def on_base(base: Pose, mount: Pose) -> Pose:
+    """Pose of what is mounted on a base, with the covariance that the base's gives it.
+
+    Other than by `Pose.compose`, what the base's heading is off moves what sits beside its centre.
+
+    Parameters
+    ----------
+    base : Pose
+        Of the base, which may be off.
+    mount : Pose
+        On the base, exact.
+    """
+    pose = base.compose(mount)
+    arm_x_m, arm_y_m = (pose.position_m - base.position_m)[:2].tolist()
+    lever = np.eye(6)
+    lever[0, 5], lever[1, 5] = -arm_y_m, arm_x_m
+    return Pose(pose.position_m, pose.orientation, lever @ base.covariance @ lever.T)
+
+
 def at_height(places_m: FloatArray, height_m: float | FloatArray) -> FloatArray:
     """Points in space, shape (n, 3), over places in the plane, shape (n, 2)."""
     heights_m = np.broadcast_to(height_m, len(places_m))

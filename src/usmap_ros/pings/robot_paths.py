@@ -7,15 +7,17 @@ from array import array
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.pings.fields_of_view import Beam, PingViews
+from usmap_ros.pings.trajectory import Trajectory
 
 _UNKNOWN_BEAM = (math.nan,) * len(Beam._fields)
 
 
 class RobotPaths:
-    """Where each transducer was at its pings and what it looked at, at 40 bytes a ping.
+    """Where each transducer was at its pings and what it looked at, at 48 bytes a ping.
 
     For pictures of the map, and to judge whether what it calls free can have been seen.
 
@@ -28,8 +30,9 @@ class RobotPaths:
     def __init__(self, positions_m: Mapping[str, Sequence[tuple[float, float]]] | None = None):
         # x, y, and the three numbers of the beam, one ping behind the other.
         self._rows: dict[str, array[float]] = {}
+        self._stamps_ns: dict[str, array[int]] = {}
         for topic, positions in (positions_m or {}).items():
-            self._rows[topic] = array("d")
+            self._rows[topic], self._stamps_ns[topic] = array("d"), array("q")
             for x_m, y_m in positions:
                 self.add(topic, x_m, y_m)
 
@@ -40,17 +43,31 @@ class RobotPaths:
         """Whether all pings of all topics are the same."""
         if not isinstance(other, RobotPaths):
             return NotImplemented
+        if self._stamps_ns != other._stamps_ns:
+            return False
         return self._rows.keys() == other._rows.keys() and all(
             np.array_equal(rows, other._rows[topic], equal_nan=True)
             for topic, rows in self._rows.items()
         )
 
-    def add(self, topic: str, x_m: float, y_m: float, beam: Beam | None = None) -> None:
-        """Append a ping."""
+    def add(
+        self, topic: str, x_m: float, y_m: float, beam: Beam | None = None, stamp_ns: int = 0
+    ) -> None:
+        """Append a ping; a stamp of 0 is not known."""
         self._rows.setdefault(topic, array("d")).extend((x_m, y_m, *(beam or _UNKNOWN_BEAM)))
+        self._stamps_ns.setdefault(topic, array("q")).append(stamp_ns)
 
-    def add_all(self, topic: str, positions_m: FloatArray, beams: FloatArray) -> None:
-        """Append pings: positions, (n, 2), and numbers of beams, (n, 3), known or all NaN."""
+    def add_all(
+        self,
+        topic: str,
+        positions_m: FloatArray,
+        beams: FloatArray,
+        stamps_ns: NDArray[np.int64],
+    ) -> None:
+        """Append pings: positions, (n, 2), numbers of beams, (n, 3), known or all NaN, stamps."""
+        self._stamps_ns.setdefault(topic, array("q")).frombytes(
+            stamps_ns.astype(np.int64).tobytes()
+        )
         table = np.concatenate([positions_m, beams], axis=1)
         self._rows.setdefault(topic, array("d")).frombytes(table.astype(np.float64).tobytes())
 
@@ -58,6 +75,7 @@ class RobotPaths:
         """Append the pings of other paths."""
         for topic, rows in other._rows.items():
             self._rows.setdefault(topic, array("d")).extend(rows)
+            self._stamps_ns.setdefault(topic, array("q")).extend(other._stamps_ns[topic])
 
     @property
     def positions_m(self) -> dict[str, FloatArray]:
@@ -68,6 +86,22 @@ class RobotPaths:
     def beams(self) -> dict[str, FloatArray]:
         """Numbers of each ping's `Beam`, shape (pings, 3), by topic; NaN where they are unknown."""
         return {topic: self._table(topic)[:, 2:] for topic in self._rows}
+
+    @property
+    def stamps_ns(self) -> dict[str, NDArray[np.int64]]:
+        """Stamp of each ping, shape (pings,), by topic; 0 where it is not known."""
+        return {topic: np.array(stamps, np.int64) for topic, stamps in self._stamps_ns.items()}
+
+    def trajectories(self) -> dict[str, Trajectory]:
+        """Poses of each transducer, by topic, as far as stamps and headings are known."""
+        found = {}
+        for topic, stamps_ns in self.stamps_ns.items():
+            poses = self._table(topic)[:, :3]
+            known = np.flatnonzero((stamps_ns != 0) & np.isfinite(poses[:, 2]))
+            if len(known):
+                ordered = known[np.argsort(stamps_ns[known], kind="stable")]
+                found[topic] = Trajectory.planar(stamps_ns[ordered], poses[ordered])
+        return found
 
     def _table(self, topic: str) -> FloatArray:
         # A copy: while there is a view, no ping can be appended.

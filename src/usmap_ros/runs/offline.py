@@ -144,7 +144,7 @@ def map_bag(
         run.pings += 1
         run.echoes += len(cone.ranges_m)
         x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
-        paths.add(topic, x_m, y_m, Beam.of(cone))
+        paths.add(topic, x_m, y_m, Beam.of(cone), cone.stamp_ns)
         if on_cone is not None:
             on_cone(topic, cone)
     pulses = PulseSurvey(pipeline.parameters.reconstruction)

@@ -15,11 +15,19 @@ from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
 from usmap_ros.simulation.models.robots import (
     PoseErrorModel,
+    RandomWalkModel,
     RobotModel,
     WaypointModel,
 )
 from usmap_ros.simulation.models.transducers import TransducerModel
-from usmap_ros.simulation.motion import Bounds, DelayedMotion, Motion, RandomWalk, WaypointMotion
+from usmap_ros.simulation.motion import (
+    Bounds,
+    CarriedOff,
+    DelayedMotion,
+    Motion,
+    RandomWalk,
+    WaypointMotion,
+)
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
@@ -65,9 +73,7 @@ def build_robot(
     turns = [0] * count if model.simultaneous else range(count)
     seeds = noise_seed.spawn(count + 1)
     with _errors_name("motion: "):
-        motion = DelayedMotion(
-            _motion(model, scene, area, np.random.default_rng(motion_seed)), model.starts_after_s
-        )
+        motion = _motion(model, scene, area, motion_seed)
     transducers = []
     for number, transducer in enumerate(model.transducers):
         with _errors_name(f"transducers.{number}."):
@@ -83,6 +89,9 @@ def build_robot(
         moves_during_ping=model.moves_during_ping,
         error_seed=seeds[-1],
         pose_wander_s=model.pose_error.wander_s,
+        odometry=None if model.odometry is None else model.odometry.build(),
+        knows_start=model.odometry is None or model.odometry.start == "known",
+        jumps_s=tuple(move.at_s for move in model.carried_off),
     )
 
 
@@ -117,7 +126,24 @@ def check_is_within(model: RobotModel, area: Bounds) -> None:
             )
 
 
-def _motion(model: RobotModel, scene: Scene, area: Bounds, rng: np.random.Generator) -> Motion:
+def _motion(model: RobotModel, scene: Scene, area: Bounds, seed: np.random.SeedSequence) -> Motion:
+    """How a robot moves, standing at first or carried off in between where it is to."""
+    first = DelayedMotion(_own_motion(model, scene, area, seed), model.starts_after_s)
+    motion = model.motion
+    if not model.carried_off or isinstance(motion, WaypointModel):
+        return first
+    seeds = seed.spawn(len(model.carried_off))
+    then: list[tuple[float, Motion]] = []
+    for move, own in zip(model.carried_off, seeds, strict=True):
+        there = Pose.planar(*move.to)
+        walk = _random_walk(motion, scene, area, there, np.random.default_rng(own))
+        then.append((move.at_s, walk))
+    return CarriedOff(first, then)
+
+
+def _own_motion(
+    model: RobotModel, scene: Scene, area: Bounds, seed: np.random.SeedSequence
+) -> Motion:
     motion = model.motion
     if isinstance(motion, WaypointModel):
         return WaypointMotion(
@@ -128,10 +154,21 @@ def _motion(model: RobotModel, scene: Scene, area: Bounds, rng: np.random.Genera
             motion.spin_rad_s,
             motion.heading_rad,
         )
+    start = None if motion.start is None else Pose.planar(*motion.start)
+    return _random_walk(motion, scene, area, start, np.random.default_rng(seed))
+
+
+def _random_walk(
+    motion: RandomWalkModel,
+    scene: Scene,
+    area: Bounds,
+    start: Pose | None,
+    rng: np.random.Generator,
+) -> RandomWalk:
     return RandomWalk(
         scene,
         area,
-        None if motion.start is None else Pose.planar(*motion.start),
+        start,
         motion.speed_m_s,
         motion.turn_std_rad,
         motion.step_s,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import Protocol
 
 import numpy as np
@@ -51,6 +52,27 @@ class DelayedMotion:
     def pose(self, time_s: float) -> Pose:
         """True pose of the robot's base at a time after the scene's start."""
         return self._motion.pose(max(time_s - self._starts_after_s, 0.0))
+
+
+class CarriedOff:
+    """A robot that is taken to another place, once or several times, and goes on from there.
+
+    Parameters
+    ----------
+    first : Motion
+        Until it is taken away.
+    then : list of (from_s, Motion)
+        From when on it moves how, in the order of time; motions begin at their own time 0.
+    """
+
+    def __init__(self, first: Motion, then: list[tuple[float, Motion]]) -> None:
+        self._parts = [(0.0, first), *then]
+        self._starts_s = [from_s for from_s, _ in self._parts[1:]]
+
+    def pose(self, time_s: float) -> Pose:
+        """True pose of the robot's base at a time after the scene's start."""
+        from_s, motion = self._parts[bisect_right(self._starts_s, time_s)]
+        return motion.pose(time_s - from_s)
 
 
 class WaypointMotion:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 
 from usmap_ros.io.bag_writer import BagWriter
 from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.pings.trajectory import Trajectory
+from usmap_ros.simulation.robot import stamp_of
 from usmap_ros.simulation.scenario import Scenario
 from usmap_ros.simulation.simulator import EchoSimulator
 
@@ -34,6 +36,22 @@ def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> i
         count += 1
         step()
     return count
+
+
+def true_paths(scenario: Scenario) -> dict[str, Trajectory]:
+    """Where each transducer really is at its pings, by topic."""
+    paths = {}
+    for robot in scenario.fleet(scenario.scene()):
+        for index, transducer in enumerate(robot.transducers):
+            times_s = robot.ping_times_s(index, scenario.duration_s)
+            paths[transducer.topic] = Trajectory.of_poses(
+                (
+                    stamp_of(scenario.start_ns, at_s),
+                    robot.motion.pose(at_s).compose(transducer.mount),
+                )
+                for at_s in times_s
+            )
+    return paths
 
 
 def simulate(scenario: Scenario) -> Iterator[tuple[str, EchoTrace]]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from usmap_ros.acoustics.pulse import PulseShape
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
 from usmap_ros.simulation.motion import Motion
@@ -19,6 +20,7 @@ from usmap_ros.simulation.simulator import (
     Intruder,
     MountedTransducer,
 )
+from usmap_ros.simulation.wheel_odometry import OdometryErrors, WheelOdometry
 
 #: Over so much of a path its velocity is measured.
 _MOMENT_S = 1e-3
@@ -50,6 +52,12 @@ class SimulatedRobot:
         Time in which the memory of such an error falls to 1/e; 0 draws each ping's anew.
     moves_during_ping : bool
         Whether it goes on moving while it listens.
+    odometry : OdometryErrors, optional
+        How its poses drift; None: they are absolute.
+    knows_start : bool
+        Whether poses that drift are in the world's frame, and not in one of its own.
+    jumps_s : tuple of float
+        When it is carried off.
     """
 
     name: str
@@ -62,6 +70,9 @@ class SimulatedRobot:
     error_seed: np.random.SeedSequence
     pose_wander_s: float = 0.0
     moves_during_ping: bool = False
+    odometry: OdometryErrors | None = None
+    knows_start: bool = True
+    jumps_s: tuple[float, ...] = ()
 
     def arrays(self, start_ns: int) -> list[TransducerArray]:
         """What the traces of its transducers do not say of themselves, if there is anything.
@@ -98,9 +109,28 @@ class SimulatedRobot:
             return None
         return PoseErrors(self.error_seed, self.pose_wander_s)
 
+    def wheels(self) -> WheelOdometry | None:
+        """Its odometry, from its start on; None if its poses are absolute.
+
+        Each transducer has one of its own, and all draw the same.
+        """
+        if self.odometry is None:
+            return None
+        start = self.motion.pose(0.0) if self.knows_start else Pose.planar(0.0, 0.0, 0.0)
+        return WheelOdometry(self.motion, self.odometry, self.error_seed, start, self.jumps_s)
+
+    def told(
+        self, trace: EchoTrace, wheels: WheelOdometry, time_s: float, mount: Pose
+    ) -> EchoTrace:
+        """A trace with the pose that its odometry has for it."""
+        pose = on_base(wheels.at(time_s), mount)
+        frame_id = trace.frame_id if self.knows_start else f"{self.name}/odom"
+        return replace(trace, pose=pose, frame_id=frame_id)
+
     def velocity_m_s(self, time_s: float, sonar: MountedTransducer) -> FloatArray | None:
         """Velocity, (3,), of a transducer on its path; None if it stands still while it listens."""
-        if not self.moves_during_ping:
+        is_carried = any(time_s < jump_s <= time_s + _MOMENT_S for jump_s in self.jumps_s)
+        if not self.moves_during_ping or is_carried:
             return None
         now, soon = (
             self.motion.pose(at_s).compose(sonar.mount).position_m
@@ -124,6 +154,11 @@ class SimulatedRobot:
                 pose = self.motion.pose(sent_s).compose(own.mount)
                 yield Intruder(own, pose, sent_s - time_s)
 
+    def ping_times_s(self, index: int, duration_s: float) -> Iterator[float]:
+        """When transducer `index` pings, after the scene's start."""
+        for ping in range(ping_count(duration_s, self.ping_interval_s)):
+            yield self.first_ping_s[index] + ping * self.ping_interval_s
+
     def pings(
         self,
         simulator: EchoSimulator,
@@ -135,10 +170,9 @@ class SimulatedRobot:
         """Topic and trace of every ping of transducer `index`, among which `others` are heard."""
         transducer, rng = self.transducers[index], np.random.default_rng(self.noise_seeds[index])
         array = self.shared_array(start_ns)
-        errors = self.shared_pose_errors()
-        for ping in range(ping_count(duration_s, self.ping_interval_s)):
-            time_s = self.first_ping_s[index] + ping * self.ping_interval_s
-            stamp_ns = start_ns + round(time_s * NANOSECONDS)
+        errors, wheels = self.shared_pose_errors(), self.wheels()
+        for time_s in self.ping_times_s(index, duration_s):
+            stamp_ns = stamp_of(start_ns, time_s)
             pose = self.motion.pose(time_s).compose(transducer.mount)
             trace = simulator.ping(
                 transducer,
@@ -150,7 +184,14 @@ class SimulatedRobot:
                 velocity_m_s=self.velocity_m_s(time_s, transducer),
                 intruders=[one for other in others for one in other.intrusions(transducer, time_s)],
             )
+            if wheels is not None:
+                trace = self.told(trace, wheels, time_s, transducer.mount)
             yield transducer.topic, trace
+
+
+def stamp_of(start_ns: int, time_s: float) -> int:
+    """Stamp of a time after the scene's start."""
+    return start_ns + round(time_s * NANOSECONDS)
 
 
 def ping_count(duration_s: float, interval_s: float) -> int:

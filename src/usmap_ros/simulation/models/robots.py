@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from usmap_ros.bounds import WALK_STEP
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.models.transducers import TransducerModel
 from usmap_ros.simulation.models.world import Coordinate, Point
+from usmap_ros.simulation.wheel_odometry import OdometryErrors
 
 
 class PoseErrorModel(ParameterGroup):
@@ -25,6 +27,54 @@ class PoseErrorModel(ParameterGroup):
         "s",
         ge=0.0,
         le=1e6,
+    )
+
+
+class OdometryModel(ParameterGroup):
+    """Reported poses are those of wheels and a gyro, which drift; the covariance says how far."""
+
+    slip_m_per_sqrt_m: float = quantity(
+        0.02, "Error of the way's length, for the root of each metre.", "m/√m", ge=0.0, le=1.0
+    )
+    heading_rad_per_sqrt_m: float = quantity(
+        0.026, "Error of the heading, for the root of each metre.", "rad/√m", ge=0.0, le=1.0
+    )
+    turn_rad_per_sqrt_rad: float = quantity(
+        0.0,
+        "Error of the heading, for the root of each radian that it turns.",
+        "rad/√rad",
+        ge=0.0,
+        le=1.0,
+    )
+    wheel_radius_std: float = quantity(
+        0.01, "Error of the wheels' radius, relative to it; the same all the way.", ge=0.0, le=0.5
+    )
+    gyro_bias_std_rad_s: float = quantity(
+        0.0, "Drift of the heading; the same all the time.", "rad/s", ge=0.0, le=1.0
+    )
+    start: Literal["known", "unknown"] = quantity(
+        "known",
+        "Whether the robot knows where it started: poses are in the world's frame. Otherwise they"
+        " are in a frame of its own, NAME/odom, where it starts at the origin.",
+    )
+
+    def build(self) -> OdometryErrors:
+        """What the simulator needs of it."""
+        return OdometryErrors(
+            self.slip_m_per_sqrt_m,
+            self.heading_rad_per_sqrt_m,
+            self.turn_rad_per_sqrt_rad,
+            self.wheel_radius_std,
+            self.gyro_bias_std_rad_s,
+        )
+
+
+class CarriedOffModel(ParameterGroup):
+    """Somebody takes the robot to another place, of which its odometry knows nothing."""
+
+    at_s: float = quantity(..., "When, after the start.", "s", gt=0.0, le=1e6)
+    to: tuple[Coordinate, Coordinate, Coordinate] = quantity(
+        ..., "x (m), y (m) and yaw (rad) where it goes on."
     )
 
 
@@ -89,6 +139,30 @@ class RobotModel(ParameterGroup):
         "Whether it goes on moving while it listens; otherwise a ping takes no time.",
     )
     pose_error: PoseErrorModel = quantity(PoseErrorModel(), "Error of reported poses.")
+    odometry: OdometryModel | None = quantity(
+        None, "Poses drift as those of wheels do; None: they are absolute. Not beside pose_error."
+    )
+    carried_off: list[CarriedOffModel] = quantity(
+        [],
+        "When it is taken elsewhere, in the order of time; only robots that wander.",
+        max_length=100,
+    )
+
+    @model_validator(mode="after")
+    def _poses_are_off_in_one_way(self) -> RobotModel:
+        error = self.pose_error
+        if self.odometry is not None and (error.position_std_m or error.yaw_std_rad):
+            raise ValueError("odometry: does not go with pose_error")
+        return self
+
+    @model_validator(mode="after")
+    def _is_carried_in_order(self) -> RobotModel:
+        times_s = [move.at_s for move in self.carried_off]
+        if times_s and not isinstance(self.motion, RandomWalkModel):
+            raise ValueError("carried_off: only a robot of kind random_walk goes on from anywhere")
+        if any(later <= earlier for earlier, later in pairwise(times_s)):
+            raise ValueError("carried_off: at_s does not ascend")
+        return self
 
     @model_validator(mode="after")
     def _names_differ(self) -> RobotModel:

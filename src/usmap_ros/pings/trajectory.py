@@ -1,0 +1,73 @@
+"""Where something was, ping by ping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses in the order of their stamps.
+
+    Parameters
+    ----------
+    stamps_ns : (n,) int64 array
+        Nanoseconds since the epoch, ascending.
+    positions_m : (n, 3) array
+        x, y, z.
+    orientations : (n, 4) array
+        Unit quaternions x, y, z, w.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    positions_m: FloatArray
+    orientations: FloatArray
+
+    @classmethod
+    def of_poses(cls, stamped: Iterable[tuple[int, Pose]]) -> Trajectory:
+        """From poses with their stamps, in any order; of those with one stamp the first counts."""
+        poses: dict[int, Pose] = {}
+        for stamp_ns, pose in stamped:
+            poses.setdefault(stamp_ns, pose)
+        stamps_ns = np.array(sorted(poses), dtype=np.int64)
+        return cls(
+            stamps_ns,
+            np.array([poses[int(one)].position_m for one in stamps_ns]).reshape(-1, 3),
+            np.array([poses[int(one)].orientation for one in stamps_ns]).reshape(-1, 4),
+        )
+
+    @classmethod
+    def planar(cls, stamps_ns: NDArray[np.int64], poses: FloatArray) -> Trajectory:
+        """From x, y (m) and yaw (rad), shape (n, 3)."""
+        half = 0.5 * poses[:, 2]
+        zero = np.zeros(len(poses))
+        return cls(
+            np.asarray(stamps_ns, dtype=np.int64),
+            np.column_stack([poses[:, :2], zero]),
+            np.column_stack([zero, zero, np.sin(half), np.cos(half)]),
+        )
+
+    def __len__(self) -> int:
+        """Number of poses."""
+        return len(self.stamps_ns)
+
+    def at(self, rows: NDArray[np.intp]) -> Trajectory:
+        """Those of some rows."""
+        return Trajectory(self.stamps_ns[rows], self.positions_m[rows], self.orientations[rows])
+
+    def rotations(self) -> FloatArray:
+        """Orientations as matrices, shape (n, 3, 3)."""
+        x, y, z, w = self.orientations.T
+        rows = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+        return np.moveaxis(np.array(rows), -1, 0)

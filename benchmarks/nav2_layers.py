@@ -22,7 +22,7 @@ import numpy as np
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.candidates import candidate_cells
-from usmap_ros.mapping.free_space import free_space
+from usmap_ros.mapping.free_scan import free_scan
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -175,7 +175,7 @@ class ObstacleLayer:
         place_m = cone.pose.position_m[:2] - origin_m
         self.window.roll(place_m)
         if has_rays:
-            angles_rad, ranges_m = free_space(cone, parameters)
+            angles_rad, ranges_m = free_scan(cone, parameters)
             headings_rad, step_m = angles_rad + cone.pose.yaw_rad, 0.5 * self.window.resolution_m
             for heading_rad, range_m in zip(headings_rad, ranges_m, strict=True):
                 along_m = np.arange(0.0, min(range_m, RAYTRACE_RANGE_M), step_m)[:, None]

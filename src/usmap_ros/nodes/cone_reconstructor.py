@@ -33,7 +33,7 @@ from usmap_ros.live.interfaces import (
     TRANSDUCERS,
 )
 from usmap_ros.mapping.candidates import candidate_cells
-from usmap_ros.mapping.free_space import free_space
+from usmap_ros.mapping.free_scan import free_scan
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
 from usmap_ros.nodes.plumbing.inbox import Inbox
@@ -227,7 +227,7 @@ class ConeReconstructor(Node):
         if job.outputs.cells.get_subscription_count():
             job.outputs.cells.publish(self._cells_message(cone))
         if job.outputs.scan.get_subscription_count():
-            free = free_space(cone, self._mapping)
+            free = free_scan(cone, self._mapping)
             job.outputs.scan.publish(scan_to_message(cone, *free, self._types))
 
     @property

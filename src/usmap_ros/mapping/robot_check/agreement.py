@@ -7,8 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.mapping.superposition.look import ECHO, NOISE_BELOW_LIMIT, SILENCE, UNJUDGED, Look
-from usmap_ros.mapping.superposition.others import TURNS_RAD, Expected
+from usmap_ros.mapping.superposition.leave_one_out import TURNS_RAD, Expected
+from usmap_ros.mapping.superposition.ping_bins import (
+    ECHO,
+    NOISE_BELOW_LIMIT,
+    SILENCE,
+    UNJUDGED,
+    Look,
+)
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.special import running_maximum
 

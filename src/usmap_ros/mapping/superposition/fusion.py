@@ -12,15 +12,8 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.export import LOG_ODDS
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.grid import TILE_SIDE
-from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, scale_of, set_depth
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.dealing import Believed, Errand, Model, Said, rules_of
-from usmap_ros.mapping.superposition.evidence import Evidence
-from usmap_ros.mapping.superposition.few import explain, judge_first
-from usmap_ros.mapping.superposition.layers import Suspects
-from usmap_ros.mapping.superposition.learning import LEAST_POWER, Powers, seed_unexplained
-from usmap_ros.mapping.superposition.look import Look, look_of
-from usmap_ros.mapping.superposition.names import (
+from usmap_ros.mapping.superposition.evidence_layers import (
     ALIVE,
     ATTRACTION,
     BELIEF,
@@ -38,13 +31,32 @@ from usmap_ros.mapping.superposition.names import (
     SEVERAL,
     SHOWN,
     VACANCY,
+    accumulators_of,
     layer_of,
+    responsibilities_of,
 )
-from usmap_ros.mapping.superposition.others import MapByOthers
+from usmap_ros.mapping.superposition.first_pings import explain, set_first_log_odds
+from usmap_ros.mapping.superposition.layers import Suspects
+from usmap_ros.mapping.superposition.leave_one_out import LeaveOneOutMap
+from usmap_ros.mapping.superposition.log_odds import (
+    Scale,
+    find_hiding,
+    scale_of,
+    set_depth,
+    set_log_odds,
+)
+from usmap_ros.mapping.superposition.ping_bins import Look, look_of
+from usmap_ros.mapping.superposition.ping_update import (
+    Batch,
+    CellState,
+    Model,
+    rules_of,
+)
+from usmap_ros.mapping.superposition.power_estimation import LEAST_POWER, Powers, seed_unexplained
+from usmap_ros.mapping.superposition.responsibilities import Responsibilities
 from usmap_ros.mapping.superposition.resuming import take_up_evidence
-from usmap_ros.mapping.superposition.seen import Seen
-from usmap_ros.mapping.superposition.shares import Shares
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT, Snapshot
+from usmap_ros.mapping.superposition.visible_cells import VisibleCells
 from usmap_ros.mapping.superposition.window import Window
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.numerics.arrays import IndexArray
@@ -227,7 +239,7 @@ class SuperpositionFusion(Fusion):
         layer = self._grid.layer
         self._work.expect(look, self._tiles(), layer(DEPTH), layer(ALIVE), layer(POWER))
 
-    def _find(self, look: Look, among: NDArray[np.float32]) -> tuple[Seen, int]:
+    def _find(self, look: Look, among: NDArray[np.float32]) -> tuple[VisibleCells, int]:
         """Find the cells that a ping sees, of those that are not 0 in `among`."""
         return self._work.see(look, self._tiles(), self._grid.layer(DEPTH), among)
 
@@ -235,7 +247,7 @@ class SuperpositionFusion(Fusion):
         self,
         first: int,
         end: int,
-        kind: str,
+        stage: str,
         *,
         unheard: int = 0,
         is_taught: bool = True,
@@ -247,7 +259,7 @@ class SuperpositionFusion(Fusion):
         ----------
         first, end : int
             The pings.
-        kind : str
+        stage : str
             Of the evidence that what they say is added to.
         unheard : int
             From so many of them it is only learnt.
@@ -257,14 +269,16 @@ class SuperpositionFusion(Fusion):
             Whether it is known what the map expects of the first.
         """
         layer, looks = self._grid.layer, self._window.looks
-        own, block, clear, silent, *shares = (layer(layer_of(kind, name)) for name in EVIDENCE)
-        said = Said(Evidence(own, block, clear, silent, layer(RELEVANT)), Shares(*shares))
-        believed = Believed(layer(DEPTH), layer(BELIEF), layer(layer_of(SHOWN, CLEAR)))
-        powers = Powers(*(layer(name) for name in Powers._fields))
+        state = CellState(
+            depth=layer(DEPTH), log_odds=layer(BELIEF), clear=layer(layer_of(SHOWN, CLEAR))
+        )
+        powers = Powers(**{name: layer(name) for name in Powers._fields})
         least_news = 1.0 / (1 + len(self._window))
-        errand = Errand(self._window.row(first), end - first, unheard, is_taught, least_news)
-        model = Model(self._tiles(), believed, powers, self._rules)
-        self._work.visit(looks, errand, model, said, is_expected=is_expected)
+        batch = Batch(self._window.row(first), end - first, unheard, is_taught, least_news)
+        model = Model(self._tiles(), state, powers, self._rules)
+        self._work.visit(
+            looks, batch, model, accumulators_of(layer, stage), is_expected=is_expected
+        )
 
     def _begin_pass(self) -> None:
         """Gather anew, beside what pings said that have left the window."""
@@ -308,20 +322,20 @@ class SuperpositionFusion(Fusion):
         layer = self._grid.layer
         rows, columns, slots = suspected
         if self._are_few:
-            judge_first(slots, rows, columns, self._tiles(), layer(VACANCY), scale, log_odds)
+            set_first_log_odds(slots, rows, columns, self._tiles(), layer(VACANCY), scale, log_odds)
             return
         own, block = layer(layer_of(SHOWN, "own")), layer(layer_of(SHOWN, "block"))
-        judge(slots, rows, columns, self._tiles(), own, block, scale, log_odds)
+        set_log_odds(slots, rows, columns, self._tiles(), own, block, scale, log_odds)
 
     def _tiles(self) -> Tiles:
         return Tiles(*self._grid.directory, self.parameters.resolution_m)
 
     # ------------------------------------------------------------------ robots
 
-    def by_others(self) -> MapByOthers:
+    def by_others(self) -> LeaveOneOutMap:
         """A copy of the map that tells what each robot owes to the others, in any thread."""
-        copy = self._grid.copied({name: name for name in MapByOthers.LAYERS})
-        return MapByOthers(copy, self.parameters, self._scale, self._rules.bounds, self._opacity)
+        copy = self._grid.copied({name: name for name in LeaveOneOutMap.LAYERS})
+        return LeaveOneOutMap(copy, self.parameters, self._scale, self._rules.bounds, self._opacity)
 
     # ------------------------------------------------------------------ maps
 
@@ -334,10 +348,11 @@ class SuperpositionFusion(Fusion):
         self._judge(suspected, open_scale, layer(LOG_ODDS))
         slots = suspected[-1]
         log_odds = layer(LOG_ODDS)[slots]
-        shares = Shares(*(layer(layer_of(SHOWN, name))[slots] for name in Shares._fields))
+        shown = responsibilities_of(layer, SHOWN)
+        responsibilities = Responsibilities(*(values[slots] for values in shown))
         return Snapshot(
             self._grid.copied({CLEAR: layer_of(SHOWN, CLEAR), SILENT: layer_of(SHOWN, SILENT)}),
-            Suspects(*suspected, log_odds, shares),
+            Suspects(*suspected, log_odds, responsibilities),
             self._are_few, scale, self.parameters, self.frame_id, self.stamp_ns,
         ).occupancy_map  # fmt: skip
 

@@ -11,7 +11,7 @@ from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, OccupancyMa
 from usmap_ros.mapping.export import LOG_ODDS, on_map
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.normals import surface_normals
-from usmap_ros.mapping.superposition.shares import Shares
+from usmap_ros.mapping.superposition.responsibilities import Responsibilities
 from usmap_ros.numerics.arrays import IndexArray
 from usmap_ros.numerics.special import entropy, logistic, running_maximum
 
@@ -25,7 +25,7 @@ class Suspects(NamedTuple):
         The cells.
     log_odds : (n,) float32 array
         By their evidence, not clamped.
-    shares : Shares of (n,) float32 arrays
+    responsibilities : Responsibilities of (n,) float32 arrays
         In what was heard.
     """
 
@@ -33,25 +33,27 @@ class Suspects(NamedTuple):
     columns: IndexArray
     slots: IndexArray
     log_odds: NDArray[np.float32]
-    shares: Shares
+    responsibilities: Responsibilities
 
 
 def map_layers(occupancy: OccupancyMap, suspects: Suspects) -> dict[str, NDArray[np.float32]]:
     """All layers of a map."""
-    shares = suspects.shares
+    responsibilities = suspects.responsibilities
 
     def placed(values: NDArray[np.float32]) -> NDArray[np.float32]:
         return on_map(occupancy.geometry, suspects.rows, suspects.columns, values)
 
-    looks: NDArray[np.float32] = np.maximum(shares.heard, np.float32(1.0))
-    explained = _around(placed(shares.explained / looks))
-    heard: NDArray[np.float32] = np.maximum(_around(placed(shares.heard)), np.float32(1.0))
+    looks: NDArray[np.float32] = np.maximum(responsibilities.heard, np.float32(1.0))
+    explained = _around(placed(responsibilities.explained / looks))
+    heard: NDArray[np.float32] = np.maximum(
+        _around(placed(responsibilities.heard)), np.float32(1.0)
+    )
     belief = _greatest_around(placed(logistic(suspects.log_odds)))
     return {
         NORMAL: map_normals(occupancy, suspects),
         AMBIGUITY: undecided(explained, belief),
-        LOOKS_COS: _around(placed(shares.axis_cos)) / heard,
-        LOOKS_SIN: _around(placed(shares.axis_sin)) / heard,
+        LOOKS_COS: _around(placed(responsibilities.axis_cos)) / heard,
+        LOOKS_SIN: _around(placed(responsibilities.axis_sin)) / heard,
     }
 
 
@@ -96,7 +98,7 @@ def map_normals(occupancy: OccupancyMap, suspects: Suspects) -> NDArray[np.float
     """Layer `usmap_ros.grids.NORMAL` of a map."""
     heard_from = [
         on_map(occupancy.geometry, suspects.rows, suspects.columns, heard)
-        for heard in (suspects.shares.heard_x, suspects.shares.heard_y)
+        for heard in (suspects.responsibilities.heard_x, suspects.responsibilities.heard_y)
     ]
     believed = occupancy.predicted()
     return surface_normals(believed, occupancy.probability(), np.stack(heard_from, axis=-1))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.superposition.look import ECHO, SILENCE
+from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE
 from usmap_ros.mapping.superposition.sources import Sources
 from usmap_ros.numerics.compiled import compiled, compiled_within
 from usmap_ros.numerics.elementary import exp32, log32

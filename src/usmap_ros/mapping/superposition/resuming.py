@@ -7,10 +7,10 @@ import numpy as np
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.grid import TiledGrid
-from usmap_ros.mapping.superposition.belief import SILENT_LOOK, Scale, uncalibrated
 from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.evidence_layers import ALIVE, LASTING, POWER, SHOWN, layer_of
 from usmap_ros.mapping.superposition.layers import directions_heard_from
-from usmap_ros.mapping.superposition.names import ALIVE, LASTING, POWER, SHOWN, layer_of
+from usmap_ros.mapping.superposition.log_odds import SILENT_LOOK, Scale, uncalibrated
 from usmap_ros.mapping.superposition.snapshot import CLEAR, SILENT
 from usmap_ros.parameters import MappingParameters
 
@@ -47,9 +47,9 @@ def take_up_evidence(
         CLEAR: grid.layer(EXPOSURE) * (parameters.proof_rays / parameters.observed_exposure),
         SILENT: np.where(free, (scale.prior - log_odds) / SILENT_LOOK, 0.0),
     }
-    for kind in (SHOWN, LASTING):
+    for stage in (SHOWN, LASTING):
         for name, values in said.items():
-            grid.layer(layer_of(kind, name))[:] = values
+            grid.layer(layer_of(stage, name))[:] = values
     grid.layer(ALIVE)[:] = suspected
     power = np.where(suspected, parameters.reflectivity**2, 0.0)
     grid.layer(POWER)[:] = np.repeat(power, QUARTERS)

@@ -11,14 +11,14 @@ from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.mapping.continuity import bridge_gaps
 from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map
 from usmap_ros.mapping.grid import TiledGrid
-from usmap_ros.mapping.superposition.belief import (
+from usmap_ros.mapping.superposition.layers import Suspects, map_layers
+from usmap_ros.mapping.superposition.log_odds import (
     SILENT_LOOK,
     Scale,
     beside_free_space,
     calibrated,
     seen_free,
 )
-from usmap_ros.mapping.superposition.layers import Suspects, map_layers
 from usmap_ros.parameters import MappingParameters
 
 #: Layers of `Snapshot.cells`: rays that are known to have passed, and trusted silence.

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
-from usmap_ros.mapping.superposition.powers import bearing_fit
-from usmap_ros.mapping.superposition.seen import LEAST_POWER_GAIN, Seen, power_gain
+from usmap_ros.mapping.superposition.forward_model import bearing_fit
+from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, Look
+from usmap_ros.mapping.superposition.visible_cells import LEAST_POWER_GAIN, VisibleCells, power_gain
 from usmap_ros.numerics.compiled import compiled, compiled_within
 
 #: Silence against a cell outweighs an echo for it when it is so many times as frequent.
@@ -50,14 +50,14 @@ class Sources(NamedTuple):
 
 @compiled
 def tally(
-    look: Look, seen: Seen, count: int, median_power: float, sums: NDArray[np.float32]
+    look: Look, seen: VisibleCells, count: int, median_power: float, sums: NDArray[np.float32]
 ) -> None:
     """Count for and against every cell of a look whether an echo may have come from there.
 
     Parameters
     ----------
     look, seen, count
-        As in `usmap_ros.mapping.superposition.powers.expect`.
+        As in `usmap_ros.mapping.superposition.forward_model.expect`.
     median_power : float
         Power that an object scatters.
     sums : (slots,) float32 array
@@ -99,7 +99,7 @@ def returned_from(look: Look, x: float, y: float) -> float:
 
 @compiled
 def compare(
-    look: Look, index: int, seen: Seen, count: int, resolution_m: float, sources: Sources
+    look: Look, index: int, seen: VisibleCells, count: int, resolution_m: float, sources: Sources
 ) -> None:
     """Note what look number `index` heard of the sources among the cells in its cone.
 

@@ -9,7 +9,7 @@ from typing import NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.superposition.look import GAIN_STEPS, NEVER, Look
+from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS, NEVER, Look
 from usmap_ros.numerics.compiled import inlined
 
 #: Fields of a look that are numbers of their own, and those that hold one for each range bin.
@@ -33,7 +33,7 @@ class Looks(NamedTuple):
     bins : (rows,) int64 array
         How many range bins each has; what its rows below hold after those is of no meaning.
     power_gain, kind, power, next_echo, limit, bearing, bearing_weight : (rows, …) arrays
-        See `usmap_ros.mapping.superposition.look.Look`.
+        See `usmap_ros.mapping.superposition.ping_bins.Look`.
     """
 
     numbers: NDArray[np.float64]

@@ -9,25 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS, Tiles
-from usmap_ros.mapping.superposition.dealing import (
-    Errand,
-    Model,
-    Said,
-    Scratch,
-    after,
-    look_at,
-    visit,
-)
-from usmap_ros.mapping.superposition.learning import find_unexplained
-from usmap_ros.mapping.superposition.look import Look
-from usmap_ros.mapping.superposition.powers import (
+from usmap_ros.mapping.superposition.forward_model import (
     BLOCK_BINS,
     GRADIENTS,
     Bins,
     Contributions,
 )
-from usmap_ros.mapping.superposition.seen import Rays, Seen, find_cells, place_cells
-from usmap_ros.mapping.superposition.sight import cast_shadows
+from usmap_ros.mapping.superposition.ping_bins import Look
+from usmap_ros.mapping.superposition.ping_update import (
+    Accumulators,
+    Batch,
+    Model,
+    Scratch,
+    after,
+    expect_ping,
+    visit,
+)
+from usmap_ros.mapping.superposition.power_estimation import find_unexplained
+from usmap_ros.mapping.superposition.ray_casting import cast_shadows
+from usmap_ros.mapping.superposition.visible_cells import (
+    Rays,
+    VisibleCells,
+    find_cells,
+    place_cells,
+)
 from usmap_ros.mapping.superposition.window import Looks
 
 #: Rays into which a beam is divided.
@@ -47,7 +52,7 @@ class Workspace:
 
     def see(
         self, look: Look, tiles: Tiles, depth: NDArray[np.float32], among: NDArray[np.float32]
-    ) -> tuple[Seen, int]:
+    ) -> tuple[VisibleCells, int]:
         """Cells that a look sees past what is in the way, of those that are not 0 in `among`.
 
         Nothing else is in the way, whatever its depth.
@@ -76,19 +81,19 @@ class Workspace:
             Number of the cells; they, and what is expected, are in `scratch`.
         """
         self._prepare(look, tiles, len(among))
-        self._count = self._list(lambda room: look_at(look, tiles, depth, among, power, room))
+        self._count = self._list(lambda room: expect_ping(look, tiles, depth, among, power, room))
         return self._count
 
     def visit(
         self,
         looks: Looks,
-        errand: Errand,
+        batch: Batch,
         model: Model,
-        said: Said,
+        sums: Accumulators,
         *,
         is_expected: bool = False,
     ) -> None:
-        """Visit looks in turn; see `usmap_ros.mapping.superposition.dealing.visit`.
+        """Visit looks in turn; see `usmap_ros.mapping.superposition.ping_update.visit`.
 
         For each there must have been room made before, by `expect` or by `see`.
 
@@ -101,15 +106,15 @@ class Workspace:
         if not is_expected:
             self._forget(len(model.powers.alive))
         self._count = 0
-        while errand.pings:
-            visited = visit(looks, errand, expected, model, self.scratch, said)
-            if visited < errand.pings:
+        while batch.pings:
+            visited = visit(looks, batch, expected, model, self.scratch, sums)
+            if visited < batch.pings:
                 self._enlarge()
-            errand, expected = after(errand, visited), -1
+            batch, expected = after(batch, visited), -1
 
     def find_sources(
         self, look: Look, tiles: Tiles, everywhere: NDArray[np.float32]
-    ) -> tuple[Seen, int] | None:
+    ) -> tuple[VisibleCells, int] | None:
         """Cells that may have returned an echo which is not expected; None if all echoes are.
 
         To be asked after `expect`; the same rays count.
@@ -161,14 +166,14 @@ def _rays(steps: int, step_m: float) -> Rays:
     return Rays(in_sight, np.zeros(RAYS, np.float32), loudness, step_m)
 
 
-def _seen(cells: int, place: NDArray[np.int32]) -> Seen:
+def _seen(cells: int, place: NDArray[np.int32]) -> VisibleCells:
     slot, row, column, ray = (np.empty(cells, np.int64) for _ in range(4))
     x_m, y_m, range_m, bearing = (np.empty(cells, np.float32) for _ in range(4))
     low, high = (np.empty((cells, QUARTERS), np.float32) for _ in range(2))
     density, weight = (np.empty(cells, np.float32) for _ in range(2))
     first_bin, reach = (np.empty(cells, np.uint64) for _ in range(2))
     heard = np.empty((cells, QUARTERS), np.uint8)
-    return Seen(
+    return VisibleCells(
         slot, row, column, ray, x_m, y_m, range_m, bearing, low, high, density, first_bin, reach,
         heard, weight, place,
     )  # fmt: skip

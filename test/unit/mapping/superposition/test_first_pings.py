@@ -7,12 +7,12 @@ import pytest
 from scipy.special import expit, logit
 
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
-from usmap_ros.mapping.superposition import few
+from usmap_ros.mapping.superposition import first_pings
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.few import Explained, explain, weigh_sources
-from usmap_ros.mapping.superposition.look import ECHO, SILENCE, UNJUDGED, Look, look_of
-from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.first_pings import Explained, explain, weigh_sources
+from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, UNJUDGED, Look, look_of
 from usmap_ros.mapping.superposition.sources import Sources
+from usmap_ros.mapping.superposition.visible_cells import VisibleCells
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -35,7 +35,7 @@ class Area:
         self.grid.slots(rows.ravel(), columns.ravel())
         self.work = Workspace()
 
-    def find(self, look: Look, among: np.ndarray) -> tuple[Seen, int]:
+    def find(self, look: Look, among: np.ndarray) -> tuple[VisibleCells, int]:
         tiles = Tiles(*self.grid.directory, RESOLUTION_M)
         return self.work.see(look, tiles, np.zeros_like(among), among)
 
@@ -114,7 +114,7 @@ def test_silence_from_where_it_would_be_heard_acquits(area: Area, make_cone: Mak
 def test_too_many_sources_are_not_weighed(
     area: Area, make_cone: MakeCone, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(few, "MOST_PAIRS", 100)
+    monkeypatch.setattr(first_pings, "MOST_PAIRS", 100)
     assert area.explained(make_cone((1.5, 0.2))) is None
 
 
@@ -133,7 +133,7 @@ def test_odds_are_those_of_all_cases_counted() -> None:
     log_odds = np.empty(2)
     weigh_sources(sources, density, 1, audibility, float(logit(prior)), log_odds)
     for own, other in ((0, 1), (1, 0)):
-        rest = few.CLUTTER_DENSITY + prior * density[0, other]
+        rest = first_pings.CLUTTER_DENSITY + prior * density[0, other]
         ratio = audibility * density[0, own] / rest + 1.0 - audibility
         expected = expit(logit(prior) + np.log(ratio))
         assert expit(log_odds[own]) == pytest.approx(expected, rel=0.01)

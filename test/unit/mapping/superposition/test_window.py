@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
-from usmap_ros.mapping.superposition.look import Look, look_of
+from usmap_ros.mapping.superposition.ping_bins import Look, look_of
 from usmap_ros.mapping.superposition.window import FIRST_ROWS, NUMBERS, Window
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

@@ -1,4 +1,4 @@
-"""Learning: the powers of cells that make what was heard likeliest.
+"""Power estimation: the powers of cells that make what was heard likeliest.
 
 References
 ----------
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look
-from usmap_ros.mapping.superposition.powers import GRADIENTS, Bins, bearing_fit
-from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.forward_model import GRADIENTS, Bins, bearing_fit
+from usmap_ros.mapping.superposition.ping_bins import ECHO, NEVER, SILENCE, Look
+from usmap_ros.mapping.superposition.visible_cells import VisibleCells
 from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
 
 #: Share of the squared share of its strongest contributor by which a bin's power is steadier
@@ -125,7 +125,7 @@ def gradient_between(
 @compiled_within
 def learn_powers(
     look: Look,
-    seen: Seen,
+    seen: VisibleCells,
     count: int,
     bins: Bins,
     powers: Powers,
@@ -202,7 +202,7 @@ def find_unexplained(look: Look, bins: Bins, following: NDArray[np.int32]) -> bo
 @compiled
 def seed_unexplained(
     look: Look,
-    seen: Seen,
+    seen: VisibleCells,
     count: int,
     bins: Bins,
     power: NDArray[np.float32],

@@ -1,4 +1,4 @@
-"""One ping as fusion keeps it: echo powers and detection limits in bins of range."""
+"""One ping in bins of range, as fusion keeps it: echo powers and detection limits."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
     position_variance, bearing_std = _uncertainty(cone)
     half_angle = min(float(beam.half_angle_rad) + WIDENING_STDS * bearing_std, np.pi)
     bin_m = max(FINEST_BIN_M, parameters.resolution_m / BINS_PER_CELL)
-    heard, noise = _binned(cone, bin_m, bearing_std)
+    binned, noise = _binned_echoes(cone, bin_m, bearing_std)
     return Look(
         x_m=float(cone.pose.position_m[0]),
         y_m=float(cone.pose.position_m[1]),
@@ -139,7 +139,7 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
             beam.angles_rad.tobytes(), beam.gains.tobytes(), bearing_std, half_angle
         ),
         noise=noise,
-        **heard._asdict(),
+        **binned._asdict(),
     )
 
 
@@ -158,7 +158,7 @@ def _uncertainty(cone: EchoCone) -> tuple[float, float]:
     return float(position_variance), HEADING_STEP_RAD * round(bearing_std / HEADING_STEP_RAD)
 
 
-class Heard(NamedTuple):
+class BinnedEchoes(NamedTuple):
     """What a look has of each range bin; see `Look`."""
 
     kind: NDArray[np.uint8]
@@ -169,7 +169,9 @@ class Heard(NamedTuple):
     bearing_weight: NDArray[np.float32]
 
 
-def _binned(cone: EchoCone, bin_m: float, bearing_std_rad: float) -> tuple[Heard, float]:
+def _binned_echoes(
+    cone: EchoCone, bin_m: float, bearing_std_rad: float
+) -> tuple[BinnedEchoes, float]:
     """What was heard in each range bin, and the power of the noise.
 
     Parameters
@@ -183,7 +185,7 @@ def _binned(cone: EchoCone, bin_m: float, bearing_std_rad: float) -> tuple[Heard
     """
     start_m, stop_m = cone.transducer.min_range_m, cone.transducer.max_range_m
     bins = max(1, math.ceil((stop_m - start_m) / bin_m - 1e-9))
-    heard = Heard(
+    binned = BinnedEchoes(
         kind=np.empty(bins, np.uint8),
         power=np.zeros(bins, np.float32),
         next_echo=np.empty(bins + 1, np.int32),
@@ -193,12 +195,12 @@ def _binned(cone: EchoCone, bin_m: float, bearing_std_rad: float) -> tuple[Heard
     )
     # Copies: what comes from messages cannot be written to, and would be compiled for once more.
     codes, counts = cone.detection_limits.astype(np.uint8), np.zeros(len(LIMIT_AMPLITUDES), np.intp)
-    noise = _bin_limits(codes, cone.limit_step_m, bin_m, LIMIT_AMPLITUDES, counts, heard)
+    noise = _bin_limits(codes, cone.limit_step_m, bin_m, LIMIT_AMPLITUDES, counts, binned)
     place = (cone.ranges_m.astype(float) - start_m) / bin_m
-    _bin_echoes(place, cone.amplitudes.astype(float), heard)
+    _bin_echoes(place, cone.amplitudes.astype(float), binned)
     if cone.bearings_rad is not None and cone.bearing_stds_rad is not None:
-        _set_bearings(place, cone.bearings_rad, cone.bearing_stds_rad, bearing_std_rad, heard)
-    return heard, noise
+        _set_bearings(place, cone.bearings_rad, cone.bearing_stds_rad, bearing_std_rad, binned)
+    return binned, noise
 
 
 @compiled
@@ -208,7 +210,7 @@ def _bin_limits(
     bin_m: float,
     amplitudes: FloatArray,
     counts: IndexArray,
-    heard: Heard,
+    binned: BinnedEchoes,
 ) -> float:
     """Set each range bin's limit, and whether it was listened to; returns the power of the noise.
 
@@ -222,16 +224,16 @@ def _bin_limits(
         That codes stand for, rising.
     counts : (256,) integer array of zeros
         Set to the number of bins that were listened to with each code.
-    heard : Heard
+    binned : BinnedEchoes
         `kind` and `limit` are set.
     """
     total = 0
-    for b in range(len(heard.kind)):
+    for b in range(len(binned.kind)):
         code = codes[min(int((b + 0.5) * bin_m / step_m), len(codes) - 1)]
         limit = min(amplitudes[code], DEAF_AMPLITUDE)
-        heard.kind[b], heard.limit[b] = UNJUDGED, limit * limit
+        binned.kind[b], binned.limit[b] = UNJUDGED, limit * limit
         if limit < DEAF_AMPLITUDE:
-            heard.kind[b] = SILENCE
+            binned.kind[b] = SILENCE
             counts[code] += 1
             total += 1
     if total == 0:
@@ -247,7 +249,7 @@ def _bin_limits(
 
 
 @compiled
-def _bin_echoes(place: FloatArray, amplitudes: FloatArray, heard: Heard) -> None:
+def _bin_echoes(place: FloatArray, amplitudes: FloatArray, binned: BinnedEchoes) -> None:
     """Put echoes into range bins.
 
     Parameters
@@ -256,24 +258,24 @@ def _bin_echoes(place: FloatArray, amplitudes: FloatArray, heard: Heard) -> None
         Their ranges, counted in bins.
     amplitudes : (echoes,) array
         Theirs.
-    heard : Heard
+    binned : BinnedEchoes
         `kind`, `power` and `next_echo` are set.
     """
-    bins = len(heard.kind)
+    bins = len(binned.kind)
     for echo in range(len(place)):
         # An echo a hair's breadth away may have fallen into its neighbour.
         for beside in (int(place[echo]) - 1, int(place[echo]) + 1):
             if 0.0 <= place[echo] < bins and 0 <= beside < bins:
-                heard.kind[beside] = UNJUDGED
+                binned.kind[beside] = UNJUDGED
     for echo in range(len(place)):
         if 0.0 <= place[echo] < bins:
-            heard.kind[int(place[echo])] = ECHO
-            heard.power[int(place[echo])] += amplitudes[echo] * amplitudes[echo]
+            binned.kind[int(place[echo])] = ECHO
+            binned.power[int(place[echo])] += amplitudes[echo] * amplitudes[echo]
     following = NEVER
     for b in range(bins, -1, -1):
-        if b < bins and heard.kind[b] == ECHO:
+        if b < bins and binned.kind[b] == ECHO:
             following = b
-        heard.next_echo[b] = following
+        binned.next_echo[b] = following
 
 
 def _set_bearings(
@@ -281,13 +283,13 @@ def _set_bearings(
     bearings_rad: NDArray[np.float32],
     stds_rad: NDArray[np.float32],
     pose_std_rad: float,
-    heard: Heard,
+    binned: BinnedEchoes,
 ) -> None:
     """Set the bearing of the echo in each range bin, and its weight."""
-    known = ~np.isnan(bearings_rad) & (place >= 0.0) & (place < len(heard.kind))
+    known = ~np.isnan(bearings_rad) & (place >= 0.0) & (place < len(binned.kind))
     at = place[known].astype(np.intp)
-    heard.bearing[at] = bearings_rad[known]
-    heard.bearing_weight[at] = 0.5 / (stds_rad[known] ** 2 + pose_std_rad**2)
+    binned.bearing[at] = bearings_rad[known]
+    binned.bearing_weight[at] = 0.5 / (stds_rad[known] ** 2 + pose_std_rad**2)
 
 
 @lru_cache(maxsize=256)

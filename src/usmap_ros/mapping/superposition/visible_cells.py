@@ -1,4 +1,4 @@
-"""The cells of the map that may hold something, as one ping sees them."""
+"""Visible cells: those of the map that may hold something, as one ping sees them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.grid import TILE_SIDE
 from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS, Tiles, slot_at
-from usmap_ros.mapping.superposition.look import GAIN_STEPS, Look
+from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS, Look
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import atan2_32, exp32
 
@@ -42,7 +42,7 @@ class Rays(NamedTuple):
     step_m: float
 
 
-class Seen(NamedTuple):
+class VisibleCells(NamedTuple):
     """Cells of a look that may hold something, and their quarters.
 
     Parameters
@@ -127,7 +127,7 @@ def columns_in_cone(look: Look, y: float, res: float) -> tuple[int, int]:
 
 
 @compiled
-def find_cells(look: Look, tiles: Tiles, among: NDArray[np.float32], seen: Seen) -> int:
+def find_cells(look: Look, tiles: Tiles, among: NDArray[np.float32], seen: VisibleCells) -> int:
     """List the cells in a look's cone that may hold something; returns how many.
 
     The list ends when `seen` is full.
@@ -140,7 +140,7 @@ def find_cells(look: Look, tiles: Tiles, among: NDArray[np.float32], seen: Seen)
         The grid.
     among : (slots,) float32 array
         Above 0 for cells that may hold something, 0 for others.
-    seen : Seen
+    seen : VisibleCells
         `slot`, `row` and `column` are set.
     """
     res, reach = tiles.resolution_m, look.greatest_range_m
@@ -171,7 +171,12 @@ def find_cells(look: Look, tiles: Tiles, among: NDArray[np.float32], seen: Seen)
 
 @compiled
 def place_cells(
-    look: Look, res: float, next_wanted: NDArray[np.int32], rays: Rays, seen: Seen, listed: int
+    look: Look,
+    res: float,
+    next_wanted: NDArray[np.int32],
+    rays: Rays,
+    seen: VisibleCells,
+    listed: int,
 ) -> int:
     """Work out how a look sees the cells that were found; returns how many it sees.
 
@@ -189,7 +194,7 @@ def place_cells(
         First range bin from each on of which cells are wanted.
     rays : Rays
         What of the look's sound reaches where.
-    seen : Seen
+    seen : VisibleCells
         Is set, but for cells that the look does not see, which are taken out of its list.
     listed : int
         Number of the cells found.
@@ -197,8 +202,11 @@ def place_cells(
     measured, count = _measure(look, res, seen, listed), 0
     for cell in range(measured):
         extent = _extent(look, res, seen, cell)
-        middle, _, _, depth, blurred = extent
-        first, last = int(max(middle - depth - blurred, 0.0)), int(middle + depth + blurred)
+        middle, _, _, half_width, blurred = extent
+        first, last = (
+            int(max(middle - half_width - blurred, 0.0)),
+            int(middle + half_width + blurred),
+        )
         if next_wanted[min(first, len(look.kind))] > last:
             continue
         ray, share = _reaching(look, rays, seen, cell)
@@ -217,7 +225,7 @@ def place_cells(
 
 @inlined
 def _extent(
-    look: Look, res: float, seen: Seen, cell: int
+    look: Look, res: float, seen: VisibleCells, cell: int
 ) -> tuple[float, float, float, float, float]:
     """Where a cell lies in range bins, with fractions.
 
@@ -227,41 +235,41 @@ def _extent(
         Of the cell.
     along_x, along_y : float
         Of its quarters off that, to either side.
-    depth, blurred : float
+    half_width, blurred : float
         Half of a quarter along the ray, and what it is blurred to by what is uncertain of ranges.
     """
     distance, bin_m = seen.range_m[cell], look.bin_m
     scale = 0.25 * res / (distance * bin_m)
     along_x, along_y = scale * seen.x_m[cell], scale * seen.y_m[cell]
-    depth = abs(along_x) + abs(along_y)
+    half_width = abs(along_x) + abs(along_y)
     blur = 3.0 * (look.range_std_m / bin_m) * (look.range_std_m / bin_m)
-    blurred = max(min(math.sqrt(depth * depth + blur), MOST_BLUR_BINS), depth)
-    return (distance - look.least_range_m) / bin_m, along_x, along_y, depth, blurred
+    blurred = max(min(math.sqrt(half_width * half_width + blur), MOST_BLUR_BINS), half_width)
+    return (distance - look.least_range_m) / bin_m, along_x, along_y, half_width, blurred
 
 
 @inlined
 def _spread(
-    look: Look, extent: tuple[float, float, float, float, float], seen: Seen, cell: int
+    look: Look, extent: tuple[float, float, float, float, float], seen: VisibleCells, cell: int
 ) -> None:
     """Spread the power of a cell's quarters over range bins."""
-    middle, along_x, along_y, depth, blurred = extent
+    middle, along_x, along_y, half_width, blurred = extent
     least = most = middle
     for quarter in range(QUARTERS):
         center = middle + (along_x if quarter & 1 else -along_x)
         center += along_y if quarter & 2 else -along_y
         first, last = int(max(center - blurred, 0.0)), math.floor(center + blurred)
         heard = look.next_echo[min(first, len(look.kind))] <= last
-        half = blurred if heard else depth
+        half = blurred if heard else half_width
         seen.heard[cell, quarter] = 1 if heard else 0
         seen.low[cell, quarter], seen.high[cell, quarter] = center - half, center + half
         least, most = min(least, center - half), max(most, center + half)
     start = max(math.floor(least), 0)
     seen.first_bin[cell], seen.reach[cell] = start, min(math.ceil(most) - start, CELL_BINS)
-    seen.density[cell] = 0.5 / depth
+    seen.density[cell] = 0.5 / half_width
 
 
 @inlined
-def _measure(look: Look, res: float, seen: Seen, listed: int) -> int:
+def _measure(look: Look, res: float, seen: VisibleCells, listed: int) -> int:
     """Keep the listed cells that lie in the cone, with where they lie; returns how many do.
 
     `weight` is what comes back from there to a transducer that is as loud all around.
@@ -293,7 +301,7 @@ def _measure(look: Look, res: float, seen: Seen, listed: int) -> int:
 
 
 @inlined
-def _reaching(look: Look, rays: Rays, seen: Seen, cell: int) -> tuple[int, float]:
+def _reaching(look: Look, rays: Rays, seen: VisibleCells, cell: int) -> tuple[int, float]:
     """Ray that a cell lies on, and the share of the power on the axis that reaches it there."""
     steps, ray_count = rays.in_sight.shape
     x, y, distance = seen.x_m[cell], seen.y_m[cell], seen.range_m[cell]

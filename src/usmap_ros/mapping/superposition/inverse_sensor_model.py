@@ -1,4 +1,4 @@
-"""What a ping says for and against each cell: its likelihood with the cell and without it."""
+"""Inverse sensor model: what a ping says of each cell, by its likelihood with and without it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import Tiles, slot_beside
-from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
-from usmap_ros.mapping.superposition.powers import BLOCK_BINS, COLUMNS, Bins, Contributions
-from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.forward_model import BLOCK_BINS, COLUMNS, Bins, Contributions
+from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, Look
+from usmap_ros.mapping.superposition.visible_cells import VisibleCells
 from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
 from usmap_ros.numerics.elementary import exp32, log32
 
@@ -126,7 +126,7 @@ def log_ratio_without(
 @compiled
 def add_evidence(
     look: Look,
-    seen: Seen,
+    seen: VisibleCells,
     count: int,
     bins: Bins,
     parts: Contributions,
@@ -142,7 +142,7 @@ def add_evidence(
     Parameters
     ----------
     look, seen, count, bins
-        As in `usmap_ros.mapping.superposition.powers.expect`.
+        As in `usmap_ros.mapping.superposition.forward_model.expect`.
     parts : Contributions
         Of its cells.
     tiles : Tiles
@@ -172,7 +172,7 @@ def add_evidence(
 
 @inlined
 def _sum_block(
-    seen: Seen, parts: Contributions, tiles: Tiles, cell: int, start: np.uint64
+    seen: VisibleCells, parts: Contributions, tiles: Tiles, cell: int, start: np.uint64
 ) -> np.uint64:
     """Contributions of a cell and its neighbours, from bin `start` on; returns how many bins."""
     block, last = parts.block, np.uint64(0)
@@ -207,7 +207,7 @@ def add_gain(evidence: NDArray[np.float32], slot: int, gain: float, bounds: Boun
 @compiled_within
 def prove_rays(
     look: Look,
-    seen: Seen,
+    seen: VisibleCells,
     count: int,
     bins: Bins,
     parts: Contributions,

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import CELL_BINS, QUARTERS
-from usmap_ros.mapping.superposition.look import SILENCE, Look
-from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.ping_bins import SILENCE, Look
+from usmap_ros.mapping.superposition.visible_cells import VisibleCells
 from usmap_ros.numerics.compiled import compiled, inlined
 
 #: Range bins that a block of nine cells can reach into.
@@ -120,7 +120,7 @@ def bearing_fit(look: Look, b: int, bearing: float) -> float:
 @compiled
 def expect(
     look: Look,
-    seen: Seen,
+    seen: VisibleCells,
     count: int,
     power: NDArray[np.float32],
     parts: Contributions,
@@ -132,7 +132,7 @@ def expect(
     ----------
     look : Look
         The ping.
-    seen : Seen
+    seen : VisibleCells
         Its cells.
     count : int
         How many there are.
@@ -190,7 +190,9 @@ def _clear_bins(look: Look, bins: Bins) -> bool:
 
 
 @inlined
-def _fit_bearings(look: Look, seen: Seen, cell: int, parts: Contributions, bins: Bins) -> None:
+def _fit_bearings(
+    look: Look, seen: VisibleCells, cell: int, parts: Contributions, bins: Bins
+) -> None:
     """Count what a cell contributes by how well its direction fits each echo's.
 
     That is changed afterwards: with a branch in its loop, `expect` took four times as long.

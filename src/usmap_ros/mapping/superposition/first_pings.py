@@ -1,4 +1,4 @@
-"""What few pings say: every cell weighed that may have returned an echo, without picking any.
+"""The first pings: every cell weighed that may have returned an echo, without picking any.
 
 Superposition finds powers that explain what was heard; with few pings there are many such, and
 where the search ends depends on where it starts.  So it starts from the odds of a simpler model,
@@ -23,12 +23,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.superposition.belief import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_beside
-from usmap_ros.mapping.superposition.look import ECHO, SILENCE, Look
+from usmap_ros.mapping.superposition.log_odds import OWN_SHARE, Scale
 from usmap_ros.mapping.superposition.object_powers import judge_alone, power_steps
-from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, Look
 from usmap_ros.mapping.superposition.sources import Sources, compare, no_sources, tally
+from usmap_ros.mapping.superposition.visible_cells import VisibleCells
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.numerics.special import logistic, logit
 from usmap_ros.parameters import MappingParameters
@@ -111,7 +111,7 @@ class Explained(NamedTuple):
 
 def explain(
     looks: Sequence[Look],
-    find: Callable[[Look, NDArray[np.float32]], tuple[Seen, int]],
+    find: Callable[[Look, NDArray[np.float32]], tuple[VisibleCells, int]],
     cells: int,
     parameters: MappingParameters,
 ) -> Explained | None:
@@ -164,7 +164,7 @@ def _weighed(
 
 
 @compiled
-def judge_first(
+def set_first_log_odds(
     slots: NDArray[np.intp],
     rows: NDArray[np.intp],
     columns: NDArray[np.intp],
@@ -175,8 +175,9 @@ def judge_first(
 ) -> None:
     """Set the log-odds of suspected cells by what few pings say of them.
 
-    As in `usmap_ros.mapping.superposition.belief.judge`, what is certain of a block of nine cells
-    counts for those that hold a fair share of it.  Cells that are acquitted are left alone.
+    As in `usmap_ros.mapping.superposition.log_odds.set_log_odds`, what is certain of a block of
+    nine cells counts for those that hold a fair share of it.  Cells that are acquitted are left
+    alone.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A visit to a ping: what the map expects of it, and what it says of the map.
+"""Ping update: what the map expects of a ping, and what the ping says of the map.
 
 Each is one call, because from Python it takes as long to hand over the arrays as to work on them.
 """
@@ -11,23 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.superposition.cells import Tiles
-from usmap_ros.mapping.superposition.evidence import (
+from usmap_ros.mapping.superposition.forward_model import Bins, Contributions, expect
+from usmap_ros.mapping.superposition.free_space import (
+    clear_under_robot,
+    prove_free,
+    trust_silence,
+)
+from usmap_ros.mapping.superposition.inverse_sensor_model import (
     Bounds,
     Evidence,
     add_evidence,
     prepare_bins,
     prove_rays,
 )
-from usmap_ros.mapping.superposition.learning import Powers, learn_powers, weigh_bins
-from usmap_ros.mapping.superposition.look import Look
-from usmap_ros.mapping.superposition.powers import Bins, Contributions, expect
-from usmap_ros.mapping.superposition.seen import Rays, Seen, find_cells, place_cells
-from usmap_ros.mapping.superposition.shares import Shares, add_shares
-from usmap_ros.mapping.superposition.sight import (
-    cast_shadows,
-    deal_presence,
-    deal_proof,
-    deal_silence,
+from usmap_ros.mapping.superposition.ping_bins import Look
+from usmap_ros.mapping.superposition.power_estimation import Powers, learn_powers, weigh_bins
+from usmap_ros.mapping.superposition.ray_casting import cast_shadows
+from usmap_ros.mapping.superposition.responsibilities import Responsibilities, add_responsibilities
+from usmap_ros.mapping.superposition.visible_cells import (
+    Rays,
+    VisibleCells,
+    find_cells,
+    place_cells,
 )
 from usmap_ros.mapping.superposition.window import Looks, look_in
 from usmap_ros.numerics.compiled import compiled, compiled_within
@@ -41,7 +46,7 @@ class Scratch(NamedTuple):
     ----------
     rays : Rays
         Of the look.
-    seen : Seen
+    seen : VisibleCells
         Cells that it sees.
     bins : Bins
         Its range bins.
@@ -50,24 +55,24 @@ class Scratch(NamedTuple):
     """
 
     rays: Rays
-    seen: Seen
+    seen: VisibleCells
     bins: Bins
     parts: Contributions
 
 
-class Said(NamedTuple):
+class Accumulators(NamedTuple):
     """What pings say of cells.
 
     Parameters
     ----------
     evidence : Evidence
         For and against them.
-    shares : Shares
+    responsibilities : Responsibilities
         Theirs in what was heard.
     """
 
     evidence: Evidence
-    shares: Shares
+    responsibilities: Responsibilities
 
 
 class Rules(NamedTuple):
@@ -106,7 +111,7 @@ def rules_of(parameters: MappingParameters) -> Rules:
     )
 
 
-class Believed(NamedTuple):
+class CellState(NamedTuple):
     """What is known of the cells of the map; (slots,) float32 arrays.
 
     Parameters
@@ -115,17 +120,17 @@ class Believed(NamedTuple):
         Optical depth.
     log_odds : float32 array
         That a cell holds something.
-    passed : float32 array
+    clear : float32 array
         Rays known to have passed it.
     """
 
     depth: NDArray[np.float32]
     log_odds: NDArray[np.float32]
-    passed: NDArray[np.float32]
+    clear: NDArray[np.float32]
 
 
 @compiled
-def look_at(
+def expect_ping(
     look: Look,
     tiles: Tiles,
     depth: NDArray[np.float32],
@@ -173,14 +178,14 @@ def learn(look: Look, count: int, powers: Powers, least_news: float, scratch: Sc
 
 
 @compiled_within
-def deal(
+def gather_evidence(
     look: Look,
     tiles: Tiles,
     count: int,
-    believed: Believed,
+    state: CellState,
     rules: Rules,
     scratch: Scratch,
-    said: Said,
+    sums: Accumulators,
 ) -> None:
     """Add what a look says of cells, and of the way to them.
 
@@ -192,25 +197,25 @@ def deal(
         The grid.
     count : int
         Number of cells that it sees.
-    believed : Believed
+    state : CellState
         What is known of the map.
     rules : Rules
         How much counts.
     scratch : Scratch
-        After `look_at`.
-    said : Said
+        After `expect_ping`.
+    sums : Accumulators
         Added to.
     """
     rays, seen, bins, parts = scratch
     prepare_bins(look, bins)
-    add_evidence(look, seen, count, bins, parts, tiles, rules.bounds, said.evidence)
-    add_shares(look, seen, count, bins, parts, said.shares)
-    prove_rays(look, seen, count, bins, parts, believed.log_odds, tiles, rays.proven_m)
-    deal_proof(look, tiles, rays, said.evidence.clear)
-    deal_presence(look, tiles, rules.proof, rules.bounds, said.evidence)
-    deal_silence(
-        look, tiles, rays, believed.passed, rules.proof, rules.trust_m, rules.median_power,
-        said.evidence.silent,
+    add_evidence(look, seen, count, bins, parts, tiles, rules.bounds, sums.evidence)
+    add_responsibilities(look, seen, count, bins, parts, sums.responsibilities)
+    prove_rays(look, seen, count, bins, parts, state.log_odds, tiles, rays.proven_m)
+    prove_free(look, tiles, rays, sums.evidence.clear)
+    clear_under_robot(look, tiles, rules.proof, rules.bounds, sums.evidence)
+    trust_silence(
+        look, tiles, rays, state.clear, rules.proof, rules.trust_m, rules.median_power,
+        sums.evidence.silent,
     )  # fmt: skip
 
 
@@ -221,7 +226,7 @@ class Model(NamedTuple):
     ----------
     tiles : Tiles
         The grid.
-    believed : Believed
+    state : CellState
         What is known of its cells.
     powers : Powers
         What they scatter.
@@ -230,12 +235,12 @@ class Model(NamedTuple):
     """
 
     tiles: Tiles
-    believed: Believed
+    state: CellState
     powers: Powers
     rules: Rules
 
 
-class Errand(NamedTuple):
+class Batch(NamedTuple):
     """What visits are for.
 
     Parameters
@@ -244,7 +249,7 @@ class Errand(NamedTuple):
         Row of the first look.
     pings : int
         How many looks there are; after the last row comes the first.
-    first_dealt : int
+    first_gathered : int
         The first whose evidence is dealt, counted from `first`.
     is_taught : bool
         Whether powers are learnt from them.
@@ -254,28 +259,28 @@ class Errand(NamedTuple):
 
     first: int
     pings: int
-    first_dealt: int
+    first_gathered: int
     is_taught: bool
     least_news: float
 
 
-def after(errand: Errand, visits: int) -> Errand:
+def after(batch: Batch, visits: int) -> Batch:
     """What remains of an errand."""
-    return errand._replace(
-        first=errand.first + visits,
-        pings=errand.pings - visits,
-        first_dealt=max(errand.first_dealt - visits, 0),
+    return batch._replace(
+        first=batch.first + visits,
+        pings=batch.pings - visits,
+        first_gathered=max(batch.first_gathered - visits, 0),
     )
 
 
 @compiled
 def visit(
     looks: Looks,
-    errand: Errand,
+    batch: Batch,
     expected: int,
     model: Model,
     scratch: Scratch,
-    said: Said,
+    sums: Accumulators,
 ) -> int:
     """Visit looks in turn: expect what they hear, deal what they say, learn from them.
 
@@ -283,15 +288,15 @@ def visit(
     ----------
     looks : Looks
         The window.
-    errand : Errand
+    batch : Batch
         Which of them, and what for.
     expected : int
-        If not negative, `look_at` has been called for the first look, and it sees so many cells.
+        If not negative, `expect_ping` was called for the first look, and it sees so many cells.
     model : Model
         The map; its powers are learnt, if that is asked for.
     scratch : Scratch
         Room; nothing is left in `seen`.
-    said : Said
+    sums : Accumulators
         Added to.
 
     Returns
@@ -299,24 +304,24 @@ def visit(
     visited : int
         How many; the next one sees more cells than `scratch` has room for if it is not all.
     """
-    tiles, believed, powers, rules = model
-    for index in range(errand.pings):
-        look = look_in(looks, (errand.first + index) % len(looks.bins))
+    tiles, state, powers, rules = model
+    for index in range(batch.pings):
+        look = look_in(looks, (batch.first + index) % len(looks.bins))
         count = expected
         if index or count < 0:
-            count = look_at(look, tiles, believed.depth, powers.alive, powers.power, scratch)
+            count = expect_ping(look, tiles, state.depth, powers.alive, powers.power, scratch)
         if count == len(scratch.seen.slot):
             return index
-        if index >= errand.first_dealt:
-            deal(look, tiles, count, believed, rules, scratch, said)
-        if errand.is_taught:
-            learn(look, count, powers, errand.least_news, scratch)
+        if index >= batch.first_gathered:
+            gather_evidence(look, tiles, count, state, rules, scratch, sums)
+        if batch.is_taught:
+            learn(look, count, powers, batch.least_news, scratch)
         forget(scratch.seen, count)
-    return errand.pings
+    return batch.pings
 
 
 @compiled_within
-def forget(seen: Seen, count: int) -> None:
+def forget(seen: VisibleCells, count: int) -> None:
     """Let no cell be seen any more."""
     for cell in range(count):
         seen.place[seen.slot[cell]] = -1

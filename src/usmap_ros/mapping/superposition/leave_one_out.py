@@ -1,4 +1,4 @@
-"""What the map owes to each robot, and what it expects of a ping without that robot's word."""
+"""Leave-one-out: what the map owes to each robot, and expects of a ping without its word."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.grid import TiledGrid
-from usmap_ros.mapping.superposition.belief import Scale, find_hiding, judge, set_depth
 from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles
-from usmap_ros.mapping.superposition.evidence import Bounds, Evidence, add_evidence, prepare_bins
-from usmap_ros.mapping.superposition.look import Look, look_of
+from usmap_ros.mapping.superposition.inverse_sensor_model import (
+    Bounds,
+    Evidence,
+    add_evidence,
+    prepare_bins,
+)
+from usmap_ros.mapping.superposition.log_odds import Scale, find_hiding, set_depth, set_log_odds
+from usmap_ros.mapping.superposition.ping_bins import Look, look_of
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.parameters import MappingParameters
@@ -44,7 +49,7 @@ class Expected(NamedTuple):
     turned: FloatArray
 
 
-class MapByOthers:
+class LeaveOneOutMap:
     """Splits a map by whom its evidence comes from.
 
     Parameters
@@ -136,7 +141,7 @@ class MapByOthers:
         log_odds = np.full_like(self._alive, self._scale.least)
         hiding, depth = np.zeros_like(self._alive), np.zeros_like(self._alive)
         cells = (self._slots, self._rows, self._columns, self._tiles)
-        judge(*cells, own, block, self._scale, log_odds)
+        set_log_odds(*cells, own, block, self._scale, log_odds)
         find_hiding(*cells, own, block, self._scale, hiding)
         set_depth(*cells, hiding, self._opacity, depth)
         return np.where(np.repeat(log_odds > 0.0, QUARTERS), self._power, np.float32(0.0)), depth

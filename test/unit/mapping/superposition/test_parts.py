@@ -9,24 +9,25 @@ from scipy.special import expit, logit
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.grid import TILE_SIDE, TiledGrid
 from usmap_ros.mapping.robot_check.agreement import log_likelihood
-from usmap_ros.mapping.superposition.belief import (
+from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
+from usmap_ros.mapping.superposition.free_space import prove_free
+from usmap_ros.mapping.superposition.inverse_sensor_model import Bounds, add_gain
+from usmap_ros.mapping.superposition.log_odds import (
     Scale,
     beside_free_space,
     calibrated,
     evidence_of,
     uncalibrated,
 )
-from usmap_ros.mapping.superposition.cells import QUARTERS, Tiles, slot_at
-from usmap_ros.mapping.superposition.dealing import learn
-from usmap_ros.mapping.superposition.evidence import Bounds, add_gain
-from usmap_ros.mapping.superposition.learning import (
+from usmap_ros.mapping.superposition.ping_bins import ECHO, NEVER, SILENCE, Look, look_of
+from usmap_ros.mapping.superposition.ping_update import learn
+from usmap_ros.mapping.superposition.power_estimation import (
     Powers,
     find_unexplained,
     gradient_between,
     weigh_bins,
 )
-from usmap_ros.mapping.superposition.look import ECHO, NEVER, SILENCE, Look, look_of
-from usmap_ros.mapping.superposition.sight import HIDDEN, OWN_STEPS, deal_proof
+from usmap_ros.mapping.superposition.ray_casting import HIDDEN, OWN_STEPS
 from usmap_ros.mapping.superposition.workspace import Workspace
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -308,7 +309,7 @@ def test_proof_ends_a_cell_before_what_the_sound_came_back_from(
     rays, clear = area.work.scratch.rays, area.nothing.copy()
     rays.proven_m[:] = 0.0
     rays.proven_m[len(rays.proven_m) // 2] = 1.5
-    deal_proof(look, area.tiles, rays, clear)
+    prove_free(look, area.tiles, rays, clear)
     assert clear[area.slot(1.4, 0.03)] == 1.0
     assert clear[area.slot(1.53, 0.03)] == 0.0
     assert clear.sum() == pytest.approx(29, abs=2)

@@ -16,7 +16,7 @@ RAY_STEP_RAD = 0.035
 CAUTION = 3.0
 
 
-class FreeSpace(NamedTuple):
+class FreeScan(NamedTuple):
     """Rays of a ping.
 
     Parameters
@@ -31,7 +31,7 @@ class FreeSpace(NamedTuple):
     ranges_m: FloatArray
 
 
-def free_space(cone: EchoCone, parameters: MappingParameters) -> FreeSpace:
+def free_scan(cone: EchoCone, parameters: MappingParameters) -> FreeScan:
     """Rays through what a ping says is free.
 
     Each ends before the first echo, wherever in the beam that came from, and where a faint object
@@ -62,4 +62,4 @@ def free_space(cone: EchoCone, parameters: MappingParameters) -> FreeSpace:
     if len(cone.ranges_m):
         margin_m = parameters.resolution_m + CAUTION * float(cone.range_stds_m[0])
         ranges_m = np.minimum(ranges_m, float(cone.ranges_m[0]) - margin_m)
-    return FreeSpace(angles_rad, np.where(ranges_m > transducer.min_range_m, ranges_m, 0.0))
+    return FreeScan(angles_rad, np.where(ranges_m > transducer.min_range_m, ranges_m, 0.0))

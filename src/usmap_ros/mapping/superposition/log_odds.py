@@ -1,4 +1,4 @@
-"""From evidence to what the map says: log-odds, and how opaque each cell is to sound."""
+"""Log-odds update: from evidence to what the map says, and how opaque each cell is to sound."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def log_odds_of(evidence: float, scale: Scale) -> float:
 
 
 @compiled
-def judge(
+def set_log_odds(
     slots: NDArray[np.intp],
     rows: NDArray[np.intp],
     columns: NDArray[np.intp],
@@ -143,7 +143,7 @@ def find_hiding(
 ) -> None:
     """Belief that suspected cells belong to something that hides what is behind it.
 
-    Arguments are those of `judge`; `hiding` is set.
+    Arguments are those of `set_log_odds`; `hiding` is set.
     """
     for index in range(len(slots)):
         slot = slots[index]
@@ -195,7 +195,7 @@ def calibrated(log_odds: NDArray[np.float32], scale: Scale) -> NDArray[np.float3
     Parameters
     ----------
     log_odds : (n,) float32 array
-        By `judge`, not clamped.
+        By `set_log_odds`, not clamped.
     scale : Scale
         Of the evidence.
 
@@ -221,7 +221,7 @@ def beside_free_space(
     Parameters
     ----------
     log_odds : (n,) float32 array
-        By `judge`, not clamped.
+        By `set_log_odds`, not clamped.
     shown : (n,) float32 array
         The same after `calibrated`.
     scale : Scale

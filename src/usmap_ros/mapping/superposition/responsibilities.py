@@ -1,4 +1,4 @@
-"""How much of the echoes that may have come from a cell it explains, and who heard them."""
+"""Responsibilities: how much of the echoes that may be a cell's it explains, and who heard them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.superposition.look import ECHO, Look
-from usmap_ros.mapping.superposition.powers import Bins, Contributions
-from usmap_ros.mapping.superposition.seen import Seen
+from usmap_ros.mapping.superposition.forward_model import Bins, Contributions
+from usmap_ros.mapping.superposition.ping_bins import ECHO, Look
+from usmap_ros.mapping.superposition.visible_cells import VisibleCells
 from usmap_ros.numerics.compiled import compiled_within
 
 
-class Shares(NamedTuple):
+class Responsibilities(NamedTuple):
     """Sums over the looks in which an echo may have come from a cell; (slots,) float32 arrays.
 
     Parameters
@@ -39,8 +39,13 @@ class Shares(NamedTuple):
 
 
 @compiled_within
-def add_shares(
-    look: Look, seen: Seen, count: int, bins: Bins, parts: Contributions, shares: Shares
+def add_responsibilities(
+    look: Look,
+    seen: VisibleCells,
+    count: int,
+    bins: Bins,
+    parts: Contributions,
+    responsibilities: Responsibilities,
 ) -> None:
     """Add what a look tells of its cells' shares in its echoes.
 
@@ -49,8 +54,8 @@ def add_shares(
     Parameters
     ----------
     look, seen, count, bins, parts
-        As in `usmap_ros.mapping.superposition.evidence.add_evidence`.
-    shares : Shares
+        As in `usmap_ros.mapping.superposition.inverse_sensor_model.add_evidence`.
+    responsibilities : Responsibilities
         Added to.
     """
     expected, kind = bins.expected, look.kind
@@ -63,11 +68,11 @@ def add_shares(
         if best >= 0.0:
             slot = seen.slot[cell]
             x, y = seen.x_m[cell], seen.y_m[cell]
-            shares.explained[slot] += best
-            shares.heard[slot] += 1.0
+            responsibilities.explained[slot] += best
+            responsibilities.heard[slot] += 1.0
             distance = max(math.sqrt(x * x + y * y), 1e-9)
             cosine, sine = x / distance, y / distance
-            shares.axis_cos[slot] += cosine * cosine - sine * sine
-            shares.axis_sin[slot] += 2.0 * cosine * sine
-            shares.heard_x[slot] -= best * cosine
-            shares.heard_y[slot] -= best * sine
+            responsibilities.axis_cos[slot] += cosine * cosine - sine * sine
+            responsibilities.axis_sin[slot] += 2.0 * cosine * sine
+            responsibilities.heard_x[slot] -= best * cosine
+            responsibilities.heard_y[slot] -= best * sine

@@ -58,7 +58,7 @@ def score_paths(
     Parameters
     ----------
     estimates : mapping of str to Trajectory
-        By name.
+        Path of each robot as the map has it, by the robot's name.
     truths : mapping of str to Trajectory
         By the same names; a single one may have any, and hold the poses of several paths, which
         are told apart by their stamps.

@@ -37,7 +37,7 @@ def replace_files(folder: Path, contents: Mapping[str, bytes], gone: Iterable[st
     folder : path
         Other files in it are left alone.
     contents : mapping of str to bytes
-        By name.
+        What each file is to hold, by its name in the folder.
     gone : iterable of str
         Names of files that belong to them and are there no more.
 

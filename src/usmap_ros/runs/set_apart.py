@@ -59,9 +59,9 @@ def in_one_frame(pings: Iterable[Ping], frame: CommonFrame, apart: SetApart) -> 
     pings : iterable of (str, EchoCone)
         Topic and cone, in the order of their stamps.
     frame : CommonFrame
-        Decides.
+        Decides which frame is the map's.
     apart : SetApart
-        Counts.
+        Counts what is set apart, by cause.
     """
 
     def sorted_out(waiting: list[Ping]) -> Iterator[Ping]:

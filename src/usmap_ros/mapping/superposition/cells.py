@@ -65,7 +65,7 @@ def slot_beside(slot: int, row: int, column: int, rows: int, columns: int, tiles
     rows, columns : int
         How far it is.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     """
     inside_row, inside_column = ((slot >> TILE_BITS) & _INSIDE) + rows, (slot & _INSIDE) + columns
     if 0 <= inside_row < TILE_SIDE and 0 <= inside_column < TILE_SIDE:

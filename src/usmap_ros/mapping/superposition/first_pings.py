@@ -46,7 +46,7 @@ def weigh_sources(
     sources: Sources,
     density: NDArray[np.float64],
     bin_count: int,
-    audibility: float,
+    detection_probability: float,
     prior_log_odds: float,
     log_odds: NDArray[np.float64],
 ) -> None:
@@ -58,12 +58,12 @@ def weigh_sources(
         After `judge_alone`.
     bin_count : int
         Of the look with most range bins.
-    audibility : float
+    detection_probability : float
         Probability that an object that is loud enough is heard.
     prior_log_odds : float
         Of a quarter.
     log_odds : (quarters,) float64 array
-        Set.
+        Set to those that each quarter holds an object.
     """
     looks_count, quarters = sources.kind.shape
     message = np.zeros((looks_count, quarters))
@@ -83,9 +83,15 @@ def weigh_sources(
                 if sources.kind[index, here] == ECHO:
                     rest = explained[sources.bin[index, here]] - share[here]
                     rest = max(rest, CLUTTER_DENSITY)
-                    new = math.log(audibility * density[index, here] / rest + 1.0 - audibility)
+                    new = math.log(
+                        detection_probability * density[index, here] / rest
+                        + 1.0
+                        - detection_probability
+                    )
                 elif sources.kind[index, here] == SILENCE:
-                    new = math.log(audibility * density[index, here] + 1.0 - audibility)
+                    new = math.log(
+                        detection_probability * density[index, here] + 1.0 - detection_probability
+                    )
                 new = DAMPING * message[index, here] + (1.0 - DAMPING) * new
                 log_odds[here] += new - message[index, here]
                 message[index, here] = new
@@ -97,7 +103,7 @@ class Explained(NamedTuple):
     Parameters
     ----------
     slots : (cells,) integer array
-        The cells.
+        Places in memory of the cells that may hold an object.
     vacancy : (cells,) float64 array
         Logarithm of the probability that no quarter of a cell holds an object.
     power : (cells, QUARTERS) float64 array
@@ -120,7 +126,7 @@ def explain(
     Parameters
     ----------
     looks : sequence of Look
-        The pings.
+        The few pings, in bins of range.
     find : callable
         Finds the cells that a ping sees, of those that are not 0 in a layer.
     cells : int
@@ -182,15 +188,15 @@ def set_first_log_odds(
     Parameters
     ----------
     slots, rows, columns : (n,) integer arrays
-        The cells.
+        Place in memory, row and column of each suspected cell.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     vacancy : (slots,) float32 array
         Logarithm of the probability that no quarter of a cell holds an object.
     scale : Scale
         Clamps, and the prior.
     log_odds : (slots,) float32 array
-        Set.
+        Set for these cells, to that they are occupied.
     """
     for index in range(len(slots)):
         slot = slots[index]

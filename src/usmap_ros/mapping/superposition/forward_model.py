@@ -56,7 +56,7 @@ class Bins(NamedTuple):
     counted : (2, bins) float32 array
         1 for bins that count, 0 for others, for both kinds of quarters.
     expected : (bins,) float32 array
-        λ.
+        λ, the power that each range bin should return.
     squares : (bins,) float32 array
         Sum of the squared contributions to λ.
     inverse : (bins,) float32 array
@@ -131,15 +131,15 @@ def expect(
     Parameters
     ----------
     look : Look
-        The ping.
+        The ping in bins of range.
     seen : VisibleCells
-        Its cells.
+        Cells in its cone, as `place_cells` left them.
     count : int
         How many there are.
     power : (slots * QUARTERS,) float32 array
         v of each quarter.
     parts : Contributions
-        Set.
+        Set to what each cell contributes to each of its bins.
     bins : Bins
         `counted`, `expected` and `squares` are set.
     """

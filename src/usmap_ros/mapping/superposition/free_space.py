@@ -32,7 +32,7 @@ def prove_free(look: Look, tiles: Tiles, rays: Rays, clear: NDArray[np.float32])
     look, tiles, rays
         As above, `rays.proven_m` set.
     clear : (slots,) float32 array
-        Added to.
+        Rays that passed each cell; those of this ping are added.
     """
     ray_count = len(rays.proven_m)
     res = tiles.resolution_m
@@ -66,7 +66,7 @@ def clear_under_robot(
     bounds : Bounds
         Of what can be said against one.
     evidence : Evidence
-        Changed.
+        Of the cells under the robot, `clear`, `own` and `block` are changed.
     """
     res = tiles.resolution_m
     reach = int(PRESENCE_M / res) + 1
@@ -107,11 +107,11 @@ def trust_silence(
     proof : float
         How many of them prove that a cell is clear.
     trust_m : float
-        See above.
+        Way over which trust in silence falls by 1/e, m.
     median_power : float
         Power that an object scatters.
     silent : (slots,) float32 array
-        Added to.
+        Times that something would have been heard; this ping's are added.
     """
     ray_count, res = rays.in_sight.shape[1], tiles.resolution_m
     ray_width = 2.0 * look.half_angle_rad / ray_count

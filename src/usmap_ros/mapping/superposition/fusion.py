@@ -258,7 +258,7 @@ class SuperpositionFusion(Fusion):
         Parameters
         ----------
         first, end : int
-            The pings.
+            Numbers of the first ping in the window, and of the one after the last.
         stage : str
             Of the evidence that what they say is added to.
         unheard : int

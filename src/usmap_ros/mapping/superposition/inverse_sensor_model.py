@@ -99,13 +99,13 @@ def log_ratio_without(
     Parameters
     ----------
     bins : Bins
-        After `prepare_bins`.
+        What is expected in each range bin, as `prepare_bins` left it.
     power : (end,) float32 array
         The contributions to expected powers, from bin `start` on.
     start, end : integer
         The first bin, and how many there are.
     most : float
-        The bound.
+        Magnitude that the sum must not exceed.
     """
     total, bound = _ZERO, np.float32(most)
     for group in range(0, end, COLUMNS):
@@ -146,7 +146,7 @@ def add_evidence(
     parts : Contributions
         Of its cells.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     bounds : Bounds
         Of what can be said.
     evidence : Evidence
@@ -224,9 +224,9 @@ def prove_rays(
     belief : (slots,) float32 array
         Log-odds of each cell.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     proven_m : (rays,) float32 array
-        Set.
+        Set to the range up to which each ray is known to be free.
     """
     for ray in range(len(proven_m)):
         proven_m[ray] = 0.0

@@ -22,7 +22,7 @@ class Suspects(NamedTuple):
     Parameters
     ----------
     rows, columns, slots : (n,) integer arrays
-        The cells.
+        Row, column and place in memory of each suspected cell.
     log_odds : (n,) float32 array
         By their evidence, not clamped.
     responsibilities : Responsibilities of (n,) float32 arrays

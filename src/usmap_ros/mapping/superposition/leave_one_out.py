@@ -37,7 +37,7 @@ class Expected(NamedTuple):
     Parameters
     ----------
     look : Look
-        The ping.
+        The ping in bins of range.
     power : (bins,) array
         Expected power of each range bin, the receiver's noise included.
     turned : (TURNS_RAD, bins) array
@@ -61,7 +61,7 @@ class LeaveOneOutMap:
     scale : Scale
         How evidence becomes log-odds.
     bounds : Bounds
-        Of evidence.
+        How much can be said of a cell.
     opacity : float
         Of what is believed in.
     """

@@ -44,7 +44,7 @@ class Scale(NamedTuple):
     slope : float
         Log-odds per unit of log-likelihood ratio; less than 1, as looks are not independent.
     least, greatest : float
-        Clamps.
+        Bounds that log-odds are kept within.
     prior : float
         Log-odds of a cell of which nothing is known.
     """
@@ -108,15 +108,15 @@ def set_log_odds(
     Parameters
     ----------
     slots, rows, columns : (n,) integer arrays
-        The cells.
+        Place in memory, row and column of each suspected cell.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     own, block : (slots,) float32 arrays
         Evidence of cells by themselves and with their neighbours.
     scale : Scale
         How it becomes log-odds.
     log_odds : (slots,) float32 array
-        Set.
+        Set for these cells, to that they are occupied.
     """
     for index in range(len(slots)):
         slot = slots[index]

@@ -72,9 +72,9 @@ def compare_powers(
     variance : float
         Of the logarithm of the echo's power.
     steps : PowerSteps
-        The powers.
+        Powers that an object may scatter, and how likely each is beforehand.
     likelihood : (POWER_STEPS,) float32 array
-        Set.
+        Set to the likelihood of what was heard, for each power.
     total : (POWER_STEPS,) float32 array
         The logarithms are added.
     """
@@ -110,13 +110,13 @@ def judge_alone(
     Parameters
     ----------
     sources : Sources
-        After `compare`.
+        Quarters that may have returned echoes, as `compare` left them.
     steps : PowerSteps
         Powers that an object may have.
     fluctuation : float
         Standard deviation of ln amplitude from look to look.
     density : (looks, quarters) float64 array
-        Set.
+        Set to the density of each ping's echo if it came from a quarter.
     power : (quarters,) float64 array
         Set to the mean of the power, if there is an object.
     """

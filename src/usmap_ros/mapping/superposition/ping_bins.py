@@ -177,7 +177,7 @@ def _binned_echoes(
     Parameters
     ----------
     cone : EchoCone
-        The ping.
+        One ping's echoes and detection limits.
     bin_m : float
         Width of a bin.
     bearing_std_rad : float
@@ -257,7 +257,7 @@ def _bin_echoes(place: FloatArray, amplitudes: FloatArray, binned: BinnedEchoes)
     place : (echoes,) array
         Their ranges, counted in bins.
     amplitudes : (echoes,) array
-        Theirs.
+        Amplitude of each echo, 1 for an ideal point target at 1 m.
     binned : BinnedEchoes
         `kind`, `power` and `next_echo` are set.
     """

@@ -117,7 +117,7 @@ class CellState(NamedTuple):
     Parameters
     ----------
     depth : float32 array
-        Optical depth.
+        Optical depth of each cell for sound that crosses it.
     log_odds : float32 array
         That a cell holds something.
     clear : float32 array
@@ -143,9 +143,9 @@ def expect_ping(
     Parameters
     ----------
     look : Look
-        The ping.
+        The ping in bins of range.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     depth : (slots,) float32 array
         Optical depth of each cell.
     among : (slots,) float32 array
@@ -153,7 +153,7 @@ def expect_ping(
     power : (slots * QUARTERS,) float32 array
         Of each quarter.
     scratch : Scratch
-        Set.
+        Room for rays, cells and bins, which are set.
 
     Returns
     -------
@@ -192,9 +192,9 @@ def gather_evidence(
     Parameters
     ----------
     look : Look
-        The ping.
+        The ping in bins of range.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     count : int
         Number of cells that it sees.
     state : CellState
@@ -202,9 +202,9 @@ def gather_evidence(
     rules : Rules
         How much counts.
     scratch : Scratch
-        After `expect_ping`.
+        Rays, cells and bins as `expect_ping` left them.
     sums : Accumulators
-        Added to.
+        Sums over pings, to which this one's evidence is added.
     """
     rays, seen, bins, parts = scratch
     prepare_bins(look, bins)
@@ -225,7 +225,7 @@ class Model(NamedTuple):
     Parameters
     ----------
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     state : CellState
         What is known of its cells.
     powers : Powers
@@ -287,7 +287,7 @@ def visit(
     Parameters
     ----------
     looks : Looks
-        The window.
+        All pings of the window, one a row.
     batch : Batch
         Which of them, and what for.
     expected : int
@@ -297,7 +297,7 @@ def visit(
     scratch : Scratch
         Room; nothing is left in `seen`.
     sums : Accumulators
-        Added to.
+        Sums over pings, to which this one's evidence is added.
 
     Returns
     -------

@@ -101,7 +101,7 @@ def gradient_between(
     Parameters
     ----------
     bins : Bins
-        After `weigh_bins`.
+        Range bins with their weights, as `weigh_bins` left them.
     bin_count : int
         How many there are.
     low, high : float
@@ -144,7 +144,7 @@ def learn_powers(
     look, seen, count, bins
         After `weigh_bins`.
     powers : Powers
-        Changed.
+        Of which those of the cells that are seen are changed.
     least_news : float
         What a look counts at least in the averages: a few pings are visited many times.
     """

@@ -29,7 +29,7 @@ def cast_shadows(
     Parameters
     ----------
     look : Look
-        The ping.
+        The ping in bins of range.
     res : float
         Side of a cell, m.
     seen : VisibleCells

@@ -56,7 +56,7 @@ def add_responsibilities(
     look, seen, count, bins, parts
         As in `usmap_ros.mapping.superposition.inverse_sensor_model.add_evidence`.
     responsibilities : Responsibilities
-        Added to.
+        Sums over pings, to which this one's are added.
     """
     expected, kind = bins.expected, look.kind
     for cell in range(count):

@@ -25,7 +25,7 @@ def take_up_evidence(
     grid : TiledGrid
         With the log-odds and the exposure of the map; its other layers are set.
     occupancy : OccupancyMap
-        The map.
+        The map that was exported, with its layers.
     parameters : MappingParameters
         Of the model.
     scale : Scale

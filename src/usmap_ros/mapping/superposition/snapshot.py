@@ -38,7 +38,7 @@ class Snapshot:
     are_few : bool
         Whether their log-odds are those of few pings, and are shown as they are.
     scale : Scale
-        Of log-odds.
+        How evidence becomes log-odds.
     parameters : MappingParameters
         Of the map.
     frame_id, stamp_ns

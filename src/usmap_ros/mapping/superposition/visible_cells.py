@@ -135,9 +135,9 @@ def find_cells(look: Look, tiles: Tiles, among: NDArray[np.float32], seen: Visib
     Parameters
     ----------
     look : Look
-        The ping.
+        The ping in bins of range.
     tiles : Tiles
-        The grid.
+        Where the grid's cells are in memory.
     among : (slots,) float32 array
         Above 0 for cells that may hold something, 0 for others.
     seen : VisibleCells
@@ -187,7 +187,7 @@ def place_cells(
     Parameters
     ----------
     look : Look
-        The ping.
+        The ping in bins of range.
     res : float
         Side of a cell, m.
     next_wanted : (bins + 1,) int32 array

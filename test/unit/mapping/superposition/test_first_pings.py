@@ -120,7 +120,7 @@ def test_too_many_sources_are_not_weighed(
 
 def test_odds_are_those_of_all_cases_counted() -> None:
     """One echo and two quarters: there is no circle, so belief propagation is exact."""
-    prior, audibility, density = 0.1, 0.95, np.array([[0.6, 0.2]])
+    prior, detection_probability, density = 0.1, 0.95, np.array([[0.6, 0.2]])
     sources = Sources(
         row_of=np.zeros(1, np.int64),
         kind=np.full((1, 2), ECHO, np.uint8),
@@ -131,10 +131,10 @@ def test_odds_are_those_of_all_cases_counted() -> None:
         noise=np.ones(1),
     )
     log_odds = np.empty(2)
-    weigh_sources(sources, density, 1, audibility, float(logit(prior)), log_odds)
+    weigh_sources(sources, density, 1, detection_probability, float(logit(prior)), log_odds)
     for own, other in ((0, 1), (1, 0)):
         rest = first_pings.CLUTTER_DENSITY + prior * density[0, other]
-        ratio = audibility * density[0, own] / rest + 1.0 - audibility
+        ratio = detection_probability * density[0, own] / rest + 1.0 - detection_probability
         expected = expit(logit(prior) + np.log(ratio))
         assert expit(log_odds[own]) == pytest.approx(expected, rel=0.01)
 

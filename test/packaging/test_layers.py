@@ -1,14 +1,14 @@
 """Imports go one way, in no circle, and the core needs no ROS."""
 
-import ast
+import importlib.util
 import re
-from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).parents[2] / "src" / "usmap_ros"
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "usmap_ros"
 #: Modules and packages from the bottom up; those that share a layer do not know each other.
 LAYERS = [
     {"errors", "lazy_names"},
@@ -33,24 +33,17 @@ ROS = {
     "rosgraph_msgs", "rosidl_runtime_py", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs",
     "tf2_ros", "usmap_msgs",
 }  # fmt: skip
-MODULES = {
-    ".".join(("usmap_ros", *path.relative_to(SOURCE).with_suffix("").parts)).removesuffix(
-        ".__init__"
-    ): path
-    for path in SOURCE.rglob("*.py")
-}
+_spec = importlib.util.spec_from_file_location("map_of_code", ROOT / "tools" / "map_of_code.py")
+assert _spec is not None
+assert _spec.loader is not None
+map_of_code = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(map_of_code)
+MODULES: dict[str, Path] = map_of_code.modules_of(SOURCE)
 
 
-def imported(path: Path) -> Iterator[str]:
-    """Every module that a file imports, at its top, in a function, or for the type checker."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            for alias in node.names:
-                # A package that is asked for a module has only to find it.
-                module = f"{node.module}.{alias.name}"
-                yield module if module in MODULES else node.module
+def imported(path: Path) -> set[str]:
+    """Every module that a file imports."""
+    return set(map_of_code.imported(path, MODULES))
 
 
 #: What each module imports of the package.  The package's own page of names points everywhere.
@@ -102,7 +95,7 @@ def test_the_core_imports_no_ros() -> None:
 
 
 def test_the_map_of_the_code_has_the_same_layers() -> None:
-    page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     table = page.split("## The map of the code")[1].split("\n## ")[0]
     rows = re.findall(r"^\| (`[^|]*`) \|", table, flags=re.MULTILINE)
     assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == LAYERS
@@ -110,7 +103,7 @@ def test_the_map_of_the_code_has_the_same_layers() -> None:
 
 @pytest.mark.parametrize("page", ["README.md", "src/usmap_ros/__init__.py"])
 def test_what_is_said_of_the_direction_is_so(page: str) -> None:
-    text = (SOURCE.parents[1] / page).read_text(encoding="utf-8")
+    text = (ROOT / page).read_text(encoding="utf-8")
     (chain,) = re.findall(r"\w+`*(?: → `*\w+`*){4,}", text)
     heights = [HEIGHT[name] for name in re.findall(r"\w+", chain)]
     assert heights == sorted(set(heights))

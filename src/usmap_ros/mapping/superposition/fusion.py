@@ -1,4 +1,4 @@
-"""Fusion by superposition: a window of pings, explained together and dealt again in turn."""
+"""Fusion by superposition: a window of pings, explained together and gathered again in turn."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class SuperpositionFusion(Fusion):
     from the start again.  A visit works out what the map expects of the ping, and gathers what
     the ping says of cells' being there and of free space; their powers are learnt at once.  When
     a pass through the window ends, beliefs are renewed, with them what hides what, and nothing of
-    what was gathered under the old beliefs remains: silence too is dealt anew.
+    what was gathered under the old beliefs remains: silence too is gathered anew.
 
     Parameters
     ----------

@@ -250,7 +250,7 @@ class Batch(NamedTuple):
     pings : int
         How many looks there are; after the last row comes the first.
     first_gathered : int
-        The first whose evidence is dealt, counted from `first`.
+        The first whose evidence is gathered, counted from `first`.
     is_taught : bool
         Whether powers are learnt from them.
     least_news : float
@@ -282,7 +282,7 @@ def visit(
     scratch: Scratch,
     sums: Accumulators,
 ) -> int:
-    """Visit looks in turn: expect what they hear, deal what they say, learn from them.
+    """Visit looks in turn: expect what they hear, gather what they say, learn from them.
 
     Parameters
     ----------

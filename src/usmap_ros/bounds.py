@@ -50,6 +50,9 @@ LEAST_PROFILE_POINTS, MAX_PROFILE_POINTS, MAX_PROFILE_GRID = 4, 20_000, 500_000
 #: wall at 40 a metre.
 MAX_SCATTERERS = 1_000_000
 
+#: Processes that may be asked for, for each core and in any case.
+PROCESSES_PER_CORE, LEAST_PROCESSES = 4, 8
+
 # ---- files: what is packed in few bytes is unpacked no further than this
 
 #: One chunk or message of a recording.

@@ -3,9 +3,11 @@
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import qos_profile_sensor_data
@@ -175,6 +177,28 @@ def test_what_is_recorded_can_be_read_by_everybody(
 def test_a_recording_is_never_written_over(live: Any, bag: Path) -> None:
     with pytest.raises(UsmapError, match="not empty"):
         live.add(BagRecorder, bag=str(bag))
+
+
+def test_a_full_disk_leaves_one_line_and_what_was_written(
+    live: Any, processes: Any, tmp_path: Path, traces: Traces
+) -> None:
+    # A file may become no larger than this, which is what a full disk looks like.
+    limit = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({2**17}, {2**17}))"
+    program = f"{limit}; from usmap_ros.cli import main; main()"
+    command = [sys.executable, "-c", program, "record", "-o", str(tmp_path / "full")]
+    recorder = processes.run(command, "record")
+    echo = live.peer.create_publisher(interface_class("usmap_msgs/msg/EchoTrace"), "/r/echo", 10)
+    live.until(echo.get_subscription_count)
+    large = replace(traces[0][1], samples=np.zeros(60_000, np.float32))
+    for _ in range(5):
+        echo.publish(trace_to_cdr(large))
+        live.spin(0.3)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(90.0) == 1
+    said = recorder.log.read_text()
+    assert "Traceback" not in said
+    assert "usmap: error:" in said.splitlines()[-1]
+    assert "cannot be completed: File too large; what was written before can be read" in said
 
 
 def usmap(*arguments: object) -> list[str]:

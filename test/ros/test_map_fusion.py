@@ -261,7 +261,7 @@ def test_growth_never_moves_a_cell(
     nav2_qos: Any,
     assert_nav2_takes: Callable[[Any], None],
 ) -> None:
-    node = live.add(MapFusion, publish_rate_hz=20.0, topic_pattern="/walker/.*")
+    node = live.add(MapFusion, publish_rate_hz=20.0, topic_pattern="/walker/*")
     grids = live.listen(GRID, "/map", nav2_qos)
     publisher = live.publisher(CONE, "/walker/cone", 50)
     places = [(0.0, 0.0), (-7.3, 4.1), (9.9, -20.2), (31.7, 15.0)]
@@ -297,8 +297,22 @@ def test_robots_join_and_leave(live: Any, cones: Cones) -> None:
     assert stranger.get_subscription_count() == 0
     assert live.peer.count_subscribers("/robot1/cone") == 1
     assert live.peer.count_subscribers("/robot2/cone") == 1
-    assert live.set_parameter("/map_fusion", "topic_pattern", ".*").successful
+    assert live.set_parameter("/map_fusion", "topic_pattern", "*").successful
     live.until(stranger.get_subscription_count)
+
+
+def test_who_left_is_let_go_of_and_taken_up_again(live: Any, cones: Cones) -> None:
+    node = live.add(MapFusion, discovery_period_s=0.1, absence_s=0.5)
+    message_class = interface_class(CONE)
+    robots = [live.peer.create_publisher(message_class, f"/r{n}/cone", 50) for n in range(5)]
+    live.until(lambda: all(robot.get_subscription_count() for robot in robots))
+    for robot in robots[1:]:
+        live.peer.destroy_publisher(robot)
+    live.until(lambda: not any(live.peer.count_subscribers(f"/r{n}/cone") for n in range(1, 5)))
+    assert robots[0].get_subscription_count() == 1
+    back = live.publisher(CONE, "/r1/cone", 50)
+    back.publish(cone_to_cdr(cones[0][1]))
+    live.until(lambda: node.health.total("received") == 1)
 
 
 def test_listed_topics_are_the_only_ones(live: Any, cones: Cones) -> None:

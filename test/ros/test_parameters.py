@@ -62,7 +62,7 @@ def test_a_bad_pattern_is_refused(live: Any) -> None:
     live.add(MapFusion)
     result = live.set_parameter("/map_fusion", "topic_pattern", "(")
     assert not result.successful
-    assert "regular expression" in result.reason
+    assert "is no glob; regular expressions are not taken any more" in result.reason
 
 
 def test_what_the_map_is_made_of_is_fixed_until_the_node_is_cleaned_up(live: Any) -> None:

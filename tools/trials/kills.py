@@ -125,7 +125,7 @@ def _kill_once(robot: _Robot, folder: Path, number: int, after_s: float) -> tupl
     options = {"checkpoint_path": kept, "checkpoint_period_s": INTERVAL_S, "publish_rate_hz": 20.0}
     nodes = [
         _start("map_fusion", folder, options),
-        _start("bag_recorder", folder, {"bag": bag, "topic_pattern": ".*/cone"}),
+        _start("bag_recorder", folder, {"bag": bag, "topic_pattern": "*/cone"}),
     ]
     before_ns = _kept_ns(kept)
     # Until both are at work: the map has been kept again, and the bag has a chunk.

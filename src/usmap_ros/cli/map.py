@@ -141,10 +141,16 @@ def _refuse_twice(key: str, option: str, value: object, settings: list[str] | No
 def _refuse_idle(order: _Order, scheduler: str | None) -> None:
     """Refuse options that would do nothing, before there is any work."""
     from usmap_ros.errors import UsmapError
+    from usmap_ros.runs.parallel import most_processes
     from usmap_ros.runs.pipeline import Pipeline
 
     if order.jobs and scheduler not in (None, "local"):
         raise typer.BadParameter("is up to the cluster's workers", param_hint="'--jobs'")
+    if order.jobs > most_processes():
+        raise typer.BadParameter(
+            f"{order.jobs} processes are more than {most_processes()}, a few for each core",
+            param_hint="'--jobs'",
+        )
     # Without a single ping it costs nothing.
     pipeline = Pipeline(order.parameters)
     try:

@@ -17,7 +17,7 @@ def record(
     ],
     topics: Annotated[
         str | None,
-        typer.Option(metavar="REGEX", help="Record only topics whose whole name matches."),
+        typer.Option(metavar="GLOBS", help="Record only topics whose whole name matches one."),
     ] = None,
 ) -> None:
     """Record ROS topics into MCAP until Ctrl-C; what was written outlives even a kill."""

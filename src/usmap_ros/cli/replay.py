@@ -23,7 +23,7 @@ def replay(
     ] = False,
     topics: Annotated[
         str | None,
-        typer.Option(metavar="REGEX", help="Publish only topics whose whole name matches."),
+        typer.Option(metavar="GLOBS", help="Publish only topics whose whole name matches one."),
     ] = None,
     clock: Annotated[
         bool | None, typer.Option("--clock/--no-clock", help="Whether to publish /clock.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -167,7 +167,9 @@ class BagWriter:
 
     def abandon(self) -> None:
         """Close the file as it is."""
-        self._file.close()
+        # What a full disk has no room for is lost.
+        with suppress(OSError):
+            self._file.close()
 
     def _write(self, topic: str, message_type: str, stamp_ns: int, payload: bytes) -> None:
         if (topic, message_type) not in self._topics:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.nodes.plumbing.type_definitions import UnknownTypeError, definition_of
 from usmap_ros.parameters.nodes import BagRecorderParameters
+from usmap_ros.parameters.nodes.common import is_one_of
 
 #: What a kill can cost: a few pings.
 _CHUNK_BYTES = 32 * 2**10
@@ -55,14 +57,28 @@ class BagRecorder(Node):
         self._look_for_topics()
 
     def close(self) -> None:
-        """Complete the recording."""
-        self._writer.finish()
+        """Complete the recording.
+
+        Raises
+        ------
+        BagError
+            If that cannot be written.
+        """
+        try:
+            self._writer.finish()
+        except OSError as error:
+            self._writer.abandon()
+            raise BagError(
+                self.parameters.value.bag,
+                f"cannot be completed: {error.strerror}; what was written before can be read",
+            ) from error
 
     def _look_for_topics(self) -> None:
-        self._writer.flush()
+        with self._disk_may_be_full():
+            self._writer.flush()
         for topic, (message_type, *_) in self.get_topic_names_and_types():
             is_new = topic not in self._known and self.count_publishers(topic) > 0
-            if is_new and re.fullmatch(self.parameters.value.topic_pattern, topic):
+            if is_new and is_one_of(topic, self.parameters.value.topic_pattern):
                 self._known.add(topic)
                 try:
                     self._record(topic, message_type)
@@ -89,11 +105,16 @@ class BagRecorder(Node):
     def _write(self, topic: str, message_type: str, payload: bytes) -> None:
         self.health.work("received")
         now_ns = self.get_clock().now().nanoseconds
-        try:
+        with self._disk_may_be_full():
             self._writer.write_serialized(topic, message_type, now_ns, payload)
             self._writer.flush()
+
+    @contextmanager
+    def _disk_may_be_full(self) -> Iterator[None]:
+        """Say what cannot be written: a full disk may be cleared, what comes until then is lost."""
+        try:
+            yield
         except OSError as error:
-            # A full disk may be cleared; what comes until then is lost, and said to be.
             self.health.problem("failed", f"cannot be written: {error.strerror}", is_error=True)
 
 

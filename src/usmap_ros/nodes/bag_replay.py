@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -41,6 +40,7 @@ from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import run_node
 from usmap_ros.nodes.plumbing.status import report_of
 from usmap_ros.parameters.nodes import BagReplayParameters
+from usmap_ros.parameters.nodes.common import is_one_of
 
 #: Longest wait for subscribers to have what was published; one that hangs must not stop all.
 _ACKNOWLEDGEMENT = Duration(seconds=1.0)
@@ -122,7 +122,7 @@ class BagReplay(Node):
         for recorded in self._bag.topics:
             # The recorded clock would contradict the replayed one.
             is_clock = recorded.name == CLOCK.name and parameters.clock
-            if is_clock or not re.fullmatch(parameters.topic_pattern, recorded.name):
+            if is_clock or not is_one_of(recorded.name, parameters.topic_pattern):
                 continue
             try:
                 message_class = interface_class(recorded.message_type)

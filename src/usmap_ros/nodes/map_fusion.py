@@ -190,7 +190,8 @@ class MapFusion(LifecycleNode):
     # ---- cones
 
     def _look_for_robots(self, session: MapSession, topics: ConeTopics) -> None:
-        session.set_sources(topics.look(self.parameters.value.topic_pattern))
+        now = self.parameters.value
+        session.set_sources(topics.look(now.topic_pattern, now.absence_s))
 
     def _receive(self, session: MapSession, topic: str, payload: bytes) -> None:
         self.health.work("received")

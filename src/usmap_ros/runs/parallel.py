@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from usmap_ros.bounds import LEAST_PROCESSES, PROCESSES_PER_CORE
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.stretch import Skip, TraceStretch
@@ -44,6 +45,11 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def most_processes() -> int:
+    """As many as make sense: a few for each core, and some on a small machine, too."""
+    return max(LEAST_PROCESSES, PROCESSES_PER_CORE * available_cores())
 
 
 class Reconstructors:

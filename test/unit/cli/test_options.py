@@ -163,3 +163,10 @@ def test_a_target_of_another_form_is_wrong_usage(usmap: Run, workspace: Path, ta
     done = usmap("calibrate", "bag", "--target", target, cwd=workspace)
     assert done.returncode == 2
     assert "is not of the form X,Y[,REFLECTIVITY[,RADIUS]]" in plain(done.stderr)
+
+
+def test_a_hundred_processes_a_core_are_wrong_usage(usmap: Run, workspace: Path) -> None:
+    done = usmap("map", "bag", "-o", "many", "-j", "3000", cwd=workspace)
+    assert done.returncode == 2
+    assert "3000 processes are more than" in done.stderr
+    assert not (workspace / "many").exists()

@@ -15,6 +15,7 @@ from usmap_ros.parameters import (
 )
 from usmap_ros.parameters.fields import flat_fields, former_names
 from usmap_ros.parameters.nodes import ConeReconstructorParameters, MapFusionParameters
+from usmap_ros.parameters.nodes.common import check_globs, is_one_of
 
 GROUPS: list[type[BaseModel]] = [
     CorrectionParameters,
@@ -115,3 +116,30 @@ def test_a_default_out_of_its_own_bounds_is_found_at_once() -> None:
 
     with pytest.raises(ValidationError, match="size_m"):
         Wrong()
+
+
+@pytest.mark.parametrize(
+    ("globs", "name", "is_one"),
+    [
+        ("*", "/robot1/cone", True),
+        ("*/cone", "/robot1/cone", True),
+        ("/robot[12]/cone", "/robot3/cone", False),
+        ("/a/* /b/*", "/b/left/cone", True),
+        ("/a/* /b/*", "/c/cone", False),
+        ("/robot?/cone", "/robot12/cone", False),
+        ("robot1", "/robot1/cone", False),
+        # As regular expressions had it, which these were.
+        (".*", "/robot1/cone", True),
+        (".*/cone", "/robot1/cone", True),
+        ("", "/robot1/cone", False),
+    ],
+)
+def test_globs_choose_topics(globs: str, name: str, is_one: bool) -> None:
+    assert is_one_of(name, check_globs(globs)) is is_one
+
+
+@pytest.mark.parametrize("pattern", ["(a+)+$", "/robot(1|2)/.*", "[^/]*", "x" * 5000])
+def test_regular_expressions_are_no_globs(pattern: str) -> None:
+    """They can take longer than the universe lasts: (a+)+$ with a name of 40 letters."""
+    with pytest.raises(ValueError, match=r"is no glob|has 5000 characters"):
+        check_globs(pattern)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import re
+import time
 from collections.abc import Callable
 from functools import partial
+from math import inf
 
 from rclpy.node import Node
 
 from usmap_ros.live.interfaces import CONE
 from usmap_ros.nodes.plumbing.inbox import Inbox
+from usmap_ros.parameters.nodes.common import is_one_of
 
 
 class ConeTopics:
@@ -27,6 +29,8 @@ class ConeTopics:
         Gets topic and serialized message.
     after : callable
         As of `Inbox`.
+    clock : callable
+        Seconds of a clock that never runs backwards.
     """
 
     def __init__(
@@ -35,9 +39,13 @@ class ConeTopics:
         listed: list[str],
         on_cone: Callable[[str, bytes], None],
         after: Callable[[], float | None],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node = node
         self._on_cone = on_cone
+        self._clock = clock
+        # When there was somebody who publishes.
+        self._heard_s: dict[str, float] = {}
         self._is_listed = any(listed)
         self._inbox = Inbox(node, after)
         for name in filter(None, listed):
@@ -48,27 +56,35 @@ class ConeTopics:
         """Topics that are listened to."""
         return self._inbox.topics
 
-    def look(self, pattern: str) -> dict[str, bool]:
+    def look(self, globs: str, absence_s: float) -> dict[str, bool]:
         """Subscribe to what is new; tells of every topic whether somebody publishes on it.
 
         Parameters
         ----------
-        pattern : str
-            Regular expression that whole names must match; others are let go of.
+        globs : str
+            One of them must match a topic's whole name; others are let go of.
+        absence_s : float
+            So are those on which nobody has published for so long.  Until then, a robot that comes
+            back is heard from its first cone on.
         """
         if not self._is_listed:
-            found = {
+            wanted = {
                 name
                 for name, types in self._node.get_topic_names_and_types()
-                if CONE.message_type in types and re.fullmatch(pattern, name)
+                if CONE.message_type in types and is_one_of(name, globs)
             }
-            for name in found - self.names:
+            now_s = self._clock()
+            for name in wanted:
+                # A subscription keeps its own topic alive: who publishes is what counts.
+                if self._node.count_publishers(name):
+                    self._heard_s[name] = now_s
+            kept = {name for name in wanted if now_s - self._heard_s.get(name, -inf) <= absence_s}
+            for name in kept - self.names:
                 self._node.get_logger().info(f"fusing {name}")
                 self._subscribe(name)
-            # A subscription keeps its own topic alive, so only the pattern ever ends one: a robot
-            # that comes back is heard from its first cone on.
-            for name in self.names - found:
+            for name in self.names - kept:
                 self._inbox.remove(name)
+            self._heard_s = {name: self._heard_s[name] for name in kept}
         return {name: self._node.count_publishers(name) > 0 for name in sorted(self.names)}
 
     def destroy(self) -> None:

@@ -45,7 +45,8 @@ def run_node(
     """Run a node until SIGINT or SIGTERM, and end the process; the main function of executables.
 
     Its ``close`` finishes what must not be lost, however often the process is asked to end
-    meanwhile.  Exit status 1: the node could not start; one line on standard error says why.
+    meanwhile.  Exit status 1: the node could not start, or not finish what it had begun; one line
+    on standard error says why.
 
     Parameters
     ----------
@@ -72,21 +73,30 @@ def run_node(
         _begin_ros(arguments)
         node = create()
     except (UsmapError, NameValidationException) as error:
-        cause = " ".join(str(error).split())
-        print(f"{name}: error: {cause}", file=sys.stderr)
+        _tell(name, error)
         end.ignore_more()
         _end_soon()
         rclpy.try_shutdown()
         _leave(1)
+    status = 0
     try:
         _spin(node, end)
     finally:
         end.ignore_more()
-        node.close()
+        try:
+            node.close()
+        except UsmapError as error:
+            _tell(name, error)
+            status = 1
         _end_soon()
         node.destroy_node()
         rclpy.try_shutdown()
-    _leave(0)
+    _leave(status)
+
+
+def _tell(name: str, error: Exception) -> None:
+    """Say what is wrong, in one line."""
+    print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr)
 
 
 def _begin_ros(arguments: list[str] | None) -> None:

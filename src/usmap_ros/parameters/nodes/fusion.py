@@ -7,7 +7,12 @@ from typing import ClassVar
 from pydantic import field_validator, model_validator
 
 from usmap_ros.parameters.fields import quantity
-from usmap_ros.parameters.nodes.common import NodeParameters, check_pattern, latency_limit
+from usmap_ros.parameters.nodes.common import (
+    NodeParameters,
+    check_globs,
+    latency_limit,
+    topic_globs,
+)
 from usmap_ros.parameters.pipeline import MappingParameters
 from usmap_ros.parameters.reception import Numbers
 
@@ -34,9 +39,7 @@ class MapFusionParameters(NodeParameters):
     )
 
     autostart: bool = quantity(True, "Whether the node configures and activates itself.")
-    topic_pattern: str = quantity(
-        ".*", "Regular expression that the whole name of a cone topic must match to be fused."
-    )
+    topic_pattern: str = topic_globs("fused")
     cone_topics: list[str] = quantity(
         [""], "Cone topics to fuse; empty: every one there is, found by its type."
     )
@@ -61,6 +64,14 @@ class MapFusionParameters(NodeParameters):
     )
     discovery_period_s: float = quantity(
         0.5, "Time from one look for new cone topics to the next.", "s", ge=0.05, le=60.0
+    )
+    absence_s: float = quantity(
+        60.0,
+        "How long nobody publishes on a cone topic before its subscription is let go of; when"
+        " somebody does again, it is taken up again.",
+        "s",
+        ge=0.0,
+        le=86_400.0,
     )
     frame_id: str = quantity(
         "", "The map's frame; empty: the one that most robots share in the first seconds."
@@ -97,7 +108,7 @@ class MapFusionParameters(NodeParameters):
     save_path: str = quantity("usmap_map", "Folder that the service save_map writes into.")
     mapping: MappingParameters = MappingParameters()
 
-    _pattern_compiles = field_validator("topic_pattern")(check_pattern)
+    _are_globs = field_validator("topic_pattern")(check_globs)
 
     @model_validator(mode="after")
     def _area_is_one(self) -> MapFusionParameters:

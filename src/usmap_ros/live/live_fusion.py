@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.live.fair_shares import FairShares
 from usmap_ros.live.ordering import StampOrder
 from usmap_ros.mapping.common_frame import CommonFrame
 from usmap_ros.mapping.far_off import FarOff, FarOffError, Ping
@@ -24,6 +25,9 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.repeats import SeenPings
 from usmap_ros.runs.pipeline import Pipeline
 
+#: Beyond the wait for order: when cones wait for so long, those of robots that take more than their
+#: share of the time let the others' pass.
+_LATE_S = 1.0
 #: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
 _LONGEST_REACH = 0.1
 
@@ -96,7 +100,7 @@ class LiveFusion:
         # Two locks, so that cones go on being received while one is fused.
         self._map_lock = threading.Lock()
         self._order_lock = threading.Lock()
-        self._seen = SeenPings()
+        self._seen, self._shares = SeenPings(), FairShares()
         # What is to be fused next, since its place is known now.
         self._ready: deque[Ping] = deque()
         self.version = self.generation = self._pings = 0
@@ -213,7 +217,9 @@ class LiveFusion:
         came_s = self._clock()
         if not self._ready:
             with self._order_lock:
-                released = self._order.pop(came_s)
+                is_late = self._order.longest_wait_s(came_s) > self._order.wait_s + _LATE_S
+                yielding = self._shares.greedy(came_s) if is_late else frozenset[str]()
+                released = self._order.pop(came_s, yielding)
             if released is None:
                 return None
             topic, received = released
@@ -225,6 +231,7 @@ class LiveFusion:
             self._consistency.add(topic, cone)
             self.version += 1
             self._pings += 1
+        self._shares.spend(topic, cone, self._clock())
         return Fused(topic, self._clock() - came_s)
 
     def _sort_out(self, topic: str, cone: EchoCone) -> None:

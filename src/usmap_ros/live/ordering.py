@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections import Counter, deque
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -115,20 +116,40 @@ class StampOrder(Generic[_Item]):
         if len(self) > self.capacity:
             self._drop()
 
-    def pop(self, now_s: float) -> tuple[str, _Item] | None:
-        """Release the next item and its source, or nothing if it must still wait."""
+    def pop(self, now_s: float, yielding: Collection[str] = ()) -> tuple[str, _Item] | None:
+        """Release the next item and its source, or nothing if it must still wait.
+
+        Parameters
+        ----------
+        now_s : float
+            Reading of the clock.
+        yielding : collection of str
+            Sources whose items come only when no others can be released.
+        """
         self._skip_dropped()
         if not self._heap:
             return None
-        head = self._heap[0]
+        others = [
+            held[0] for source, held in self._held.items() if held and source not in yielding
+        ] if yielding else []  # fmt: skip
+        heads = [*([min(others)] if others else []), self._heap[0]]
+        head = next((head for head in heads if self._may_go(head, now_s)), None)
+        if head is None:
+            return None
         if not self._all_are_past(head.stamp_ns):
-            if self._patience_ends_s(head.stamp_ns) > now_s:
-                return None
             self._give_up_on_those_before(head.stamp_ns)
-        heapq.heappop(self._heap)
         self._take_out(head)
+        self._skip_dropped()
         self._released_ns = head.stamp_ns
         return head.source, head.item
+
+    def longest_wait_s(self, now_s: float) -> float:
+        """How long the item has waited that is held the longest; 0 without any."""
+        self._skip_dropped()
+        return now_s - self._oldest_arrival_s() if self._heap else 0.0
+
+    def _may_go(self, entry: _Entry[_Item], now_s: float) -> bool:
+        return self._all_are_past(entry.stamp_ns) or self._patience_ends_s(entry.stamp_ns) <= now_s
 
     def due_in_s(self, now_s: float) -> float | None:
         """How long until `pop` gives an item even if no more come; None: nothing is held."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.common_frame import ENOUGH_PINGS
@@ -251,3 +252,21 @@ def test_a_map_that_was_resumed_is_where_its_cells_are(cones: list[EchoCone], cl
         second.fuse_next()
     second.receive("a", later(cones[0], 2))
     assert second.fuse_next() is not None
+
+
+def test_who_takes_most_of_the_time_waits_while_others_do(
+    cones: list[EchoCone], clock: Any
+) -> None:
+    """A circle of 34 m costs as much as a hundred beams of 5 m."""
+    far = cones[1].transducer
+    far = replace(far, max_range_m=34.0, beam=BeamPattern.linear(np.pi))
+    fusion = LiveFusion(MappingParameters(resolution_m=0.2), 0.0, 1000, clock=clock)
+    for number in range(20):
+        fusion.receive("a", later(cones[0], number))
+        fusion.receive("greedy", replace(later(cones[1], number), transducer=far))
+    # As long as nobody waits for long, all come in the order of their stamps.
+    first = [fused.topic for _ in range(4) if (fused := fusion.fuse_next())]
+    assert first == ["a", "greedy"] * 2
+    clock.pass_time(3.0)
+    then = [fused.topic for fused in iter(fusion.fuse_next, None)]
+    assert then == ["a"] * 18 + ["greedy"] * 18

@@ -159,3 +159,18 @@ def test_the_order_of_arrival_does_not_matter(
         released.append(item[1])
     assert released == sorted((stamp, name) for name in "abc" for stamp in by_source[name])
     assert order.late == 0
+
+
+def test_who_yields_comes_when_no_others_can() -> None:
+    order = _order()
+    for stamp in (10, 20):
+        order.push("b", stamp, f"b{stamp}", 0.0)
+        order.push("a", stamp + 5, f"a{stamp + 5}", 0.0)
+    released = [order.pop(0.0, ["b"]) for _ in range(3)]
+    # a25 has to wait for b, which may have one between.
+    assert released == [("a", "a15"), ("b", "b10"), ("b", "b20")]
+    assert order.longest_wait_s(2.0) == 2.0
+    order.push("b", 30, "b30", 2.0)
+    assert order.pop(2.0, ["b"]) == ("a", "a25")
+    assert order.pop(2.0, ["b"]) is None
+    assert len(order) == 1

@@ -1,10 +1,12 @@
-"""Try the live side: fleets that are started and stopped, nodes that are killed, replays.
+"""Try fleets that start and stop, nodes that are killed, replays, and faulty robots.
 
     python tools/trials fleets [--count 50] [--at-once 3] [--robots 4]
     python tools/trials kills [--count 100]
     python tools/trials replays [--rates 0.5 1 5 50]
+    python tools/trials faults [--scenes poles rough smooth] [--seeds 1 2 3] [--pings 60]
 
-Exit status 1 if anything was lost, hung, unreadable, different, or ended in a traceback.
+Exit status 1 if anything was lost, hung, unreadable, different, or ended in a traceback; of
+faults, if one costs more than is asked for.
 """
 
 from __future__ import annotations
@@ -16,9 +18,7 @@ import tempfile
 from pathlib import Path
 from typing import NoReturn
 
-from fleets import try_fleets
-from kills import try_kills
-from replays import try_replays
+from faults import FAULTS, SCENES, try_faults
 
 #: What ends a trial before it is through.
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
@@ -36,6 +36,17 @@ def main() -> None:
     kills.add_argument("--count", type=int, default=100)
     replays = trials.add_parser("replays", help="compare replays with 'usmap map'")
     replays.add_argument("--rates", type=float, nargs="+", default=[0.5, 1.0, 5.0, 50.0])
+    faults = trials.add_parser("faults", help="map with one faulty robot of three")
+    faults.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
+    faults.add_argument("--faults", nargs="+", choices=FAULTS, default=list(FAULTS))
+    faults.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
+    faults.add_argument("--pings", type=int, default=60, help="of each robot")
+    faults.add_argument(
+        "--within",
+        type=float,
+        default=1.0,
+        help="most that a fault may cost of F1 or known, against the two other robots alone",
+    )
     for trial in (fleets, kills):
         trial.add_argument("--seed", type=int, default=1)
         trial.add_argument(
@@ -50,7 +61,10 @@ def main() -> None:
     for number in ENDINGS:
         signal.signal(number, _end)
     with tempfile.TemporaryDirectory() as folder:
+        # Each is imported when it is asked for: faults need no ROS.
         if arguments.trial == "fleets":
+            from fleets import try_fleets
+
             figures, troubles = try_fleets(
                 Path(folder),
                 arguments.count,
@@ -60,8 +74,21 @@ def main() -> None:
                 arguments.patience,
             )
         elif arguments.trial == "replays":
+            from replays import try_replays
+
             figures, troubles = try_replays(Path(folder), arguments.rates)
+        elif arguments.trial == "faults":
+            figures, troubles = try_faults(
+                Path(folder),
+                arguments.scenes,
+                arguments.faults,
+                arguments.seeds,
+                arguments.pings,
+                arguments.within,
+            )
         else:
+            from kills import try_kills
+
             figures, troubles = try_kills(
                 Path(folder), arguments.count, arguments.seed, 0.1 * arguments.patience
             )

@@ -7,16 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
 from usmap_ros.reconstruction.sampled.cosamp import cosamp, same, signal_proxy
-from usmap_ros.reconstruction.sampled.fit import strengths
+from usmap_ros.reconstruction.sampled.fit import Fit, strengths
 from usmap_ros.reconstruction.sampled.matched_filter import (
+    MatchedFilter,
     loudness,
     matched_filter,
     refilter,
     score,
 )
 from usmap_ros.reconstruction.sampled.matrix import (
+    Places,
     SampledMatrix,
     margin,
     moved,
@@ -105,12 +107,8 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     """
     # Not written as literals, for which all would be compiled once more; of either sign.
     nothing, rectified = np.empty(0, np.int64), how.non_negative & False
-    begin, places = len(nothing), on_grid(matrix)
-    matched = matched_filter(matrix, signal, rectified)
-    end = matched.output.shape[1]
-    thresholds = noise + how.model_error * loudness(matched.scores, _pulse_blocks(matrix))
-    if how.non_negative:
-        score(matrix, matched, begin, end, how.non_negative)
+    places = on_grid(matrix)
+    matched, thresholds = _begun(matrix, signal, noise, how, rectified)
     limits = (how.sparsity, how.max_iterations, how.non_negative)
     fit, iterations, halt = cosamp(matrix, places, matched, thresholds, nothing, limits)
     step_s, stds_s = np.zeros(len(fit.support)), np.zeros(len(fit.support))
@@ -131,9 +129,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         step_s, stds_s = delay_step(matrix, places, fit)
     # The last step is worth taking, but not worth another fit.
     places = moved(matrix, places, fit.support, step_s)
-    refilter(matrix, matched, fit.residual, rectified)
-    if how.non_negative:
-        score(matrix, matched, begin, end, rectified)
+    scores = _what_is_left(matrix, places, matched, fit, how, rectified)
     beside, ranges_m = margin(matrix), np.empty(len(fit.support))
     for number, block in enumerate(fit.support):
         ranges_m[number] = range_m(matrix, places, block)
@@ -145,10 +141,38 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         stds_s,
         strengths(matrix, fit),
         thresholds,
-        signal_proxy(matrix, places, matched, fit, rectified),
+        scores,
         iterations,
         halt,
     )
+
+
+@compiled_within
+def _begun(
+    matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search, rectified: bool
+) -> tuple[MatchedFilter, FloatArray]:
+    """The matched filter's output for a signal, and what a score has to exceed."""
+    matched = matched_filter(matrix, signal, rectified)
+    thresholds = noise + how.model_error * loudness(matched.scores, _pulse_blocks(matrix))
+    if how.non_negative:
+        score(matrix, matched, 0, matched.output.shape[1], how.non_negative)
+    return matched, thresholds
+
+
+@compiled_within
+def _what_is_left(
+    matrix: SampledMatrix,
+    places: Places,
+    matched: MatchedFilter,
+    fit: Fit,
+    how: Search,
+    rectified: bool,
+) -> FloatArray:
+    """Scores of the residual of a fit."""
+    refilter(matrix, matched, fit.residual, rectified)
+    if how.non_negative:
+        score(matrix, matched, 0, matched.output.shape[1], rectified)
+    return signal_proxy(matrix, places, matched, fit, rectified)
 
 
 @inlined

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import shlex
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 
+def measured() -> str:
+    """Say of which commit something is measured, and of what day that is; empty if nobody knows."""
+    command = ["git", "log", "-1", "--format=%h of %cs"]
+    try:
+        done = subprocess.run(
+            command, cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+        )
+    except OSError:
+        return ""
+    return f"Measured with commit {done.stdout.strip()}.\n" if done.returncode == 0 else ""
+
+
 def put(page: Path, name: str, text: str) -> None:
-    """Put a text into its place on a page.
+    """Put a text into its place on a page, with the commit that it was measured with.
 
     Parameters
     ----------
@@ -30,7 +43,8 @@ def put(page: Path, name: str, text: str) -> None:
     _, closed, after = rest.partition(end)
     if not (opened and closed):
         raise ValueError(f"{page} has no place between {start.strip()} and {end}")
-    page.write_text(f"{before}{start}{text}{end}{after}", encoding="utf-8")
+    said = "\n" + measured() if measured() else ""
+    page.write_text(f"{before}{start}{text}{said}{end}{after}", encoding="utf-8")
 
 
 def put_with_picture(

@@ -239,8 +239,12 @@ def test_a_page_keeps_all_but_what_is_put_into_its_place(
     pages = importlib.import_module("pages")
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- scores -->\nold\n<!-- /scores -->\nafter\n")
+    monkeypatch.setattr(pages, "measured", lambda: "Measured with commit 1234567 of 2026-11-22.\n")
     pages.put(page, "scores", "new\n")
-    assert page.read_text() == "before\n<!-- scores -->\nnew\n<!-- /scores -->\nafter\n"
+    assert page.read_text() == (
+        "before\n<!-- scores -->\nnew\n\nMeasured with commit 1234567 of 2026-11-22.\n"
+        "<!-- /scores -->\nafter\n"
+    )
     with pytest.raises(ValueError, match="no place between <!-- times -->"):
         pages.put(page, "times", "new\n")
 

@@ -1,4 +1,4 @@
-"""The page that tells how it works can be read in ten minutes, and names what is there."""
+"""The pages name what is there, and the one that tells how it works takes ten minutes."""
 
 import re
 from pathlib import Path
@@ -40,3 +40,13 @@ def test_sources_that_pages_name_are_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for path in re.findall(r"`((?:src|test|benchmarks|tools|config|bags)/[\w./]+)`", text):
         assert (ROOT / path).exists(), path
+
+
+def test_what_benchmarks_wrote_says_of_which_commit_it_is() -> None:
+    for page in PAGES:
+        for text in re.findall(
+            r"<!-- (?:scores|ablations|poses|reliability|times) -->\n(.*?)<!-- /",
+            page.read_text("utf-8"),
+            re.S,
+        ):
+            assert re.search(r"^Measured with commit \w{7,} of \d{4}-\d\d-\d\d\.$", text, re.M)

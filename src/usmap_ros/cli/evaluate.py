@@ -58,11 +58,13 @@ def evaluate(
 
     if truth is None and true_paths is None:
         raise typer.BadParameter("is missing, and so is --paths", param_hint="'--truth'")
-    if align and true_paths is None:
-        raise typer.BadParameter("goes with --paths", param_hint="'--align'")
-    for option, value in (("--max-range", max_range), ("--beside", beside)):
-        if value is not None and truth is None:
-            raise typer.BadParameter("goes with --truth", param_hint=f"'{option}'")
+    for option, value, other, needed in (
+        ("--align", align or None, "--paths", true_paths),
+        ("--max-range", max_range, "--truth", truth),
+        ("--beside", beside, "--truth", truth),
+    ):
+        if value is not None and needed is None:
+            raise typer.BadParameter(f"goes with {other}", param_hint=f"'{option}'")
     occupancy, paths = load_map(folder)
     content: dict[str, Any] = {}
     if truth is not None:

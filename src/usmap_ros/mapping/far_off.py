@@ -23,6 +23,9 @@ from usmap_ros.pings.cone import EchoCone
 SQUARE_M = 50.0
 #: Places that are remembered, and pings of each that wait until it is known to be one.
 _MOST_PLACES, _MOST_HELD = 64, 200
+#: Squares of the map's rectangle for each in which somebody pinged, from which on another place is
+#: too far off.
+_MOST_SPARSE = 8
 #: Pings of a robot that is elsewhere all the time, from which on that is no mistake.
 _FEW_PINGS = 5
 
@@ -212,12 +215,27 @@ class FarOff:
         """Map a place, and all that was held of it."""
         held = place.take_held()
         try:
+            self._refuse_sparse(place)
             self._stretch(held)
         except FarOffError:
             place.is_refused = True
             raise
         place.is_mapped = True
         return held
+
+    def _refuse_sparse(self, place: _Place) -> None:
+        """Refuse a place with which the map would be next to nothing but unknown cells.
+
+        It has to be a rectangle, and every cell of that costs memory and time.
+        """
+        squares = place.squares.union(*(one.squares for one in self._places if one.is_mapped))
+        columns, rows = (max(side) - min(side) + 1 for side in zip(*squares, strict=True))
+        if columns * rows > _MOST_SPARSE * len(squares):
+            raise FarOffError(
+                "pose.position",
+                f"is so far away that {columns * rows} squares of {SQUARE_M:g} m would be a map of"
+                f" {len(squares)}: map robots that are so far apart by themselves",
+            )
 
     def _stretch(self, pings: list[Ping]) -> None:
         """Make room for pings, or leave the rectangle as it is."""

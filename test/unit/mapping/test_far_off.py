@@ -72,6 +72,15 @@ def test_who_goes_on_pinging_elsewhere_is_taken_up(cone: EchoCone) -> None:
     assert taken == there
 
 
+def test_a_place_that_would_leave_a_map_of_nothing_between_is_not_taken_up(cone: EchoCone) -> None:
+    far = FarOff(MappingParameters())
+    mapped(far, many(cone, "/a/cone", 40, 0.0))
+    assert mapped(far, many(cone, "/b/cone", 40, 230.0, 230.0)) == ([], 40)
+    assert far.finish() == []
+    # Along one line, there is less between.
+    assert len(mapped(far, many(cone, "/c/cone", 40, 230.0))[0]) == 40
+
+
 def test_who_was_elsewhere_all_the_time_is_taken_up_at_the_end(cone: EchoCone) -> None:
     far = FarOff(MappingParameters())
     here, there = many(cone, "/a/cone", 10, 0.0), many(cone, "/b/cone", 8, 120.0)

@@ -7,16 +7,21 @@ import itertools
 import shutil
 import sqlite3
 import struct
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zstandard
 from mutations import (
     INTEGERS,
     NUMBERS,
     Generator,
+    bomb_chunk,
+    bomb_record,
     mutate_archive,
     mutate_bytes,
     mutate_database,
@@ -26,6 +31,7 @@ from PIL import Image
 from rosbags.serde import SerdeError
 
 from usmap_ros.errors import UsmapError
+from usmap_ros.importing.files import COLUMNS, read_poses, read_samples
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import (
@@ -83,9 +89,12 @@ def all_kinds(scratch: Path) -> list[Kind]:
         Kind("metadata", _metadata(scratch, pings)),
         Kind("mcap", _mcap(scratch, pings)),
         Kind("sqlite3", _sqlite(scratch, pings)),
+        Kind("packed", _packed(scratch, pings)),
+        Kind("samples", _samples(scratch)),
         Kind("map.npz", _archive(scratch, pings)),
         Kind("trace", _trace(pings)),
         Kind("cone", _cone(pings)),
+        Kind("poses", _poses(pings)),
     ]
 
 
@@ -114,7 +123,9 @@ def _scenario(scratch: Path) -> Attempt:
         # What a scenario says it takes is the user's to choose; here a little must be enough.
         if len(scenario.robots) > 10 or scenario.duration_s > 100.0:
             return
-        next(iter(simulate(scenario)), None)
+        for _ in itertools.islice(simulate(scenario), 4):
+            pass
+        scenario.truth_map(0.2)
 
     return attempt
 
@@ -241,6 +252,45 @@ def _sqlite(scratch: Path, pings: list[tuple[str, EchoTrace]]) -> Attempt:
     return attempt
 
 
+def _packed(scratch: Path, pings: list[tuple[str, EchoTrace]]) -> Attempt:
+    """Files that are packed as a whole, and much that is packed in little."""
+    content = next(_bag(scratch, "plain", pings, "none").glob("*.mcap")).read_bytes()
+    path = scratch / "packed.mcap.zst"
+
+    def attempt(generator: Generator) -> None:
+        inner = content
+        match int(generator.integers(4)):
+            case 0:
+                inner = mutate_bytes(content, generator)
+            case 1:
+                # Up to four gigabytes of nothing.
+                inner = content[:-8] + bomb_record(2 ** int(generator.integers(20, 29)))
+            case 2:
+                inner = content[:-8] + bomb_chunk(2 ** int(generator.integers(20, 29))) * 8
+        packed = zstandard.compress(inner)
+        if generator.integers(3) == 0:
+            packed = mutate_bytes(packed, generator)
+        path.write_bytes(packed)
+        _read_bag(path)
+
+    return attempt
+
+
+def _samples(scratch: Path) -> Attempt:
+    """Arrays that somebody imports."""
+    stored = io.BytesIO()
+    columns = {name: np.arange(4.0) for name in COLUMNS}
+    np.savez_compressed(stored, samples=np.zeros((4, 100), np.int16), **columns)
+    content = stored.getvalue()
+
+    def attempt(generator: Generator) -> None:
+        (scratch / "samples.npz").write_bytes(mutate_archive(content, generator))
+        read_samples(scratch, "samples.npz", "samples")
+        read_poses(scratch, "", "samples.npz")
+
+    return attempt
+
+
 # ---- maps
 
 
@@ -358,3 +408,48 @@ def _cone(pings: list[tuple[str, EchoTrace]]) -> Attempt:
         _check(fusion.occupancy_map())
 
     return attempt
+
+
+#: Long enough for the map's frame and place to be decided on.
+_ROUNDS = 20
+
+
+def _poses(pings: list[tuple[str, EchoTrace]]) -> Attempt:
+    """Three robots, one of which may say anything of frames, places and reach."""
+    pipeline = Pipeline()
+    cones: list[EchoCone] = [pipeline.reconstruct(trace) for _, trace in pings]
+
+    def attempt(generator: Generator) -> None:
+        fusion = LiveFusion(MappingParameters(), order_wait_s=0.0, capacity=1000)
+        fused: Counter[str] = Counter()
+        for number in range(_ROUNDS):
+            for robot, cone in zip(("liar", "a", "b"), cones, strict=False):
+                now = replace(cone, stamp_ns=cone.stamp_ns + number * 200_000_000)
+                if robot == "liar" and generator.integers(3):
+                    now = _astray(now, generator)
+                with suppress(UsmapError):
+                    fusion.receive(robot, now)
+            while fusion.due_in_s() is not None:
+                with suppress(UsmapError):
+                    done = fusion.fuse_next()
+                    fused[done.topic if done else ""] += 1
+        # Whatever one says, the others are heard.
+        if min(fused["a"], fused["b"]) < _ROUNDS:
+            raise AssertionError(f"of honest robots, only {fused} are fused")
+        _check(fusion.occupancy_map())
+
+    return attempt
+
+
+def _astray(cone: EchoCone, generator: Generator) -> EchoCone:
+    """The same cone from somewhere else, in another frame, or of another reach."""
+    away_m = generator.normal(size=3) * 10.0 ** float(generator.integers(-1, 7))
+    match int(generator.integers(3)):
+        case 0:
+            return replace(cone, frame_id=str(generator.choice(["x", "odom", "MAP"])))
+        case 1:
+            position_m = cone.pose.position_m + away_m * (1.0, 1.0, 0.0)
+            return replace(cone, pose=replace(cone.pose, position_m=position_m))
+        case _:
+            reach_m = float(np.clip(abs(away_m[0]), 0.5, 15.0))
+            return replace(cone, transducer=replace(cone.transducer, max_range_m=reach_m))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import sqlite3
+import struct
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zstandard
 
 Generator = np.random.Generator
 
@@ -183,6 +185,9 @@ _STATEMENTS = (
     "ALTER TABLE {table} RENAME TO other; CREATE VIEW {table} AS SELECT *, 1 AS more FROM other",
     "ALTER TABLE {table} RENAME COLUMN {column} TO renamed",
     "INSERT INTO {table} SELECT * FROM {table}",
+    "ALTER TABLE {table} DROP COLUMN {column};"
+    " ALTER TABLE {table} ADD COLUMN {column} BLOB AS (zeroblob(900000000))",
+    "DROP TABLE {table}; CREATE VIRTUAL TABLE {table} USING fts5({column})",
 )
 
 
@@ -207,3 +212,17 @@ def mutate_database(content: bytes, generator: Generator, scratch: Path) -> byte
             continue
     database.close()
     return path.read_bytes()
+
+
+def bomb_record(size: int) -> bytes:
+    """A record of an MCAP file that nobody knows, of nothing."""
+    return struct.pack("<BQ", 0x80, size) + bytes(size)
+
+
+def bomb_chunk(size: int) -> bytes:
+    """A chunk of an MCAP file that unpacks to so much of nothing, or of records of nothing."""
+    content = bytes(size) if size % 3 else struct.pack("<BQ", 0x80, 0) * (size // 9)
+    packed = zstandard.compress(content)
+    head = struct.pack("<QQQII", 0, 0, len(content), 0, 4) + b"zstd"
+    body = head + struct.pack("<Q", len(packed)) + packed
+    return struct.pack("<BQ", 6, len(body)) + body

@@ -150,6 +150,8 @@ def _read_columns(file: Path) -> dict[str, FloatArray]:
 
 def _numbers(file: Path, name: str, values: Any) -> FloatArray:
     try:
+        if np.iscomplexobj(values):
+            raise ValueError("has imaginary parts")
         numbers = np.asarray(values, dtype=float)
     except ValueError as error:
         raise FileError(file, f"{name}: is not all numbers") from error

@@ -24,3 +24,22 @@ def test_no_file_names_a_registry_host_or_a_path_of_one_machine(root, sources):
 
 def test_no_lock_file_of_one_tool(sources):
     assert not {"uv.lock", "poetry.lock", "Pipfile.lock"} & {path.name for path in sources}
+
+
+#: What dependencies do not document, and the one file that may use it: it says why.
+PRIVATE = {
+    r"rclpy\.impl|rclpy_implementation": {"src/usmap_ros/nodes/plumbing/wait_set_inbox.py"},
+    r"numba\.(?!extending\b|njit\b|__version__\b)\w+\.": set(),
+    r"^ *from (?:numba\.(?!extending\b)|rclpy\._|pydantic\._|numpy\._|scipy\._)": set(),
+}
+
+
+def test_no_private_parts_of_dependencies_but_in_one_file(root, sources):
+    code = {
+        str(path): (root / path).read_text(encoding="utf-8")
+        for path in sources
+        if path.suffix == ".py" and path.parts[0] == "src"
+    }
+    for pattern, allowed in PRIVATE.items():
+        found = {path for path, text in code.items() if re.search(pattern, text, re.MULTILINE)}
+        assert found == allowed

@@ -1,15 +1,20 @@
 """Messages that are taken beside the executor."""
 
 import threading
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from usmap_ros.io.cdr import CdrReader
 from usmap_ros.live.interfaces import Qos, Topic
-from usmap_ros.nodes.plumbing.inbox import Inbox
+from usmap_ros.nodes.plumbing import wait_set_inbox
+from usmap_ros.nodes.plumbing.inbox import Inbox, open_inbox
+from usmap_ros.nodes.plumbing.wait_set_inbox import WaitSetInbox
 
 STRING = "std_msgs/msg/String"
 TOPIC = Topic("said", STRING, Qos(depth=100), "Words.")
@@ -18,11 +23,11 @@ TOPIC = Topic("said", STRING, Qos(depth=100), "Words.")
 class Listener(Node):
     """Has an inbox for some topics, and nothing else."""
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, kind: Callable[..., Inbox] = open_inbox, **options: Any) -> None:
         super().__init__("listener", **options)
         self.heard: list[tuple[str, str]] = []
         self.threads: set[str] = set()
-        self.inbox = Inbox(self)
+        self.inbox = kind(self)
 
     def listen(self, name: str) -> None:
         self.inbox.add(TOPIC, lambda payload: self.hear(name, payload), name)
@@ -37,9 +42,15 @@ class Listener(Node):
         self.inbox.close()
 
 
+@pytest.fixture(params=[WaitSetInbox, Inbox])
+def kind(request: pytest.FixtureRequest) -> type[Inbox]:
+    """Give the inbox that is used, and the one for an rclpy that lacks what that needs."""
+    return request.param  # type: ignore[no-any-return]
+
+
 @pytest.fixture
-def listener(live: Any) -> Listener:
-    node: Listener = live.add(Listener)
+def listener(live: Any, kind: type[Inbox]) -> Listener:
+    node: Listener = live.add(partial(Listener, kind))
     return node
 
 
@@ -93,7 +104,7 @@ def test_who_publishes_what_cannot_be_heard_is_told_of(
     assert "/one" in "".join(said)
 
 
-def test_it_is_asked_again_after_the_time_that_it_gave(live: Any) -> None:
+def test_it_is_asked_again_after_the_time_that_it_gave(live: Any, kind: type[Inbox]) -> None:
     node = live.add(Listener)
     asked: list[int] = []
 
@@ -101,12 +112,35 @@ def test_it_is_asked_again_after_the_time_that_it_gave(live: Any) -> None:
         asked.append(1)
         return 0.001 if len(asked) < 5 else None
 
-    inbox = Inbox(node, after)
+    inbox = kind(node, after)
     try:
         inbox.add(TOPIC, node.heard.append, "/one")
         live.until(lambda: len(asked) >= 5)
     finally:
         inbox.close()
+
+
+@pytest.mark.parametrize("missing", ["WaitSet", "Subscription"])
+def test_an_rclpy_that_lacks_wait_sets_does_all_the_same(
+    live: Any, missing: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert isinstance(live.add(Listener).inbox, WaitSetInbox)
+    private = rclpy_implementation
+
+    class Other:
+        def __getattr__(self, name: str) -> object:
+            if name == missing:
+                raise AttributeError(f"no {name}")
+            return getattr(private, name)
+
+    monkeypatch.setattr(wait_set_inbox, "rclpy_implementation", Other())
+    listener = live.add(Listener)
+    assert type(listener.inbox) is Inbox
+    assert f"costs more of the processor: no {missing}" in capfd.readouterr().err
+    listener.listen("/one")
+    live.publisher(STRING, "/one", 100).publish(_string("hello"))
+    live.until(lambda: listener.heard)
+    assert listener.heard == [("/one", "hello")]
 
 
 def _string(data: str) -> Any:

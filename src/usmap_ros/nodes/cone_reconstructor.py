@@ -36,7 +36,7 @@ from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.mapping.free_scan import free_scan
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
-from usmap_ros.nodes.plumbing.inbox import Inbox
+from usmap_ros.nodes.plumbing.inbox import open_inbox
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.pose_sources import NoPoseError
 from usmap_ros.nodes.plumbing.range_input import RangeInput
@@ -109,7 +109,7 @@ class ConeReconstructor(Node):
         self._queue: deque[_Job] = deque()
         self._worker = Worker(self, self._step)
         # Once for all traces that came together.
-        self._inbox = Inbox(self, after=self._worker.wake)
+        self._inbox = open_inbox(self, after=self._worker.wake)
         parameters = self.parameters.value
         self._ranges = RangeInput(self, self.health, parameters) if self._has_ranges else None
         names = self.parameters.value.transducers or [""]

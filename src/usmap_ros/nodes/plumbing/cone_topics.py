@@ -10,7 +10,7 @@ from math import inf
 from rclpy.node import Node
 
 from usmap_ros.live.interfaces import CONE
-from usmap_ros.nodes.plumbing.inbox import Inbox
+from usmap_ros.nodes.plumbing.inbox import open_inbox
 from usmap_ros.parameters.nodes.common import is_one_of
 
 
@@ -28,7 +28,7 @@ class ConeTopics:
     on_cone : callable
         Gets topic and serialized message.
     after : callable
-        As of `Inbox`.
+        As of `usmap_ros.nodes.plumbing.inbox.Inbox`.
     clock : callable
         Seconds of a clock that never runs backwards.
     """
@@ -47,7 +47,7 @@ class ConeTopics:
         # When there was somebody who publishes.
         self._heard_s: dict[str, float] = {}
         self._is_listed = any(listed)
-        self._inbox = Inbox(node, after)
+        self._inbox = open_inbox(node, after)
         for name in filter(None, listed):
             self._subscribe(node.resolve_topic_name(name))
 

@@ -15,7 +15,7 @@ from usmap_ros.live.interfaces import Qos, ServiceInterface, Topic
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 
 #: How much deeper the queue of a subscription is than that of a publisher.
-_DEEPER = 10
+QUEUE_DEPTH_FACTOR = 10
 
 
 def qos_profile(qos: Qos) -> QoSProfile:
@@ -64,7 +64,7 @@ def subscribe(
     Its queue is deeper than the publisher's: what comes while the node is busy is lost in silence
     once a queue is full, reliable or not.
     """
-    qos = replace(topic.qos, depth=_DEEPER * topic.qos.depth)
+    qos = replace(topic.qos, depth=QUEUE_DEPTH_FACTOR * topic.qos.depth)
     return node.create_subscription(
         interface_class(topic.message_type),
         name or topic.name,

@@ -1,55 +1,35 @@
-"""Messages that come often, taken without rclpy's executor and without its objects."""
+"""Messages that come often, as bytes, for callbacks in a thread of their own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable
+from functools import partial
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.exceptions import InvalidHandle
-from rclpy.guard_condition import GuardCondition
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from usmap_ros.live.interfaces import Topic
-from usmap_ros.nodes.plumbing.endpoints import subscribe
+from usmap_ros.nodes.plumbing.endpoints import QUEUE_DEPTH_FACTOR, subscribe
 from usmap_ros.nodes.plumbing.worker import Worker
 
-#: For how long messages gather before they are taken together, for each topic and at the most.
-#: Where many come, that spares a quarter of the processor: who works on several in a row finds
-#: its code and data in the caches, of which others have taken possession after each pause.
-_GATHER_S, _LONGEST_GATHER_S = 0.0004, 0.012
+Callback = Callable[[bytes], None]
 
 
-class _Apart(MutuallyExclusiveCallbackGroup):
-    """Keeps the executor from waiting for anything of this group.
-
-    Not even for events: they share a condition with the messages, each of which would wake it.
-    """
-
-    def can_execute(self, entity: Any) -> bool:
-        return False
-
-
-@dataclass(frozen=True)
-class _Slot:
-    """A subscription and who gets its messages."""
+class _Queue(NamedTuple):
+    """A subscription, who gets its messages, and those that wait for that."""
 
     subscription: Any
-    callback: Callable[[bytes], None]
-    pointer: int
+    callback: Callback
+    waiting: deque[bytes]
 
 
 class Inbox:
-    """Subscriptions whose messages are taken in a thread of their own, all that wait at a time.
+    """Subscriptions whose messages the node's executor takes, and a thread hands over.
 
-    rclpy's executor lists all that a node waits for anew after each message, some forty things for
-    one subscription, and makes a task of each callback: a millisecond of a core or more.  Here,
-    the subscriptions alone are listed, once for all messages that wait.  Messages are handed over
-    as bytes, in CDR.
+    Messages are handed over as bytes, in CDR.  Where more of a topic wait than its queue is deep
+    the oldest are lost, as the middleware does it.
 
     Parameters
     ----------
@@ -62,104 +42,65 @@ class Inbox:
 
     def __init__(self, node: Node, after: Callable[[], float | None] = lambda: None) -> None:
         self._node, self._after = node, after
-        self._group = _Apart()
         self._lock = Lock()
-        self._slots: dict[str, _Slot] = {}
-        # What was let go of, and may still be waited for.
-        self._gone: list[_Slot] = []
-        self._patience_s: float | None = None
-        # Not one of the node's own, which its executor would answer.
-        self._bell = GuardCondition(None, None, context=node.context)
-        self._worker = Worker(node, self._take, self._bell.trigger)
+        self._queues: dict[str, _Queue] = {}
+        self._worker = Worker(node, self._step, self._interrupt)
 
     @property
     def topics(self) -> set[str]:
         """Names as they were given to `add`."""
-        return set(self._slots)
+        return set(self._queues)
 
-    def add(self, topic: Topic, callback: Callable[[bytes], None], name: str) -> None:
+    def add(self, topic: Topic, callback: Callback, name: str) -> None:
         """Subscribe to a topic under a name, for a callback that is called in the thread."""
-        subscription = subscribe(self._node, topic, callback, name, raw=True, group=self._group)
-        # In use from now on, rather than anew for each wait: destroyed when it is not any more.
-        subscription.handle.__enter__()
+        waiting: deque[bytes] = deque(maxlen=QUEUE_DEPTH_FACTOR * topic.qos.depth)
+        subscription = subscribe(self._node, topic, partial(self._keep, waiting), name, raw=True)
         with self._lock:
-            self._slots[name] = _Slot(subscription, callback, subscription.handle.pointer)
-        self._worker.wake()
+            self._queues[name] = _Queue(subscription, callback, waiting)
 
     def remove(self, name: str) -> None:
         """Let go of a topic."""
         with self._lock:
-            slot = self._slots.pop(name)
-            self._gone.append(slot)
-        self._node.destroy_subscription(slot.subscription)
-        self._worker.wake()
+            queue = self._queues.pop(name)
+        self._node.destroy_subscription(queue.subscription)
 
     def close(self) -> None:
         """End the thread, and let go of all topics."""
         self._worker.stop()
         for name in self.topics:
             self.remove(name)
-        self._forget()
-        self._bell.destroy()
 
-    def _take(self) -> float:
-        """Wait for messages, and hand over all that there are; runs in the thread."""
-        held = self._forget()
-        ready = self._ready(held)
-        for pointer in ready:
-            _empty(held[pointer])
-        if not ready:
-            self._answer_events(held.values())
-        self._patience_s = self._after()
-        return min(_GATHER_S * len(held), _LONGEST_GATHER_S)
+    def _keep(self, waiting: deque[bytes], payload: bytes) -> None:
+        waiting.append(payload)
+        self._worker.wake()
 
-    def _forget(self) -> dict[int, _Slot]:
-        """Let go of what nobody waits for now; gives the others, by the address of each."""
+    def _interrupt(self) -> None:
+        """End a wait within a step."""
+
+    def _step(self) -> float | None:
+        """Hand over what waits; runs in the thread."""
         with self._lock:
-            gone, self._gone = self._gone, []
-            held = {slot.pointer: slot for slot in self._slots.values()}
-        for slot in gone:
-            slot.subscription.handle.__exit__(None, None, None)
-        return held
-
-    def _ready(self, held: dict[int, _Slot]) -> list[int]:
-        """Which of the subscriptions have messages, once any has."""
-        context = self._node.context.handle
-        wait_set = rclpy_implementation.WaitSet(len(held), 1, 0, 0, 0, 0, context)
-        wait_set.clear_entities()
-        for slot in held.values():
-            wait_set.add_subscription(slot.subscription.handle)
-        wait_set.add_guard_condition(self._bell.handle)
-        wait_set.wait(-1 if self._patience_s is None else round(self._patience_s * 1e9))
-        return list(wait_set.get_ready_entities("subscription"))
-
-    def _answer_events(self, held: Iterable[_Slot]) -> None:
-        """Let rclpy say what is wrong with a subscription: what woke us may have been that."""
-        events = [event for slot in held for event in slot.subscription.event_handlers]
-        if not events:
-            return
-        context = self._node.context.handle
-        wait_set = rclpy_implementation.WaitSet(0, 0, 0, 0, 0, len(events), context)
-        wait_set.clear_entities()
-        waited_for = []
-        with ExitStack() as in_use:
-            for event in events:
-                with suppress(InvalidHandle):
-                    in_use.enter_context(event)
-                    event.add_to_wait_set(wait_set)
-                    waited_for.append(event)
-            wait_set.wait(0)
-            for event in waited_for:
-                with suppress(InvalidHandle):
-                    if event.is_ready(wait_set):
-                        event.callback(event.take_data())
+            queues = list(self._queues.values())
+        for queue in queues:
+            for _ in range(len(queue.waiting)):
+                queue.callback(queue.waiting.popleft())
+        return self._after()
 
 
-def _empty(slot: _Slot) -> None:
-    """Hand over what waits on a subscription, a queue full at most."""
-    subscription = slot.subscription
-    for _ in range(subscription.qos_profile.depth):
-        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-        if taken is None:
-            return
-        slot.callback(taken[0])
+def open_inbox(node: Node, after: Callable[[], float | None] = lambda: None) -> Inbox:
+    """The inbox that takes least of the processor, of those that this rclpy has what it takes for.
+
+    Parameters
+    ----------
+    node, after
+        As of `Inbox`.
+    """
+    try:
+        from usmap_ros.nodes.plumbing.wait_set_inbox import WaitSetInbox
+
+        return WaitSetInbox(node, after)
+    except (ImportError, AttributeError, TypeError) as error:
+        node.get_logger().warning(
+            f"rclpy's executor takes the messages, which costs more of the processor: {error}"
+        )
+    return Inbox(node, after)

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, overload
+from typing import NamedTuple, get_type_hints, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS, NEVER, Look
+from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS, NEVER, BinnedEchoes, Look
 from usmap_ros.numerics.compiled import inlined
 
 #: Fields of a look that are numbers of their own, and those that hold one for each range bin.
-NUMBERS = (
-    "x_m", "y_m", "axis_x", "axis_y", "axis_z", "rise_m", "heading_rad", "half_angle_rad",
-    "cos_half_angle", "least_range_m", "greatest_range_m", "absorption_per_m", "range_std_m",
-    "bin_m", "noise",
-)  # fmt: skip
-BY_BIN = ("kind", "power", "limit", "bearing", "bearing_weight")
+NUMBERS = tuple(name for name, kind in get_type_hints(Look).items() if kind is float)
+BY_BIN = tuple(name for name in BinnedEchoes._fields if name != "next_echo")
 #: Rows that a window begins with.
 FIRST_ROWS = 64
 

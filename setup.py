@@ -170,8 +170,9 @@ setup(
         "zstandard>=0.22",
     ],
     extras_require={
-        # Others' solvers, for benchmarks/solvers.py to compare with.
-        "bench": ["pylops>=2.3", "scikit-learn>=1.3"],
+        # Others' solvers, for benchmarks/solvers.py to compare with, and another compiler, for
+        # benchmarks/ahead_of_time.py.
+        "bench": ["cython>=3", "pylops>=2.3", "scikit-learn>=1.3"],
         # usmap map --scheduler
         "dask": DASK,
         # colcon runs pytest only for a package whose "test" extra names it.

@@ -91,17 +91,7 @@ class LeaveOneOutMap:
         between: Callable[[], None] = lambda: None,
         of: Collection[str] | None = None,
     ) -> dict[str, list[Expected]]:
-        """What the map expects of robots' pings by what the others' pings say.
-
-        Parameters
-        ----------
-        cones : mapping of str to sequence of EchoCone
-            Pings of each robot; they need not be all that are in the map.
-        between : callable
-            Called between pieces of work, which take milliseconds.
-        of : collection of str, optional
-            The robots that are asked about; all of them by default.
-        """
+        """What is expected of robots' pings; see `usmap_ros.mapping.fusion.LeaveOneOut`."""
         asked = cones.keys() if of is None else of
         looks = {t: [look_of(cone, self._parameters) for cone in own] for t, own in cones.items()}
         evidence = {

@@ -87,7 +87,15 @@ def calibrate(
     ringing = _ringing(first, reconstruction, 0.0, target)
     if ringing is not None:
         table = table.without(ringing.accounts_for(table))
-    guess = (1.0, 0.0) if target is None else guess_from(table, target, _TARGET_SLOWNESSES)
+    guess, remarks = (1.0, 0.0), tuple[str, ...]()
+    if target is not None:
+        try:
+            guess = guess_from(table, target, _TARGET_SLOWNESSES)
+        except UsmapError as error:
+            if pulse is None or not pulse.is_known:
+                raise
+            # The pulse is worth having by itself.
+            target, remarks = None, (str(error),)
     explained = best_explained(table, Start(target, *guess))
     speed = _sound_speed(explained)
     if target is not None and not speed.is_known:
@@ -105,6 +113,7 @@ def calibrate(
         pulse=pulse,
         ringing=_ringing(first, reconstruction, explained.fit.model.offset_m, target),
         stated_speed_m_s=table.stated.sound_speed_m_s,
+        remarks=remarks,
     )
 
 

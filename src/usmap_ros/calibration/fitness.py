@@ -1,10 +1,14 @@
-"""Whether the pulse that traces state is the one that they hold, without calibrating anything."""
+"""Whether the pulse that traces state is the one that they hold, and which one it is if not.
+
+A person who buys a transducer does not know its pulse: its resonances round the burst off and ring
+for longer than it lasts, and every echo seems to be many.  A recording's own loud echoes tell.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 
-from usmap_ros.calibration.pulse import measure_pulse
+from usmap_ros.calibration.pulse import MeasuredPulse, measure_pulse
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.trace import EchoTrace
 
@@ -27,6 +31,7 @@ class PulseSurvey:
         self._parameters = parameters
         self._seen: defaultdict[str, int] = defaultdict(int)
         self._traces: defaultdict[str, list[EchoTrace]] = defaultdict(list)
+        self._learnt: dict[str, MeasuredPulse | None] = {}
 
     def add(self, topic: str, trace: EchoTrace) -> None:
         """Take a trace into account, or leave it out if others before it are enough."""
@@ -47,11 +52,29 @@ class PulseSurvey:
         found = {topic: self.problem(topic) for topic in sorted(self._traces)}
         return {topic: problem for topic, problem in found.items() if problem}
 
+    def learnt(self, topic: str) -> MeasuredPulse | None:
+        """The pulse of one topic, if it explains its echoes much better than the stated one."""
+        if topic not in self._learnt:
+            measured = measure_pulse(self._traces[topic], self._parameters)
+            is_known = measured is not None and measured.is_known
+            self._learnt[topic] = measured if is_known else None
+        return self._learnt[topic]
+
+    def transducers(self, topic: str) -> set[str]:
+        """Frames of the transducers whose traces of a topic were taken into account."""
+        return {trace.child_frame_id for trace in self._traces[topic]}
+
     def problem(self, topic: str) -> str:
         """What is wrong with the pulse of one topic; empty if nothing is."""
-        measured = measure_pulse(self._traces[topic], self._parameters)
-        if measured is None or not measured.is_known:
+        measured = self.learnt(topic)
+        if measured is None:
             return ""
+        if self._parameters.pulse.learn:
+            return (
+                f"the stated pulse leaves {measured.stated_residual:.2f} of an echo; one learnt"
+                f" from {measured.echoes} echoes leaves {measured.residual:.2f} and is used instead"
+                " (reconstruction.pulse.learn)"
+            )
         return (
             f"the stated pulse leaves {measured.stated_residual:.2f} of an echo, a measured"
             f" one {measured.residual:.2f}: echoes are found that are none; usmap calibrate"

@@ -57,9 +57,11 @@ class MeasuredPulse:
     stated_residual : float
         The same of the pulse that traces state.
     model_error : float
-        Amplitude of what is left beside an echo, relative to the echo.
+        Amplitude of what is left beside an echo, relative to the echo, or stands beside most.
     echoes : int
         From how many it was measured.
+    own_error : float
+        Amplitude of what the pulse leaves of an echo that is freed of others, relative to it.
     """
 
     parameters: PulseParameters
@@ -67,6 +69,7 @@ class MeasuredPulse:
     stated_residual: float
     model_error: float
     echoes: int
+    own_error: float = _LEAST_ERROR
 
     @property
     def is_known(self) -> bool:
@@ -119,9 +122,9 @@ def measure_pulse(
         template_i=[float(f"{one:.4g}") for one in template.real],
         template_q=[float(f"{one:.4g}") for one in template.imag],
     )
-    return MeasuredPulse(
-        told_pulse, residual, stated, _model_error(aligned, len(template)), len(snippets)
-    )
+    own_error = _own_error(aligned)
+    model_error = _model_error(aligned, len(template), own_error)
+    return MeasuredPulse(told_pulse, residual, stated, model_error, len(snippets), own_error)
 
 
 def _snippets(
@@ -281,17 +284,22 @@ def _trimmed(template: Signal, rate_hz: float, pulse: Pulse) -> Signal:
     return Profile.of(trimmed, rate_hz).values
 
 
-def _model_error(aligned: _Aligned, pulse_points: int) -> float:
-    """What a matched filter makes of leftovers, relative to the echo, in most pings.
+def _own_error(aligned: _Aligned) -> float:
+    """What a matched filter makes of leftovers of echoes that are freed of others."""
+    freed = _answers(aligned.echoes, aligned.template).max(axis=1)
+    return float(np.clip(np.quantile(freed, _COVERED), _LEAST_ERROR, 0.5))
+
+
+def _model_error(aligned: _Aligned, pulse_points: int, own_error: float) -> float:
+    """What a matched filter makes of leftovers and neighbours, relative to the echo, in most pings.
 
     What stands within the length of the pulse beside the strongest echo of most pings is of the
     sensor or of the object itself, and no other object.
     """
-    freed = _answers(aligned.echoes, aligned.template).max(axis=1)
     beside = _answers(aligned.crowded, aligned.template)
     near = np.r_[0 : pulse_points + 1, -pulse_points:0]
     usual = np.median(beside[:, near].max(axis=1))
-    return float(np.clip(max(np.quantile(freed, _COVERED), usual), _LEAST_ERROR, 0.5))
+    return float(np.clip(max(own_error, usual), _LEAST_ERROR, 0.5))
 
 
 def _answers(echoes: Signal, template: Signal) -> FloatArray:

@@ -67,6 +67,8 @@ class Calibration:
         What the transducer hears of itself in every ping; None: nothing, or it cannot be told.
     stated_speed_m_s : float
         Sound speed that traces state.
+    remarks : tuple of str
+        What could not be done that was asked for.
     """
 
     sound_speed_m_s: Estimate
@@ -81,6 +83,17 @@ class Calibration:
     pulse: MeasuredPulse | None = None
     ringing: Ringing | None = None
     stated_speed_m_s: float = 343.2
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def tells_something(self) -> bool:
+        """Whether there is anything that could be set right."""
+        is_pulse_known = self.pulse is not None and self.pulse.is_known
+        return (
+            is_pulse_known
+            or self.ringing is not None
+            or any(estimate.is_known for estimate in self.estimates().values())
+        )
 
     def estimates(self) -> dict[str, Estimate]:
         """All quantities, by the names of `CorrectionParameters`."""

@@ -67,6 +67,8 @@ def calibrate(
     found = calibrated(_traces(bags, topic), parameters, _target(target))
     name = ", ".join(map(str, bags))
     _check_told(name, found)
+    for remark in found.remarks:
+        typer.echo(f"usmap: warning: {name}: {remark}", err=True)
     text = report.parameter_file(
         found, name, read_mapping(parameters_file) if parameters_file else {}
     )
@@ -76,6 +78,11 @@ def calibrate(
         except OSError as error:
             raise FileError(output, f"cannot be written: {error.strerror}") from error
     elif output is not None:
+        if not found.correction().model_fields_set:
+            raise FileError(
+                output,
+                "would hold the same traces: only the pulse is told, which a .yaml file can hold",
+            )
         _record(bags, topic, found.correction(), output, replace=force)
     if as_json:
         typer.echo(json.dumps(report.as_json(found), indent=2))
@@ -124,7 +131,7 @@ def _check_told(name: str, found: Calibration) -> None:
     from usmap_ros.calibration.report import summary
     from usmap_ros.errors import BagError
 
-    if not any(estimate.is_known for estimate in found.estimates().values()):
+    if not found.tells_something:
         causes = "; ".join(f"{quantity}: {why}" for quantity, why in summary(found).items())
         raise BagError(name, f"tells nothing well enough: {causes}")
 

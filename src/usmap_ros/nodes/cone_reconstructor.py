@@ -155,7 +155,7 @@ class ConeReconstructor(Node):
         self._pulse_problems: dict[str, str] = {}
 
     def _survey(self, topic: str, trace: EchoTrace) -> None:
-        """Judge the stated pulse, once, by the first traces of a transducer."""
+        """Judge the stated pulse, once, by the first traces of a transducer; learn a better one."""
         if topic in self._pulse_problems:
             return
         self._pulses.add(topic, trace)
@@ -163,6 +163,7 @@ class ConeReconstructor(Node):
             # Judged, whatever comes of it.
             self._pulse_problems[topic] = ""
             self._pulse_problems[topic] = self._pulses.problem(topic)
+            self._pipeline.learn_pulses(self._pulses, topic)
 
     def _look_at_pulses(self) -> Remark | None:
         found = [f"{topic}: {said}" for topic, said in self._pulse_problems.items() if said]

@@ -60,6 +60,11 @@ class PulseParameters(ParameterGroup):
         "Like the burst that traces state; like what one or two resonators make of it; or as"
         " measured, which `usmap calibrate` does.",
     )
+    learn: bool = quantity(
+        True,
+        "Whether a stated pulse gives way to one that is learnt, for each transducer, from its own"
+        " loud echoes, where that explains them much better.",
+    )
     resonances_hz: Numbers = quantity(
         [0.0], "Of resonant pulses: resonance of one or two resonators.", "Hz", max_length=2
     )

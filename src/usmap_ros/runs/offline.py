@@ -131,6 +131,7 @@ def map_bag(
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
+    learn_pulses(bag, pipeline)
     wanted = _wanted(recorded_cones(bag, workers), without, left_out)
     for topic, cone in pings_of_one_map(wanted, pipeline, apart):
         try:
@@ -147,10 +148,7 @@ def map_bag(
         paths.add(topic, x_m, y_m, Beam.of(cone), cone.stamp_ns)
         if on_cone is not None:
             on_cone(topic, cone)
-    pulses = PulseSurvey(pipeline.parameters.reconstruction)
-    for topic, trace in bag.first_traces(PULSES_OF):
-        pulses.add(topic, trace)
-    for problems in (scales.problems(), pulses.problems(), apart.causes()):
+    for problems in (scales.problems(), apart.causes()):
         for topic, problem in problems.items():
             logger.warning("%s: %s", topic, problem)
     run.skipped, run.without = dict(bag.skipped.by_field), sorted(left_out)
@@ -159,6 +157,16 @@ def map_bag(
         raise _why_nothing(bag, left_out, apart)
     run.robots = consistency.findings(pipeline.fusion.by_others())
     return run
+
+
+def learn_pulses(bag: BagReader, pipeline: Pipeline) -> None:
+    """Let a pipeline know the pulses of a recording's transducers, where they are not as stated."""
+    survey = PulseSurvey(pipeline.parameters.reconstruction)
+    for topic, trace in bag.first_traces(PULSES_OF):
+        survey.add(topic, trace)
+    for topic, problem in survey.problems().items():
+        logger.warning("%s: %s", topic, problem)
+        pipeline.learn_pulses(survey, topic)
 
 
 def _wanted(pings: Iterable[Ping], without: Collection[str], left_out: set[str]) -> Iterator[Ping]:

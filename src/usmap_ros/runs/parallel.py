@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usmap_ros.bounds import LEAST_PROCESSES, PROCESSES_PER_CORE
+from usmap_ros.calibration.learnt import LearntPulses
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.stretch import Skip, TraceStretch
-from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.soundings import soundings
 from usmap_ros.pings.trace import EchoTrace
@@ -102,8 +102,7 @@ class Reconstructors:
         levels = self._pipeline.noise.levels(stretch.traces_without_noise())
         # An open file cannot be sent.
         stretch.messages.close()
-        parameters = self._pipeline.parameters.reconstruction
-        return executor.submit(stretch_cones, stretch, levels, parameters)
+        return executor.submit(stretch_cones, stretch, levels, self._pipeline.pulses)
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ class StretchCones:
 
 
 def stretch_cones(
-    stretch: TraceStretch, levels: Sequence[float], parameters: ReconstructionParameters
+    stretch: TraceStretch, levels: Sequence[float], pulses: LearntPulses
 ) -> StretchCones:
     """Read and reconstruct a stretch of a recording.
 
@@ -133,7 +132,7 @@ def stretch_cones(
         Where the traces lie that are to be reconstructed.
     levels : sequence of float
         Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
-    parameters : ReconstructionParameters
+    pulses : LearntPulses
         How each trace is reconstructed.
     """
     skipped: list[tuple[str, MalformedMessageError]] = []
@@ -147,7 +146,7 @@ def stretch_cones(
 
     try:
         traces = ((topic, with_noise(trace)) for topic, trace in stretch.traces(skip))
-        return StretchCones(list(_cones(traces, parameters, skip)), skipped)
+        return StretchCones(list(_cones(traces, pulses, skip)), skipped)
     finally:
         stretch.messages.close()
 
@@ -167,14 +166,15 @@ def cones_of(
         Told of traces that cannot be reconstructed.
     """
     stated = ((topic, pipeline.noise.with_noise(trace)) for topic, trace in traces)
-    return _cones(stated, pipeline.parameters.reconstruction, skip)
+    return _cones(stated, pipeline.pulses, skip)
 
 
 def _cones(
-    traces: Iterable[RecordedTrace], parameters: ReconstructionParameters, skip: Skip
+    traces: Iterable[RecordedTrace], pulses: LearntPulses, skip: Skip
 ) -> Iterator[tuple[str, EchoCone]]:
     for sounding in soundings(traces):
-        found = reconstruct_sounding([trace for _, trace in sounding], parameters)
+        pinged = [trace for _, trace in sounding]
+        found = reconstruct_sounding(pinged, pulses.of(pinged))
         for (topic, trace), one in zip(sounding, found, strict=True):
             if isinstance(one, MalformedMessageError):
                 skip(f"{topic} at {trace.stamp_ns / 1e9:.6f} s", one)

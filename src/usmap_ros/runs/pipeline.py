@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from usmap_ros.bounds import MAX_REACHED_CELLS
+from usmap_ros.calibration.fitness import PulseSurvey
+from usmap_ros.calibration.learnt import LearntPulses
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.wall_files import load_walls
@@ -52,6 +54,8 @@ class Pipeline:
         The map, with its frame and stamp.
     noise : SharedNoise
         What is known of the noise of transducers that state none.
+    pulses : LearntPulses
+        How traces are reconstructed, by what was learnt of their transducers.
     resumed : GridGeometry or None
         Where the cells of the map lie that it started from, if there was one.
 
@@ -68,6 +72,7 @@ class Pipeline:
         self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
         self.noise = SharedNoise(self.parameters.reconstruction)
         self.resumed: GridGeometry | None = None
+        self.pulses = LearntPulses(self.parameters.reconstruction)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
         """Return the echoes in a trace, and how loud an unheard one might have been.
@@ -77,7 +82,11 @@ class Pipeline:
         MalformedMessageError
             If the trace cannot be reconstructed.
         """
-        return reconstruct(self.noise.with_noise(trace), self.parameters.reconstruction).cone
+        return reconstruct(self.noise.with_noise(trace), self.pulses.of([trace])).cone
+
+    def learn_pulses(self, survey: PulseSurvey, topic: str) -> None:
+        """Reconstruct by the pulse that a survey has learnt of a topic, if any, from now on."""
+        self.pulses = self.pulses.with_those_of(survey, topic)
 
     def reconstruct_sounding(
         self, traces: Sequence[EchoTrace]
@@ -93,7 +102,7 @@ class Pipeline:
         with_noise = [self.noise.with_noise(trace) for trace in traces]
         return [
             found.cone if isinstance(found, Reconstruction) else found
-            for found in reconstruct_sounding(with_noise, self.parameters.reconstruction)
+            for found in reconstruct_sounding(with_noise, self.pulses.of(with_noise))
         ]
 
     def fuse(self, cone: EchoCone, source: str = "") -> None:

@@ -27,9 +27,12 @@ def test_nothing_is_wrong_with_shipped_scenarios(name: str) -> None:
 
 def test_a_resonant_pulse_that_is_not_stated_is_named_with_the_remedy() -> None:
     found = problems("as_real")
+    unlearnt = problems("as_real", ReconstructionParameters(pulse=PulseParameters(learn=False)))
 
     assert "/robot1/echo" in found
-    assert all("usmap calibrate" in problem for problem in found.values())
+    assert found.keys() == unlearnt.keys()
+    assert all("is used instead" in problem for problem in found.values())
+    assert all("usmap calibrate" in problem for problem in unlearnt.values())
     assert all("\n" not in problem for problem in found.values())
 
 

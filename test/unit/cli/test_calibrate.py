@@ -103,6 +103,30 @@ def test_recording_that_tells_nothing_is_refused(usmap: Run, workspace: Path) ->
     assert not (workspace / "found.yaml").exists()
 
 
+def test_a_pulse_alone_is_worth_a_file(usmap: Run, workspace: Path) -> None:
+    """A bought transducer, which drives straight on: nothing but its pulse can be told."""
+    resonances = "[{frequency_hz: 40000.0, quality: 15.0}]"
+    pulse = f"{{shape: tone_burst, carrier_hz: 40000.0, resonances: {resonances}}}"
+    scenario = (workspace / "scenario.yaml").read_text()
+    scenario = scenario.replace("duration_s: 1.0", "duration_s: 2.0").replace("0.01}", "0.001}")
+    (workspace / "bought.yaml").write_text(
+        scenario.replace("receiver:", f"pulse: {pulse}\n        receiver:")
+    )
+    assert usmap("simulate", "bought.yaml", "-o", "bought", cwd=workspace).returncode == 0
+
+    for target in ([], ["--target=40,40"]):
+        done = usmap("calibrate", "bought", "-o", "found.yaml", *target, cwd=workspace)
+        assert done.returncode == 0, done.stderr
+        assert ("no object was heard at x 40 m" in done.stderr) is bool(target)
+        found = yaml.safe_load((workspace / "found.yaml").read_text())["reconstruction"]
+        assert found["pulse"]["kind"] == "measured"
+
+    if not found["correction"]:
+        done = usmap("calibrate", "bought", "-o", "same", cwd=workspace)
+        assert done.returncode == 1
+        assert "only the pulse is told" in done.stderr
+
+
 @pytest.mark.parametrize("target", ["1", "1,2,3,4,5", "a,b", "1,2,0", "1,2,1,-1", "nan,1"])
 def test_target_that_is_none_is_wrong_usage(usmap: Run, folder: Path, target: str) -> None:
     done = usmap("calibrate", "bag", f"--target={target}", cwd=folder)

@@ -10,7 +10,16 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[2]
 #: Files and rooms of the package of which cones depend on any line.
 MAKERS = (
-    *("__init__.py", "bounds.py", "acoustics", "io", "numerics", "parameters", "pings"),
+    *(
+        "__init__.py",
+        "bounds.py",
+        "acoustics",
+        "calibration",
+        "io",
+        "numerics",
+        "parameters",
+        "pings",
+    ),
     *("reconstruction", "runs/offline.py", "runs/parallel.py", "runs/pipeline.py"),
 )
 

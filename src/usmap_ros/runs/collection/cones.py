@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from usmap_ros.calibration.learnt import LearntPulses
 from usmap_ros.errors import BagError
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.bag_reader import BagReader
@@ -25,7 +26,7 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.runs.collection.code_state import PACKAGE, reconstruction_state
-from usmap_ros.runs.offline import nothing_usable, recorded_cones
+from usmap_ros.runs.offline import learn_pulses, nothing_usable, recorded_cones
 from usmap_ros.runs.parallel import Reconstructors, stretch_cones
 from usmap_ros.runs.pipeline import Pipeline
 
@@ -68,11 +69,14 @@ class Divided:
     stretches : list of (path, TraceStretch, list of float)
         Where cones are to be written, of which traces, and levels of noise of those that state
         none.
+    pulses : LearntPulses
+        How they are reconstructed.
     """
 
     name: Path
     begun: Cones
     stretches: list[tuple[Path, TraceStretch, list[float]]]
+    pulses: LearntPulses
 
 
 def find_recordings(places: Sequence[Path], besides: Path) -> list[Path]:
@@ -133,12 +137,13 @@ def cones_of_recording(
         # What had to be unpacked lies in a folder of this process.
         is_long = bag.trace_count > length and not bag.is_unpacked
         pipeline = Pipeline(parameters)
+        learn_pulses(bag, pipeline)
         stretches = list(_stretches(bag, pipeline.noise, name, length)) if is_long else []
         workers = Reconstructors(pipeline)
         cones = bag.range_cones() if is_long else recorded_cones(bag, workers)
         made = _write(name, cones, bag.skipped)
     if is_long:
-        return Divided(name, replace(made, warnings=warnings), stretches)
+        return Divided(name, replace(made, warnings=warnings), stretches, pipeline.pulses)
     if not made.paths:
         raise nothing_usable([recording], bag.skipped.by_field)
     return keep(name, replace(made, warnings=warnings))
@@ -155,7 +160,7 @@ def _stretches(
 
 
 def cones_of_stretch(
-    name: Path, stretch: TraceStretch, levels: list[float], parameters: PipelineParameters
+    name: Path, stretch: TraceStretch, levels: list[float], pulses: LearntPulses
 ) -> Cones:
     """Reconstruct a stretch of a recording into a file, unless that was done before.
 
@@ -167,7 +172,7 @@ def cones_of_stretch(
     if (kept := _kept(name)) is not None:
         return kept
     with _warnings() as warnings:
-        found = stretch_cones(stretch, levels, parameters.reconstruction)
+        found = stretch_cones(stretch, levels, pulses)
         skipped = SkippedMessages()
         for source, error in found.skipped:
             skipped.add(source, error)

@@ -1,0 +1,389 @@
+"""The joint estimate of an area: powers, walls, and free space from all of its pings.
+
+    powers    ← multiplicative updates until they explain every echo and every silence
+    belief    ← how much worse the pings would be explained without each cell
+    walls     ← mirrors for echoes that no reliable cell explains, lines through believed cells
+    shadows   ← rays end at what is believed; and all of it again
+    response  ← how believed surfaces answer, by loudness and angle of incidence
+    free      ← where every way in which a surface could face is refuted, or sound came back through
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from usmap_ros.mapping.joint.cell_evidence import CellEvidence, gather_evidence, no_evidence
+from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, LEAST_RANGE, NOISE, Field, X, Y
+from usmap_ros.mapping.joint.lines import NO_LINES, beyond_ends, drawn, off_line, points_on
+from usmap_ros.mapping.joint.log_odds import (
+    cell_log_odds,
+    hiding,
+    judged,
+    optical_depth,
+    over_block,
+)
+from usmap_ros.mapping.joint.mirror_walls import Echoes, MirrorWall, mirror_walls
+from usmap_ros.mapping.joint.open_space import prove_open, refute_surfaces, trace_open
+from usmap_ros.mapping.joint.power_estimation import (
+    count_hits,
+    expect_powers,
+    first_powers,
+    gather_gradients,
+    update_powers,
+)
+from usmap_ros.mapping.joint.projection import Projection, project
+from usmap_ros.mapping.joint.ray_casting import cast_rays
+from usmap_ros.mapping.joint.response import NO_NORMAL, Response, learn_response, listen
+from usmap_ros.mapping.joint.surface_lines import surface_lines
+from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.look import UNJUDGED
+from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.special import logit
+
+#: Sweeps before anything hides anything, rounds of shadows and sweeps, and sweeps in each.
+FIRST_SWEEPS, THINNING_SWEEPS, ROUNDS, SWEEPS = 13, 3, 6, 4
+#: Rounds in which walls are found, and rounds of shadows in each.
+WALL_ROUNDS, WALL_SHADOWS = 2, 2
+#: Share of a belief in what hides that a round takes over: first, and with walls.
+FIRST_DAMPING, WALL_DAMPING = 0.6, 0.7
+#: Log-odds from which on a cell is shown as occupied, from which on it is where a line goes
+#: through it, and from which on it is reliable: its echoes are explained.
+SHOWN, ON_A_LINE, RELIABLE = 0.62, 0.0, 1.0
+#: Ghosts lie beside a line, so many cells off it, and are so much less certain than its cells.
+BESIDE_CELLS, GHOST_MARGIN = 4.0, 1.5
+#: Range bins around a mirror's echo that say nothing of cells.
+MIRROR_BINS = 2
+#: Log-odds from which on a cell that is not shown is not free either.
+SUSPECTED = -0.5
+#: Rounds of free space; optical depth of what is occupied, of what may be, and opacity.
+FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
+#: What must be refuted, and belief that unknown cells hide, among lone things; and among walls.
+REFUTED, UNKNOWN = (-2.2, 0.05), (-3.0, 0.2)
+#: Share of occupied cells on lines at which a place is one of walls.
+WALLED = 0.3
+#: Pings whose sound must have come back through a cell, and a robot's reach, m.
+PROOFS, STOOD_M = 2.0, 0.12
+#: Walls may go on beyond their ends so far, m.
+GOING_ON_M = 0.2
+#: Range bins, in cells, to either side of a cell's that belong to it.
+LISTENING_CELLS = 0.75
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Cells that are shown as occupied, and the lines that they are on.
+
+    Parameters
+    ----------
+    occupied, filled : (rows, columns) bool arrays
+        Cells by their own evidence, and cells that lines go through.
+    lines, mirrors : (lines, 5) arrays
+        See `usmap_ros.mapping.joint.lines`.
+    """
+
+    occupied: BoolArray
+    filled: BoolArray
+    lines: FloatArray
+    mirrors: FloatArray
+
+    @property
+    def all_lines(self) -> FloatArray:
+        """Lines of both kinds."""
+        return np.concatenate([self.lines, self.mirrors])
+
+    @property
+    def shown(self) -> BoolArray:
+        """All that is occupied."""
+        return self.occupied | self.filled
+
+
+class JointEstimate:
+    """All that some pings say together.
+
+    Parameters
+    ----------
+    looks : Looks
+        Pings; `kind` is changed where mirrors explain echoes.
+    pings : (pings,) integer array
+        Rows of those that count, in the order of their stamps.
+    weights : (pings,) float32 array
+        How much each counts.
+    echoes : Echoes
+        Their echoes.
+    field : Field
+        The cells.
+    opacity : float
+        Optical depth of a cell, over -ln(1 - p).
+    forgetting : float
+        Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+    """
+
+    def __init__(
+        self,
+        looks: Looks,
+        pings: NDArray[np.int64],
+        weights: NDArray[np.float32],
+        echoes: Echoes,
+        field: Field,
+        opacity: float = 1.0,
+        forgetting: float = 0.0,
+    ) -> None:
+        self.looks, self.pings, self.weights, self.echoes = looks, pings, weights, echoes
+        self.field, self._opacity, self._forgetting = field, opacity, forgetting
+        self.power: NDArray[np.float32] = np.zeros(0, np.float32)
+        self.expected = np.ones((len(pings), looks.kind.shape[1]), np.float32)
+        self.evidence: CellEvidence = no_evidence(field)
+        self.depth = np.zeros(field.shape, np.float32)
+        self._hiding: FloatArray = np.zeros(field.shape)
+        self._left = self._cast()
+        self.mirrors: list[MirrorWall] = []
+        self.response: Response | None = None
+        self._rows: Projection | None = None
+
+    # ------------------------------------------------------------------ powers and belief
+
+    def estimate(self, more_rounds: int = 0) -> Walls:
+        """Find powers, beliefs and walls.
+
+        Parameters
+        ----------
+        more_rounds : int
+            Beyond `ROUNDS`.
+        """
+        self._start()
+        no_walls = np.zeros(self.field.shape, bool)
+        for _ in range(ROUNDS + more_rounds):
+            self._cast_shadows(no_walls, FIRST_DAMPING)
+            self._sweep(SWEEPS)
+        self._weigh()
+        self.mirrors = mirror_walls(self.looks, self.pings, self.echoes, self._explained())
+        self._take_out_mirrors()
+        for _ in range(WALL_ROUNDS):
+            filled = self.walls().filled
+            for _ in range(WALL_SHADOWS):
+                self._cast_shadows(filled, WALL_DAMPING)
+                self._sweep(SWEEPS)
+            self._weigh()
+        return self.walls()
+
+    def _start(self) -> None:
+        """Begin with all cells that may have returned echoes, and thin them out."""
+        hits, misses = (np.zeros(self.field.shape, np.float32) for _ in range(2))
+        count_hits(self.looks, self.pings, self.weights, self.field, hits, misses)
+        self.power = first_powers(hits, misses)
+        self._project()
+        self._sweep(THINNING_SWEEPS)
+        self._project()
+        self._sweep(FIRST_SWEEPS)
+
+    def _cast(self) -> NDArray[np.uint8]:
+        return cast_rays(self.looks, self.pings, self.field, self.depth)
+
+    def _project(self) -> None:
+        self._rows = project(self.looks, self.pings, self.field, self.power, self._left)
+
+    def _sweep(self, sweeps: int) -> None:
+        """Update all powers by all pings, again and again."""
+        assert self._rows is not None
+        for _ in range(sweeps):
+            self._expect(self.power)
+            raises, lowers = np.zeros_like(self.power), np.zeros_like(self.power)
+            gather_gradients(
+                self.looks, self.pings, self.weights, self._rows, self.power, self.expected,
+                raises, lowers,
+            )  # fmt: skip
+            update_powers(self.power, raises, lowers)
+
+    def _expect(self, power: NDArray[np.float32]) -> None:
+        assert self._rows is not None
+        expect_powers(self.looks, self.pings, self._rows, power, self.expected)
+
+    def _weigh(self) -> None:
+        """Gather the evidence of all cells."""
+        self._project()
+        assert self._rows is not None
+        self._expect(self.power)
+        self.evidence = no_evidence(self.field)
+        gather_evidence(
+            self.looks, self.pings, self.weights, self._rows, self.power, self.expected,
+            self.field, self._forgetting, self.evidence,
+        )  # fmt: skip
+
+    def _cast_shadows(self, walls: BoolArray, damping: float) -> None:
+        """Renew what hides what by the evidence, and project the cells anew."""
+        self._weigh()
+        belief = hiding(self.evidence, self.field.shape, walls)
+        self._hiding = (1.0 - damping) * self._hiding + damping * belief
+        self.depth = optical_depth(self._hiding, self._opacity)
+        self._left = self._cast()
+        self._project()
+
+    # ------------------------------------------------------------------ walls
+
+    def _explained(self) -> BoolArray:
+        """Whether reliable cells explain at least half of each echo's power."""
+        log_odds = cell_log_odds(self.evidence, self.field.shape)
+        reliable = np.repeat((log_odds > RELIABLE).ravel(), QUARTERS)
+        self._expect(np.where(reliable, self.power, np.float32(0.0)))
+        index, bins, inside = self._echo_bins()
+        rows = self.pings[index]
+        noise = self.looks.numbers[rows, NOISE]
+        share = (self.expected[index, bins] - noise) / np.maximum(
+            self.looks.power[rows, bins], 1e-12
+        )
+        explained: BoolArray = inside & (share > 0.5)
+        return explained
+
+    def _echo_bins(self) -> tuple[NDArray[np.int64], NDArray[np.int64], BoolArray]:
+        """Ping and range bin of each echo, and whether it is within its ping's bins."""
+        index = np.repeat(np.arange(len(self.pings)), np.diff(self.echoes.start))
+        numbers = self.looks.numbers[self.pings[index]]
+        place = np.floor((self.echoes.range_m - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M])
+        inside = (place >= 0) & (place < self.looks.bins[self.pings[index]])
+        return index, np.where(inside, place, 0).astype(np.int64), inside
+
+    def _take_out_mirrors(self) -> None:
+        """Let the echoes of mirrors say nothing of cells."""
+        _, bins, inside = self._echo_bins()
+        for wall in self.mirrors:
+            for ping, echo in zip(wall.pings, wall.echoes, strict=True):
+                if inside[echo]:
+                    first = max(0, bins[echo] - MIRROR_BINS)
+                    row = self.pings[ping]
+                    self.looks.kind[row, first : bins[echo] + MIRROR_BINS + 1] = UNJUDGED
+
+    def walls(self) -> Walls:
+        """Cells that are shown, and lines through them, by today's evidence."""
+        log_odds = cell_log_odds(self.evidence, self.field.shape)
+        believed = log_odds > ON_A_LINE
+        lines = surface_lines(log_odds, believed, self.field.resolution_m)
+        mirrors = np.array([wall.line(self.field) for wall in self.mirrors]).reshape(-1, 5)
+        rows, columns = np.nonzero(believed)
+        certain = log_odds[rows, columns]
+        on_line, is_ghost = (np.zeros(len(rows), bool) for _ in range(2))
+        for line in np.concatenate([lines, mirrors]):
+            across, along = off_line(line, rows, columns)
+            beside = (along >= line[3] - 1.0) & (along <= line[4] + 1.0)
+            on = beside & (np.abs(across) <= 1.3)
+            usual = float(np.median(certain[on])) if on.any() else 2.0
+            off = beside & ~on & (np.abs(across) <= BESIDE_CELLS)
+            on_line |= on
+            is_ghost |= off & (certain < usual + GHOST_MARGIN)
+        kept = on_line | ((certain > SHOWN) & ~is_ghost)
+        occupied = np.zeros(self.field.shape, bool)
+        occupied[rows[kept], columns[kept]] = True
+        filled = drawn(lines, self.field.shape) | drawn(mirrors, self.field.shape)
+        return Walls(occupied, filled, lines if len(lines) else NO_LINES, mirrors)
+
+    # ------------------------------------------------------------------ free space
+
+    def free_space(self, walls: Walls) -> BoolArray:
+        """Cells that are free.
+
+        Parameters
+        ----------
+        walls : Walls
+            What stands.
+        """
+        field, occupied = self.field, walls.shown
+        listening = listen(
+            self.looks, self.pings, self._with_mirrors(), max(1, self._listening_bins())
+        )
+        depth = optical_depth(OCCUPIED * occupied, FREE_OPACITY)
+        left = cast_rays(self.looks, self.pings, field, depth)
+        surfaces, on_lines = self._surfaces(walls)
+        self.response = learn_response(
+            self.looks, self.pings, field, left, listening, surfaces
+        )
+        proven = self._proven(occupied, left) >= PROOFS
+        numbers = self.looks.numbers[self.pings]
+        away_m = distance_transform_edt(~field.cells_at(numbers[:, X], numbers[:, Y]))
+        away_m = away_m * field.resolution_m
+        wanted = (away_m < numbers[:, GREATEST_RANGE].max()) & ~occupied
+        stood = (away_m < STOOD_M) & ~occupied
+        belief = cell_log_odds(self.evidence, field.shape)
+        suspected = (belief > SUSPECTED) & ~occupied
+        closed = suspected | beyond_ends(
+            walls.all_lines, occupied, GOING_ON_M / field.resolution_m
+        )
+        walled = min(np.count_nonzero(occupied & on_lines) / max(1, occupied.sum()) / WALLED, 1.0)
+        refuted = (1.0 - walled) * REFUTED[0] + walled * UNKNOWN[0]
+        unknown = (1.0 - walled) * REFUTED[1] + walled * UNKNOWN[1]
+        free = np.zeros(field.shape, bool)
+        for turn in range(FREE_ROUNDS):
+            worst = refute_surfaces(
+                self.looks, self.pings, field, left, listening, self.response.log_silent, wanted
+            )
+            free = (wanted & ((worst < refuted) | proven) & ~closed) | stood
+            if turn < FREE_ROUNDS - 1:
+                # What was not refuted while all was open is not when less is.
+                wanted &= free | proven | closed
+                belief = np.where(occupied, OCCUPIED, np.where(free, 0.0, unknown))
+                left = cast_rays(
+                    self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY)
+                )
+        return free
+
+    def _listening_bins(self) -> int:
+        bin_m = float(np.median(self.looks.numbers[self.pings, BIN_M]))
+        return round(LISTENING_CELLS * self.field.resolution_m / bin_m)
+
+    def _with_mirrors(self) -> NDArray[np.float32]:
+        """Expected powers, with what mirrors return."""
+        expected = self.expected.copy()
+        _, bins, inside = self._echo_bins()
+        for wall in self.mirrors:
+            for ping, echo in zip(wall.pings, wall.echoes, strict=True):
+                if inside[echo]:
+                    around = slice(max(0, bins[echo] - MIRROR_BINS), bins[echo] + MIRROR_BINS + 1)
+                    limits = self.looks.limit[self.pings[ping], around]
+                    here = expected[ping, around]
+                    here[:] = np.maximum(here, 100.0 * limits[: len(here)])
+        return expected
+
+    def _surfaces(self, walls: Walls) -> tuple[FloatArray, BoolArray]:
+        """Row, column and normal of what stands; and cells near lines."""
+        found, near = [], np.zeros(self.field.shape, bool)
+        row_count, column_count = self.field.shape
+        for line in walls.all_lines:
+            rows, columns = points_on(line, line[3], line[4])
+            normal = float(np.arctan2(line[1], line[0]))
+            for row, column in dict.fromkeys(zip(rows.tolist(), columns.tolist(), strict=True)):
+                if 1 <= row < row_count - 1 and 1 <= column < column_count - 1:
+                    found.append((row, column, normal))
+                    near[row - 1 : row + 2, column - 1 : column + 2] = True
+        strength = judged(self.evidence, self.field.shape)
+        peaks = walls.shown & ~near & (strength >= over_block(strength))
+        found += [(row, column, NO_NORMAL) for row, column in np.argwhere(peaks)]
+        return np.array(found, dtype=float).reshape(-1, 3), near
+
+    def _proven(self, occupied: BoolArray, left: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Pings whose sound is known to have passed each cell."""
+        proven = np.zeros(self.field.shape, np.float32)
+        prove_open(
+            self.looks, self.pings, self.field, left, self.expected, self.power, occupied, proven,
+            self.weights,
+        )  # fmt: skip
+        last = np.full(self.field.shape, -1, np.int32)
+        for wall in self.mirrors:
+            for ping, echo in zip(wall.pings, wall.echoes, strict=True):
+                numbers = self.looks.numbers[self.pings[ping]]
+                way_m = self.echoes.range_m[echo] - 1.5 * self.field.resolution_m
+                trace_open(
+                    numbers[X], numbers[Y], wall.normal_rad, way_m, self.field, int(ping), last,
+                    proven, self.weights[ping],
+                )  # fmt: skip
+        return proven
+
+    def log_odds(self, walls: Walls, free: BoolArray, prior: float) -> NDArray[np.float32]:
+        """Log-odds of all cells."""
+        belief = cell_log_odds(self.evidence, self.field.shape)
+        log_odds = np.full(self.field.shape, logit(prior), np.float32)
+        log_odds[free] = -3.0
+        log_odds[walls.shown] = np.maximum(belief, 0.7)[walls.shown]
+        return log_odds

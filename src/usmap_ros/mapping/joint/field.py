@@ -1,0 +1,85 @@
+"""The rectangle of cells that a joint estimate works on, and its quarters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.grids import GridGeometry
+from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.numerics.arrays import BoolArray
+
+#: Columns of `Looks.numbers`: position, heading, half angle, and range limits.
+X, Y, HEADING, HALF_ANGLE, LEAST_RANGE, GREATEST_RANGE = 0, 1, 6, 7, 9, 10
+#: Width of a range bin, and power of the receiver's noise.
+BIN_M, NOISE = 13, 14
+
+
+class Field(NamedTuple):
+    """A rectangle of cells; cell (row, column) of it is row * columns + column.
+
+    Quarter q of a cell lies to its right if q & 1, and above if q & 2; quarters of all cells lie
+    one behind the other.
+
+    Parameters
+    ----------
+    first_row, first_column : int
+        Of its lowest left cell, counted from y = 0 and x = 0.
+    rows, columns : int
+        Its size.
+    resolution_m : float
+        Side of a cell.
+    """
+
+    first_row: int
+    first_column: int
+    rows: int
+    columns: int
+    resolution_m: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.rows, self.columns
+
+    def geometry(self) -> GridGeometry:
+        """Where its cells lie."""
+        step_m = self.resolution_m
+        origin_m = (self.first_column * step_m, self.first_row * step_m)
+        return GridGeometry(step_m, origin_m, self.shape)
+
+    def cells_at(self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> BoolArray:
+        """Mask of the cells at some places; what is outside is left out."""
+        mask = np.zeros(self.shape, bool)
+        columns = np.floor(x_m / self.resolution_m).astype(np.int64) - self.first_column
+        rows = np.floor(y_m / self.resolution_m).astype(np.int64) - self.first_row
+        inside = (rows >= 0) & (columns >= 0) & (rows < self.rows) & (columns < self.columns)
+        mask[rows[inside], columns[inside]] = True
+        return mask
+
+
+def field_around(looks: Looks, rows: NDArray[np.int64], resolution_m: float) -> Field:
+    """The least rectangle that holds all that some pings may reach.
+
+    Parameters
+    ----------
+    looks : Looks
+        Pings.
+    rows : (pings,) integer array
+        Which of them.
+    resolution_m : float
+        Side of a cell.
+    """
+    numbers = looks.numbers[rows]
+    reach_m = numbers[:, GREATEST_RANGE]
+    first_column, first_row = (
+        int(np.floor((numbers[:, axis] - reach_m).min() / resolution_m)) - 1 for axis in (X, Y)
+    )
+    end_column, end_row = (
+        int(np.ceil((numbers[:, axis] + reach_m).max() / resolution_m)) + 1 for axis in (X, Y)
+    )
+    return Field(
+        first_row, first_column, end_row - first_row, end_column - first_column, resolution_m
+    )

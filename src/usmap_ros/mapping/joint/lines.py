@@ -1,0 +1,72 @@
+"""Straight lines on the field, and the cells that they go through."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.numerics.arrays import BoolArray
+
+#: Columns of an array of lines, in cells from the middle of cell (0, 0): unit normal, distance
+#: along it, and where along the tangent (-ny, nx) the line begins and ends.
+NORMAL_X, NORMAL_Y, DISTANCE, BEGIN, END = range(5)
+NO_LINES: NDArray[np.float64] = np.zeros((0, 5))
+#: Distance of the points that a line is drawn by, in cells.
+_STEP = 0.4
+
+
+def points_on(
+    line: NDArray[np.float64], begin: float, end: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of cells along a line, from one place on it to another."""
+    along = np.arange(begin, end + 0.01, _STEP)
+    columns = np.rint(line[NORMAL_X] * line[DISTANCE] - line[NORMAL_Y] * along)
+    rows = np.rint(line[NORMAL_Y] * line[DISTANCE] + line[NORMAL_X] * along)
+    return rows.astype(np.int64), columns.astype(np.int64)
+
+
+def drawn(lines: NDArray[np.float64], shape: tuple[int, int]) -> BoolArray:
+    """Mask of the cells that lines go through."""
+    mask = np.zeros(shape, bool)
+    for line in lines:
+        rows, columns = points_on(line, line[BEGIN], line[END])
+        inside = (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
+        mask[rows[inside], columns[inside]] = True
+    return mask
+
+
+def off_line(
+    line: NDArray[np.float64], rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distance of cells from a line, with a sign, and where along it they are."""
+    across = columns * line[NORMAL_X] + rows * line[NORMAL_Y] - line[DISTANCE]
+    along = -columns * line[NORMAL_Y] + rows * line[NORMAL_X]
+    return across, along
+
+
+def beyond_ends(
+    lines: NDArray[np.float64], occupied: BoolArray, reach_cells: float
+) -> BoolArray:
+    """Cells where walls may go on: around what continues a line, up to the next thing.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        Walls.
+    occupied : (rows, columns) bool array
+        What is known to stand.
+    reach_cells : float
+        How far beyond its ends a line may go on.
+    """
+    mask, (row_count, column_count) = np.zeros_like(occupied), occupied.shape
+    for line in lines:
+        for place, sign in ((line[BEGIN], -1.0), (line[END], 1.0)):
+            for beyond in np.arange(0.0, reach_cells, _STEP):
+                at = place + sign * beyond
+                (row,), (column,) = (values[:1] for values in points_on(line, at, at))
+                if not (0 <= row < row_count and 0 <= column < column_count):
+                    break
+                if beyond > 1.5 and occupied[row, column]:
+                    break
+                mask[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
+    return mask & ~occupied

@@ -157,11 +157,12 @@ class MappingParameters(ParameterGroup):
 
     renamed: ClassVar[Mapping[str, str]] = {"audibility": "detection_probability"}
 
-    method: Literal["superposition", "additive", "range_only"] = quantity(
-        "superposition",
-        "How pings become a map: all echoes explained together by the powers of cells; each"
-        " echo's evidence added to every cell of its ring; or, to compare with, what nav2's model"
-        " of range sensors makes of each first echo.",
+    method: Literal["joint", "superposition", "additive", "range_only"] = quantity(
+        "joint",
+        "How pings become a map: all pings of the window explained together whenever a map is asked"
+        " for, with walls and free space by how the place answers; echoes explained by the powers"
+        " of cells, ping by ping; each echo's evidence added to every cell of its ring; or, to"
+        " compare with, what nav2's model of range sensors makes of each first echo.",
     )
     resolution_m: float = quantity(0.05, "Side of a map cell.", "m", ge=0.005, le=2.0)
     most_cells: int = quantity(
@@ -233,14 +234,19 @@ class MappingParameters(ParameterGroup):
         le=100.0,
     )
     wall_gap_m: float = quantity(
-        0.2,
+        0.5,
         "Widest gap between believed cells that counts as wall; 0: none.",
         "m",
         ge=0.0,
-        le=1.0,
+        le=2.0,
     )
     window: int = quantity(
-        600, "Recent pings whose evidence is weighed again as the map changes.", ge=1, le=100_000
+        3000,
+        "Recent pings that are explained together (joint), or whose evidence is weighed again as"
+        " the map changes (superposition); what earlier ones said stays. Of pings from one place"
+        " the joint method keeps the newest few.",
+        ge=1,
+        le=100_000,
     )
     revisits: int = quantity(
         4,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, NOISE, Field
 from usmap_ros.mapping.joint.projection import Projection
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.look import ECHO, SILENCE, UNJUDGED
+from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, UNJUDGED
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.compiled import compiled, inlined
 
@@ -46,6 +46,8 @@ class CellEvidence(NamedTuple):
         The same times the unit vector from the cell to who heard it.
     crowd : float32 array
         The same times the number of echoes within `CROWD_M` of each.
+    asked : float32 array
+        Pings with an echo that may be the block's.
     """
 
     own: NDArray[np.float32]
@@ -56,6 +58,7 @@ class CellEvidence(NamedTuple):
     from_x: NDArray[np.float32]
     from_y: NDArray[np.float32]
     crowd: NDArray[np.float32]
+    asked: NDArray[np.float32]
 
 
 def no_evidence(field: Field) -> CellEvidence:
@@ -177,10 +180,12 @@ def gather_evidence(
                         if parts[beside, column] > 0.0:
                             block[shift + column] += parts[beside, column]
                             end = max(end, shift + column + 1)
-            ratio, share = 0.0, 0.0
+            ratio, share, asked = 0.0, 0.0, 0.0
             for column in range(min(end, bins - first)):
                 b, part = first + column, block[column]
                 level, kind = expected[index, b], looks.kind[ping, b]
+                if kind == ECHO and part > 0.0:
+                    asked = 1.0
                 if kind != UNJUDGED and part >= LEAST_SHARE * level:
                     without = max(level - part, noise)
                     power_b, limit = looks.power[ping, b], looks.limit[ping, b]
@@ -188,6 +193,7 @@ def gather_evidence(
                     if kind == ECHO:
                         share = max(share, part / level)
             evidence.block[cell] = added(evidence.block[cell], ratio, weights[index], forgetting)
+            evidence.asked[cell] += asked * weights[index]
             if share > LEAST_SHARE:
                 x = (field.first_column + column_c + 0.5) * field.resolution_m - x0
                 y = (field.first_row + row_c + 0.5) * field.resolution_m - y0

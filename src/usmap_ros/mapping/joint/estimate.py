@@ -40,10 +40,9 @@ from usmap_ros.mapping.joint.ray_casting import cast_rays
 from usmap_ros.mapping.joint.response import NO_NORMAL, Response, learn_response, listen
 from usmap_ros.mapping.joint.surface_lines import surface_lines
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.look import UNJUDGED
+from usmap_ros.mapping.superposition.ping_bins import UNJUDGED
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.special import logit
 
 #: Sweeps before anything hides anything, rounds of shadows and sweeps, and sweeps in each.
 FIRST_SWEEPS, THINNING_SWEEPS, ROUNDS, SWEEPS = 13, 3, 6, 4
@@ -62,12 +61,13 @@ MIRROR_BINS = 2
 SUSPECTED = -0.5
 #: Rounds of free space; optical depth of what is occupied, of what may be, and opacity.
 FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
-#: What must be refuted, and belief that unknown cells hide, among lone things; and among walls.
-REFUTED, UNKNOWN = (-2.2, 0.05), (-3.0, 0.2)
+#: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
+#: them: among lone things, and among walls.
+LONE, WALLED = (-2.2, 0.05), (-2.5, 0.1)
 #: Share of occupied cells on lines at which a place is one of walls.
-WALLED = 0.3
-#: Pings whose sound must have come back through a cell, and a robot's reach, m.
-PROOFS, STOOD_M = 2.0, 0.12
+WALLED_SHARE = 0.3
+#: Within this distance of where a robot stood nothing else stands.
+STOOD_M = 0.12
 #: Walls may go on beyond their ends so far, m.
 GOING_ON_M = 0.2
 #: Range bins, in cells, to either side of a cell's that belong to it.
@@ -121,6 +121,12 @@ class JointEstimate:
         Optical depth of a cell, over -ln(1 - p).
     forgetting : float
         Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+    standing : (rows, columns) bool array, optional
+        Cells that are known to be occupied from before.
+    gap_m : float
+        Widest gap in a run of believed cells that counts as wall; 0: nothing is filled.
+    proofs : float
+        Pings whose sound must have come back through a cell, to prove that it is free.
     """
 
     def __init__(
@@ -132,9 +138,14 @@ class JointEstimate:
         field: Field,
         opacity: float = 1.0,
         forgetting: float = 0.0,
+        standing: BoolArray | None = None,
+        gap_m: float = 0.5,
+        proofs: float = 3.0,
     ) -> None:
         self.looks, self.pings, self.weights, self.echoes = looks, pings, weights, echoes
         self.field, self._opacity, self._forgetting = field, opacity, forgetting
+        self._gap_m, self._proofs = gap_m, proofs
+        self._standing = np.zeros(field.shape, bool) if standing is None else standing
         self.power: NDArray[np.float32] = np.zeros(0, np.float32)
         self.expected = np.ones((len(pings), looks.kind.shape[1]), np.float32)
         self.evidence: CellEvidence = no_evidence(field)
@@ -217,7 +228,7 @@ class JointEstimate:
     def _cast_shadows(self, walls: BoolArray, damping: float) -> None:
         """Renew what hides what by the evidence, and project the cells anew."""
         self._weigh()
-        belief = hiding(self.evidence, self.field.shape, walls)
+        belief = hiding(self.evidence, self.field.shape, walls | self._standing)
         self._hiding = (1.0 - damping) * self._hiding + damping * belief
         self.depth = optical_depth(self._hiding, self._opacity)
         self._left = self._cast()
@@ -261,7 +272,7 @@ class JointEstimate:
         """Cells that are shown, and lines through them, by today's evidence."""
         log_odds = cell_log_odds(self.evidence, self.field.shape)
         believed = log_odds > ON_A_LINE
-        lines = surface_lines(log_odds, believed, self.field.resolution_m)
+        lines = surface_lines(log_odds, believed, self._gap_m / self.field.resolution_m)
         mirrors = np.array([wall.line(self.field) for wall in self.mirrors]).reshape(-1, 5)
         rows, columns = np.nonzero(believed)
         certain = log_odds[rows, columns]
@@ -291,16 +302,17 @@ class JointEstimate:
             What stands.
         """
         field, occupied = self.field, walls.shown
+        hides = occupied | self._standing
         listening = listen(
             self.looks, self.pings, self._with_mirrors(), max(1, self._listening_bins())
         )
-        depth = optical_depth(OCCUPIED * occupied, FREE_OPACITY)
+        depth = optical_depth(OCCUPIED * hides, FREE_OPACITY)
         left = cast_rays(self.looks, self.pings, field, depth)
         surfaces, on_lines = self._surfaces(walls)
         self.response = learn_response(
             self.looks, self.pings, field, left, listening, surfaces
         )
-        proven = self._proven(occupied, left) >= PROOFS
+        proven = self._proven(occupied, left) >= self._proofs
         numbers = self.looks.numbers[self.pings]
         away_m = distance_transform_edt(~field.cells_at(numbers[:, X], numbers[:, Y]))
         away_m = away_m * field.resolution_m
@@ -311,9 +323,10 @@ class JointEstimate:
         closed = suspected | beyond_ends(
             walls.all_lines, occupied, GOING_ON_M / field.resolution_m
         )
-        walled = min(np.count_nonzero(occupied & on_lines) / max(1, occupied.sum()) / WALLED, 1.0)
-        refuted = (1.0 - walled) * REFUTED[0] + walled * UNKNOWN[0]
-        unknown = (1.0 - walled) * REFUTED[1] + walled * UNKNOWN[1]
+        walled = min(np.count_nonzero(occupied & on_lines) / max(1, occupied.sum()) / WALLED_SHARE, 1.0)
+        refuted, unknown = (
+            (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
+        )
         free = np.zeros(field.shape, bool)
         for turn in range(FREE_ROUNDS):
             worst = refute_surfaces(
@@ -323,7 +336,7 @@ class JointEstimate:
             if turn < FREE_ROUNDS - 1:
                 # What was not refuted while all was open is not when less is.
                 wanted &= free | proven | closed
-                belief = np.where(occupied, OCCUPIED, np.where(free, 0.0, unknown))
+                belief = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown))
                 left = cast_rays(
                     self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY)
                 )
@@ -379,11 +392,3 @@ class JointEstimate:
                     proven, self.weights[ping],
                 )  # fmt: skip
         return proven
-
-    def log_odds(self, walls: Walls, free: BoolArray, prior: float) -> NDArray[np.float32]:
-        """Log-odds of all cells."""
-        belief = cell_log_odds(self.evidence, self.field.shape)
-        log_odds = np.full(self.field.shape, logit(prior), np.float32)
-        log_odds[free] = -3.0
-        log_odds[walls.shown] = np.maximum(belief, 0.7)[walls.shown]
-        return log_odds

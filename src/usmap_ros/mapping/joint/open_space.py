@@ -24,7 +24,7 @@ from usmap_ros.mapping.joint.response import (
     step_before,
 )
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.look import ECHO
+from usmap_ros.mapping.superposition.ping_bins import ECHO
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.field import NOISE, Field
 from usmap_ros.mapping.joint.projection import Projection
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.look import ECHO, GAIN_STEPS, SILENCE
+from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS, SILENCE
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.compiled import compiled
 

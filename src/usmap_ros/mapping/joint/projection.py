@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.look import GAIN_STEPS
+from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.compiled import compiled
 
@@ -169,6 +169,14 @@ def _project(
                     earliest = min(int(max(middle - blurred, 0.0)), bins)
                     heard = looks.next_echo[ping, earliest] <= middle + blurred
                     reach = blurred if heard else depth
+                    if heard:
+                        echo = looks.next_echo[ping, earliest]
+                        if looks.bearing_weight[ping, echo] > 0.0:
+                            off = math.atan2(cosine * y - sine * x, cosine * x + sine * y)
+                            off -= looks.bearing[ping, echo]
+                            weight *= math.exp(-looks.bearing_weight[ping, echo] * off * off)
+                            if weight < faintest:
+                                continue
                     rows.quarter[count], rows.weight[count] = quarter, 0.5 * weight / depth
                     rows.low[count], rows.high[count] = middle - reach, middle + reach
                     rows.heard[count] = 1 if heard else 0

@@ -15,9 +15,9 @@ from usmap_ros.numerics.special import logistic
 #: Directions that are looked for.
 DIRECTIONS = 120
 #: A run has so many cells (by their probability), so many different ones along it, such a length
-#: and density, and no longer gaps.
+#: and density.
 LEAST_WEIGHT, LEAST_CELLS, LEAST_LENGTH_CELLS, LEAST_DENSITY = 4.0, 5, 6.0, 0.35
-GAP_M, MOST_LINES = 0.5, 200
+MOST_LINES = 200
 #: Cells within this distance of a line are on it.
 ON_LINE_CELLS = 1.3
 #: Largest correction of a direction by least squares, rad.
@@ -27,7 +27,7 @@ MOST_TURN = 0.03
 
 
 def surface_lines(
-    log_odds: FloatArray, believed: BoolArray, resolution_m: float
+    log_odds: FloatArray, believed: BoolArray, gap_cells: float
 ) -> NDArray[np.float64]:
     """Lines through believed cells, the heaviest first.
 
@@ -37,8 +37,8 @@ def surface_lines(
         Of each cell.
     believed : (rows, columns) bool array
         Those that count.
-    resolution_m : float
-        Side of a cell.
+    gap_cells : float
+        Widest gap in a run.
 
     Returns
     -------
@@ -46,12 +46,12 @@ def surface_lines(
         See `usmap_ros.mapping.joint.lines`.
     """
     rows, columns = np.nonzero(believed)
-    if len(rows) < LEAST_CELLS:
+    if len(rows) < LEAST_CELLS or gap_cells <= 0.0:
         return NO_LINES
     places = np.stack([columns, rows], axis=1).astype(np.float64)
     weights = logistic(log_odds[rows, columns])
     lines = np.zeros((MOST_LINES, 5))
-    count = _find_runs(places, weights, GAP_M / resolution_m, lines)
+    count = _find_runs(places, weights, gap_cells, lines)
     return lines[:count]
 
 

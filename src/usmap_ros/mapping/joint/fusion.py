@@ -1,0 +1,126 @@
+"""Joint fusion: the map is what explains all pings together, whatever order they came in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from usmap_ros.errors import UsmapError
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.survey import Survey
+from usmap_ros.mapping.superposition.fusion import FEW_PINGS, SuperpositionFusion
+from usmap_ros.mapping.superposition.leave_one_out import LeaveOneOutMap
+from usmap_ros.mapping.superposition.log_odds import scale_of
+from usmap_ros.mapping.superposition.ping_update import rules_of
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Share of the window that goes at once when it is full; what it said stays in the map.
+RETIRED_SHARE = 4
+
+
+class JointFusion(Fusion):
+    """A map that explains all pings of its window together.
+
+    A ping is only kept when it comes; the map is worked out when somebody asks for it, from all
+    pings at once and from the start.  So it depends on the pings alone: not on how often it was
+    looked at, and but for the order of sums not on the order of robots.  While there are few
+    pings, every cell is weighed that may have returned an echo (`superposition.first_pings`).
+
+    Parameters
+    ----------
+    parameters : MappingParameters
+        Of the model.
+    """
+
+    def __init__(self, parameters: MappingParameters) -> None:
+        super().__init__(parameters)
+        self._kept = KeptPings(parameters)
+        self._earlier: OccupancyMap | None = None
+        self._more_rounds = 0
+        self._survey: Survey | None = None
+
+    def _take_up(self, cone: EchoCone, source: str) -> None:
+        if len(self._kept) >= self.parameters.window:
+            self._retire()
+        self._kept.add(cone, source)
+        self._survey = None
+
+    def _retire(self) -> None:
+        """Let the oldest pings go, and what they said stay."""
+        self._earlier = self.occupancy_map()
+        self._kept.drop_oldest(max(1, self.parameters.window // RETIRED_SHARE))
+
+    def _forget_newest(self) -> None:
+        self._kept.drop_newest()
+        self._survey = None
+
+    def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
+        """Take some sources' pings out; nothing that they said stays, if they are in the window."""
+        pings = self._kept.leave_out(is_left_out)
+        if pings:
+            self._survey = None
+        return pings
+
+    def refine(self, passes: int) -> None:
+        """Let every map from now on be made with more rounds of shadows and sweeps."""
+        if passes < 0:
+            raise UsmapError(f"passes: is {passes}, must not be negative")
+        self._more_rounds += passes
+        self._survey = None
+
+    @property
+    def memory_bytes(self) -> int:
+        """Memory that the kept pings take."""
+        return self._kept.memory_bytes
+
+    def by_others(self) -> LeaveOneOutMap:
+        """What tells what each robot owes to the others, in any thread."""
+        if self._are_few:
+            return self._weighed_alone().by_others()
+        parameters = self.parameters
+        opacity = parameters.opacity if parameters.occlusion else 0.0
+        return LeaveOneOutMap(
+            self._surveyed().expectations(), parameters, scale_of(parameters),
+            rules_of(parameters).bounds, opacity,
+        )  # fmt: skip
+
+    def snapshot(self) -> Callable[[], OccupancyMap]:
+        """What makes the map as it is now, in its own time and in any thread."""
+        if self._are_few:
+            return self._weighed_alone().snapshot()
+        return self._surveyed().occupancy_map
+
+    @property
+    def _are_few(self) -> bool:
+        return self._earlier is None and len(self._kept) <= FEW_PINGS
+
+    def _weighed_alone(self) -> SuperpositionFusion:
+        """Few pings, with every cell weighed that may have returned an echo."""
+        fusion = SuperpositionFusion(self.parameters)
+        for cone, source in self._kept.cones():
+            fusion.fuse(cone, source)
+        fusion.frame_id, fusion.stamp_ns = self.frame_id, self.stamp_ns
+        return fusion
+
+    def _surveyed(self) -> Survey:
+        """The survey of today's pings, which is worked out when it is asked."""
+        if self._survey is None:
+            islands = [self._kept.pings(group) for group in self._kept.islands()]
+            self._survey = Survey(
+                islands, self.parameters, self._earlier, self._more_rounds, self.frame_id,
+                self.stamp_ns,
+            )  # fmt: skip
+        return self._survey
+
+    def resume(self, occupancy: OccupancyMap) -> None:
+        """Start from a map that was exported before.
+
+        Raises
+        ------
+        ValueError
+            If its resolution or origin does not fit this grid.
+        """
+        super().resume(occupancy)
+        self._earlier, self._survey = occupancy, None

@@ -1,0 +1,177 @@
+"""The pings that a joint estimate is made from: looks from one place are one look."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.mirror_walls import Echoes
+from usmap_ros.mapping.superposition.ping_bins import look_of
+from usmap_ros.mapping.superposition.window import Looks, Window
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Pings from within such a step of position, and of heading, look from one place.
+STEP_M, STEP_RAD = 0.02, math.radians(2.0)
+#: So many of them are kept, the newest: what is moving is seen by them.
+MOST_FROM_A_PLACE = 4
+
+#: Where a ping looks from, and with what: in steps.
+Place = tuple[str, int, int, int, int]
+#: Row and column of a square of this side, by which areas are told apart.
+Square = tuple[int, int]
+SQUARE_M = 2.0
+
+
+class Pings(NamedTuple):
+    """Pings as an estimate takes them, in the order in which they came.
+
+    Parameters
+    ----------
+    looks : Looks
+        In range bins.
+    rows : (pings,) integer array
+        Which of its rows.
+    weights : (pings,) float32 array
+        How much each counts: those from one place count as one.
+    echoes : Echoes
+        Of each.
+    """
+
+    looks: Looks
+    rows: NDArray[np.int64]
+    weights: NDArray[np.float32]
+    echoes: Echoes
+
+
+class KeptPings:
+    """Recent pings, so few from each place that a robot that stands still adds none.
+
+    Parameters
+    ----------
+    parameters : MappingParameters
+        Of their range bins.
+    """
+
+    def __init__(self, parameters: MappingParameters) -> None:
+        self._parameters = parameters
+        self._cones: list[tuple[EchoCone, str, Place]] = []
+        self._at: dict[Place, int] = {}
+
+    def __len__(self) -> int:
+        return len(self._cones)
+
+    @property
+    def memory_bytes(self) -> int:
+        """Memory that their numbers take."""
+        return sum(
+            16 * len(cone.ranges_m) + len(cone.detection_limits) for cone, *_ in self._cones
+        )
+
+    def add(self, cone: EchoCone, source: str) -> None:
+        """Take up a ping; one from the same place goes, if there are enough."""
+        place = _place(cone)
+        self._at[place] = self._at.get(place, 0) + 1
+        if self._at[place] > MOST_FROM_A_PLACE:
+            oldest = next(i for i, kept in enumerate(self._cones) if kept[2] == place)
+            self._remove(oldest)
+        self._cones.append((cone, source, place))
+
+    def cones(self) -> Iterator[tuple[EchoCone, str]]:
+        """All of them, each with its source."""
+        return ((cone, source) for cone, source, _ in self._cones)
+
+    def drop_oldest(self, count: int) -> None:
+        """Let the oldest go."""
+        for _ in range(count):
+            self._remove(0)
+
+    def drop_newest(self) -> None:
+        """Let the newest go."""
+        self._remove(len(self) - 1)
+
+    def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
+        """Let those of some sources go; returns how many there were."""
+        before = len(self)
+        for index in range(before - 1, -1, -1):
+            if is_left_out(self._cones[index][1]):
+                self._remove(index)
+        return before - len(self)
+
+    def islands(self) -> list[list[int]]:
+        """Indices of pings, divided into groups that cannot see the same cells.
+
+        Each group is a problem of its own, so that areas far apart cost what they hold.
+        """
+        squares = [_squares(cone) for cone, *_ in self._cones]
+        waiting: dict[Square, list[int]] = {}
+        for index, reached in enumerate(squares):
+            for square in reached:
+                waiting.setdefault(square, []).append(index)
+        groups, seen = [], np.zeros(len(self), bool)
+        for first in range(len(self)):
+            if seen[first]:
+                continue
+            seen[first], group = True, [first]
+            for index in group:
+                for square in squares[index]:
+                    for other in waiting.pop(square, ()):
+                        if not seen[other]:
+                            seen[other] = True
+                            group.append(other)
+            groups.append(sorted(group))
+        return groups
+
+    def pings(self, among: list[int] | None = None) -> Pings:
+        """Them, or some of them, as an estimate takes them."""
+        kept = self._cones if among is None else [self._cones[index] for index in among]
+        window = Window()
+        for cone, source, _ in kept:
+            window.append(look_of(cone, self._parameters), source)
+        ranges_m = [np.asarray(cone.ranges_m, np.float64) for cone, *_ in kept]
+        amplitudes = [np.asarray(cone.amplitudes, np.float64) for cone, *_ in kept]
+        start = np.concatenate([[0], np.cumsum([len(ranges) for ranges in ranges_m])])
+        weights = [1.0 / self._at[place] for *_, place in kept]
+        return Pings(
+            window.looks,
+            np.array([window.row(index) for index in range(len(kept))], np.int64),
+            np.array(weights, np.float32),
+            Echoes(start.astype(np.int64), np.concatenate(ranges_m), np.concatenate(amplitudes)),
+        )
+
+    def _remove(self, index: int) -> None:
+        _, _, place = self._cones.pop(index)
+        self._at[place] -= 1
+        if not self._at[place]:
+            del self._at[place]
+
+
+def _place(cone: EchoCone) -> Place:
+    """Where a ping looks from, in steps as large as the pose is uncertain."""
+    covariance = cone.pose.planar_covariance
+    step_m = max(STEP_M, math.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
+    step_rad = max(STEP_RAD, math.sqrt(covariance[2, 2]))
+    x_m, y_m, z_m = (float(value) for value in cone.pose.position_m)
+    return (
+        cone.child_frame_id, round(x_m / step_m), round(y_m / step_m), round(z_m / step_m),
+        round(cone.pose.yaw_rad / step_rad),
+    )  # fmt: skip
+
+
+def _squares(cone: EchoCone) -> list[Square]:
+    """Squares that a ping may reach into."""
+    x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
+    reach_m = cone.transducer.max_range_m
+    first_row, end_row, first_column, end_column = (
+        math.floor(edge_m / SQUARE_M)
+        for edge_m in (y_m - reach_m, y_m + reach_m, x_m - reach_m, x_m + reach_m)
+    )
+    return [
+        (row, column)
+        for row in range(first_row, end_row + 1)
+        for column in range(first_column, end_column + 1)
+    ]

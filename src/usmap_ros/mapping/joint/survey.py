@@ -1,0 +1,244 @@
+"""The map of all kept pings, worked out once, in any thread."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
+from usmap_ros.mapping.extent import check_size
+from usmap_ros.mapping.grid import TiledGrid
+from usmap_ros.mapping.joint.estimate import JointEstimate, Walls
+from usmap_ros.mapping.joint.field import Field, field_around
+from usmap_ros.mapping.joint.kept_pings import Pings
+from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds, over_block
+from usmap_ros.mapping.normals import surface_normals
+from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.layers import undecided
+from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.special import logistic, logit
+from usmap_ros.parameters import MappingParameters
+
+#: Log-odds of free cells, and least log-odds of cells that are shown as occupied: those that are
+#: filled in between have no evidence of their own.
+FREE_LOG_ODDS, OCCUPIED_LOG_ODDS = -3.0, 0.8
+#: Layers of what a map expects of pings; see `by_others` of the fusion.
+POWER, ALIVE, DEPTH = "power", "alive", "depth"
+
+
+@dataclass(frozen=True)
+class Area:
+    """What is known of one area.
+
+    Parameters
+    ----------
+    estimate : JointEstimate
+        Its powers and evidence.
+    walls : Walls
+        What stands.
+    free : (rows, columns) bool array
+        Free cells.
+    """
+
+    estimate: JointEstimate
+    walls: Walls
+    free: BoolArray
+
+    @property
+    def field(self) -> Field:
+        """Its cells."""
+        return self.estimate.field
+
+
+class Survey:
+    """The map of some pings.
+
+    Parameters
+    ----------
+    islands : list of Pings
+        Groups of pings that cannot see the same cells.
+    parameters : MappingParameters
+        Of the map.
+    earlier : OccupancyMap, optional
+        What was known before, which holds where the pings say nothing.
+    more_rounds : int
+        Rounds of shadows and sweeps beyond the usual ones.
+    frame_id, stamp_ns
+        Of the map.
+    """
+
+    def __init__(
+        self,
+        islands: list[Pings],
+        parameters: MappingParameters,
+        earlier: OccupancyMap | None,
+        more_rounds: int,
+        frame_id: str,
+        stamp_ns: int,
+    ) -> None:
+        self._islands, self._parameters, self._earlier = islands, parameters, earlier
+        self._more_rounds, self._frame_id, self._stamp_ns = more_rounds, frame_id, stamp_ns
+        self._lock = threading.Lock()
+        self._areas: list[Area] | None = None
+        self._map: OccupancyMap | None = None
+
+    def areas(self) -> list[Area]:
+        """What is known of each area."""
+        with self._lock:
+            if self._areas is None:
+                self._areas = [self._area(pings) for pings in self._islands]
+            return self._areas
+
+    def occupancy_map(self) -> OccupancyMap:
+        """The map."""
+        areas = self.areas()
+        with self._lock:
+            if self._map is None:
+                self._map = self._made(areas)
+            return self._map
+
+    def expectations(self) -> TiledGrid:
+        """Powers, cells with any, and their optical depth, on a grid of tiles."""
+        grid = TiledGrid(
+            self._parameters.resolution_m, {POWER: 0.0, ALIVE: 0.0, DEPTH: 0.0}, {POWER: QUARTERS}
+        )
+        for area in self.areas():
+            estimate, field = area.estimate, area.field
+            power = estimate.power.reshape(-1, QUARTERS)
+            alive = np.flatnonzero((power > 0.0).any(axis=1) | (estimate.depth.ravel() > 0.0))
+            rows, columns = np.divmod(alive, field.columns)
+            slots = grid.slots(rows + field.first_row, columns + field.first_column)
+            grid.layer(POWER).reshape(-1, QUARTERS)[slots] = power[alive]
+            grid.layer(ALIVE)[slots] = 1.0
+            grid.layer(DEPTH)[slots] = estimate.depth.ravel()[alive]
+        return grid
+
+    def _area(self, pings: Pings) -> Area:
+        parameters = self._parameters
+        field = field_around(pings.looks, pings.rows, parameters.resolution_m)
+        check_size(*field.shape, parameters)
+        estimate = JointEstimate(
+            pings.looks, pings.rows, pings.weights, pings.echoes, field,
+            opacity=parameters.opacity if parameters.occlusion else 0.0,
+            forgetting=parameters.forgetting, standing=self._standing(field),
+            gap_m=parameters.wall_gap_m, proofs=parameters.proof_rays,
+        )  # fmt: skip
+        walls = estimate.estimate(self._more_rounds)
+        return Area(estimate, walls, estimate.free_space(walls))
+
+    def _standing(self, field: Field) -> BoolArray | None:
+        """Cells of a field that were occupied before."""
+        if self._earlier is None:
+            return None
+        standing = np.zeros(field.shape, bool)
+        left, bottom = self._earlier.geometry.first_cell
+        rows, columns = np.nonzero(self._earlier.predicted())
+        rows, columns = rows + bottom - field.first_row, columns + left - field.first_column
+        inside = (rows >= 0) & (columns >= 0) & (rows < field.rows) & (columns < field.columns)
+        standing[rows[inside], columns[inside]] = True
+        return standing
+
+    def _made(self, areas: list[Area]) -> OccupancyMap:
+        """The least rectangle that holds all that is known."""
+        drawn = [(area, _known(area)) for area in areas]
+        corners = [_bounds(area.field, known) for area, known in drawn if known.any()]
+        if self._earlier is not None:
+            (left, bottom), shape = self._earlier.geometry.first_cell, self._earlier.geometry.shape
+            corners.append((bottom, left, bottom + shape[0], left + shape[1]))
+        if not corners:
+            corners.append((0, 0, 1, 1))
+        bottom, left = (min(corner[axis] for corner in corners) for axis in (0, 1))
+        top, right = (max(corner[axis] for corner in corners) for axis in (2, 3))
+        shape, step_m = (top - bottom, right - left), self._parameters.resolution_m
+        check_size(*shape, self._parameters)
+        geometry = GridGeometry(step_m, (left * step_m, bottom * step_m), shape)
+        log_odds = np.full(shape, logit(self._parameters.prior), np.float32)
+        observed = np.zeros(shape, bool)
+        occupancy = OccupancyMap(geometry, log_odds, observed, self._frame_id, self._stamp_ns)
+        if self._earlier is not None:
+            self._put_earlier(occupancy, self._earlier)
+        layers = {
+            NORMAL: np.full(shape, np.nan, np.float32),
+            **{name: np.zeros(shape, np.float32) for name in (AMBIGUITY, LOOKS_COS, LOOKS_SIN)},
+        }
+        for area, known in drawn:
+            if known.any():
+                self._put(occupancy, layers, area, known)
+        return replace(occupancy, layers=layers)
+
+    @staticmethod
+    def _put_earlier(occupancy: OccupancyMap, earlier: OccupancyMap) -> None:
+        left, bottom = occupancy.geometry.first_cell
+        column, row = earlier.geometry.first_cell
+        rows, columns = earlier.geometry.shape
+        place = np.s_[row - bottom : row - bottom + rows, column - left : column - left + columns]
+        occupancy.log_odds[place] = earlier.log_odds
+        occupancy.observed[place] = earlier.observed
+
+    def _put(
+        self,
+        occupancy: OccupancyMap,
+        layers: dict[str, NDArray[np.float32]],
+        area: Area,
+        known: BoolArray,
+    ) -> None:
+        """Put what is known of an area into the map."""
+        left, bottom = occupancy.geometry.first_cell
+        row, column, end_row, end_column = _bounds(area.field, known)
+        place = np.s_[row - bottom : end_row - bottom, column - left : end_column - left]
+        first_row, first_column = area.field.first_row, area.field.first_column
+        part = np.s_[row - first_row : end_row - first_row, column - first_column : end_column - first_column]
+        shown, free = area.walls.shown[part], area.free[part]
+        belief = cell_log_odds(area.estimate.evidence, area.field.shape)[part]
+        decided = np.where(shown, np.maximum(belief, OCCUPIED_LOG_ODDS), FREE_LOG_ODDS)
+        least, greatest = self._parameters.least_log_odds, self._parameters.greatest_log_odds
+        log_odds, observed = occupancy.log_odds[place], occupancy.observed[place]
+        suspected = (belief > NOTHING) & ~shown & ~free & ~observed
+        log_odds[suspected] = np.clip(belief, least, 0.0)[suspected]
+        log_odds[shown | free] = np.clip(decided, least, greatest)[shown | free]
+        observed |= shown | free
+        for name, values in _layers(area, part, occupancy, place).items():
+            layers[name][place] = values
+
+
+def _known(area: Area) -> BoolArray:
+    """Cells of which anything is to be said."""
+    known: BoolArray = area.walls.shown | area.free | (area.estimate.evidence.asked.reshape(area.field.shape) > 0.0)
+    return known
+
+
+def _bounds(field: Field, known: BoolArray) -> tuple[int, int, int, int]:
+    """First row and column of some cells, and the ends, counted from y = 0 and x = 0."""
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    return (
+        field.first_row + int(rows[0]), field.first_column + int(columns[0]),
+        field.first_row + int(rows[-1]) + 1, field.first_column + int(columns[-1]) + 1,
+    )  # fmt: skip
+
+
+def _layers(
+    area: Area, part: tuple[slice, slice], occupancy: OccupancyMap, place: tuple[slice, slice]
+) -> dict[str, NDArray[np.float32]]:
+    """What else is known of the cells of an area."""
+    evidence, shape = area.estimate.evidence, area.field.shape
+    heard, asked, axis_cos, axis_sin, from_x, from_y = (
+        values.reshape(shape)[part]
+        for values in (
+            evidence.heard, evidence.asked, evidence.axis_cos, evidence.axis_sin, evidence.from_x,
+            evidence.from_y,
+        )
+    )  # fmt: skip
+    belief = logistic(cell_log_odds(evidence, shape))
+    explained = (heard / np.maximum(asked, 1e-6)).astype(np.float32)
+    believed = over_block(belief)[part].astype(np.float32)
+    predicted, probability = occupancy.predicted()[place], occupancy.probability()[place]
+    weight = np.maximum(heard, 1e-6)
+    return {
+        NORMAL: surface_normals(predicted, probability, np.stack([from_x, from_y], axis=-1)),
+        AMBIGUITY: undecided(explained, np.where(heard > 0.0, believed, 0.0).astype(np.float32)),
+        LOOKS_COS: np.where(heard > 0.0, axis_cos / weight, 0.0).astype(np.float32),
+        LOOKS_SIN: np.where(heard > 0.0, axis_sin / weight, 0.0).astype(np.float32),
+    }

@@ -74,12 +74,25 @@ def log_silent(limit: float, level: float) -> float:
 
 
 @inlined
-def bin_ratio(kind: int, power: float, limit: float, level: float, without: float) -> float:
-    """Bounded log-likelihood ratio of a range bin, expecting one level to expecting another."""
-    if kind == ECHO:
+def bin_ratio(
+    looks: Looks, ping: int, b: int, level: float, without: float, silent: float
+) -> float:
+    """Bounded log-likelihood ratio of a range bin, expecting one level to expecting another.
+
+    Parameters
+    ----------
+    looks, ping, b
+        The bin.
+    level, without : float
+        Power that is expected, and without a contribution to it.
+    silent : float
+        `log_silent` of the level.
+    """
+    if looks.kind[ping, b] == ECHO:
+        power = looks.power[ping, b]
         ratio = power / without - power / level + math.log(without / level)
     else:
-        ratio = log_silent(limit, level) - log_silent(limit, without)
+        ratio = silent - log_silent(looks.limit[ping, b], without)
     return min(max(ratio, -MOST_A_BIN), MOST_A_BIN)
 
 
@@ -123,6 +136,8 @@ def gather_evidence(
         most = max(most, rows.start[index + 1] - rows.start[index])
     parts = np.zeros((most + 1, CELL_BINS), np.float32)
     begin, cells = np.zeros(most + 1, np.int64), np.zeros(most + 1, np.int64)
+    silent = np.zeros(expected.shape[1])
+    used = np.zeros(most + 1, np.int64)
     block, crowd = np.zeros(BLOCK_BINS), np.zeros(expected.shape[1] + 1, np.int32)
     for index in range(len(pings)):
         ping = pings[index]
@@ -131,6 +146,9 @@ def gather_evidence(
         least, bin_m = looks.numbers[ping, LEAST_RANGE], looks.numbers[ping, BIN_M]
         around = int(CROWD_M / bin_m)
         for b in range(bins):
+            silent[b] = 0.0
+            if looks.kind[ping, b] == SILENCE:
+                silent[b] = log_silent(looks.limit[ping, b], expected[index, b])
             crowd[b + 1] = crowd[b] + (1 if looks.kind[ping, b] == ECHO else 0)
         count, last = 0, -1
         for row in range(rows.start[index], rows.start[index + 1]):
@@ -141,34 +159,37 @@ def gather_evidence(
             low, high = rows.low[row], rows.high[row]
             if cell != last:
                 last, cells[count], place[cell] = cell, cell, count
-                begin[count] = max(0, int(low) - 4)
+                begin[count], used[count] = max(0, int(low) - 4), 0
                 for column in range(CELL_BINS):
                     parts[count, column] = 0.0
                 count += 1
             part, first = rows.weight[row] * v, begin[count - 1]
-            for b in range(max(first, int(low)), min(bins - 1, int(high), first + CELL_BINS - 1) + 1):
+            end = min(bins - 1, int(high), first + CELL_BINS - 1) + 1
+            used[count - 1] = max(used[count - 1], end - first)
+            for b in range(max(first, int(low)), end):
                 if rows.heard[row] and looks.kind[ping, b] == SILENCE:
                     continue
                 parts[count - 1, b - first] += part * (min(high, b + 1.0) - max(low, float(b)))
         for entry in range(count):
             cell = cells[entry]
             ratio = 0.0
-            for column in range(min(CELL_BINS, bins - begin[entry])):
+            for column in range(used[entry]):
                 b, part = begin[entry] + column, parts[entry, column]
                 level, kind = expected[index, b], looks.kind[ping, b]
                 if kind != UNJUDGED and part >= LEAST_SHARE * level:
                     without = max(level - part, noise)
-                    power_b, limit = looks.power[ping, b], looks.limit[ping, b]
-                    ratio += bin_ratio(kind, power_b, limit, level, without)
+                    ratio += bin_ratio(looks, ping, b, level, without, silent[b])
             evidence.own[cell] = added(evidence.own[cell], ratio, weights[index], forgetting)
             row_c, column_c = cell // columns, cell % columns
-            first, end = begin[entry], 0
+            first, end = begin[entry], begin[entry] + used[entry]
             for up in range(max(row_c - 1, 0), min(row_c + 2, field.rows)):
                 for right in range(max(column_c - 1, 0), min(column_c + 2, columns)):
                     beside = place[up * columns + right]
                     if beside >= 0:
                         first = min(first, begin[beside])
-            for column in range(BLOCK_BINS):
+                        end = max(end, begin[beside] + used[beside])
+            end = min(end - first, BLOCK_BINS)
+            for column in range(end):
                 block[column] = 0.0
             for up in range(max(row_c - 1, 0), min(row_c + 2, field.rows)):
                 for right in range(max(column_c - 1, 0), min(column_c + 2, columns)):
@@ -176,10 +197,9 @@ def gather_evidence(
                     if beside < 0:
                         continue
                     shift = begin[beside] - first
-                    for column in range(min(CELL_BINS, BLOCK_BINS - shift)):
+                    for column in range(min(used[beside], BLOCK_BINS - shift)):
                         if parts[beside, column] > 0.0:
                             block[shift + column] += parts[beside, column]
-                            end = max(end, shift + column + 1)
             ratio, share, asked = 0.0, 0.0, 0.0
             for column in range(min(end, bins - first)):
                 b, part = first + column, block[column]
@@ -188,8 +208,7 @@ def gather_evidence(
                     asked = 1.0
                 if kind != UNJUDGED and part >= LEAST_SHARE * level:
                     without = max(level - part, noise)
-                    power_b, limit = looks.power[ping, b], looks.limit[ping, b]
-                    ratio += bin_ratio(kind, power_b, limit, level, without)
+                    ratio += bin_ratio(looks, ping, b, level, without, silent[b])
                     if kind == ECHO:
                         share = max(share, part / level)
             evidence.block[cell] = added(evidence.block[cell], ratio, weights[index], forgetting)

@@ -35,7 +35,7 @@ from usmap_ros.mapping.joint.power_estimation import (
     gather_gradients,
     update_powers,
 )
-from usmap_ros.mapping.joint.projection import Projection, project
+from usmap_ros.mapping.joint.projection import Projection, cast_shadows, faintest_weights, project
 from usmap_ros.mapping.joint.ray_casting import cast_rays
 from usmap_ros.mapping.joint.response import NO_NORMAL, Response, learn_response, listen
 from usmap_ros.mapping.joint.surface_lines import surface_lines
@@ -151,10 +151,11 @@ class JointEstimate:
         self.evidence: CellEvidence = no_evidence(field)
         self.depth = np.zeros(field.shape, np.float32)
         self._hiding: FloatArray = np.zeros(field.shape)
-        self._left = self._cast()
         self.mirrors: list[MirrorWall] = []
         self.response: Response | None = None
+        self._all_rows: Projection | None = None
         self._rows: Projection | None = None
+        self._faintest = faintest_weights(looks, pings)
 
     # ------------------------------------------------------------------ powers and belief
 
@@ -168,18 +169,15 @@ class JointEstimate:
         """
         self._start()
         no_walls = np.zeros(self.field.shape, bool)
+        self._weigh()
         for _ in range(ROUNDS + more_rounds):
             self._cast_shadows(no_walls, FIRST_DAMPING)
-            self._sweep(SWEEPS)
-        self._weigh()
         self.mirrors = mirror_walls(self.looks, self.pings, self.echoes, self._explained())
         self._take_out_mirrors()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
             for _ in range(WALL_SHADOWS):
                 self._cast_shadows(filled, WALL_DAMPING)
-                self._sweep(SWEEPS)
-            self._weigh()
         return self.walls()
 
     def _start(self) -> None:
@@ -187,16 +185,16 @@ class JointEstimate:
         hits, misses = (np.zeros(self.field.shape, np.float32) for _ in range(2))
         count_hits(self.looks, self.pings, self.weights, self.field, hits, misses)
         self.power = first_powers(hits, misses)
-        self._project()
+        self._all_rows = self._rows = project(self.looks, self.pings, self.field, self.power)
         self._sweep(THINNING_SWEEPS)
-        self._project()
+        self._renew_shadows()
         self._sweep(FIRST_SWEEPS)
 
-    def _cast(self) -> NDArray[np.uint8]:
-        return cast_rays(self.looks, self.pings, self.field, self.depth)
-
-    def _project(self) -> None:
-        self._rows = project(self.looks, self.pings, self.field, self.power, self._left)
+    def _renew_shadows(self) -> None:
+        """Cast rays, and let what is left of the sound count."""
+        assert self._all_rows is not None
+        left = cast_rays(self.looks, self.pings, self.field, self.depth)
+        self._rows = cast_shadows(self._all_rows, self.power, left, self._faintest)
 
     def _sweep(self, sweeps: int) -> None:
         """Update all powers by all pings, again and again."""
@@ -216,7 +214,6 @@ class JointEstimate:
 
     def _weigh(self) -> None:
         """Gather the evidence of all cells."""
-        self._project()
         assert self._rows is not None
         self._expect(self.power)
         self.evidence = no_evidence(self.field)
@@ -226,13 +223,13 @@ class JointEstimate:
         )  # fmt: skip
 
     def _cast_shadows(self, walls: BoolArray, damping: float) -> None:
-        """Renew what hides what by the evidence, and project the cells anew."""
-        self._weigh()
+        """Renew what hides what by the evidence, then powers, then the evidence."""
         belief = hiding(self.evidence, self.field.shape, walls | self._standing)
         self._hiding = (1.0 - damping) * self._hiding + damping * belief
         self.depth = optical_depth(self._hiding, self._opacity)
-        self._left = self._cast()
-        self._project()
+        self._renew_shadows()
+        self._sweep(SWEEPS)
+        self._weigh()
 
     # ------------------------------------------------------------------ walls
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.field import NOISE, Field
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS
@@ -41,6 +41,8 @@ class Projection(NamedTuple):
     heard : (rows,) uint8 array
         1 if there is an echo between: silence in the other bins says nothing then, because what
         stands in a quarter echoes at once.
+    ray, step : (rows,) uint8 arrays
+        Where in the tables of `cast_rays` it is seen what is left of the sound.
     start : (pings + 1,) int64 array
         First row of each ping, and the end.
     """
@@ -50,17 +52,15 @@ class Projection(NamedTuple):
     low: NDArray[np.float32]
     high: NDArray[np.float32]
     heard: NDArray[np.uint8]
+    ray: NDArray[np.uint8]
+    step: NDArray[np.uint8]
     start: NDArray[np.int64]
 
 
 def project(
-    looks: Looks,
-    pings: NDArray[np.int64],
-    field: Field,
-    power: NDArray[np.float32],
-    left: NDArray[np.uint8],
+    looks: Looks, pings: NDArray[np.int64], field: Field, power: NDArray[np.float32]
 ) -> Projection:
-    """Project all quarters that have any power.
+    """Project all quarters that have any power, without shadows.
 
     Parameters
     ----------
@@ -68,20 +68,15 @@ def project(
         As in `usmap_ros.mapping.joint.ray_casting.cast_rays`.
     power : (quarters,) float32 array
         Of each.
-    left : (pings, RAYS, STEPS) uint8 array
-        By `cast_rays`.
     """
     alive = (power.reshape(-1, QUARTERS) > 0.0).any(axis=1).reshape(field.shape)
     cell_rows, cell_columns = np.nonzero(alive)
     begins = np.searchsorted(cell_rows, np.arange(field.rows + 1)).astype(np.int64)
     start = np.zeros(len(pings) + 1, np.int64)
-    size = 512 * len(pings) + 1024
-    projection = _empty(size, start)
-    done = 0
+    size = 1024 * len(pings) + 1024
+    projection, done = _empty(size, start), 0
     while True:
-        done = _project(
-            looks, pings, field, cell_columns, begins, power, left, projection, done
-        )  # fmt: skip
+        done = _project(looks, pings, field, cell_columns, begins, power, projection, done)
         if done == len(pings):
             return projection
         size *= 2
@@ -93,8 +88,69 @@ def project(
 
 def _empty(size: int, start: NDArray[np.int64]) -> Projection:
     weight, low, high = (np.empty(size, np.float32) for _ in range(3))
-    quarter, heard = np.empty(size, np.int32), np.empty(size, np.uint8)
-    return Projection(quarter, weight, low, high, heard, start)
+    heard, ray, step = (np.empty(size, np.uint8) for _ in range(3))
+    return Projection(np.empty(size, np.int32), weight, low, high, heard, ray, step, start)
+
+
+def cast_shadows(
+    rows: Projection,
+    power: NDArray[np.float32],
+    left: NDArray[np.uint8],
+    faintest: NDArray[np.float32],
+) -> Projection:
+    """The rows that are heard past what is in the way.
+
+    Parameters
+    ----------
+    rows : Projection
+        Of all quarters; those without any power are left out of it, too, from now on.
+    power : (quarters,) float32 array
+        Of each.
+    left : (pings, RAYS, STEPS) uint8 array
+        By `usmap_ros.mapping.joint.ray_casting.cast_rays`.
+    faintest : (pings,) float32 array
+        Weight below which nothing of a row is heard, of each ping.
+    """
+    heard = _empty(int(rows.start[-1]), np.zeros_like(rows.start))
+    _cast_shadows(rows, power, left, faintest, heard)
+    return heard
+
+
+@compiled
+def _cast_shadows(
+    rows: Projection,
+    power: NDArray[np.float32],
+    left: NDArray[np.uint8],
+    faintest: NDArray[np.float32],
+    heard: Projection,
+) -> None:
+    """Set `heard`, and compact `rows`."""
+    kept, begin, count = 0, 0, 0
+    for index in range(len(rows.start) - 1):
+        end = rows.start[index + 1]
+        for row in range(begin, end):
+            if power[rows.quarter[row]] <= 0.0:
+                continue
+            rows.quarter[kept], rows.weight[kept] = rows.quarter[row], rows.weight[row]
+            rows.low[kept], rows.high[kept] = rows.low[row], rows.high[row]
+            rows.heard[kept] = rows.heard[row]
+            rows.ray[kept], rows.step[kept] = rows.ray[row], rows.step[row]
+            weight = rows.weight[kept] * (left[index, rows.ray[kept], rows.step[kept]] / WHOLE)
+            if weight >= faintest[index]:
+                heard.quarter[count], heard.weight[count] = rows.quarter[kept], weight
+                heard.low[count], heard.high[count] = rows.low[kept], rows.high[kept]
+                heard.heard[count] = rows.heard[kept]
+                count += 1
+            kept += 1
+        begin, rows.start[index + 1], heard.start[index + 1] = end, kept, count
+
+
+def faintest_weights(looks: Looks, pings: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Weights below which nothing is heard of a quarter, of each ping."""
+    weights: NDArray[np.float32] = (
+        LEAST_SHARE / LOUD_POWER * looks.numbers[pings, NOISE]
+    ).astype(np.float32)
+    return weights
 
 
 @compiled
@@ -105,7 +161,6 @@ def _project(
     cell_columns: NDArray[np.int64],
     begins: NDArray[np.int64],
     power: NDArray[np.float32],
-    left: NDArray[np.uint8],
     rows: Projection,
     first: int,
 ) -> int:
@@ -156,13 +211,7 @@ def _project(
                     weight *= math.exp(-absorption * distance)
                     if weight < faintest:
                         continue
-                    step = int((distance - OWN_DEPTH_CELLS * res) * to_step)
-                    if step > 0:
-                        off = math.atan2(cosine * y - sine * x, cosine * x + sine * y)
-                        ray = min(max(int((off + half) * to_ray), 0), RAYS - 1)
-                        weight *= left[index, ray, min(step, STEPS - 1)] / WHOLE
-                        if weight < faintest:
-                            continue
+                    off = math.atan2(cosine * y - sine * x, cosine * x + sine * y)
                     depth = to_depth * (abs(x) + abs(y)) / distance
                     middle = (distance - least) / bin_m
                     blurred = max(min(math.sqrt(depth * depth + blur), MOST_BLUR_BINS), depth)
@@ -171,15 +220,17 @@ def _project(
                     reach = blurred if heard else depth
                     if heard:
                         echo = looks.next_echo[ping, earliest]
-                        if looks.bearing_weight[ping, echo] > 0.0:
-                            off = math.atan2(cosine * y - sine * x, cosine * x + sine * y)
-                            off -= looks.bearing[ping, echo]
-                            weight *= math.exp(-looks.bearing_weight[ping, echo] * off * off)
+                        fit = looks.bearing_weight[ping, echo]
+                        if fit > 0.0:
+                            weight *= math.exp(-fit * (off - looks.bearing[ping, echo]) ** 2)
                             if weight < faintest:
                                 continue
                     rows.quarter[count], rows.weight[count] = quarter, 0.5 * weight / depth
                     rows.low[count], rows.high[count] = middle - reach, middle + reach
                     rows.heard[count] = 1 if heard else 0
+                    rows.ray[count] = min(max(int((off + half) * to_ray), 0), RAYS - 1)
+                    step = int((distance - OWN_DEPTH_CELLS * res) * to_step)
+                    rows.step[count] = min(max(step, 0), STEPS - 1)
                     count += 1
         rows.start[index + 1] = count
     return len(pings)

@@ -105,7 +105,7 @@ def added(sum_so_far: float, ratio: float, weight: float, forgetting: float) -> 
 
 
 @compiled
-def gather_evidence(
+def gather_evidence(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
     looks: Looks,
     pings: NDArray[np.int64],
     weights: NDArray[np.float32],

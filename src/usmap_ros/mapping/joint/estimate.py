@@ -1,11 +1,11 @@
 """The joint estimate of an area: powers, walls, and free space from all of its pings.
 
-    powers    ← multiplicative updates until they explain every echo and every silence
-    belief    ← how much worse the pings would be explained without each cell
-    walls     ← mirrors for echoes that no reliable cell explains, lines through believed cells
-    shadows   ← rays end at what is believed; and all of it again
-    response  ← how believed surfaces answer, by loudness and angle of incidence
-    free      ← where every way in which a surface could face is refuted, or sound came back through
+powers    ← multiplicative updates until they explain every echo and every silence
+belief    ← how much worse the pings would be explained without each cell
+walls     ← mirrors for echoes that no reliable cell explains, lines through believed cells
+shadows   ← rays end at what is believed; and all of it again
+response  ← how believed surfaces answer, by loudness and angle of incidence
+free      ← where every way in which a surface could face is refuted, or sound came back through
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class JointEstimate:
         Pings whose sound must have come back through a cell, to prove that it is free.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913, PLR0917
         self,
         looks: Looks,
         pings: NDArray[np.int64],
@@ -303,12 +303,10 @@ class JointEstimate:
         listening = listen(
             self.looks, self.pings, self._with_mirrors(), max(1, self._listening_bins())
         )
-        depth = optical_depth(OCCUPIED * hides, FREE_OPACITY)
+        depth = optical_depth(np.where(hides, OCCUPIED, 0.0), FREE_OPACITY)
         left = cast_rays(self.looks, self.pings, field, depth)
         surfaces, on_lines = self._surfaces(walls)
-        self.response = learn_response(
-            self.looks, self.pings, field, left, listening, surfaces
-        )
+        self.response = learn_response(self.looks, self.pings, field, left, listening, surfaces)
         proven = self._proven(occupied, left) >= self._proofs
         numbers = self.looks.numbers[self.pings]
         away_m = distance_transform_edt(~field.cells_at(numbers[:, X], numbers[:, Y]))
@@ -317,10 +315,10 @@ class JointEstimate:
         stood = (away_m < STOOD_M) & ~occupied
         belief = cell_log_odds(self.evidence, field.shape)
         suspected = (belief > SUSPECTED) & ~occupied
-        closed = suspected | beyond_ends(
-            walls.all_lines, occupied, GOING_ON_M / field.resolution_m
+        closed = suspected | beyond_ends(walls.all_lines, occupied, GOING_ON_M / field.resolution_m)
+        walled = min(
+            np.count_nonzero(occupied & on_lines) / max(1, occupied.sum()) / WALLED_SHARE, 1.0
         )
-        walled = min(np.count_nonzero(occupied & on_lines) / max(1, occupied.sum()) / WALLED_SHARE, 1.0)
         refuted, unknown = (
             (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
         )
@@ -334,9 +332,7 @@ class JointEstimate:
                 # What was not refuted while all was open is not when less is.
                 wanted &= free | proven | closed
                 belief = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown))
-                left = cast_rays(
-                    self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY)
-                )
+                left = cast_rays(self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY))
         return free
 
     def _listening_bins(self) -> int:

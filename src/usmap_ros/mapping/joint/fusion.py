@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.fusion import Fusion, LeaveOneOut
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.survey import Survey
 from usmap_ros.mapping.superposition.fusion import FEW_PINGS, SuperpositionFusion
 from usmap_ros.mapping.superposition.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.superposition.log_odds import scale_of
+from usmap_ros.mapping.superposition.ping_bins import look_of
 from usmap_ros.mapping.superposition.ping_update import rules_of
+from usmap_ros.mapping.superposition.window import BY_BIN
+from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -37,7 +43,9 @@ class JointFusion(Fusion):
     def __init__(self, parameters: MappingParameters) -> None:
         super().__init__(parameters)
         self._kept = KeptPings(parameters)
-        self._earlier: OccupancyMap | None = None
+        # What those before the window have said.
+        self._earlier: Callable[[], OccupancyMap] | None = None
+        self._retired: Survey | None = None
         self._more_rounds = 0
         self._survey: Survey | None = None
 
@@ -48,13 +56,38 @@ class JointFusion(Fusion):
         self._survey = None
 
     def _retire(self) -> None:
-        """Let the oldest pings go, and what they said stay."""
-        self._earlier = self.occupancy_map()
+        """Let the oldest pings go, and what they said stay.
+
+        That is worked out when the next map is; the next time at the latest, so that there are no
+        more pings in memory than two windows hold.
+        """
+        if self._retired is not None and not self._retired.is_made:
+            self._retired.occupancy_map()
+        self._retired = self._surveyed()
+        self._earlier = self._retired.occupancy_map
         self._kept.drop_oldest(max(1, self.parameters.window // RETIRED_SHARE))
 
     def _forget_newest(self) -> None:
         self._kept.drop_newest()
         self._survey = None
+
+    def mend(self, cone: EchoCone | None = None) -> int:
+        """Let the newest ping go if its numbers are not finite; or such cells of an earlier map."""
+        if cone is not None:
+            look = look_of(cone, self.parameters)
+            values = [look.x_m, look.y_m, look.noise, look.greatest_range_m]
+            wrong = sum(np.count_nonzero(~np.isfinite(getattr(look, name))) for name in BY_BIN)
+            if np.isfinite(values).all() and not wrong:
+                return 0
+            self._forget_newest()
+            return max(1, int(wrong))
+        if self._earlier is None:
+            return 0
+        occupancy = self._earlier()
+        cells = ~np.isfinite(occupancy.log_odds)
+        occupancy.log_odds[cells], occupancy.observed[cells] = logit(self.parameters.prior), False
+        self._survey = None
+        return int(np.count_nonzero(cells))
 
     def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
         """Take some sources' pings out; nothing that they said stays, if they are in the window."""
@@ -75,16 +108,11 @@ class JointFusion(Fusion):
         """Memory that the kept pings take."""
         return self._kept.memory_bytes
 
-    def by_others(self) -> LeaveOneOutMap:
+    def by_others(self) -> LeaveOneOut:
         """What tells what each robot owes to the others, in any thread."""
         if self._are_few:
             return self._weighed_alone().by_others()
-        parameters = self.parameters
-        opacity = parameters.opacity if parameters.occlusion else 0.0
-        return LeaveOneOutMap(
-            self._surveyed().expectations(), parameters, scale_of(parameters),
-            rules_of(parameters).bounds, opacity,
-        )  # fmt: skip
+        return _ByOthers(self._surveyed(), self.parameters)
 
     def snapshot(self) -> Callable[[], OccupancyMap]:
         """What makes the map as it is now, in its own time and in any thread."""
@@ -107,9 +135,8 @@ class JointFusion(Fusion):
     def _surveyed(self) -> Survey:
         """The survey of today's pings, which is worked out when it is asked."""
         if self._survey is None:
-            islands = [self._kept.pings(group) for group in self._kept.islands()]
             self._survey = Survey(
-                islands, self.parameters, self._earlier, self._more_rounds, self.frame_id,
+                self._kept.copy(), self.parameters, self._earlier, self._more_rounds, self.frame_id,
                 self.stamp_ns,
             )  # fmt: skip
         return self._survey
@@ -123,4 +150,34 @@ class JointFusion(Fusion):
             If its resolution or origin does not fit this grid.
         """
         super().resume(occupancy)
-        self._earlier, self._survey = occupancy, None
+        self._earlier, self._retired, self._survey = (lambda: occupancy), None, None
+
+
+class _ByOthers:
+    """What a survey expects of pings; it is worked out when it is asked.
+
+    Parameters
+    ----------
+    survey : Survey
+        Of all pings.
+    parameters : MappingParameters
+        Of the model.
+    """
+
+    def __init__(self, survey: Survey, parameters: MappingParameters) -> None:
+        self._survey, self._parameters = survey, parameters
+
+    def expected(
+        self,
+        cones: Mapping[str, Sequence[EchoCone]],
+        between: Callable[[], None] = lambda: None,
+        of: Collection[str] | None = None,
+    ) -> Mapping[str, Sequence[Any]]:
+        """See `LeaveOneOut`."""
+        parameters = self._parameters
+        opacity = parameters.opacity if parameters.occlusion else 0.0
+        split = LeaveOneOutMap(
+            self._survey.expectations(), parameters, scale_of(parameters),
+            rules_of(parameters).bounds, opacity,
+        )  # fmt: skip
+        return split.expected(cones, between, of)

@@ -21,14 +21,14 @@ STEP_M, STEP_RAD = 0.02, math.radians(2.0)
 MOST_FROM_A_PLACE = 4
 
 #: Where a ping looks from, and with what: in steps.
-Place = tuple[str, int, int, int, int]
+Place = tuple[str, str, int, int, int, int]
 #: Row and column of a square of this side, by which areas are told apart.
 Square = tuple[int, int]
 SQUARE_M = 2.0
 
 
 class Pings(NamedTuple):
-    """Pings as an estimate takes them, in the order in which they came.
+    """Pings as an estimate takes them, in the order of their stamps.
 
     Parameters
     ----------
@@ -68,21 +68,25 @@ class KeptPings:
     @property
     def memory_bytes(self) -> int:
         """Memory that their numbers take."""
-        return sum(
-            16 * len(cone.ranges_m) + len(cone.detection_limits) for cone, *_ in self._cones
-        )
+        return sum(16 * len(cone.ranges_m) + len(cone.detection_limits) for cone, *_ in self._cones)
 
     def add(self, cone: EchoCone, source: str) -> None:
         """Take up a ping; one from the same place goes, if there are enough."""
-        place = _place(cone)
+        place = _place(cone, source)
         self._at[place] = self._at.get(place, 0) + 1
         if self._at[place] > MOST_FROM_A_PLACE:
             oldest = next(i for i, kept in enumerate(self._cones) if kept[2] == place)
             self._remove(oldest)
         self._cones.append((cone, source, place))
 
+    def copy(self) -> KeptPings:
+        """The same pings; neither changes with the other."""
+        other = KeptPings(self._parameters)
+        other._cones, other._at = self._cones.copy(), self._at.copy()
+        return other
+
     def cones(self) -> Iterator[tuple[EchoCone, str]]:
-        """All of them, each with its source."""
+        """All of them, each with its source, in the order in which they came."""
         return ((cone, source) for cone, source, _ in self._cones)
 
     def drop_oldest(self, count: int) -> None:
@@ -91,7 +95,7 @@ class KeptPings:
             self._remove(0)
 
     def drop_newest(self) -> None:
-        """Let the newest go."""
+        """Let the one go that came last."""
         self._remove(len(self) - 1)
 
     def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
@@ -127,8 +131,12 @@ class KeptPings:
         return groups
 
     def pings(self, among: list[int] | None = None) -> Pings:
-        """Them, or some of them, as an estimate takes them."""
+        """Them, or some of them, as an estimate takes them.
+
+        Robots' pings come in one order today and in another tomorrow: that of stamps stays.
+        """
         kept = self._cones if among is None else [self._cones[index] for index in among]
+        kept = sorted(kept, key=lambda each: (each[0].stamp_ns, *each[2]))
         window = Window()
         for cone, source, _ in kept:
             window.append(look_of(cone, self._parameters), source)
@@ -150,14 +158,14 @@ class KeptPings:
             del self._at[place]
 
 
-def _place(cone: EchoCone) -> Place:
+def _place(cone: EchoCone, source: str) -> Place:
     """Where a ping looks from, in steps as large as the pose is uncertain."""
     covariance = cone.pose.planar_covariance
     step_m = max(STEP_M, math.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
     step_rad = max(STEP_RAD, math.sqrt(covariance[2, 2]))
     x_m, y_m, z_m = (float(value) for value in cone.pose.position_m)
     return (
-        cone.child_frame_id, round(x_m / step_m), round(y_m / step_m), round(z_m / step_m),
+        source, cone.child_frame_id, round(x_m / step_m), round(y_m / step_m), round(z_m / step_m),
         round(cone.pose.yaw_rad / step_rad),
     )  # fmt: skip
 

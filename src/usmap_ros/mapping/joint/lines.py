@@ -44,9 +44,7 @@ def off_line(
     return across, along
 
 
-def beyond_ends(
-    lines: NDArray[np.float64], occupied: BoolArray, reach_cells: float
-) -> BoolArray:
+def beyond_ends(lines: NDArray[np.float64], occupied: BoolArray, reach_cells: float) -> BoolArray:
     """Cells where walls may go on: around what continues a line, up to the next thing.
 
     Parameters

@@ -36,7 +36,7 @@ def over_block(
 ) -> NDArray[Any]:
     """Combine each cell with its eight neighbours: their maximum, or with `np.add` their sum."""
     padded = np.pad(values, 1)
-    rows, columns = values.shape
+    columns = values.shape[1]
     rows_of = combine(combine(padded[:-2], padded[1:-1]), padded[2:])
     result: NDArray[Any] = combine(
         combine(rows_of[:, :columns], rows_of[:, 1 : columns + 1]), rows_of[:, 2:]
@@ -82,7 +82,8 @@ def cell_log_odds(evidence: CellEvidence, shape: tuple[int, int]) -> FloatArray:
         + OF_SPREAD_IN_CROWD * crowd * spread
         + OF_HEARD * np.log(heard + LEAST_HEARD)
     )
-    return np.where(suspected, log_odds, NOTHING)
+    result: FloatArray = np.where(suspected, log_odds, NOTHING)
+    return result
 
 
 def hiding(evidence: CellEvidence, shape: tuple[int, int], walls: BoolArray) -> FloatArray:
@@ -102,7 +103,8 @@ def hiding(evidence: CellEvidence, shape: tuple[int, int], walls: BoolArray) -> 
     logits = np.clip(HIDING_SLOPE * (strength - HIDING_EVIDENCE), -30.0, 30.0)
     hides = (own > HIDING_SHARE * over_block(own)) & (strength > 0.0)
     belief = np.where(hides, 1.0 / (1.0 + np.exp(-logits)), 0.0)
-    return np.maximum(belief, 0.97 * walls)
+    with_walls: FloatArray = np.maximum(belief, 0.97 * walls)
+    return with_walls
 
 
 def optical_depth(belief: FloatArray, opacity: float) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Walls that answer as mirrors do: where they are struck squarely, at the foot of the perpendicular.
+"""Walls that answer as mirrors do: where struck squarely, at the foot of the perpendicular.
 
 A wall with unit normal n at distance ρ from the origin returns one echo to each ping whose beam
 holds the perpendicular on it, from range ρ - p·n.  Echoes that no reliable cell explains vote for
@@ -106,9 +106,7 @@ class MirrorWall:
         x0, y0 = field.first_column * res, field.first_row * res
         distance = (self.distance_m + 0.5 * res - nx * x0 - ny * y0) / res - 0.5 * (nx + ny)
         shift = (nx * y0 - ny * x0) / res + 0.5 * (nx - ny)
-        return np.array(
-            [nx, ny, distance, self.begin_m / res - shift, self.end_m / res - shift]
-        )
+        return np.array([nx, ny, distance, self.begin_m / res - shift, self.end_m / res - shift])
 
 
 def mirror_walls(
@@ -254,7 +252,7 @@ def _count_between(echoes: Echoes, ping: int, near_m: float, far_m: float) -> in
 
 
 @compiled
-def _fit(
+def _fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
     looks: Looks,
     pings: NDArray[np.int64],
     echoes: Echoes,
@@ -305,7 +303,9 @@ def _fit(
                 mirror = 2.0 * echoes.amplitude[echo] * echoes.range_m[echo] / gain
                 if LEAST_MIRROR < mirror < MOST_MIRROR:
                     nearest, nearest_echo, mirror_of = away, echo, mirror
-            b = min(int((across - numbers[LEAST_RANGE]) / numbers[BIN_M]), looks.bins[pings[index]] - 1)
+            b = min(
+                int((across - numbers[LEAST_RANGE]) / numbers[BIN_M]), looks.bins[pings[index]] - 1
+            )
             limit = math.sqrt(looks.limit[pings[index], b])
             is_loud = LEAST_MIRROR * gain / (2.0 * across) > LOUD * limit
             if nearest_echo >= 0 or is_loud:
@@ -327,7 +327,11 @@ def _fit(
         for k in range(first, last + 1):
             at = order[k]
             if echo_of[at] >= 0:
-                hit_pings[hits], hit_echoes[hits], feet_m[hits] = ping_of[at], echo_of[at], along[at]
+                hit_pings[hits], hit_echoes[hits], feet_m[hits] = (
+                    ping_of[at],
+                    echo_of[at],
+                    along[at],
+                )
                 chosen[hits] = log_mirror[at]
                 hits += 1
         if hits < 3:

@@ -1,8 +1,8 @@
 """Free space: cells in which no surface can stand, however it might face.
 
 A cell is free if sound came back through it, if a robot stood there, or if silence refutes every
-way in which a surface could face there.  Silence counts as this place answers, by direction of view:
-many looks from one side say no more than `MOST_A_SECTOR`.
+way in which a surface could face there.  Silence counts as this place answers, by direction of
+view: many looks from one side say no more than `MOST_A_SECTOR`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ PROVING_SHARE, PROVING_SOUND, PROVEN_CELLS = 0.6, 0.3, 1.8
 
 
 @compiled
-def refute_surfaces(
+def refute_surfaces(  # noqa: C901, PLR0912, PLR0915
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -123,28 +123,29 @@ def refute_surfaces(
                         if listening.heard[index, b]:
                             chance = max(CLUTTER, listening.chance[index, b])
                             for incidence in range(INCIDENCES):
-                                silent = math.exp(said_here[incidence])
-                                ratios[incidence] = math.log((1.0 - silent * (1.0 - chance)) / chance)
+                                answers = 1.0 - math.exp(said_here[incidence]) * (1.0 - chance)
+                                ratios[incidence] = math.log(answers / chance)
                         else:
-                            for incidence in range(INCIDENCES):
-                                ratios[incidence] = said_here[incidence]
-                        degrees = math.atan2(y, x) * 180.0 / math.pi + 360.0
-                        sector = int(degrees * SECTORS / 360.0) % SECTORS
-                        view = int(degrees) % 180
+                            ratios[:] = said_here
+                        view_deg = math.atan2(y, x) * 180.0 / math.pi + 360.0
+                        sector = int(view_deg * SECTORS / 360.0) % SECTORS
+                        view = int(view_deg) % 180
                         for orientation in range(ORIENTATIONS):
                             said[orientation, sector] += ratios[classes[view, orientation]]
                     least_refuted = -1e9
                     for orientation in range(ORIENTATIONS):
                         total = 0.0
                         for sector in range(SECTORS):
-                            total += max(-MOST_A_SECTOR, min(MOST_A_SECTOR, said[orientation, sector]))
+                            total += max(
+                                -MOST_A_SECTOR, min(MOST_A_SECTOR, said[orientation, sector])
+                            )
                         least_refuted = max(least_refuted, total)
                     worst[row, column] = least_refuted
     return worst
 
 
 @compiled
-def prove_open(
+def prove_open(  # noqa: C901, PLR0913, PLR0917
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -208,11 +209,21 @@ def prove_open(
                     way[near] = math.sqrt(x * x + y * y) - PROVEN_CELLS * res
         for b in range(bins):
             if loudest[b] > 0.0:
-                trace_open(numbers[X], numbers[Y], angle[b], way[b], field, index, last, proven, weights[index])
+                trace_open(
+                    numbers[X],
+                    numbers[Y],
+                    angle[b],
+                    way[b],
+                    field,
+                    index,
+                    last,
+                    proven,
+                    weights[index],
+                )
 
 
 @compiled
-def trace_open(
+def trace_open(  # noqa: PLR0913, PLR0917
     x_m: float,
     y_m: float,
     angle_rad: float,
@@ -242,8 +253,8 @@ def trace_open(
     """
     step_m = 0.5 * field.resolution_m
     for k in range(int(way_m / step_m)):
-        column = int(math.floor((x_m + k * step_m * math.cos(angle_rad)) / field.resolution_m))
-        row = int(math.floor((y_m + k * step_m * math.sin(angle_rad)) / field.resolution_m))
+        column = math.floor((x_m + k * step_m * math.cos(angle_rad)) / field.resolution_m)
+        row = math.floor((y_m + k * step_m * math.sin(angle_rad)) / field.resolution_m)
         row, column = row - field.first_row, column - field.first_column
         if row < 0 or column < 0 or row >= field.rows or column >= field.columns:
             continue

@@ -63,10 +63,10 @@ def count_hits(
         cos_half, least, greatest, absorption = numbers[8:12]
         range_std, bin_m = numbers[12:14]
         wide, blur = cos_half * abs(cos_half), 3.0 * (range_std / bin_m) ** 2
-        bottom = max(0, int(math.floor((y0 - greatest) / res)) - field.first_row)
-        top = min(field.rows, int(math.ceil((y0 + greatest) / res)) - field.first_row + 1)
-        left = max(0, int(math.floor((x0 - greatest) / res)) - field.first_column)
-        right = min(field.columns, int(math.ceil((x0 + greatest) / res)) - field.first_column + 1)
+        bottom = max(0, math.floor((y0 - greatest) / res) - field.first_row)
+        top = min(field.rows, math.ceil((y0 + greatest) / res) - field.first_row + 1)
+        left = max(0, math.floor((x0 - greatest) / res) - field.first_column)
+        right = min(field.columns, math.ceil((x0 + greatest) / res) - field.first_column + 1)
         for row in range(bottom, top):
             y = (field.first_row + row + 0.5) * res - y0
             for column in range(left, right):

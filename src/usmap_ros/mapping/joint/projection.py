@@ -7,7 +7,8 @@ one behind the other, and in them those of a cell.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,8 @@ def project(
             return projection
         size *= 2
         larger = _empty(size, start)
-        for old, new in zip(projection[:-1], larger[:-1], strict=True):
+        pairs: Iterable[Any] = zip(projection[:-1], larger[:-1], strict=True)
+        for old, new in pairs:
             new[: len(old)] = old
         projection = larger
 
@@ -147,14 +149,14 @@ def _cast_shadows(
 
 def faintest_weights(looks: Looks, pings: NDArray[np.int64]) -> NDArray[np.float32]:
     """Weights below which nothing is heard of a quarter, of each ping."""
-    weights: NDArray[np.float32] = (
-        LEAST_SHARE / LOUD_POWER * looks.numbers[pings, NOISE]
-    ).astype(np.float32)
+    weights: NDArray[np.float32] = (LEAST_SHARE / LOUD_POWER * looks.numbers[pings, NOISE]).astype(
+        np.float32
+    )
     return weights
 
 
 @compiled
-def _project(
+def _project(  # noqa: C901, PLR0912, PLR0915
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -176,8 +178,8 @@ def _project(
         blur, to_depth = 3.0 * (range_std / bin_m) ** 2, 0.25 * res / bin_m
         faintest = LEAST_SHARE * noise / LOUD_POWER
         to_ray, to_step = RAYS / (2.0 * half), STEPS / greatest
-        bottom = max(0, int(math.floor((y0 - greatest) / res)) - field.first_row)
-        top = min(field.rows, int(math.ceil((y0 + greatest) / res)) - field.first_row + 1)
+        bottom = max(0, math.floor((y0 - greatest) / res) - field.first_row)
+        top = min(field.rows, math.ceil((y0 + greatest) / res) - field.first_row + 1)
         for row in range(bottom, top):
             cell_y = (field.first_row + row + 0.5) * res - y0
             for place in range(begins[row], begins[row + 1]):

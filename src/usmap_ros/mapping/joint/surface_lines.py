@@ -24,8 +24,6 @@ ON_LINE_CELLS = 1.3
 MOST_TURN = 0.03
 
 
-
-
 def surface_lines(
     log_odds: FloatArray, believed: BoolArray, gap_cells: float
 ) -> NDArray[np.float64]:
@@ -49,14 +47,14 @@ def surface_lines(
     if len(rows) < LEAST_CELLS or gap_cells <= 0.0:
         return NO_LINES
     places = np.stack([columns, rows], axis=1).astype(np.float64)
-    weights = logistic(log_odds[rows, columns])
+    weights = logistic(log_odds[rows, columns]).astype(np.float64)
     lines = np.zeros((MOST_LINES, 5))
     count = _find_runs(places, weights, gap_cells, lines)
     return lines[:count]
 
 
 @compiled
-def _find_runs(
+def _find_runs(  # noqa: C901, PLR0912, PLR0915
     places: NDArray[np.float64],
     weights: NDArray[np.float64],
     gap: float,
@@ -66,7 +64,10 @@ def _find_runs(
     count, cells = 0, len(places)
     cosines, sines = np.empty(DIRECTIONS), np.empty(DIRECTIONS)
     for f in range(DIRECTIONS):
-        cosines[f], sines[f] = math.cos(f * math.pi / DIRECTIONS), math.sin(f * math.pi / DIRECTIONS)
+        cosines[f], sines[f] = (
+            math.cos(f * math.pi / DIRECTIONS),
+            math.sin(f * math.pi / DIRECTIONS),
+        )
     reach = 0.0
     for i in range(cells):
         reach = max(reach, math.sqrt(places[i, 0] ** 2 + places[i, 1] ** 2))
@@ -75,7 +76,9 @@ def _find_runs(
     alive, along, members = np.ones(cells, np.uint8), np.empty(cells), np.empty(cells, np.int64)
     for i in range(cells):
         for f in range(DIRECTIONS):
-            votes[f, round(places[i, 0] * cosines[f] + places[i, 1] * sines[f]) + middle] += weights[i]
+            votes[f, round(places[i, 0] * cosines[f] + places[i, 1] * sines[f]) + middle] += (
+                weights[i]
+            )
     for _ in range(4 * len(lines)):
         best, direction, bucket = 0.0, 0, 0
         for f in range(DIRECTIONS):

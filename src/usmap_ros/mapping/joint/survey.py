@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.joint.estimate import JointEstimate, Walls
 from usmap_ros.mapping.joint.field import Field, field_around
-from usmap_ros.mapping.joint.kept_pings import Pings
+from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds, over_block
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.superposition.cells import QUARTERS
@@ -54,16 +55,16 @@ class Area:
 
 
 class Survey:
-    """The map of some pings.
+    """The map of some pings; to make it takes little, to ask it for anything seconds.
 
     Parameters
     ----------
-    islands : list of Pings
-        Groups of pings that cannot see the same cells.
+    kept : KeptPings
+        The pings, which nobody else changes.
     parameters : MappingParameters
         Of the map.
-    earlier : OccupancyMap, optional
-        What was known before, which holds where the pings say nothing.
+    earlier : callable, optional
+        Returns what was known before, which holds where the pings say nothing.
     more_rounds : int
         Rounds of shadows and sweeps beyond the usual ones.
     frame_id, stamp_ns
@@ -72,16 +73,17 @@ class Survey:
 
     def __init__(
         self,
-        islands: list[Pings],
+        kept: KeptPings,
         parameters: MappingParameters,
-        earlier: OccupancyMap | None,
+        earlier: Callable[[], OccupancyMap] | None,
         more_rounds: int,
         frame_id: str,
         stamp_ns: int,
     ) -> None:
-        self._islands, self._parameters, self._earlier = islands, parameters, earlier
+        self._kept, self._parameters, self._before = kept, parameters, earlier
         self._more_rounds, self._frame_id, self._stamp_ns = more_rounds, frame_id, stamp_ns
         self._lock = threading.Lock()
+        self._earlier: OccupancyMap | None = None
         self._areas: list[Area] | None = None
         self._map: OccupancyMap | None = None
 
@@ -89,7 +91,9 @@ class Survey:
         """What is known of each area."""
         with self._lock:
             if self._areas is None:
-                self._areas = [self._area(pings) for pings in self._islands]
+                self._earlier = self._before and self._before()
+                islands = self._kept.islands()
+                self._areas = [self._area(self._kept.pings(group)) for group in islands]
             return self._areas
 
     def occupancy_map(self) -> OccupancyMap:
@@ -99,6 +103,11 @@ class Survey:
             if self._map is None:
                 self._map = self._made(areas)
             return self._map
+
+    @property
+    def is_made(self) -> bool:
+        """Whether the map is there."""
+        return self._map is not None
 
     def expectations(self) -> TiledGrid:
         """Powers, cells with any, and their optical depth, on a grid of tiles."""
@@ -119,7 +128,8 @@ class Survey:
     def _area(self, pings: Pings) -> Area:
         parameters = self._parameters
         field = field_around(pings.looks, pings.rows, parameters.resolution_m)
-        check_size(*field.shape, parameters)
+        # Without the rim, which nothing is known of.
+        check_size(field.rows - 2, field.columns - 2, parameters)
         estimate = JointEstimate(
             pings.looks, pings.rows, pings.weights, pings.echoes, field,
             opacity=parameters.opacity if parameters.occlusion else 0.0,
@@ -158,25 +168,30 @@ class Survey:
         log_odds = np.full(shape, logit(self._parameters.prior), np.float32)
         observed = np.zeros(shape, bool)
         occupancy = OccupancyMap(geometry, log_odds, observed, self._frame_id, self._stamp_ns)
-        if self._earlier is not None:
-            self._put_earlier(occupancy, self._earlier)
         layers = {
             NORMAL: np.full(shape, np.nan, np.float32),
             **{name: np.zeros(shape, np.float32) for name in (AMBIGUITY, LOOKS_COS, LOOKS_SIN)},
         }
+        if self._earlier is not None:
+            self._put_earlier(occupancy, layers, self._earlier)
         for area, known in drawn:
             if known.any():
                 self._put(occupancy, layers, area, known)
         return replace(occupancy, layers=layers)
 
     @staticmethod
-    def _put_earlier(occupancy: OccupancyMap, earlier: OccupancyMap) -> None:
+    def _put_earlier(
+        occupancy: OccupancyMap, layers: dict[str, NDArray[np.float32]], earlier: OccupancyMap
+    ) -> None:
+        """Put what was known before into the map."""
         left, bottom = occupancy.geometry.first_cell
         column, row = earlier.geometry.first_cell
         rows, columns = earlier.geometry.shape
         place = np.s_[row - bottom : row - bottom + rows, column - left : column - left + columns]
         occupancy.log_odds[place] = earlier.log_odds
         occupancy.observed[place] = earlier.observed
+        for name in layers.keys() & earlier.layers.keys():
+            layers[name][place] = earlier.layers[name]
 
     def _put(
         self,
@@ -190,7 +205,9 @@ class Survey:
         row, column, end_row, end_column = _bounds(area.field, known)
         place = np.s_[row - bottom : end_row - bottom, column - left : end_column - left]
         first_row, first_column = area.field.first_row, area.field.first_column
-        part = np.s_[row - first_row : end_row - first_row, column - first_column : end_column - first_column]
+        part = np.s_[
+            row - first_row : end_row - first_row, column - first_column : end_column - first_column
+        ]
         shown, free = area.walls.shown[part], area.free[part]
         belief = cell_log_odds(area.estimate.evidence, area.field.shape)[part]
         decided = np.where(shown, np.maximum(belief, OCCUPIED_LOG_ODDS), FREE_LOG_ODDS)
@@ -200,13 +217,19 @@ class Survey:
         log_odds[suspected] = np.clip(belief, least, 0.0)[suspected]
         log_odds[shown | free] = np.clip(decided, least, greatest)[shown | free]
         observed |= shown | free
+        heard = area.estimate.evidence.heard.reshape(area.field.shape)[part]
+        told = shown | free | (heard > 0.0)
         for name, values in _layers(area, part, occupancy, place).items():
-            layers[name][place] = values
+            layers[name][place][told] = values[told]
 
 
 def _known(area: Area) -> BoolArray:
     """Cells of which anything is to be said."""
-    known: BoolArray = area.walls.shown | area.free | (area.estimate.evidence.asked.reshape(area.field.shape) > 0.0)
+    known: BoolArray = (
+        area.walls.shown
+        | area.free
+        | (area.estimate.evidence.asked.reshape(area.field.shape) > 0.0)
+    )
     return known
 
 

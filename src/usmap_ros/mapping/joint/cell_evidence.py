@@ -89,7 +89,7 @@ def bin_ratio(
         `log_silent` of the level.
     """
     if looks.kind[ping, b] == ECHO:
-        power = looks.power[ping, b]
+        power = float(looks.power[ping, b])
         ratio = power / without - power / level + math.log(without / level)
     else:
         ratio = silent - log_silent(looks.limit[ping, b], without)

@@ -10,6 +10,8 @@ free      ← where every way in which a surface could face is refuted, or sound
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +20,7 @@ from scipy.ndimage import distance_transform_edt
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, gather_evidence, no_evidence
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, LEAST_RANGE, NOISE, Field, X, Y
-from usmap_ros.mapping.joint.lines import NO_LINES, beyond_ends, drawn, off_line, points_on
+from usmap_ros.mapping.joint.lines import NO_LINES, beyond_ends, drawn, off_line, points_on, without_doubles
 from usmap_ros.mapping.joint.log_odds import (
     cell_log_odds,
     hiding,
@@ -38,6 +40,7 @@ from usmap_ros.mapping.joint.power_estimation import (
 from usmap_ros.mapping.joint.projection import Projection, cast_shadows, faintest_weights, project
 from usmap_ros.mapping.joint.ray_casting import cast_rays
 from usmap_ros.mapping.joint.response import NO_NORMAL, Response, learn_response, listen
+from usmap_ros.mapping.joint.round_columns import RoundColumn, drawn_columns, round_columns
 from usmap_ros.mapping.joint.surface_lines import surface_lines
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import UNJUDGED
@@ -152,6 +155,7 @@ class JointEstimate:
         self.depth = np.zeros(field.shape, np.float32)
         self._hiding: FloatArray = np.zeros(field.shape)
         self.mirrors: list[MirrorWall] = []
+        self.columns: list[RoundColumn] = []
         self.response: Response | None = None
         self._all_rows: Projection | None = None
         self._rows: Projection | None = None
@@ -172,8 +176,8 @@ class JointEstimate:
         self._weigh()
         for _ in range(ROUNDS + more_rounds):
             self._cast_shadows(no_walls, FIRST_DAMPING)
-        self.mirrors = mirror_walls(self.looks, self.pings, self.echoes, self._explained())
-        self._take_out_mirrors()
+        self._find_smooth_things()
+        self._take_out_smooth_things()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
             for _ in range(WALL_SHADOWS):
@@ -255,21 +259,38 @@ class JointEstimate:
         inside = (place >= 0) & (place < self.looks.bins[self.pings[index]])
         return index, np.where(inside, place, 0).astype(np.int64), inside
 
-    def _take_out_mirrors(self) -> None:
-        """Let the echoes of mirrors say nothing of cells."""
-        _, bins, inside = self._echo_bins()
+    def _find_smooth_things(self) -> None:
+        """Find mirrors, and round columns, by echoes that no reliable cell explains."""
+        explained = self._explained()
+        self.mirrors = mirror_walls(self.looks, self.pings, self.echoes, explained)
         for wall in self.mirrors:
-            for ping, echo in zip(wall.pings, wall.echoes, strict=True):
-                if inside[echo]:
-                    first = max(0, bins[echo] - MIRROR_BINS)
-                    row = self.pings[ping]
-                    self.looks.kind[row, first : bins[echo] + MIRROR_BINS + 1] = UNJUDGED
+            explained[wall.echoes] = True
+        left = cast_rays(self.looks, self.pings, self.field, self.depth)
+        self.columns = round_columns(
+            self.looks, self.pings, self.echoes, explained, self.field, left
+        )
+
+    def _smooth_echoes(self) -> Iterator[tuple[int, int]]:
+        """Ping and echo of whatever smooth things explain."""
+        for thing in [*self.mirrors, *self.columns]:
+            yield from zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True)
+
+    def _take_out_smooth_things(self) -> None:
+        """Let the echoes of smooth things say nothing of cells."""
+        _, bins, inside = self._echo_bins()
+        for ping, echo in self._smooth_echoes():
+            if inside[echo]:
+                first = max(0, bins[echo] - MIRROR_BINS)
+                row = self.pings[ping]
+                self.looks.kind[row, first : bins[echo] + MIRROR_BINS + 1] = UNJUDGED
 
     def walls(self) -> Walls:
         """Cells that are shown, and lines through them, by today's evidence."""
         log_odds = cell_log_odds(self.evidence, self.field.shape)
         believed = log_odds > ON_A_LINE
-        lines = surface_lines(log_odds, believed, self._gap_m / self.field.resolution_m)
+        lines = without_doubles(
+            surface_lines(log_odds, believed, self._gap_m / self.field.resolution_m)
+        )
         mirrors = np.array([wall.line(self.field) for wall in self.mirrors]).reshape(-1, 5)
         rows, columns = np.nonzero(believed)
         certain = log_odds[rows, columns]
@@ -286,6 +307,7 @@ class JointEstimate:
         occupied = np.zeros(self.field.shape, bool)
         occupied[rows[kept], columns[kept]] = True
         filled = drawn(lines, self.field.shape) | drawn(mirrors, self.field.shape)
+        filled |= drawn_columns(self.columns, self.field)
         return Walls(occupied, filled, lines if len(lines) else NO_LINES, mirrors)
 
     # ------------------------------------------------------------------ free space
@@ -301,7 +323,7 @@ class JointEstimate:
         field, occupied = self.field, walls.shown
         hides = occupied | self._standing
         listening = listen(
-            self.looks, self.pings, self._with_mirrors(), max(1, self._listening_bins())
+            self.looks, self.pings, self._with_smooth_things(), max(1, self._listening_bins())
         )
         depth = optical_depth(np.where(hides, OCCUPIED, 0.0), FREE_OPACITY)
         left = cast_rays(self.looks, self.pings, field, depth)
@@ -339,17 +361,16 @@ class JointEstimate:
         bin_m = float(np.median(self.looks.numbers[self.pings, BIN_M]))
         return round(LISTENING_CELLS * self.field.resolution_m / bin_m)
 
-    def _with_mirrors(self) -> NDArray[np.float32]:
-        """Expected powers, with what mirrors return."""
+    def _with_smooth_things(self) -> NDArray[np.float32]:
+        """Expected powers, with what smooth things return."""
         expected = self.expected.copy()
         _, bins, inside = self._echo_bins()
-        for wall in self.mirrors:
-            for ping, echo in zip(wall.pings, wall.echoes, strict=True):
-                if inside[echo]:
-                    around = slice(max(0, bins[echo] - MIRROR_BINS), bins[echo] + MIRROR_BINS + 1)
-                    limits = self.looks.limit[self.pings[ping], around]
-                    here = expected[ping, around]
-                    here[:] = np.maximum(here, 100.0 * limits[: len(here)])
+        for ping, echo in self._smooth_echoes():
+            if inside[echo]:
+                around = slice(max(0, bins[echo] - MIRROR_BINS), bins[echo] + MIRROR_BINS + 1)
+                limits = self.looks.limit[self.pings[ping], around]
+                here = expected[ping, around]
+                here[:] = np.maximum(here, 100.0 * limits[: len(here)])
         return expected
 
     def _surfaces(self, walls: Walls) -> tuple[FloatArray, BoolArray]:
@@ -364,7 +385,7 @@ class JointEstimate:
                     found.append((row, column, normal))
                     near[row - 1 : row + 2, column - 1 : column + 2] = True
         strength = judged(self.evidence, self.field.shape)
-        peaks = walls.shown & ~near & (strength >= over_block(strength))
+        peaks = walls.occupied & ~near & (strength >= over_block(strength))
         found += [(row, column, NO_NORMAL) for row, column in np.argwhere(peaks)]
         return np.array(found, dtype=float).reshape(-1, 3), near
 
@@ -383,5 +404,14 @@ class JointEstimate:
                 trace_open(
                     numbers[X], numbers[Y], wall.normal_rad, way_m, self.field, int(ping), last,
                     proven, self.weights[ping],
+                )  # fmt: skip
+        for column in self.columns:
+            for ping, echo in zip(column.pings, column.echoes, strict=True):
+                x_m, y_m = self.looks.numbers[self.pings[ping], [X, Y]]
+                angle_rad = math.atan2(column.y_m - y_m, column.x_m - x_m)
+                way_m = self.echoes.range_m[echo] - 1.5 * self.field.resolution_m
+                trace_open(
+                    x_m, y_m, angle_rad, way_m, self.field, int(ping), last, proven,
+                    self.weights[ping],
                 )  # fmt: skip
         return proven

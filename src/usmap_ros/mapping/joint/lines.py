@@ -13,6 +13,8 @@ NORMAL_X, NORMAL_Y, DISTANCE, BEGIN, END = range(5)
 NO_LINES: NDArray[np.float64] = np.zeros((0, 5))
 #: Distance of the points that a line is drawn by, in cells.
 _STEP = 0.4
+#: A line is another one's double if it is as parallel, and so near to it for such a share.
+PARALLEL_COSINE, DOUBLE_CELLS, DOUBLE_SHARE = 0.94, 4.0, 0.6
 
 
 def points_on(
@@ -68,3 +70,27 @@ def beyond_ends(lines: NDArray[np.float64], occupied: BoolArray, reach_cells: fl
                     break
                 mask[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
     return mask & ~occupied
+
+
+def without_doubles(lines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lines but for those close beside a heavier one: echoes of a wall that are told from others.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        The heaviest first.
+    """
+    kept: list[NDArray[np.float64]] = []
+    for line in lines:
+        rows, columns = points_on(line, line[BEGIN], line[END])
+        is_double = False
+        for other in kept:
+            cosine = abs(line[NORMAL_X] * other[NORMAL_X] + line[NORMAL_Y] * other[NORMAL_Y])
+            if cosine < PARALLEL_COSINE:
+                continue
+            across, along = off_line(other, rows, columns)
+            beside = (np.abs(across) <= DOUBLE_CELLS) & (along > other[BEGIN]) & (along < other[END])
+            is_double |= bool(beside.mean() > DOUBLE_SHARE)
+        if not is_double:
+            kept.append(line)
+    return np.array(kept).reshape(-1, 5)

@@ -227,7 +227,7 @@ def _fitted(
         return None
     following = np.mean(
         [
-            _count_between(echoes, ping, across + FOLLOWING_M[0], across + FOLLOWING_M[1])
+            count_between(echoes, ping, across + FOLLOWING_M[0], across + FOLLOWING_M[1])
             for ping, across in zip(own, across_m, strict=True)
         ]
     )
@@ -246,7 +246,8 @@ def _misfit(residuals_m: FloatArray) -> float:
     return float(np.minimum(residuals_m**2, 4e-4).sum())
 
 
-def _count_between(echoes: Echoes, ping: int, near_m: float, far_m: float) -> int:
+def count_between(echoes: Echoes, ping: int, near_m: float, far_m: float) -> int:
+    """Echoes of a ping from a stretch of ranges."""
     ranges_m = echoes.range_m[echoes.start[ping] : echoes.start[ping + 1]]
     return int(np.count_nonzero((ranges_m > near_m) & (ranges_m < far_m)))
 

@@ -235,10 +235,19 @@ class MappingParameters(ParameterGroup):
     )
     wall_gap_m: float = quantity(
         0.5,
-        "Widest gap between believed cells that counts as wall; 0: none.",
+        "Widest gap in a straight run of believed cells that counts as wall, by the joint method;"
+        " 0: no runs are looked for.",
         "m",
         ge=0.0,
         le=2.0,
+    )
+    bridged_gap_m: float = quantity(
+        0.2,
+        "Widest gap between any two believed cells that counts as wall, where no runs are looked"
+        " for: by superposition, and in maps of few pings; 0: none.",
+        "m",
+        ge=0.0,
+        le=1.0,
     )
     window: int = quantity(
         3000,

@@ -25,6 +25,7 @@ import numpy as np
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.mapping.joint.surface_lines import surface_lines
 from usmap_ros.mapping.next_view import best_views, candidate_poses
 from usmap_ros.numerics import compiled
 from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED
@@ -73,6 +74,12 @@ def map_all_ways() -> None:
     from usmap_ros.simulation.points import TRANSDUCER
 
     pipeline, cones = _mapped(TRANSDUCER)
+    few = Pipeline()
+    few.fuse(cones[0])
+    for mapped in (few, pipeline):
+        mapped.occupancy_map()
+    # Two objects are no wall.
+    surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)
     by_others = pipeline.fusion.by_others()
     assert by_others is not None
     by_others.expected({"one": cones[:5], "other": cones[5:]})

@@ -16,11 +16,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, gather_evidence, no_evidence
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, LEAST_RANGE, NOISE, Field, X, Y
-from usmap_ros.mapping.joint.lines import NO_LINES, beyond_ends, drawn, off_line, points_on, without_doubles
+from usmap_ros.mapping.joint.lines import (
+    NO_LINES,
+    beyond_ends,
+    drawn,
+    off_line,
+    points_on,
+    without_doubles,
+)
 from usmap_ros.mapping.joint.log_odds import (
     cell_log_odds,
     hiding,
@@ -272,7 +278,8 @@ class JointEstimate:
 
     def _smooth_echoes(self) -> Iterator[tuple[int, int]]:
         """Ping and echo of whatever smooth things explain."""
-        for thing in [*self.mirrors, *self.columns]:
+        things: list[MirrorWall | RoundColumn] = [*self.mirrors, *self.columns]
+        for thing in things:
             yield from zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True)
 
     def _take_out_smooth_things(self) -> None:
@@ -320,6 +327,9 @@ class JointEstimate:
         walls : Walls
             What stands.
         """
+        # Whoever only looks at recordings need not wait for it.
+        from scipy.ndimage import distance_transform_edt
+
         field, occupied = self.field, walls.shown
         hides = occupied | self._standing
         listening = listen(

@@ -11,7 +11,7 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.fusion import Fusion, LeaveOneOut
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.survey import Survey
+from usmap_ros.mapping.joint.survey import Survey, copied
 from usmap_ros.mapping.superposition.fusion import FEW_PINGS, SuperpositionFusion
 from usmap_ros.mapping.superposition.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.superposition.log_odds import scale_of
@@ -83,10 +83,10 @@ class JointFusion(Fusion):
             return max(1, int(wrong))
         if self._earlier is None:
             return 0
-        occupancy = self._earlier()
-        cells = ~np.isfinite(occupancy.log_odds)
-        occupancy.log_odds[cells], occupancy.observed[cells] = logit(self.parameters.prior), False
-        self._survey = None
+        before = self._earlier()
+        cells = ~np.isfinite(before.log_odds)
+        before.log_odds[cells], before.observed[cells] = logit(self.parameters.prior), False
+        self._earlier, self._survey = (lambda: before), None
         return int(np.count_nonzero(cells))
 
     def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
@@ -150,7 +150,8 @@ class JointFusion(Fusion):
             If its resolution or origin does not fit this grid.
         """
         super().resume(occupancy)
-        self._earlier, self._retired, self._survey = (lambda: occupancy), None, None
+        before = copied(occupancy)
+        self._earlier, self._retired, self._survey = (lambda: before), None, None
 
 
 class _ByOthers:

@@ -89,7 +89,9 @@ def without_doubles(lines: NDArray[np.float64]) -> NDArray[np.float64]:
             if cosine < PARALLEL_COSINE:
                 continue
             across, along = off_line(other, rows, columns)
-            beside = (np.abs(across) <= DOUBLE_CELLS) & (along > other[BEGIN]) & (along < other[END])
+            beside = (
+                (np.abs(across) <= DOUBLE_CELLS) & (along > other[BEGIN]) & (along < other[END])
+            )
             is_double |= bool(beside.mean() > DOUBLE_SHARE)
         if not is_double:
             kept.append(line)

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
@@ -247,6 +246,8 @@ def learn_response(
     looks, pings, field, left, listening, surfaces
         As in `_tally`.
     """
+    from scipy.ndimage import uniform_filter1d
+
     if len(surfaces) > MOST_SURFACES:
         chosen = np.linspace(0, len(surfaces) - 1, MOST_SURFACES).astype(np.int64)
         surfaces = surfaces[chosen]

@@ -213,8 +213,8 @@ def _vote(
             steps = int(2.0 * half * distance / (0.7 * res)) + 1
             for k in range(steps + 1):
                 angle = numbers[HEADING] - half + 2.0 * half * k / steps
-                column = int(math.floor((numbers[X] + distance * math.cos(angle)) / res))
-                row = int(math.floor((numbers[Y] + distance * math.sin(angle)) / res))
+                column = math.floor((numbers[X] + distance * math.cos(angle)) / res)
+                row = math.floor((numbers[Y] + distance * math.sin(angle)) / res)
                 row, column = row - field.first_row, column - field.first_column
                 if row < 1 or column < 1 or row >= field.rows - 1 or column >= field.columns - 1:
                     continue
@@ -224,7 +224,7 @@ def _vote(
 
 
 @compiled
-def _look_at(
+def _look_at(  # noqa: PLR0913, PLR0917
     looks: Looks,
     pings: NDArray[np.int64],
     echoes: Echoes,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
+from usmap_ros.mapping.export import LEAST_NEWS
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.joint.estimate import JointEstimate, Walls
@@ -97,12 +98,12 @@ class Survey:
             return self._areas
 
     def occupancy_map(self) -> OccupancyMap:
-        """The map."""
+        """The map; whoever asked may change it."""
         areas = self.areas()
         with self._lock:
             if self._map is None:
                 self._map = self._made(areas)
-            return self._map
+            return copied(self._map)
 
     @property
     def is_made(self) -> bool:
@@ -154,10 +155,18 @@ class Survey:
     def _made(self, areas: list[Area]) -> OccupancyMap:
         """The least rectangle that holds all that is known."""
         drawn = [(area, _known(area)) for area in areas]
-        corners = [_bounds(area.field, known) for area, known in drawn if known.any()]
+        corners = [
+            _bounds(area.field.first_row, area.field.first_column, known)
+            for area, known in drawn
+            if known.any()
+        ]
         if self._earlier is not None:
-            (left, bottom), shape = self._earlier.geometry.first_cell, self._earlier.geometry.shape
-            corners.append((bottom, left, bottom + shape[0], left + shape[1]))
+            told = self._earlier.observed | (
+                np.abs(self._earlier.log_odds - logit(self._parameters.prior)) >= LEAST_NEWS
+            )
+            if told.any():
+                left, bottom = self._earlier.geometry.first_cell
+                corners.append(_bounds(bottom, left, told))
         if not corners:
             corners.append((0, 0, 1, 1))
         bottom, left = (min(corner[axis] for corner in corners) for axis in (0, 1))
@@ -173,25 +182,11 @@ class Survey:
             **{name: np.zeros(shape, np.float32) for name in (AMBIGUITY, LOOKS_COS, LOOKS_SIN)},
         }
         if self._earlier is not None:
-            self._put_earlier(occupancy, layers, self._earlier)
+            _put_earlier(occupancy, layers, self._earlier)
         for area, known in drawn:
             if known.any():
                 self._put(occupancy, layers, area, known)
         return replace(occupancy, layers=layers)
-
-    @staticmethod
-    def _put_earlier(
-        occupancy: OccupancyMap, layers: dict[str, NDArray[np.float32]], earlier: OccupancyMap
-    ) -> None:
-        """Put what was known before into the map."""
-        left, bottom = occupancy.geometry.first_cell
-        column, row = earlier.geometry.first_cell
-        rows, columns = earlier.geometry.shape
-        place = np.s_[row - bottom : row - bottom + rows, column - left : column - left + columns]
-        occupancy.log_odds[place] = earlier.log_odds
-        occupancy.observed[place] = earlier.observed
-        for name in layers.keys() & earlier.layers.keys():
-            layers[name][place] = earlier.layers[name]
 
     def _put(
         self,
@@ -202,9 +197,9 @@ class Survey:
     ) -> None:
         """Put what is known of an area into the map."""
         left, bottom = occupancy.geometry.first_cell
-        row, column, end_row, end_column = _bounds(area.field, known)
-        place = np.s_[row - bottom : end_row - bottom, column - left : end_column - left]
         first_row, first_column = area.field.first_row, area.field.first_column
+        row, column, end_row, end_column = _bounds(first_row, first_column, known)
+        place = np.s_[row - bottom : end_row - bottom, column - left : end_column - left]
         part = np.s_[
             row - first_row : end_row - first_row, column - first_column : end_column - first_column
         ]
@@ -223,6 +218,34 @@ class Survey:
             layers[name][place][told] = values[told]
 
 
+def copied(occupancy: OccupancyMap) -> OccupancyMap:
+    """A map with arrays of its own."""
+    layers = {name: values.copy() for name, values in occupancy.layers.items()}
+    return replace(
+        occupancy,
+        log_odds=occupancy.log_odds.copy(),
+        observed=occupancy.observed.copy(),
+        layers=layers,
+    )
+
+
+def _put_earlier(
+    occupancy: OccupancyMap, layers: dict[str, NDArray[np.float32]], earlier: OccupancyMap
+) -> None:
+    """Put what was known before into the map, as far as it reaches."""
+    (left, bottom), (rows, columns) = occupancy.geometry.first_cell, occupancy.geometry.shape
+    column, row = (
+        int(a) - int(b) for a, b in zip(earlier.geometry.first_cell, (left, bottom), strict=True)
+    )
+    height, width = earlier.geometry.shape
+    here = np.s_[max(row, 0) : max(row + height, 0), max(column, 0) : max(column + width, 0)]
+    there = np.s_[max(-row, 0) : max(rows - row, 0), max(-column, 0) : max(columns - column, 0)]
+    occupancy.log_odds[here] = earlier.log_odds[there]
+    occupancy.observed[here] = earlier.observed[there]
+    for name in layers.keys() & earlier.layers.keys():
+        layers[name][here] = earlier.layers[name][there]
+
+
 def _known(area: Area) -> BoolArray:
     """Cells of which anything is to be said."""
     known: BoolArray = (
@@ -233,12 +256,20 @@ def _known(area: Area) -> BoolArray:
     return known
 
 
-def _bounds(field: Field, known: BoolArray) -> tuple[int, int, int, int]:
-    """First row and column of some cells, and the ends, counted from y = 0 and x = 0."""
+def _bounds(first_row: int, first_column: int, known: BoolArray) -> tuple[int, int, int, int]:
+    """First row and column of some cells, and the ends, counted from y = 0 and x = 0.
+
+    Parameters
+    ----------
+    first_row, first_column : int
+        Of the lowest left cell of the mask.
+    known : (rows, columns) bool array
+        Which cells.
+    """
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     return (
-        field.first_row + int(rows[0]), field.first_column + int(columns[0]),
-        field.first_row + int(rows[-1]) + 1, field.first_column + int(columns[-1]) + 1,
+        first_row + int(rows[0]), first_column + int(columns[0]),
+        first_row + int(rows[-1]) + 1, first_column + int(columns[-1]) + 1,
     )  # fmt: skip
 
 

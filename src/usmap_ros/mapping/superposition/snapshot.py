@@ -68,7 +68,7 @@ class Snapshot:
         # What is as likely there as not is unknown, and not observed, though sound went through.
         grid.layer(EXPOSURE)[slots[believed > 0.0]] = 0.0
         occupancy = as_map(grid, parameters, self.frame_id, self.stamp_ns, OCCUPIED_PROBABILITY)
-        occupancy = bridge_gaps(occupancy, parameters.wall_gap_m)
+        occupancy = bridge_gaps(occupancy, parameters.bridged_gap_m)
         return replace(occupancy, layers=map_layers(occupancy, self.suspects))
 
     def _believed(self, is_exposed: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -154,7 +154,7 @@ class Survey:
 
     def _made(self, areas: list[Area]) -> OccupancyMap:
         """The least rectangle that holds all that is known."""
-        drawn = [(area, _known(area)) for area in areas]
+        drawn = [(area, _known(area, self._parameters)) for area in areas]
         corners = [
             _bounds(area.field.first_row, area.field.first_column, known)
             for area, known in drawn
@@ -246,13 +246,12 @@ def _put_earlier(
         layers[name][here] = earlier.layers[name][there]
 
 
-def _known(area: Area) -> BoolArray:
+def _known(area: Area, parameters: MappingParameters) -> BoolArray:
     """Cells of which anything is to be said."""
-    known: BoolArray = (
-        area.walls.shown
-        | area.free
-        | (area.estimate.evidence.asked.reshape(area.field.shape) > 0.0)
-    )
+    belief = cell_log_odds(area.estimate.evidence, area.field.shape)
+    news = np.clip(belief, parameters.least_log_odds, 0.0) - logit(parameters.prior)
+    suspected = (belief > NOTHING) & (np.abs(news) >= LEAST_NEWS)
+    known: BoolArray = area.walls.shown | area.free | suspected
     return known
 
 

@@ -6,7 +6,9 @@ behind.  How loud that was it does not say: as loud as an ordinary object would 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone, encode_limits
 
@@ -78,11 +81,7 @@ class RangeReading:
         transducer = Transducer(_PULSE, beam, self.min_range_m, self.max_range_m)
         transducer.validate()
         heard_m = np.array([self.range_m] if self.range_m < self.max_range_m else [], dtype=float)
-        edges_m = np.arange(self.min_range_m, self.max_range_m, _STEP_M)
-        far_m = np.maximum(edges_m + _STEP_M, _STEP_M)
-        limits = _FAINTEST / far_m**2
-        if len(heard_m):
-            limits[far_m > heard_m[0]] = _DEAF
+        limits = _limits(self.min_range_m, self.max_range_m, heard_m)
         amplitudes = _USUAL / np.maximum(heard_m, 0.01) ** 2
         stds_m = np.sqrt(self.variance_m2) if self.variance_m2 > 0.0 else None
         cone = EchoCone(
@@ -106,3 +105,59 @@ class RangeReading:
         )
         cone.validate()
         return cone
+
+
+#: Pings with an echo that a sensor is judged by, and the share of them that may have another one,
+#: for noise, with which it still reports the first thing only.
+ENOUGH_PINGS, MOST_WITH_SEVERAL = 30, 0.05
+
+
+def report_first_only(cones: Iterable[EchoCone]) -> set[str]:
+    """Sensors, by their frames, whose traces hold the first thing in the beam and nothing behind.
+
+    Range readings are recorded as traces, too, with a pulse at the range.  Silence behind it says
+    nothing, and neither does its loudness.
+
+    Parameters
+    ----------
+    cones : iterable of EchoCone
+        Of any sensors.
+    """
+    heard: Counter[str] = Counter()
+    several: Counter[str] = Counter()
+    for cone in cones:
+        heard[cone.child_frame_id] += len(cone.ranges_m) > 0
+        several[cone.child_frame_id] += len(cone.ranges_m) > 1
+    return {
+        frame
+        for frame, count in heard.items()
+        if count >= ENOUGH_PINGS and several[frame] < MOST_WITH_SEVERAL * count
+    }
+
+
+def first_return(cone: EchoCone) -> EchoCone:
+    """The first echo of a cone, as a range reading would have it."""
+    transducer, heard_m = cone.transducer, cone.ranges_m[:1].astype(float)
+    amplitudes = _USUAL / np.maximum(heard_m, 0.01) ** 2
+    limits = _limits(transducer.min_range_m, transducer.max_range_m, heard_m)
+    return replace(
+        cone,
+        attenuation_db_m=0.0,
+        ranges_m=cone.ranges_m[:1],
+        range_stds_m=cone.range_stds_m[:1],
+        amplitudes=amplitudes.astype(np.float32),
+        amplitude_stds=(_SPREAD * amplitudes).astype(np.float32),
+        limit_step_m=float(np.float32(_STEP_M)),
+        detection_limits=encode_limits(limits),
+        bearings_rad=None if cone.bearings_rad is None else cone.bearings_rad[:1],
+        bearing_stds_rad=None if cone.bearing_stds_rad is None else cone.bearing_stds_rad[:1],
+    )
+
+
+def _limits(min_range_m: float, max_range_m: float, heard_m: FloatArray) -> FloatArray:
+    """Amplitudes that would have been reported, in steps of range: none behind what was heard."""
+    far_m = np.maximum(np.arange(min_range_m, max_range_m, _STEP_M) + _STEP_M, _STEP_M)
+    limits: FloatArray = _FAINTEST / far_m**2
+    if len(heard_m):
+        limits[far_m > heard_m[0]] = _DEAF
+    return limits

@@ -14,6 +14,7 @@ from usmap_ros.mapping.superposition.ping_bins import look_of
 from usmap_ros.mapping.superposition.window import Looks, Window
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.range_cones import first_return, report_first_only
 
 #: Pings from within such a step of position, and of heading, look from one place.
 STEP_M, STEP_RAD = 0.02, math.radians(2.0)
@@ -138,6 +139,11 @@ class KeptPings:
         kept = self._cones if among is None else [self._cones[index] for index in among]
         kept = sorted(kept, key=lambda each: (each[0].stamp_ns, *each[2]))
         window = Window()
+        first_only = report_first_only(cone for cone, *_ in self._cones)
+        kept = [
+            (first_return(cone) if cone.child_frame_id in first_only else cone, source, place)
+            for cone, source, place in kept
+        ]
         for cone, source, _ in kept:
             window.append(look_of(cone, self._parameters), source)
         ranges_m = [np.asarray(cone.ranges_m, np.float64) for cone, *_ in kept]

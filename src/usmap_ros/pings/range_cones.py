@@ -110,6 +110,8 @@ class RangeReading:
 #: Pings with an echo that a sensor is judged by, and the share of them that may have another one,
 #: for noise, with which it still reports the first thing only.
 ENOUGH_PINGS, MOST_WITH_SEVERAL = 30, 0.05
+#: Gain of such a sensor at the edge of its beam.
+EDGE_GAIN = 0.6
 
 
 def report_first_only(cones: Iterable[EchoCone]) -> set[str]:
@@ -142,6 +144,7 @@ def first_return(cone: EchoCone) -> EchoCone:
     limits = _limits(transducer.min_range_m, transducer.max_range_m, heard_m)
     return replace(
         cone,
+        transducer=replace(transducer, beam=_even(transducer.beam.half_angle_rad)),
         attenuation_db_m=0.0,
         ranges_m=cone.ranges_m[:1],
         range_stds_m=cone.range_stds_m[:1],
@@ -152,6 +155,11 @@ def first_return(cone: EchoCone) -> EchoCone:
         bearings_rad=None if cone.bearings_rad is None else cone.bearings_rad[:1],
         bearing_stds_rad=None if cone.bearing_stds_rad is None else cone.bearing_stds_rad[:1],
     )
+
+
+def _even(half_angle_rad: float) -> BeamPattern:
+    """A beam that hears what is at its edge nearly as well as what is in its middle."""
+    return BeamPattern(np.array([0.0, half_angle_rad]), np.array([1.0, EDGE_GAIN]))
 
 
 def _limits(min_range_m: float, max_range_m: float, heard_m: FloatArray) -> FloatArray:

@@ -93,6 +93,21 @@ def test_areas_apart_are_joined(fleet: Path, expected: OccupancyMap, tmp_path: P
     assert expected.predicted().sum() == sum(one.predicted().sum() for one in apart)
 
 
+def test_an_area_in_another_frame_than_most_is_left_out_and_named(
+    fleet: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(fleet / "here", tmp_path / "bags")
+    (source, *_) = find_recordings([fleet / "there"], tmp_path)
+    with BagReader([source]) as bag, new_bag(tmp_path / "bags" / "odd") as writer:
+        for topic, trace in bag.traces():
+            writer.write_trace(topic, replace(trace, frame_id="odom"))
+    done = map_collection(find_recordings([tmp_path / "bags"], tmp_path), tmp_path, PARAMETERS)
+    (name,) = done.failed
+    assert name.endswith("odd")
+    assert "is in the frame 'odom', and most of the others are not" in done.failed[name]
+    assert (done.areas, done.run.pings, done.occupancy.frame_id) == (1, 24, "map")
+
+
 def test_a_second_run_takes_up_the_first(
     fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

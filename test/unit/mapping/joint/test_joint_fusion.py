@@ -1,0 +1,210 @@
+"""Maps that explain all pings together: what they depend on, and what they keep."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.joint import estimate
+from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.kept_pings import MOST_FROM_A_PLACE
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+MakeCone = Callable[..., EchoCone]
+#: More than twice the range of the pings, and a whole number of cells.
+FAR_M = 20.0
+
+
+def fused(cones: list[EchoCone], source: str = "", **parameters: float) -> JointFusion:
+    fusion = JointFusion(MappingParameters(**parameters))
+    for cone in cones:
+        fusion.fuse(cone, source)
+    return fusion
+
+
+def assert_same(one: OccupancyMap, other: OccupancyMap) -> None:
+    assert one.geometry == other.geometry
+    np.testing.assert_array_equal(one.observed, other.observed)
+    np.testing.assert_array_equal(one.log_odds, other.log_odds)
+    for name, values in one.layers.items():
+        np.testing.assert_array_equal(values, other.layers[name])
+
+
+def moved(cone: EchoCone, x_m: float) -> EchoCone:
+    pose = replace(cone.pose, position_m=cone.pose.position_m + np.array([x_m, 0.0, 0.0]))
+    return replace(cone, pose=pose)
+
+
+def at(occupancy: OccupancyMap, values: np.ndarray, x_m: float, y_m: float) -> float:
+    left_m, bottom_m = occupancy.geometry.origin_m
+    step_m = occupancy.geometry.resolution_m
+    return float(values[int((y_m - bottom_m) / step_m), int((x_m - left_m) / step_m)])
+
+
+def test_objects_are_found_and_the_rest_is_free(views: list[EchoCone]) -> None:
+    occupancy = fused(views).occupancy_map()
+    predicted = occupancy.predicted()
+    for x_m, y_m in ((1.525, 0.425), (1.775, -0.325)):
+        assert at(occupancy, predicted, x_m, y_m)
+    assert np.count_nonzero(predicted) < 20
+    assert np.count_nonzero(occupancy.observed & ~predicted) > 200
+
+
+def test_the_order_in_which_pings_come_does_not_matter(views: list[EchoCone]) -> None:
+    """Robots' messages overtake each other; stamps say in what order they were heard."""
+    shuffled = [views[index] for index in np.random.default_rng(2).permutation(len(views))]
+    assert_same(fused(views).occupancy_map(), fused(shuffled).occupancy_map())
+
+
+def test_how_often_it_was_asked_for_does_not_matter(views: list[EchoCone]) -> None:
+    asked, left_alone = fused([]), fused(views)
+    for cone in views:
+        asked.fuse(cone)
+        asked.occupancy_map().log_odds[:] = 0.0
+        asked.by_others()
+    assert_same(asked.occupancy_map(), left_alone.occupancy_map())
+
+
+def test_it_is_worked_out_once_for_all_who_ask(
+    views: list[EchoCone], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+
+    class Counted(estimate.JointEstimate):
+        def estimate(self, more_rounds: int = 0) -> estimate.Walls:
+            made.append(more_rounds)
+            return super().estimate(more_rounds)
+
+    monkeypatch.setattr("usmap_ros.mapping.joint.survey.JointEstimate", Counted)
+    fusion = fused(views)
+    make, by_others = fusion.snapshot(), fusion.by_others()
+    assert made == []
+    askers = [threading.Thread(target=make) for _ in range(3)]
+    for asker in askers:
+        asker.start()
+    for asker in askers:
+        asker.join()
+    by_others.expected({"one": views[:5], "other": views[5:]})
+    assert made == [0]
+
+
+def test_a_robot_that_stands_still_changes_nothing(views: list[EchoCone]) -> None:
+    """Beyond what its first few pings said."""
+    parked = [replace(views[-1], stamp_ns=100 + number) for number in range(30)]
+    few = fused([*views, *parked[: MOST_FROM_A_PLACE - 1]])
+    many = fused([*views, *parked])
+    one, other = few.occupancy_map(), many.occupancy_map()
+    assert one.geometry == other.geometry
+    np.testing.assert_array_equal(one.predicted(), other.predicted())
+    np.testing.assert_allclose(one.log_odds, other.log_odds, atol=0.05)
+
+
+def test_areas_far_apart_are_maps_of_their_own(views: list[EchoCone]) -> None:
+    elsewhere = [moved(cone, FAR_M) for cone in views]
+    both = fused([*views, *elsewhere]).occupancy_map()
+    left, bottom = both.geometry.first_cell
+    known = 0
+    for cones in (views, elsewhere):
+        alone = fused(cones).occupancy_map()
+        (column, row), (height, width) = alone.geometry.first_cell, alone.geometry.shape
+        place = np.s_[row - bottom : row - bottom + height, column - left : column - left + width]
+        np.testing.assert_array_equal(both.log_odds[place], alone.log_odds)
+        np.testing.assert_array_equal(both.observed[place], alone.observed)
+        known += np.count_nonzero(alone.observed)
+    assert np.count_nonzero(both.observed) == known
+
+
+def test_nothing_stays_of_what_is_left_out(
+    views: list[EchoCone], cone_of_objects: MakeCone
+) -> None:
+    fusion = fused(views, "good")
+    for cone in views:
+        pose = cone.pose
+        x_m, y_m = (float(value) for value in pose.position_m[:2])
+        liar = cone_of_objects((0.9, 0.2, 0.6), x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad)
+        fusion.fuse(replace(liar, stamp_ns=cone.stamp_ns), "bad")
+    assert fusion.leave_out(lambda source: source == "bad") == len(views)
+    assert fusion.leave_out(lambda source: source == "bad") == 0
+    assert_same(fusion.occupancy_map(), fused(views, "good").occupancy_map())
+
+
+def test_what_pings_said_stays_when_they_leave_the_window(views: list[EchoCone]) -> None:
+    elsewhere = [replace(moved(cone, FAR_M), stamp_ns=1000 + cone.stamp_ns) for cone in views]
+    occupancy = fused([*views, *elsewhere], window=len(views)).occupancy_map()
+    predicted = occupancy.predicted()
+    is_free = occupancy.observed & ~predicted
+    middle = round((0.5 * FAR_M - occupancy.geometry.origin_m[0]) / 0.05)
+    for x_m, half in ((1.525, np.s_[:, :middle]), (1.525 + FAR_M, np.s_[:, middle:])):
+        assert at(occupancy, predicted, x_m, 0.425)
+        assert np.count_nonzero(is_free[half]) > 200
+
+
+def test_a_map_is_resumed_and_goes_on(views: list[EchoCone]) -> None:
+    before = fused(views).occupancy_map()
+    resumed = fused([])
+    resumed.resume(before)
+    assert_same(resumed.occupancy_map(), before)
+    for cone in views:
+        resumed.fuse(moved(cone, FAR_M))
+    occupancy = resumed.occupancy_map()
+    for x_m in (1.525, 1.525 + FAR_M):
+        assert at(occupancy, occupancy.predicted(), x_m, 0.425)
+
+
+def test_an_earlier_map_is_not_changed(views: list[EchoCone]) -> None:
+    before = fused(views).occupancy_map()
+    log_odds = before.log_odds.copy()
+    resumed = fused([])
+    resumed.resume(before)
+    before.log_odds[:] = 0.0
+    np.testing.assert_array_equal(resumed.occupancy_map().log_odds, log_odds)
+
+
+def test_a_ping_of_numbers_that_are_not_finite_is_taken_back(views: list[EchoCone]) -> None:
+    fusion = fused(views)
+    before = fusion.occupancy_map()
+    wrong = replace(views[0], amplitudes=np.full_like(views[0].amplitudes, np.inf), stamp_ns=99)
+    fusion.fuse(wrong)
+    assert fusion.mend(wrong) > 0
+    fusion.stamp_ns = before.stamp_ns
+    assert_same(fusion.occupancy_map(), before)
+    assert fusion.mend(views[-1]) == fusion.mend() == 0
+
+
+def test_cells_of_an_earlier_map_that_hold_no_numbers_are_unknown_again(
+    views: list[EchoCone],
+) -> None:
+    before = fused(views).occupancy_map()
+    before.log_odds[10, 10:12] = np.nan, np.inf
+    resumed = fused([])
+    resumed.resume(before)
+    assert resumed.mend() >= 2
+    assert np.isfinite(resumed.occupancy_map().log_odds).all()
+
+
+def test_nothing_behind_a_wall_is_called_free(cone_of_objects: MakeCone) -> None:
+    """Silence from behind it says nothing: no sound gets there."""
+    wall = [(0.05 * step, 1.525, 0.5) for step in range(-40, 81)]
+    cones = []
+    for number in range(24):
+        place = {"x_m": 0.1 * number, "y_m": 0.2 * (number % 3), "yaw_rad": 0.5 * np.pi}
+        cones.append(cone_of_objects(*wall[::4], stamp_ns=number, **place))
+    occupancy = fused(cones).occupancy_map()
+    rows, columns = np.nonzero(occupancy.observed & ~occupancy.predicted())
+    step_m, (left_m, bottom_m) = occupancy.geometry.resolution_m, occupancy.geometry.origin_m
+    x_m, y_m = left_m + (columns + 0.5) * step_m, bottom_m + (rows + 0.5) * step_m
+    assert np.count_nonzero(y_m < 1.4) > 300
+    assert not np.any((y_m > 1.65) & (x_m > 0.2) & (x_m < 2.1))
+
+
+def test_few_pings_are_mapped_as_by_superposition(views: list[EchoCone]) -> None:
+    from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+
+    few = SuperpositionFusion(MappingParameters())
+    for cone in views[:4]:
+        few.fuse(cone)
+    assert_same(fused(views[:4]).occupancy_map(), few.occupancy_map())

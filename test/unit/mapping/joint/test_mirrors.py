@@ -1,0 +1,65 @@
+"""Walls that answer as mirrors do, found by the feet of perpendiculars."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+
+def mirrors_of(cones: list[EchoCone]) -> list[MirrorWall]:
+    kept = KeptPings(MappingParameters())
+    for cone in cones:
+        kept.add(cone, "robot")
+    looks, rows, _, echoes = kept.pings()
+    return mirror_walls(looks, rows, echoes, np.zeros(len(echoes.range_m), bool))
+
+
+def test_a_mirror_is_where_its_echoes_are_square_to_it(
+    mirror_pings: list[EchoCone], mirror_m: float
+) -> None:
+    (wall,) = mirrors_of(mirror_pings)
+    assert wall.distance_m == pytest.approx(mirror_m, abs=0.005)
+    assert math.sin(wall.normal_rad) == pytest.approx(1.0, abs=1e-4)
+    # Its feet are below the robots: from x = 0 to 2.3 m, along the tangent (-1, 0).
+    assert wall.begin_m == pytest.approx(-2.3, abs=0.05)
+    assert wall.end_m == pytest.approx(0.0, abs=0.05)
+    assert len(wall.echoes) == len(mirror_pings)
+
+
+def test_a_mirror_far_from_the_origin_is_found_too(
+    mirror_pings_at: Callable[..., list[EchoCone]], mirror_m: float
+) -> None:
+    (wall,) = mirrors_of(mirror_pings_at(40.0, -25.0))
+    assert wall.distance_m == pytest.approx(mirror_m - 25.0, abs=0.02)
+    assert math.sin(wall.normal_rad) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_an_object_is_no_mirror(views: list[EchoCone]) -> None:
+    assert mirrors_of(views) == []
+
+
+def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:
+    kept = KeptPings(MappingParameters())
+    for cone in mirror_pings:
+        kept.add(cone, "robot")
+    looks, rows, _, echoes = kept.pings()
+    assert mirror_walls(looks, rows, echoes, np.ones(len(echoes.range_m), bool)) == []
+
+
+def test_a_mirror_is_drawn_where_it_stands(mirror_pings: list[EchoCone], mirror_m: float) -> None:
+    fusion = JointFusion(MappingParameters())
+    for cone in mirror_pings:
+        fusion.fuse(cone)
+    occupancy = fusion.occupancy_map()
+    rows, _ = np.nonzero(occupancy.predicted())
+    y_m = occupancy.geometry.origin_m[1] + (rows + 0.5) * occupancy.geometry.resolution_m
+    assert len(np.unique(rows)) <= 3
+    assert np.abs(y_m - mirror_m).max() < 0.11
+    assert len(rows) > 35

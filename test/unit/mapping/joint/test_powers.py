@@ -1,0 +1,120 @@
+"""Powers of cells: the forward model, its gradient, and the updates that climb by it."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.field import NOISE, Field, field_around
+from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
+from usmap_ros.mapping.joint.power_estimation import (
+    count_hits,
+    expect_powers,
+    first_powers,
+    gather_gradients,
+    update_powers,
+)
+from usmap_ros.mapping.joint.projection import Projection, project
+from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+
+class Problem:
+    """Pings, cells that may hold something, and what they return."""
+
+    def __init__(self, cones: list[EchoCone]) -> None:
+        parameters = MappingParameters()
+        kept = KeptPings(parameters)
+        for cone in cones:
+            kept.add(cone, "robot")
+        self.pings: Pings = kept.pings()
+        self.field: Field = field_around(self.pings.looks, self.pings.rows, parameters.resolution_m)
+        hits, misses = (np.zeros(self.field.shape, np.float32) for _ in range(2))
+        looks, rows, weights = self.pings[:3]
+        count_hits(looks, rows, weights, self.field, hits, misses)
+        self.power = first_powers(hits, misses)
+        self.rows: Projection = project(looks, rows, self.field, self.power)
+
+    def expected(self, power: NDArray[np.float32]) -> NDArray[np.float32]:
+        looks, rows = self.pings[:2]
+        levels = np.ones((len(rows), looks.kind.shape[1]), np.float32)
+        expect_powers(looks, rows, self.rows, power, levels)
+        return levels
+
+    def log_likelihood(self, power: NDArray[np.float32]) -> float:
+        """Of what all bins returned, written down as it is in textbooks."""
+        looks, rows, weights = self.pings[:3]
+        levels = self.expected(power).astype(float)
+        total = 0.0
+        for index, row in enumerate(rows):
+            bins = looks.bins[row]
+            level, kind = levels[index, :bins], looks.kind[row, :bins]
+            is_echo, is_silent = kind == ECHO, kind == SILENCE
+            loud = looks.power[row, :bins][is_echo] / level[is_echo] + np.log(level[is_echo])
+            limits = looks.limit[row, :bins][is_silent]
+            quiet = np.log(-np.expm1(-limits / level[is_silent]))
+            total += float(weights[index]) * float(quiet.sum() - loud.sum())
+        return total
+
+    def gradients(self, power: NDArray[np.float32]) -> tuple[Any, Any]:
+        raises, lowers = np.zeros_like(power), np.zeros_like(power)
+        gather_gradients(*self.pings[:3], self.rows, power, self.expected(power), raises, lowers)
+        return raises, lowers
+
+
+@pytest.fixture
+def problem(views: list[EchoCone]) -> Problem:
+    return Problem(views)
+
+
+def test_without_power_only_noise_is_expected(problem: Problem) -> None:
+    levels = problem.expected(np.zeros_like(problem.power))
+    looks, rows = problem.pings[:2]
+    for index, row in enumerate(rows):
+        np.testing.assert_allclose(levels[index, : looks.bins[row]], looks.numbers[row, NOISE])
+
+
+def test_expectations_add_up(problem: Problem) -> None:
+    """What two sets of cells return together is what each returns, with the noise once."""
+    chosen = np.random.default_rng(3).random(problem.power.shape) < 0.5
+    one, other = np.where(chosen, problem.power, 0), np.where(chosen, 0, problem.power)
+    nothing = problem.expected(np.zeros_like(problem.power))
+    together = problem.expected(one.astype(np.float32)) + problem.expected(other.astype(np.float32))
+    np.testing.assert_allclose(together - nothing, problem.expected(problem.power), rtol=1e-3)
+
+
+def test_the_gradient_is_that_of_the_likelihood(problem: Problem) -> None:
+    random = np.random.default_rng(5)
+    power = problem.power * random.uniform(0.3, 3.0, problem.power.shape).astype(np.float32)
+    raises, lowers = problem.gradients(power)
+    gradient = (raises - lowers).astype(float)
+    for quarter in np.argsort(-np.abs(gradient * power))[:20]:
+        step = 0.02 * power[quarter]
+        higher, lower = power.copy(), power.copy()
+        higher[quarter] += step
+        lower[quarter] -= step
+        change = problem.log_likelihood(higher) - problem.log_likelihood(lower)
+        slope = change / float(higher[quarter] - lower[quarter])
+        assert slope == pytest.approx(gradient[quarter], rel=0.03)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sweeps_explain_pings_better_and_better(problem: Problem, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    power = problem.power * random.uniform(0.5, 2.0, problem.power.shape).astype(np.float32)
+    likelihoods = [problem.log_likelihood(power)]
+    for _ in range(12):
+        update_powers(power, *problem.gradients(power))
+        likelihoods.append(problem.log_likelihood(power))
+    # Nothing is lost but what weak quarters returned that vanish.
+    assert np.diff(likelihoods).min() > -0.5
+    assert likelihoods[-1] > likelihoods[0] + 100.0
+
+
+def test_quarters_that_no_echo_needs_vanish(problem: Problem) -> None:
+    power = problem.power.copy()
+    for _ in range(30):
+        update_powers(power, *problem.gradients(power))
+    assert 0 < np.count_nonzero(power) < 0.5 * np.count_nonzero(problem.power)

@@ -136,6 +136,9 @@ class JointEstimate:
         Widest gap in a run of believed cells that counts as wall; 0: nothing is filled.
     proofs : float
         Pings whose sound must have come back through a cell, to prove that it is free.
+    first_only : (pings,) bool array, optional
+        Pings of sensors that report the first thing only: no smooth thing is needed to explain
+        what they hear.
     """
 
     def __init__(  # noqa: PLR0913, PLR0917
@@ -150,10 +153,12 @@ class JointEstimate:
         standing: BoolArray | None = None,
         gap_m: float = 0.5,
         proofs: float = 3.0,
+        first_only: BoolArray | None = None,
     ) -> None:
         self.looks, self.pings, self.weights, self.echoes = looks, pings, weights, echoes
         self.field, self._opacity, self._forgetting = field, opacity, forgetting
         self._gap_m, self._proofs = gap_m, proofs
+        self._first_only = np.zeros(len(pings), bool) if first_only is None else first_only
         self._standing = np.zeros(field.shape, bool) if standing is None else standing
         self.power: NDArray[np.float32] = np.zeros(0, np.float32)
         self.expected = np.ones((len(pings), looks.kind.shape[1]), np.float32)
@@ -267,7 +272,7 @@ class JointEstimate:
 
     def _find_smooth_things(self) -> None:
         """Find mirrors, and round columns, by echoes that no reliable cell explains."""
-        explained = self._explained()
+        explained = self._explained() | np.repeat(self._first_only, np.diff(self.echoes.start))
         self.mirrors = mirror_walls(self.looks, self.pings, self.echoes, explained)
         for wall in self.mirrors:
             explained[wall.echoes] = True
@@ -315,6 +320,8 @@ class JointEstimate:
         occupied[rows[kept], columns[kept]] = True
         filled = drawn(lines, self.field.shape) | drawn(mirrors, self.field.shape)
         filled |= drawn_columns(self.columns, self.field)
+        stood = self._away_m() < STOOD_M
+        occupied, filled = occupied & ~stood, filled & ~stood
         return Walls(occupied, filled, lines if len(lines) else NO_LINES, mirrors)
 
     # ------------------------------------------------------------------ free space
@@ -327,9 +334,6 @@ class JointEstimate:
         walls : Walls
             What stands.
         """
-        # Whoever only looks at recordings need not wait for it.
-        from scipy.ndimage import distance_transform_edt
-
         field, occupied = self.field, walls.shown
         hides = occupied | self._standing
         listening = listen(
@@ -341,8 +345,7 @@ class JointEstimate:
         self.response = learn_response(self.looks, self.pings, field, left, listening, surfaces)
         proven = self._proven(occupied, left) >= self._proofs
         numbers = self.looks.numbers[self.pings]
-        away_m = distance_transform_edt(~field.cells_at(numbers[:, X], numbers[:, Y]))
-        away_m = away_m * field.resolution_m
+        away_m = self._away_m()
         wanted = (away_m < numbers[:, GREATEST_RANGE].max()) & ~occupied
         stood = (away_m < STOOD_M) & ~occupied
         belief = cell_log_odds(self.evidence, field.shape)
@@ -366,6 +369,17 @@ class JointEstimate:
                 belief = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown))
                 left = cast_rays(self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY))
         return free
+
+    def _away_m(self) -> FloatArray:
+        """Distance of each cell from where robots stood."""
+        # Whoever only looks at recordings need not wait for it.
+        from scipy.ndimage import distance_transform_edt
+
+        numbers = self.looks.numbers[self.pings]
+        away: FloatArray = distance_transform_edt(
+            ~self.field.cells_at(numbers[:, X], numbers[:, Y])
+        )
+        return away * self.field.resolution_m
 
     def _listening_bins(self) -> int:
         bin_m = float(np.median(self.looks.numbers[self.pings, BIN_M]))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.mirror_walls import Echoes
 from usmap_ros.mapping.superposition.ping_bins import look_of
 from usmap_ros.mapping.superposition.window import Looks, Window
+from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.range_cones import first_return, report_first_only
@@ -41,12 +42,15 @@ class Pings(NamedTuple):
         How much each counts: those from one place count as one.
     echoes : Echoes
         Of each.
+    first_only : (pings,) bool array
+        Whether their sensors report the first thing only, from whichever side it is looked at.
     """
 
     looks: Looks
     rows: NDArray[np.int64]
     weights: NDArray[np.float32]
     echoes: Echoes
+    first_only: BoolArray
 
 
 class KeptPings:
@@ -155,6 +159,7 @@ class KeptPings:
             np.array([window.row(index) for index in range(len(kept))], np.int64),
             np.array(weights, np.float32),
             Echoes(start.astype(np.int64), np.concatenate(ranges_m), np.concatenate(amplitudes)),
+            np.array([cone.child_frame_id in first_only for cone, *_ in kept], bool),
         )
 
     def _remove(self, index: int) -> None:

@@ -136,6 +136,7 @@ class Survey:
             opacity=parameters.opacity if parameters.occlusion else 0.0,
             forgetting=parameters.forgetting, standing=self._standing(field),
             gap_m=parameters.wall_gap_m, proofs=parameters.proof_rays,
+            first_only=pings.first_only,
         )  # fmt: skip
         walls = estimate.estimate(self._more_rounds)
         return Area(estimate, walls, estimate.free_space(walls))

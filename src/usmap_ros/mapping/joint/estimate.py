@@ -72,7 +72,7 @@ SUSPECTED = -0.5
 FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
 #: them: among lone things, and among walls.
-LONE, WALLED = (-2.2, 0.05), (-2.5, 0.1)
+LONE, WALLED = (-1.3, 0.02), (-2.5, 0.1)
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
 #: Within this distance of where a robot stood nothing else stands.

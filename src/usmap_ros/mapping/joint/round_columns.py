@@ -30,7 +30,7 @@ TOLERANCE_M = 0.03
 MOST_TRIES, MOST_COLUMNS = 400, 60
 #: Least hits, least share of hits among the pings that would have heard it, and how far the
 #: directions of the hits must spread: least eigenvalue of the mean of u uᵀ.
-LEAST_HITS, LEAST_HIT_SHARE, LEAST_SPREAD = 6, 0.75, 0.12
+LEAST_HITS, LEAST_HIT_SHARE, LEAST_SPREAD = 12, 0.75, 0.12
 #: Largest standard deviation of the ranges, m (chance alone has 0.017); least hits over one and
 #: the echoes that crowd around each within a reach, m: among many, chance fits anything.
 MOST_DEVIATION_M, LEAST_HITS_IN_CROWD, CROWD_M = 0.0125, 6.0, 0.4

@@ -30,8 +30,8 @@ from usmap_ros.simulation import Scenario, record
 #: Shows how far something is that takes a number of steps; gives what tells of each step.
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
-#: Frames of the animation.
-FRAMES = 48
+#: Frames of the animation: each is a map that explains all pings so far from the start.
+FRAMES = 16
 #: The ping that is drawn has the fewest echoes from so many on, to show how each comes about.
 LEAST_ECHOES = 3
 

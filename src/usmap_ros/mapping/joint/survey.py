@@ -24,9 +24,12 @@ from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.special import logistic, logit
 from usmap_ros.parameters import MappingParameters
 
-#: Log-odds of free cells, and least log-odds of cells that are shown as occupied: those that are
-#: filled in between have no evidence of their own.
-FREE_LOG_ODDS, OCCUPIED_LOG_ODDS = -3.0, 0.8
+#: Log-odds of free cells, or so much below the prior where that is less: maps are merged by what
+#: they add to it.
+FREE_LOG_ODDS, FREE_EVIDENCE = -3.0, -0.5
+#: Least log-odds of cells that are shown as occupied: those that are filled in between have no
+#: evidence of their own.
+OCCUPIED_LOG_ODDS = 0.8
 #: Layers of what a map expects of pings; see `by_others` of the fusion.
 POWER, ALIVE, DEPTH = "power", "alive", "depth"
 
@@ -206,7 +209,8 @@ class Survey:
         ]
         shown, free = area.walls.shown[part], area.free[part]
         belief = cell_log_odds(area.estimate.evidence, area.field.shape)[part]
-        decided = np.where(shown, np.maximum(belief, OCCUPIED_LOG_ODDS), FREE_LOG_ODDS)
+        vacant = min(FREE_LOG_ODDS, logit(self._parameters.prior) + FREE_EVIDENCE)
+        decided = np.where(shown, np.maximum(belief, OCCUPIED_LOG_ODDS), vacant)
         least, greatest = self._parameters.least_log_odds, self._parameters.greatest_log_odds
         log_odds, observed = occupancy.log_odds[place], occupancy.observed[place]
         suspected = (belief > NOTHING) & ~shown & ~free & ~observed

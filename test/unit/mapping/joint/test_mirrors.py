@@ -17,7 +17,7 @@ def mirrors_of(cones: list[EchoCone]) -> list[MirrorWall]:
     kept = KeptPings(MappingParameters())
     for cone in cones:
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()
+    looks, rows, _, echoes = kept.pings()[:4]
     return mirror_walls(looks, rows, echoes, np.zeros(len(echoes.range_m), bool))
 
 
@@ -49,7 +49,7 @@ def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> Non
     kept = KeptPings(MappingParameters())
     for cone in mirror_pings:
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()
+    looks, rows, _, echoes = kept.pings()[:4]
     assert mirror_walls(looks, rows, echoes, np.ones(len(echoes.range_m), bool)) == []
 
 

@@ -17,7 +17,7 @@ LAYERS = [
     {"acoustics", "grids", "parameters"},
     {"pings"},
     {"io"},
-    {"simulation", "reconstruction", "mapping", "evaluation"},
+    {"simulation", "reconstruction", "mapping", "evaluation", "localisation"},
     {"calibration", "importing", "plotting"},
     {"runs"},
     {"live", "paper"},

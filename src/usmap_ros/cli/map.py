@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,6 +21,13 @@ if TYPE_CHECKING:
     from usmap_ros.parameters import PipelineParameters
     from usmap_ros.runs.offline import MappingRun
     from usmap_ros.runs.pipeline import Pipeline
+
+
+class Poses(str, Enum):
+    """Which poses a recording is mapped with."""
+
+    told = "told"
+    refined = "refined"
 
 
 def _methods() -> list[str]:
@@ -69,6 +77,13 @@ def map_bags(
             " Pings in other frames are set apart.",
         ),
     ] = None,
+    poses: Annotated[
+        Poses | None,
+        typer.Option(
+            help="Map with poses as they were told, or refine them by the echoes; without it,"
+            " odometry, whose covariance grows or whose frame is the robot's own, is refined.",
+        ),
+    ] = None,
     jobs: Annotated[
         int,
         typer.Option(
@@ -109,13 +124,15 @@ def map_bags(
     _refuse_twice("mapping.resolution_m", "--resolution", resolution, settings)
     chosen = [f"mapping.method={method}"] if method else []
     parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
-    order = _Order(output, parameters, jobs, passes, without or [], frame or "")
+    order = _Order(output, parameters, jobs, passes, without or [], frame or "", poses)
     _refuse_idle(order, scheduler)
     recordings = find_recordings(bags, besides=output)
     if scheduler is None and set(recordings) == set(bags):
         _map_together(order, bags, resume, as_json=as_json)
     elif resume is not None:
         raise typer.BadParameter("--resume goes with single recordings, on this machine")
+    elif poses is Poses.refined:
+        raise typer.BadParameter("refined: goes with single recordings", param_hint="'--poses'")
     else:
         _map_collection(order, recordings, scheduler, as_json=as_json)
 
@@ -130,6 +147,7 @@ class _Order:
     passes: int
     without: list[str]
     frame: str
+    poses: Poses | None
 
 
 def _refuse_twice(key: str, option: str, value: object, settings: list[str] | None) -> None:
@@ -175,7 +193,8 @@ def _refuse_absent(without: list[str], topics: Iterable[str]) -> None:
 def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_json: bool) -> None:
     """Map recordings as if they were one."""
     from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.io.map_files import map_folder, save_map
+    from usmap_ros.io.map_files import PATHS_FOLDER, map_folder, save_map
+    from usmap_ros.io.tum_files import save_trajectories
     from usmap_ros.pings.robot_paths import RobotPaths
     from usmap_ros.runs.offline import map_bag, resume_map
     from usmap_ros.runs.parallel import WORTH_A_POOL, available_cores, reconstructors
@@ -196,12 +215,18 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
             reconstructors(pipeline, order.jobs or cores) as workers,
             console.progress("mapping", pings) as step,
         ):
-            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
+            run = map_bag(
+                bag, pipeline, paths, lambda topic, cone: step(), workers, order.without,
+                None if order.poses is None else order.poses.value,
+            )  # fmt: skip
         pipeline.refine(order.passes)
         occupancy = pipeline.occupancy_map()
         summary = save_map(
             order.output, occupancy, paths, lambda: run.summary(occupancy, seconds_since_start())
         )
+    if run.poses.robots:
+        save_trajectories(order.output / PATHS_FOLDER, paths.trajectories())
+        save_trajectories(order.output / PATHS_FOLDER / "told", run.poses.told.trajectories())
     _tell(order.output, run, summary, as_json=as_json)
 
 

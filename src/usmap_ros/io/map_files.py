@@ -37,6 +37,8 @@ from usmap_ros.pings.robot_paths import RobotPaths
 GRID_FILE = "map.npz"
 NAV2_FILE = "map.yaml"
 SUMMARY_FILE = "summary.json"
+#: Folder of where each transducer was, as TUM files, where poses were refined.
+PATHS_FOLDER = "paths"
 
 #: Names of the arrays in it that are read.
 _ARRAYS = (

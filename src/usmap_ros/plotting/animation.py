@@ -29,7 +29,7 @@ from usmap_ros.plotting.map import (
 )
 from usmap_ros.plotting.plan import draw_probability, draw_truth
 
-_FRAME_MS = 700
+_FRAME_MS = 270
 #: The finished map stays in view for a while.
 _LAST_FRAME_MS = 3000
 _DOTS_PER_INCH = 110

@@ -93,6 +93,14 @@ def plan_views() -> None:
     best_views(occupancy, candidate_poses(occupancy), TRANSDUCER, 1)
 
 
+def refine_odometry() -> None:
+    """Correct the poses of a robot that drifts."""
+    from usmap_ros.localisation.refine import refine_poses
+    from usmap_ros.simulation.points import TRANSDUCER
+
+    refine_poses([("/robot/echo", cone) for cone in _mapped(TRANSDUCER)[1]], insists=True)
+
+
 #: What is compiled at the same time, by what has it compiled: what takes longest first.
 SESSION: dict[str, Callable[[], None]] = {
     reconstruct_all_kinds.__name__: reconstruct_all_kinds,
@@ -103,6 +111,7 @@ ALL = {
     **SESSION,
     reconstruct_chirps.__name__: reconstruct_chirps,
     plan_views.__name__: plan_views,
+    refine_odometry.__name__: refine_odometry,
 }
 
 

@@ -31,6 +31,7 @@ from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.poses import PoseChoice, PoseRun
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
 
 logger = logging.getLogger(__name__)
@@ -62,6 +63,8 @@ class MappingRun:
         What is to be said of the robots, by topic, as compared with what all others heard.
     without : list of str
         Topics that were left out because they should be.
+    poses : PoseRun
+        Which poses were used, and how far they were corrected.
     """
 
     pings: int = 0
@@ -70,6 +73,7 @@ class MappingRun:
     set_apart: dict[str, dict[str, int]] = field(default_factory=dict)
     robots: dict[str, Finding] = field(default_factory=dict)
     without: list[str] = field(default_factory=list)
+    poses: PoseRun = field(default_factory=PoseRun)
 
     def suspects(self) -> dict[str, str]:
         """What is wrong with robots, by topic; those of which nothing is are left out."""
@@ -90,6 +94,7 @@ class MappingRun:
             "set_apart": self.set_apart,
             "robots": {topic: found.summary() for topic, found in self.robots.items()},
             "without": self.without,
+            "poses": self.poses.summary(),
             "frame_id": occupancy.frame_id,
             "resolution_m": occupancy.geometry.resolution_m,
         }
@@ -102,6 +107,7 @@ def map_bag(
     on_cone: ConeCallback | None = None,
     workers: Reconstructors | None = None,
     without: Collection[str] = (),
+    poses: PoseChoice | None = None,
 ) -> MappingRun:
     """Put every ping of an open recording into a pipeline's map.
 
@@ -119,6 +125,8 @@ def map_bag(
         Processes that reconstruct its traces; without them the caller's does.
     without : collection of str
         Topics, or robots, whose pings stay out of the map.
+    poses : "told" or "refined", optional
+        Which poses to map with; None: odometry is refined, absolute poses are used as told.
 
     Raises
     ------
@@ -127,13 +135,13 @@ def map_bag(
     MapSizeError
         If a single ping makes the map too large.
     """
-    run, seen, apart = MappingRun(), SeenPings(), SetApart()
+    run, seen, apart = MappingRun(poses=PoseRun(poses)), SeenPings(), SetApart()
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
     learn_pulses(bag, pipeline)
     wanted = _wanted(recorded_cones(bag, workers), without, left_out)
-    for topic, cone in pings_of_one_map(wanted, pipeline, apart):
+    for topic, cone in pings_of_one_map(run.poses.corrected(wanted), pipeline, apart):
         try:
             seen.add(cone)
             pipeline.fuse(cone)

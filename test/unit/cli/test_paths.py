@@ -30,7 +30,7 @@ def drifted(usmap: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory)
     (folder / "scenario.yaml").write_text(SCENARIO)
     for arguments in (
         ["simulate", "scenario.yaml", "-o", "bag", "--true-paths", "true"],
-        ["map", "bag", "-o", "map"],
+        ["map", "bag", "-o", "map", "--poses", "told"],
     ):
         done = usmap(*arguments, cwd=folder)
         assert done.returncode == 0, done.stderr
@@ -77,3 +77,27 @@ def test_a_true_path_that_cannot_be_read_is_one_line(
     done = usmap("evaluate", "map", "--paths", "nothing.tum", cwd=drifted)
     assert done.returncode == 1
     assert done.stderr.startswith("usmap: error: nothing.tum: cannot be read")
+
+
+def test_odometry_is_refined_unless_told_poses_are_wanted(
+    usmap: Callable[..., Any], drifted: Path, tmp_path: Path
+) -> None:
+    assert not (drifted / "map" / "paths").exists()
+    told = json.loads((drifted / "map" / "summary.json").read_text())["poses"]
+    assert told == {"used": "told", "robots": {}}
+    done = usmap("map", str(drifted / "bag"), "-o", "map", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    refined = json.loads((tmp_path / "map" / "summary.json").read_text())["poses"]
+    assert refined["used"] == "refined"
+    assert refined["robots"]["robot1"]["poses"] == "odometry"
+    assert refined["robots"]["robot1"]["correction_m"] >= 0.0
+    for folder in ("paths", "paths/told"):
+        assert list(load_trajectories(tmp_path / "map" / folder)) == ["robot1.echo.tum"]
+
+
+def test_collections_are_mapped_with_poses_as_told(
+    usmap: Callable[..., Any], drifted: Path
+) -> None:
+    done = usmap("map", ".", "-o", "all", "--poses", "refined", cwd=drifted)
+    assert done.returncode == 2
+    assert "--poses" in done.stderr

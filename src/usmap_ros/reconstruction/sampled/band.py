@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray, Signal
-from usmap_ros.numerics.compiled import compiled_within
+from usmap_ros.numerics.compiled import compiled_within, inlined
 
 
 @compiled_within
@@ -112,7 +112,7 @@ def without_negatives(gram: FloatArray, begins: IndexArray, right: FloatArray) -
     return found
 
 
-@compiled_within
+@inlined
 def _step_inside(
     gram: FloatArray, begins: IndexArray, right: FloatArray, free: BoolArray, found: FloatArray
 ) -> None:
@@ -133,7 +133,7 @@ def _step_inside(
         free[first], found[first] = False, 0.0
 
 
-@compiled_within
+@inlined
 def _solved_for(
     gram: FloatArray, begins: IndexArray, right: FloatArray, free: BoolArray
 ) -> FloatArray:

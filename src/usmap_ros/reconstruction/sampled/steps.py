@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.numerics.compiled import compiled_within
+from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.band import factorise, half_solve, solve
 from usmap_ros.reconstruction.sampled.fit import Fit, correlations
 from usmap_ros.reconstruction.sampled.matrix import (
@@ -52,7 +52,7 @@ def delay_step(matrix: SampledMatrix, places: Places, fit: Fit) -> tuple[FloatAr
     return _solved_steps(information, gradient, matrix.delay_step_s)
 
 
-@compiled_within
+@inlined
 def _solved_steps(
     information: FloatArray, gradient: FloatArray, limit_s: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -86,7 +86,7 @@ def _solved_steps(
     return gradient, stds_s
 
 
-@compiled_within
+@inlined
 def _information(
     fit: Fit, slopes: Signal, explained: Signal, starts: IndexArray, ends: IndexArray
 ) -> FloatArray:
@@ -117,7 +117,7 @@ def _information(
     return information
 
 
-@compiled_within
+@inlined
 def _stretches(fit: Fit) -> tuple[IndexArray, IndexArray]:
     """Columns that the echoes of each block overlap with, directly or by others in between."""
     count, blocks = len(fit.begins), len(fit.support)
@@ -135,7 +135,7 @@ def _stretches(fit: Fit) -> tuple[IndexArray, IndexArray]:
     return starts, ends
 
 
-@compiled_within
+@inlined
 def _slopes(matrix: SampledMatrix, places: Places, fit: Fit) -> Signal:
     """Derivatives of the echoes with respect to the delays of their blocks' direct paths."""
     columns, beside = fit.columns, margin(matrix)
@@ -155,7 +155,7 @@ def _slopes(matrix: SampledMatrix, places: Places, fit: Fit) -> Signal:
     return slopes
 
 
-@compiled_within
+@inlined
 def _by_block(fit: Fit, values: Signal, slopes: Signal) -> Signal:
     """Φ_Tᴴ D, transposed: the slopes of a block's paths added up, shape (blocks, columns)."""
     columns, taps = fit.columns, slopes.shape[1]

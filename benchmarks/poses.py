@@ -1,0 +1,100 @@
+"""How far poses are off as odometry tells them, and as the echoes correct them.
+
+Three robots whose odometry drifts, in scenes drawn at random: ``python benchmarks/poses.py --seeds
+31 32 33``.  The maps that come of told, refined and true poses are compared with ``--maps``, which
+takes some minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scenes
+
+from usmap_ros.evaluation.scoring import score
+from usmap_ros.localisation import refine_poses
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.fields_of_view import Beam
+from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.pings.trajectory import Trajectory
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate, true_paths
+
+Ping = tuple[str, EchoCone]
+KINDS = ("poles", "rough_rooms", "smooth_rooms")
+
+
+def scenario(kind: str, seed: int, pings: int, speed_m_s: float) -> Scenario:
+    """A scene in which three robots drift."""
+    content = scenes.scenario(kind, "plain", seed).model_dump()
+    content["duration_s"] = pings / 10.0
+    for robot in content["robots"]:
+        robot |= {"odometry": {}, "pose_error": {}}
+        robot["motion"]["speed_m_s"] = speed_m_s
+    return Scenario.from_mapping(content, scenes.FLAT.parent / "drifting.yaml")
+
+
+def places(paths: Mapping[str, Trajectory]) -> dict[tuple[str, int], Pose]:
+    """True poses by topic and stamp."""
+    return {
+        (topic, stamp_ns): Pose(position_m, orientation)
+        for topic, path in paths.items()
+        for stamp_ns, position_m, orientation in zip(
+            path.stamps_ns.tolist(), path.positions_m, path.orientations, strict=True
+        )
+    }
+
+
+def ate_m(pings: list[Ping], true: Mapping[tuple[str, int], Pose]) -> float:
+    """Root mean square of how far places are off."""
+    off_m = [one.pose.position_m - true[topic, one.stamp_ns].position_m for topic, one in pings]
+    return float(np.sqrt(np.mean(np.sum(np.square(off_m), axis=1))))
+
+
+def map_score(scene: Scenario, pings: list[Ping]) -> str:
+    """F1 and known of the map that comes of pings."""
+    pipeline, paths = Pipeline(), RobotPaths()
+    for topic, one in pings:
+        pipeline.fuse(one)
+        x_m, y_m, _ = map(float, one.pose.position_m)
+        paths.add(topic, x_m, y_m, Beam.of(one), one.stamp_ns)
+    found = score(pipeline.occupancy_map(), scene.truth_map(), paths.views())
+    return f"{found.f1:.2f} / {found.known:.2f}"
+
+
+def main() -> None:
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kinds", nargs="+", choices=scenes.KINDS, default=KINDS)
+    parser.add_argument("--seeds", nargs="+", type=int, default=[31, 32, 33])
+    parser.add_argument("--pings", type=int, default=200)
+    parser.add_argument("--speed", type=float, default=0.6)
+    parser.add_argument("--maps", action="store_true", help="score maps, too")
+    arguments = parser.parse_args()
+    more = ("told: F1 / known", "refined", "true") if arguments.maps else ()
+    columns = ("scene", "seed", "told", "refined", "ms a ping", *more)
+    print("| " + " | ".join(columns) + " |")
+    print("|" + "---|" * len(columns))
+    for kind in arguments.kinds:
+        for seed in arguments.seeds:
+            scene, pipeline = scenario(kind, seed, arguments.pings, arguments.speed), Pipeline()
+            told = [(topic, pipeline.reconstruct(trace)) for topic, trace in simulate(scene)]
+            true = places(true_paths(scene))
+            started_s = time.process_time()
+            refined = refine_poses(told).pings
+            cost_ms = (time.process_time() - started_s) / len(told) * 1e3
+            row = [kind, str(seed), f"{ate_m(told, true):.3f}", f"{ate_m(refined, true):.3f}"]
+            row.append(f"{cost_ms:.1f}")
+            if arguments.maps:
+                exact = [(t, replace(one, pose=true[t, one.stamp_ns])) for t, one in told]
+                row += [map_score(scene, pings) for pings in (told, refined, exact)]
+            print("| " + " | ".join(row) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""Where robots are, from their own echoes, when their odometry drifts.
+
+`pose_kind` says what reported poses are worth, `refine` corrects those that drift.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from usmap_ros.lazy_names import offered
+
+if TYPE_CHECKING:
+    from usmap_ros.localisation.pose_kind import PoseKind, pose_kind
+    from usmap_ros.localisation.refine import Refinement, refine_poses
+
+__all__ = ["PoseKind", "Refinement", "pose_kind", "refine_poses"]
+
+__getattr__ = offered(
+    __name__,
+    {"pose_kind": ["PoseKind", "pose_kind"], "refine": ["Refinement", "refine_poses"]},
+)

@@ -1,0 +1,82 @@
+"""Echoes of many pings as arrays, those that tell most of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.pings.cone import EchoCone
+
+#: Of a ping those echoes count that come first, and the loudest ones: what follows in the tail of
+#: a wall says the same again.
+_FIRST, _LOUDEST = 2, 2
+#: A bearing that is not known, rad.
+_ANY_BEARING = 1e6
+
+
+class Echoes(NamedTuple):
+    """Echoes of all pings, one behind the other.
+
+    Parameters
+    ----------
+    ping : (n,) int array
+        Whose they are.
+    range_m : (n,) array
+        How far their objects are.
+    half_angle_rad : (n,) array
+        Of the beam.
+    bearing_rad, bearing_std_rad : (n,) arrays
+        Off the beam axis, where it is known.
+    weight : (n,) array
+        How much each counts.
+    """
+
+    ping: NDArray[np.int64]
+    range_m: FloatArray
+    half_angle_rad: FloatArray
+    bearing_rad: FloatArray
+    bearing_std_rad: FloatArray
+    weight: FloatArray
+
+
+def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> Echoes:
+    """Echoes of cones.
+
+    Parameters
+    ----------
+    cones : sequence of EchoCone
+        Pings.
+    weights : (n,) array
+        How much each ping counts.
+    """
+    columns: list[FloatArray] = [np.zeros((0, 6))]
+    for ping, cone in enumerate(cones):
+        kept = _telling(cone)
+        rows = np.zeros((len(kept), 6))
+        rows[:, 0], rows[:, 1] = ping, cone.ranges_m[kept]
+        rows[:, 2] = cone.transducer.beam.half_angle_rad
+        rows[:, 4], rows[:, 5] = _ANY_BEARING, weights[ping]
+        if cone.bearings_rad is not None and cone.bearing_stds_rad is not None:
+            known = np.isfinite(cone.bearings_rad[kept])
+            rows[known, 3] = cone.bearings_rad[kept][known]
+            rows[known, 4] = cone.bearing_stds_rad[kept][known]
+        columns.append(rows)
+    table = np.concatenate(columns)
+    # In one piece each, as compiled code wants them.
+    whose, *others = (np.ascontiguousarray(column) for column in table.T)
+    return Echoes(whose.astype(np.int64), *others)
+
+
+def _telling(cone: EchoCone) -> NDArray[np.intp]:
+    """Rows of the echoes that count."""
+    ranges_m = cone.ranges_m.astype(float)
+    if len(ranges_m) <= _FIRST + _LOUDEST:
+        return np.arange(len(ranges_m))
+    loss = 10.0 ** (cone.attenuation_db_m * ranges_m / 10.0)
+    loudness = cone.amplitudes * ranges_m**2 * loss
+    loudest = np.argsort(-loudness, kind="stable")[:_LOUDEST]
+    return np.union1d(np.arange(_FIRST), loudest)

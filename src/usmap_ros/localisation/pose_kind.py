@@ -1,0 +1,72 @@
+"""What reported poses are worth: absolute, or odometry, which drifts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+import numpy as np
+
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.pings.cone import EchoCone
+
+#: Odometry's variances end at least so many times as large as they begin, and at least so large.
+_GROWTH, _LEAST_M, _LEAST_RAD = 4.0, 0.005, 0.002
+#: Share of pings over which a variance that grows may fall, from rounding or from a turn.
+_MAY_FALL = 0.1
+
+
+class PoseKind(Enum):
+    """What reported poses are."""
+
+    #: Of motion capture or a localisation: each is as good as its covariance says.
+    ABSOLUTE = "absolute"
+    #: Of wheels from a start that is known: the place drifts, changes are good.
+    ODOMETRY = "odometry"
+    #: The same from a start that nobody has stated.
+    ODOMETRY_FROM_ANYWHERE = "odometry from anywhere"
+    #: Steady covariances, of which a user knows better that poses drift.
+    INSISTED = "odometry, as insisted on"
+
+
+def robot_of(topic: str, cone: EchoCone) -> str:
+    """Which robot a ping is of: transducers of one robot share its odometry."""
+    return cone.child_frame_id.rpartition("/")[0] or topic.rpartition("/")[0] or topic
+
+
+def is_own_frame(frame_id: str) -> bool:
+    """Whether a frame is a robot's own odometry frame (REP 105): ``ROBOT/odom``."""
+    return frame_id.rpartition("/")[2].startswith("odom")
+
+
+def pose_kind(cones: Sequence[EchoCone]) -> PoseKind:
+    """What the poses of a robot's pings are.
+
+    Parameters
+    ----------
+    cones : sequence of EchoCone
+        Of one robot, in the order of their stamps.
+
+    Returns
+    -------
+    PoseKind
+        By the frame, and by whether the covariance grows along the way.
+    """
+    if cones and is_own_frame(cones[0].frame_id):
+        return PoseKind.ODOMETRY_FROM_ANYWHERE
+    covariances = np.array([one.pose.planar_covariance for one in cones]).reshape(-1, 3, 3)
+    places_m2 = covariances[:, 0, 0] + covariances[:, 1, 1]
+    if _grows(places_m2, _LEAST_M**2) or _grows(covariances[:, 2, 2], _LEAST_RAD**2):
+        return PoseKind.ODOMETRY
+    return PoseKind.ABSOLUTE
+
+
+def _grows(variances: FloatArray, least: float) -> bool:
+    """Whether variances grow from ping to ping, and not only differ."""
+    if len(variances) < 2:
+        return False
+    steps = np.diff(variances)
+    falls = float(-steps[steps < 0.0].sum())
+    gained = float(variances[-1] - variances[0])
+    is_larger = variances[-1] > _GROWTH * variances[0] + least
+    return bool(is_larger and falls <= _MAY_FALL * gained)

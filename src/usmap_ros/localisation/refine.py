@@ -1,0 +1,147 @@
+"""Poses of drifting robots, corrected by what all of them hear.
+
+Odometry and echoes are weighed together, for all pings of a recording at once: a pose graph with
+landmarks whose correspondences are found on the way, from coarse to fine.  Where no echo says
+otherwise, odometry stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.localisation.echo_table import tabulate
+from usmap_ros.localisation.planar import wrapped
+from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
+from usmap_ros.localisation.search import Found, search
+from usmap_ros.localisation.smoother import Smoother
+from usmap_ros.localisation.tracks import Track
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import PLANAR_AXES, Pose
+from usmap_ros.pings.cone import EchoCone
+
+#: A ping, with the topic that it came on.
+Ping = tuple[str, EchoCone]
+#: Pings from knot to knot, and knots of all robots together, beyond which they are farther apart.
+_EVERY, _MOST_KNOTS = 8, 1200
+_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What became of the poses of a recording.
+
+    Parameters
+    ----------
+    pings : list of (topic, EchoCone)
+        All pings, in the order they came in, with poses that are corrected.
+    kinds : dict
+        What the poses of each robot are.
+    corrections_m : dict
+        Root mean square of how far the places of each robot's pings were moved.
+    """
+
+    pings: list[Ping]
+    kinds: dict[str, PoseKind]
+    corrections_m: dict[str, float]
+
+    def summary(self) -> dict[str, dict[str, object]]:
+        """By robot, for ``summary.json``."""
+        return {
+            robot: {"poses": kind.value, "correction_m": self.corrections_m.get(robot, 0.0)}
+            for robot, kind in self.kinds.items()
+        }
+
+
+def refine_poses(pings: Sequence[Ping], *, insists: bool = False) -> Refinement:
+    """Correct the poses of robots that drift.
+
+    Parameters
+    ----------
+    pings : sequence of (topic, EchoCone)
+        Of a recording, of any number of robots.
+    insists : bool
+        Take poses that seem to be absolute for odometry as well, of which no covariance says how
+        far it drifts.
+
+    Returns
+    -------
+    Refinement
+        Robots whose poses are absolute keep them; they help to correct the others.
+    """
+    rows = _rows_by_robot(pings)
+    found = {robot: pose_kind([pings[row][1] for row in own]) for robot, own in rows.items()}
+    if insists:
+        steady = [robot for robot, kind in found.items() if kind is PoseKind.ABSOLUTE]
+        found |= dict.fromkeys(steady, PoseKind.INSISTED)
+    refined = list(pings)
+    corrections_m: dict[str, float] = {}
+    for robots in _by_frame(pings, rows):
+        drifting = [robot for robot in robots if found[robot] is not PoseKind.ABSOLUTE]
+        if drifting:
+            corrections_m |= _refine_frame(refined, {one: rows[one] for one in robots}, found)
+    return Refinement(refined, found, corrections_m)
+
+
+def _rows_by_robot(pings: Sequence[Ping]) -> dict[str, NDArray[np.intp]]:
+    """Which pings are whose, each robot's in the order of their stamps."""
+    rows: dict[str, list[int]] = {}
+    for row, (topic, cone) in enumerate(pings):
+        rows.setdefault(robot_of(topic, cone), []).append(row)
+    return {
+        robot: np.array(sorted(own, key=lambda row: pings[row][1].stamp_ns))
+        for robot, own in sorted(rows.items())
+    }
+
+
+def _by_frame(pings: Sequence[Ping], rows: dict[str, NDArray[np.intp]]) -> list[list[str]]:
+    """Robots whose poses are in the same frame."""
+    frames: dict[str, list[str]] = {}
+    for robot, own in rows.items():
+        frames.setdefault(pings[own[0]][1].frame_id, []).append(robot)
+    return list(frames.values())
+
+
+def _refine_frame(
+    pings: list[Ping], rows: dict[str, NDArray[np.intp]], kinds: dict[str, PoseKind]
+) -> dict[str, float]:
+    """Correct poses in one frame in place; how far each robot's were moved."""
+    every = max(_EVERY, -(-sum(map(len, rows.values())) // _MOST_KNOTS))
+    all_rows = np.concatenate(list(rows.values()))
+    cones = [pings[row][1] for row in all_rows]
+    told = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
+    known = np.array([one.pose.planar_covariance for one in cones])
+    tracks, first = [], 0
+    for robot, own in rows.items():
+        here = np.arange(first, first + len(own))
+        is_fixed = kinds[robot] is PoseKind.ABSOLUTE
+        is_stated = kinds[robot] is not PoseKind.INSISTED
+        tracks.append(Track(here, told[here], known[here], every, is_fixed, is_stated))
+        first += len(own)
+    looks = np.concatenate([track.looks() for track in tracks])
+    found = search(Smoother(tracks, tabulate(cones, looks)))
+    if found is None:
+        return dict.fromkeys(rows, 0.0)
+    moved_m = np.hypot(*(found.poses - told)[:, :2].T)
+    for place, row in enumerate(all_rows):
+        if np.isfinite(found.covariances[place]).all():
+            topic, cone = pings[row]
+            pose = _corrected(cone.pose, told[place], found, place)
+            pings[row] = topic, replace(cone, pose=pose)
+    return {
+        robot: float(np.sqrt(np.mean(moved_m[track.rows] ** 2)))
+        for robot, track in zip(rows, tracks, strict=True)
+    }
+
+
+def _corrected(pose: Pose, told: FloatArray, found: Found, place: int) -> Pose:
+    """A pose turned and shifted in the plane, with the covariance of what was found."""
+    change = found.poses[place] - told
+    turn = Pose.planar(0.0, 0.0, float(wrapped(change[2])))
+    covariance = pose.covariance.copy()
+    covariance[_PLANE] = found.covariances[place]
+    position_m = pose.position_m + np.array([change[0], change[1], 0.0])
+    return Pose(position_m, turn.compose(pose).orientation, covariance)

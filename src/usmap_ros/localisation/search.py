@@ -1,0 +1,230 @@
+"""The search for poses: from several starts, coarse to fine, and never worse than none."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.localisation.planar import wrapped
+from usmap_ros.localisation.smoother import Smoother
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Ways to begin: knots by which a robot's own map lags behind it, whether all is adjusted on the
+#: way, and rounds of improvement afterwards; the first way alone where walls answer.
+_WAYS = ((1, True, 1), (6, False, 4), (3, False, 4), (1, True, 4))
+#: Share of echoes from places that pings share, from which on it is points that answer: of any
+#: pings, and of those that hear so few echoes each.
+_POINTS, _LONE_POINTS, _FEW = 0.33, 0.2, 2.05
+#: Weight of an echo, over the square of that share: of walls and of points.  What walls return
+#: comes from other places at each look, and tells less of poses than its number.
+_OF_WALLS, _OF_POINTS = 1.8, 6.0
+#: Blur, m: of a match while robots go, of matches of a round, and of the field in the end.
+_FOLLOWED_M, _MATCHED_M, _FINAL_M = (0.08, 0.067, 0.053, 0.04), (0.12, 0.06), 0.05
+#: Knots of a segment that is matched with what is not its own neighbourhood.
+_SEGMENT = 6
+#: A change that was for the better is tried again, so many times as large.
+_FARTHER = 4.0
+#: Rounds until the field of poses as they were told no longer changes.
+_WARM_UP = 8
+
+
+@dataclass(frozen=True)
+class Found:
+    """Poses that were found.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        x, y (m) and yaw (rad).
+    covariances : (n, 3, 3) array
+        Of these; NaN of poses that were not looked for.
+    """
+
+    poses: FloatArray
+    covariances: FloatArray
+
+
+def search(start: Smoother) -> Found | None:
+    """Find poses that odometry and all echoes together make most likely.
+
+    Parameters
+    ----------
+    start : Smoother
+        With poses as they were told.
+
+    Returns
+    -------
+    Found or None
+        None where nothing is more likely than what was told.
+    """
+    if len(start.echoes.ping) == 0:
+        return None
+    told = copy.deepcopy(start)
+    told.active[:] = True
+    for _ in range(_WARM_UP):
+        told.map(_FINAL_M)
+    shared = told.shared()
+    few = len(start.echoes.ping) < _FEW * len(start.poses)
+    are_points = shared > (_LONE_POINTS if few else _POINTS)
+    for one in (start, told):
+        one.trust((_OF_POINTS if are_points else _OF_WALLS) * shared**2)
+    least = told.log_posterior(_FINAL_M)
+    ends = []
+    for lag, jointly, rounds in _WAYS[1:] if are_points else _WAYS[:1]:
+        one = copy.deepcopy(start)
+        _follow(one, lag, jointly=jointly)
+        ends.append((_improve(one, rounds), one))
+    ends = [(gained, one) for gained, one in ends if gained > least]
+    return _average(ends) if ends else None
+
+
+def _follow(smoother: Smoother, lag: int, *, jointly: bool) -> None:
+    """Go along with all robots, and match what they hear with what was heard before.
+
+    What a robot heard over its last `lag` knots is no part of the map that it is matched with:
+    it has the same errors.
+    """
+    free = list(smoother.first)
+    longest = max(len(smoother.knots[number]) for number in free)
+    for track in smoother.tracks:
+        if track.is_fixed:
+            smoother.active[track.rows] = True
+    for last in range(1, longest):
+        window = np.zeros(len(smoother.poses), np.bool_)
+        ends = {}
+        for number in free:
+            track, count = smoother.tracks[number], len(smoother.knots[number])
+            if count < 2:
+                continue
+            end = min(last, count - 1)
+            begin = max(0, end - lag)
+            if last < count:
+                smoother.predict(number, last - 1)
+            own = smoother.knot[track.rows] - smoother.first[number]
+            smoother.active[track.rows[own < begin]] = True
+            window[track.rows[(own >= begin) & (own < end)]] = True
+            ends[number] = begin, end
+        smoother.spread()
+        if last > lag:
+            smoother.map(_FINAL_M)
+            _match_window(smoother, window, ends)
+            if jointly:
+                smoother.adjust(_FINAL_M)
+                smoother.adjust(_FINAL_M)
+    smoother.active[:] = True
+
+
+def _match_window(smoother: Smoother, window: BoolArray, ends: dict[int, tuple[int, int]]) -> None:
+    heard = smoother.heard_by(smoother.active)
+    for sigma_m in _FOLLOWED_M:
+        pulls = smoother.pull(heard, window, sigma_m)
+        for number, (begin, end) in ends.items():
+            smoother.match(number, begin, end, pulls)
+        smoother.spread()
+
+
+def _improve(smoother: Smoother, rounds: int) -> float:
+    """Match and adjust in turn; the smoother is left with the best that was on the way."""
+    most = smoother.log_posterior(_FINAL_M)
+    best, before = _knots(smoother), _knots(smoother)
+    for number in range(rounds):
+        _rematch(smoother, number % 2)
+        smoother.adjust(0.06)
+        smoother.adjust(_FINAL_M)
+        gained = smoother.log_posterior(_FINAL_M)
+        after = _knots(smoother)
+        gained = max(gained, _go_farther(smoother, before, after, gained))
+        before = _knots(smoother)
+        if gained > most:
+            best, most = before, gained
+    _set_knots(smoother, best)
+    return most
+
+
+def _go_farther(smoother: Smoother, before: FloatArray, after: FloatArray, gained: float) -> float:
+    """Try the same change once more, and larger; the posterior, if it is the better one."""
+    shares, density = smoother.shares.copy(), smoother.density.copy()
+    change = after - before
+    change[:, 2] = wrapped(change[:, 2])
+    smoother.move(_FARTHER * change)
+    smoother.adjust(_FINAL_M)
+    farther = smoother.log_posterior(_FINAL_M)
+    if farther <= gained:
+        _set_knots(smoother, after)
+        smoother.shares, smoother.density = shares, density
+    return farther
+
+
+def _rematch(smoother: Smoother, neighbours: int) -> None:
+    """Match every segment of each track with all but itself and its neighbours."""
+    segment = np.full(len(smoother.poses), -1)
+    for number, first in smoother.first.items():
+        rows = smoother.tracks[number].rows
+        segment[rows] = (smoother.knot[rows] - first) // _SEGMENT
+    for sigma_m in _MATCHED_M:
+        smoother.map(sigma_m)
+        everything = smoother.heard_by(smoother.active)
+        information = np.zeros((len(smoother.poses), 2, 2))
+        gradient = np.zeros((len(smoother.poses), 2))
+        for number in smoother.first:
+            is_own = np.zeros(len(segment), np.bool_)
+            is_own[smoother.tracks[number].rows] = True
+            for one in range(int(segment[is_own].max()) + 1):
+                near = is_own & (np.abs(segment - one) <= neighbours)
+                others = everything - smoother.heard_by(near)
+                pulls = smoother.pull(others, is_own & (segment == one), sigma_m)
+                information += pulls[0]
+                gradient += pulls[1]
+        for number in smoother.first:
+            smoother.match(number, 0, len(smoother.knots[number]) - 1, (information, gradient))
+        smoother.spread()
+
+
+def _knots(smoother: Smoother) -> FloatArray:
+    """All knots that may move, one behind the other."""
+    return np.concatenate([smoother.knots[number] for number in smoother.first])
+
+
+def _set_knots(smoother: Smoother, knots: FloatArray) -> None:
+    change = knots - _knots(smoother)
+    change[:, 2] = wrapped(change[:, 2])
+    smoother.move(change)
+
+
+def _average(ends: list[tuple[float, Smoother]]) -> Found:
+    """Poses that the ends of several searches have on average, by how likely they are.
+
+    What they differ by is uncertain, and counts as such.
+    """
+    gained = np.array([one for one, _ in ends])
+    weights = np.exp(gained - gained.max())
+    weights /= weights.sum()
+    found = [_at_pings(one) for _, one in ends]
+    first = found[0].poses
+    apart = np.array([one.poses - first for one in found])
+    apart[:, :, 2] = wrapped(apart[:, :, 2])
+    mean = np.einsum("e,enj->nj", weights, apart)
+    off = apart - mean
+    spread = np.einsum("e,eni,enj->nij", weights, off, off)
+    within = np.einsum("e,enij->nij", weights, np.array([one.covariances for one in found]))
+    poses = first + mean
+    poses[:, 2] = wrapped(poses[:, 2])
+    return Found(poses, within + spread)
+
+
+def _at_pings(smoother: Smoother) -> Found:
+    """Poses of all pings, and how well each is known."""
+    kept = _knots(smoother)
+    for _ in range(3):
+        smoother.map(_FINAL_M)
+    at_knots = smoother.adjust(_FINAL_M)
+    _set_knots(smoother, kept)
+    covariances = np.full((len(smoother.poses), 3, 3), np.nan)
+    for number, first in smoother.first.items():
+        rows = smoother.tracks[number].rows
+        before, share = smoother.knot[rows], smoother.share[rows][:, np.newaxis, np.newaxis]
+        after = np.minimum(before + 1, first + len(smoother.knots[number]) - 1)
+        covariances[rows] = (1.0 - share) * at_knots[before] + share * at_knots[after]
+    return Found(smoother.poses.copy(), covariances)

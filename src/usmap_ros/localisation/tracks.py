@@ -1,0 +1,132 @@
+"""The way of a robot, as its odometry tells it and as it is corrected.
+
+Only some pings, the knots, have poses that are looked for; those in between follow odometry, and
+what it is off from knot to knot is shared out evenly along the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.localisation.planar import between, compose, turned_into, wrapped
+from usmap_ros.numerics.arrays import FloatArray
+
+#: Odometry that states no covariance: errors for the root of each metre (m, rad).
+_SLIP_M, _TURN_RAD = 0.02, 0.026
+#: What even the best odometry is off: between any two knots, and for each metre (m, rad).
+_FLOOR_M, _FLOOR_RAD = 0.002, 0.003
+_FLOOR_M_PER_M, _FLOOR_RAD_PER_M = 0.005, 0.003
+
+
+@dataclass(frozen=True)
+class Track:
+    """Odometry of a robot.
+
+    Parameters
+    ----------
+    rows : (n,) int array
+        Which pings of the recording are its, in the order of their stamps.
+    told : (n, 3) array
+        Poses as they were reported.
+    covariances : (n, 3, 3) array
+        Of these.
+    every : int
+        Pings from knot to knot.
+    is_fixed : bool
+        Whether poses are right as they are reported.
+    is_stated : bool
+        Whether the covariances say how odometry drifts; otherwise it does as wheels usually do.
+    """
+
+    rows: NDArray[np.intp]
+    told: FloatArray
+    covariances: FloatArray
+    every: int
+    is_fixed: bool = False
+    is_stated: bool = True
+    knots: NDArray[np.intp] = field(init=False)
+    increments: FloatArray = field(init=False)
+    informations: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        last = len(self.rows) - 1
+        knots = np.unique(np.append(np.arange(0, max(last, 1), self.every), last))
+        told = self.told[knots]
+        # The one way to set what follows from the others in a frozen class.
+        object.__setattr__(self, "knots", knots)
+        object.__setattr__(self, "increments", between(told[:-1], told[1:]))
+        object.__setattr__(self, "informations", self._informations(knots))
+
+    def _informations(self, knots: NDArray[np.intp]) -> FloatArray:
+        """How well increments are known, as inverse covariances in the first knot's own axes."""
+        is_stated = self.is_stated and bool(self.covariances.any())
+        told, known = self.told[knots], self.covariances[knots] * is_stated
+        step = told[1:] - told[:-1]
+        carried = np.tile(np.eye(3), (len(step), 1, 1))
+        carried[:, 0, 2], carried[:, 1, 2] = -step[:, 1], step[:, 0]
+        turn = turned_into(told[:-1])
+        cost = known[1:] - carried @ known[:-1] @ np.swapaxes(carried, 1, 2)
+        cost = turn @ cost @ np.swapaxes(turn, 1, 2)
+        values, vectors = np.linalg.eigh(0.5 * (cost + np.swapaxes(cost, 1, 2)))
+        cost = (vectors * np.maximum(values, 0.0)[:, np.newaxis]) @ np.swapaxes(vectors, 1, 2)
+        way_m = self._ways_m(knots)
+        floor = np.stack(
+            [_FLOOR_M + _FLOOR_M_PER_M * way_m] * 2 + [_FLOOR_RAD + _FLOOR_RAD_PER_M * way_m],
+            axis=-1,
+        )
+        if not is_stated:
+            floor = np.hypot(
+                floor, np.sqrt(way_m)[:, np.newaxis] * np.array([_SLIP_M, _SLIP_M, _TURN_RAD])
+            )
+        return np.linalg.inv(cost + floor[:, :, np.newaxis] ** 2 * np.eye(3))
+
+    def _ways_m(self, knots: NDArray[np.intp]) -> FloatArray:
+        steps_m = np.hypot(*np.diff(self.told[:, :2], axis=0).T)
+        along_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+        return np.asarray(np.diff(along_m[knots]))
+
+    def start_information(self) -> FloatArray:
+        """How well the first pose is known, as an inverse covariance."""
+        floor = np.diag([_FLOOR_M, _FLOOR_M, _FLOOR_RAD]) ** 2
+        return np.asarray(np.linalg.inv(self.covariances[0] + floor))
+
+    def shares(self) -> tuple[NDArray[np.intp], FloatArray]:
+        """For each ping the knot before it, and how far it is on the way to the next one."""
+        pings = np.arange(len(self.rows))
+        before = np.clip(
+            np.searchsorted(self.knots, pings, side="right") - 1, 0, max(len(self.knots) - 2, 0)
+        )
+        if len(self.knots) < 2:
+            return before, np.zeros(len(pings))
+        apart = self.knots[before + 1] - self.knots[before]
+        return before, (pings - self.knots[before]) / apart
+
+    def poses(self, at_knots: FloatArray) -> FloatArray:
+        """Poses of all pings from those of the knots, (n, 3)."""
+        before, share = self.shares()
+        if len(self.knots) < 2:
+            return compose(at_knots[before], between(self.told[:1], self.told))
+        start, told = at_knots[before], self.told[self.knots[before]]
+        along = compose(start, between(told, self.told))
+        end = compose(start, between(told, self.told[self.knots[before + 1]]))
+        gap = at_knots[before + 1] - end
+        gap[:, 2] = wrapped(gap[:, 2])
+        poses = along + share[:, np.newaxis] * gap
+        poses[:, 2] = wrapped(poses[:, 2])
+        return poses
+
+    def looks(self) -> FloatArray:
+        """Weight of each ping, (n,): those from one place are one look together."""
+        weights = np.ones(len(self.rows))
+        first = 0
+        for ping in range(1, len(self.rows) + 1):
+            if ping < len(self.rows):
+                moved = self.told[ping] - self.told[first]
+                if np.hypot(moved[0], moved[1]) < 0.01 and abs(wrapped(moved[2])) < 0.01:
+                    continue
+            weights[first:ping] = 1.0 / (ping - first)
+            first = ping
+        return weights

@@ -1,0 +1,116 @@
+"""Which poses a recording is mapped with: those that were told, or corrected ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
+from usmap_ros.mapping.far_off import Ping
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.fields_of_view import Beam
+from usmap_ros.pings.robot_paths import RobotPaths
+
+#: What a user may insist on.
+PoseChoice = Literal["told", "refined"]
+#: A robot whose covariance has not grown over so long a way, or so many pings, has absolute poses.
+_WAY_M, _PINGS = 1.0, 2000
+
+
+@dataclass
+class PoseRun:
+    """What became of the poses of a recording.
+
+    Parameters
+    ----------
+    choice : "told", "refined" or None
+        What a user insists on; None: odometry is refined, absolute poses are used as they are.
+    told : RobotPaths
+        Paths as they were told, if they were refined.
+    robots : dict
+        What poses were and how far they were moved, by robot, for ``summary.json``.
+    """
+
+    choice: PoseChoice | None = None
+    told: RobotPaths = field(default_factory=RobotPaths)
+    robots: dict[str, Any] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """Of a map's ``summary.json``."""
+        return {"used": "refined" if self.robots else "told", "robots": self.robots}
+
+    def corrected(self, pings: Iterable[Ping]) -> Iterator[Ping]:
+        """Pings with the poses that they are to be mapped with.
+
+        All pings are held back until the last one is there if some robot drifts; and until it is
+        known whether one does.
+        """
+        if self.choice == "told":
+            yield from pings
+            return
+        stream = iter(pings)
+        held: list[Ping] = []
+        drifts = self.choice == "refined"
+        if not drifts:
+            drifts = _drifts(stream, held)
+        if not drifts:
+            yield from held
+            yield from stream
+            return
+        held.extend(stream)
+        yield from self._refined(held)
+
+    def _refined(self, held: list[Ping]) -> list[Ping]:
+        from usmap_ros.localisation.refine import refine_poses
+
+        if not held:
+            return []
+        done = refine_poses(held, insists=self.choice == "refined")
+        self.robots = done.summary()
+        for topic, cone in held:
+            x_m, y_m, _ = map(float, cone.pose.position_m)
+            self.told.add(topic, x_m, y_m, Beam.of(cone), cone.stamp_ns)
+        return done.pings
+
+
+class _Watch:
+    """What is known so far of whether a robot drifts."""
+
+    def __init__(self) -> None:
+        self.cones: list[EchoCone] = []
+        self.way_m = 0.0
+
+    def add(self, cone: EchoCone) -> PoseKind | None:
+        """What its poses are; None while that is not known."""
+        if self.cones:
+            step_m = (cone.pose.position_m - self.cones[-1].pose.position_m)[:2]
+            self.way_m += float(np.hypot(*step_m))
+        self.cones.append(cone)
+        kind = pose_kind([self.cones[0], cone])
+        if kind is not PoseKind.ABSOLUTE:
+            # Between the two it may have gone up and down; only all of them tell.
+            kind = pose_kind(self.cones)
+        is_settled = self.way_m >= _WAY_M or len(self.cones) >= _PINGS
+        return kind if kind is not PoseKind.ABSOLUTE or is_settled else None
+
+
+def _drifts(stream: Iterator[Ping], held: list[Ping]) -> bool:
+    """Whether any robot drifts; pings that had to be looked at for it go into `held`."""
+    watched: dict[str, _Watch] = {}
+    settled: dict[str, PoseKind] = {}
+    for topic, cone in stream:
+        held.append((topic, cone))
+        robot = robot_of(topic, cone)
+        if robot in settled:
+            if watched.keys() <= settled.keys():
+                return False
+            continue
+        kind = watched.setdefault(robot, _Watch()).add(cone)
+        if kind is PoseKind.ABSOLUTE:
+            settled[robot] = kind
+        elif kind is not None:
+            return True
+    return False

@@ -1,0 +1,139 @@
+"""Poses of robots that drift, corrected by what they hear."""
+
+from dataclasses import replace
+
+import numpy as np
+from pings_among_poles import Ping, circle, cone, heard, poles
+
+from usmap_ros.localisation import PoseKind, Refinement, refine_poses
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trajectory import Trajectory
+
+Drifting = tuple[list[Ping], dict[str, Trajectory]]
+
+
+def errors_m(pings: list[Ping], true: dict[str, Trajectory]) -> np.ndarray:
+    """By how much places are off, (pings, 2)."""
+    places = {
+        (topic, stamp): place
+        for topic, path in true.items()
+        for stamp, place in zip(path.stamps_ns.tolist(), path.positions_m, strict=True)
+    }
+    return np.array(
+        [one.pose.position_m[:2] - places[topic, one.stamp_ns][:2] for topic, one in pings]
+    )
+
+
+def rms_m(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+
+
+def test_robots_among_poles_find_back(drifting: Drifting, refined: Refinement) -> None:
+    before_m, after_m = (rms_m(errors_m(one, drifting[1])) for one in (drifting[0], refined.pings))
+    assert set(refined.kinds.values()) == {PoseKind.ODOMETRY}
+    assert before_m > 0.1
+    assert after_m < 0.05
+    assert 0.5 * before_m < rms_m(np.array([list(refined.corrections_m.values())])) < 3.0 * before_m
+
+
+def test_what_was_found_says_how_well_it_is_known(drifting: Drifting, refined: Refinement) -> None:
+    squares = []
+    for (_, found), off_m in zip(refined.pings, errors_m(refined.pings, drifting[1]), strict=True):
+        found.validate()
+        known = found.pose.planar_covariance[:2, :2] + 1e-6 * np.eye(2)
+        squares.append(off_m @ np.linalg.solve(known, off_m))
+    # Of two degrees of freedom; some are surer than they should be.
+    assert np.median(squares) < 6.0
+    told, last = drifting[0][-1][1].pose, refined.pings[-1][1].pose
+    assert np.trace(last.planar_covariance[:2, :2]) < np.trace(told.planar_covariance[:2, :2])
+
+
+def test_pings_keep_all_but_their_poses(drifting: Drifting, refined: Refinement) -> None:
+    for (topic, told), (again, found) in zip(drifting[0], refined.pings, strict=True):
+        assert topic == again
+        assert replace(found, pose=told.pose) == replace(told)
+
+
+def test_the_same_pings_give_the_same_poses(drifting: Drifting) -> None:
+    first, again = (refine_poses(drifting[0][:60]).pings for _ in range(2))
+    for (_, one), (_, other) in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one.pose.position_m, other.pose.position_m)
+
+
+def test_absolute_poses_stay_as_they_are() -> None:
+    rng = np.random.default_rng(1)
+    known = np.diag([9e-4, 9e-4, 1e-4])
+    pings = []
+    for number, real in enumerate(circle(60)):
+        told = real + rng.standard_normal(3) * [0.03, 0.03, 0.01]
+        pose = Pose.planar(told[0], told[1], told[2], planar_covariance=known)
+        ranges_m = heard(Pose.planar(*real), poles())
+        pings.append(("/robot1/echo", cone(pose, ranges_m, number + 1)))
+    done = refine_poses(pings)
+    assert done.kinds == {"robot1": PoseKind.ABSOLUTE}
+    assert all(one is other for one, other in zip(done.pings, pings, strict=True))
+
+
+def test_where_nothing_is_heard_odometry_stands(drifting: Drifting) -> None:
+    nothing = np.zeros(0, np.float32)
+    silent = [
+        (
+            topic,
+            replace(
+                one,
+                ranges_m=nothing,
+                range_stds_m=nothing,
+                amplitudes=nothing,
+                amplitude_stds=nothing,
+            ),
+        )
+        for topic, one in drifting[0]
+    ]
+    done = refine_poses(silent)
+    assert all(one is other for one, other in zip(done.pings, silent, strict=True))
+    assert set(done.corrections_m.values()) == {0.0}
+
+
+def test_robots_with_absolute_poses_keep_theirs_beside_one_that_drifts(drifting: Drifting) -> None:
+    pings = [
+        (topic, one if "robot1" in topic else replace(one, pose=_exact(one.pose)))
+        for topic, one in drifting[0][:90]
+    ]
+    done = refine_poses(pings)
+    assert done.kinds["robot2"] is PoseKind.ABSOLUTE
+    for (topic, told), (_, found) in zip(pings, done.pings, strict=True):
+        assert "robot1" in topic or found is told
+
+
+def _exact(pose: Pose) -> Pose:
+    return Pose(pose.position_m, pose.orientation)
+
+
+def test_few_pings_say_nothing(drifting: Drifting) -> None:
+    assert refine_poses([]).pings == []
+    for count in (1, 2, 5):
+        assert len(refine_poses(drifting[0][:count]).pings) == count
+
+
+def test_robots_in_frames_of_their_own_do_not_meet(drifting: Drifting) -> None:
+    one_robot = [one for topic, one in drifting[0][:90] if "robot1" in topic]
+    pings = [
+        (
+            f"/robot{robot}/echo",
+            replace(one, frame_id=f"robot{robot}/odom", child_frame_id=f"robot{robot}/sonar"),
+        )
+        for robot in (1, 2)
+        for one in one_robot
+    ]
+    done = refine_poses(pings)
+    assert set(done.kinds.values()) == {PoseKind.ODOMETRY_FROM_ANYWHERE}
+    assert [one.frame_id for _, one in done.pings] == [one.frame_id for _, one in pings]
+    first, second = done.pings[: len(one_robot)], done.pings[len(one_robot) :]
+    for (_, one), (_, other) in zip(first, second, strict=True):
+        np.testing.assert_allclose(one.pose.position_m, other.pose.position_m, atol=1e-9)
+
+
+def test_a_user_may_insist_that_poses_drift(drifting: Drifting) -> None:
+    steady = [(topic, replace(one, pose=_exact(one.pose))) for topic, one in drifting[0][:60]]
+    assert set(refine_poses(steady).kinds.values()) == {PoseKind.ABSOLUTE}
+    assert set(refine_poses(steady, insists=True).kinds.values()) == {PoseKind.INSISTED}

@@ -1,0 +1,92 @@
+"""Odometry as increments between knots."""
+
+import numpy as np
+import pytest
+from pings_among_poles import circle
+
+from usmap_ros.localisation.equations import chain, odometry_cost, solve_chain
+from usmap_ros.localisation.planar import between, compose, derivatives, wrapped
+from usmap_ros.localisation.tracks import Track
+
+
+def track(count: int = 21, **others: bool) -> Track:
+    told = circle(count)
+    growing = np.arange(float(count))[:, np.newaxis, np.newaxis] * np.diag([1e-4, 1e-4, 1e-3])
+    return Track(np.arange(count), told, growing, 8, **others)
+
+
+def test_poses_are_composed_and_taken_apart() -> None:
+    rng = np.random.default_rng(2)
+    first, second = rng.uniform(-3.0, 3.0, (2, 50, 3))
+    again = compose(first, between(first, second))
+    np.testing.assert_allclose(again[:, :2], second[:, :2])
+    np.testing.assert_allclose(wrapped(again[:, 2] - second[:, 2]), 0.0, atol=1e-12)
+
+
+def test_derivatives_are_those_of_small_changes() -> None:
+    rng = np.random.default_rng(3)
+    both = rng.uniform(-1.0, 1.0, 6)
+    change = derivatives(both[np.newaxis, :3], both[np.newaxis, 3:])[0]
+    for column in range(6):
+        moved = both.copy()
+        moved[column] += 1e-6
+        difference = between(moved[:3], moved[3:]) - between(both[:3], both[3:])
+        np.testing.assert_allclose(difference / 1e-6, change[:, column], atol=1e-5)
+
+
+def test_knots_as_told_leave_all_poses_as_told() -> None:
+    one = track()
+    assert one.knots.tolist() == [0, 8, 16, 20]
+    np.testing.assert_allclose(one.poses(one.told[one.knots])[:, :2], one.told[:, :2], atol=1e-12)
+    assert odometry_cost(one, one.told[one.knots]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_all_moved_together_keeps_every_increment() -> None:
+    one = track()
+    moved = compose(np.array([[0.5, -0.3, 0.8]]), one.told)
+    np.testing.assert_allclose(one.poses(moved[one.knots])[:, :2], moved[:, :2], atol=1e-9)
+
+
+def test_what_knots_are_off_is_shared_out_along_the_way() -> None:
+    one = track()
+    knots = one.told[one.knots].copy()
+    knots[1, 0] += 0.08
+    off_m = (one.poses(knots) - one.told)[:, 0]
+    np.testing.assert_allclose(off_m[:9], np.linspace(0.0, 0.08, 9), atol=1e-9)
+
+
+def test_odometry_alone_is_solved_to_itself() -> None:
+    one = track()
+    rng = np.random.default_rng(4)
+    knots = one.told[one.knots] + 0.02 * rng.standard_normal((4, 3))
+    for _ in range(4):
+        knots += solve_chain(*chain(one, knots))
+    np.testing.assert_allclose(knots, one.told[one.knots], atol=1e-6)
+
+
+def test_the_banded_solution_is_that_of_the_full_matrix() -> None:
+    one = track()
+    blocks, above, right = chain(one, one.told[one.knots] + 0.01)
+    full = np.zeros((12, 12))
+    for row in range(4):
+        at = slice(3 * row, 3 * row + 3)
+        full[at, at] = blocks[row]
+        if row < 3:
+            after = slice(3 * row + 3, 3 * row + 6)
+            full[at, after], full[after, at] = above[row], above[row].T
+    expected = np.linalg.solve(full, right.ravel()).reshape(4, 3)
+    np.testing.assert_allclose(solve_chain(blocks, above, right), expected, rtol=1e-6)
+
+
+def test_a_robot_that_parks_looks_once() -> None:
+    told = np.zeros((10, 3))
+    told[5:, 0] = np.arange(1, 6)
+    parked = Track(np.arange(10), told, np.zeros((10, 3, 3)), 4)
+    np.testing.assert_allclose(parked.looks(), [0.2] * 5 + [1.0] * 5)
+
+
+def test_without_covariances_wheels_are_as_wheels_usually_are() -> None:
+    exact = Track(np.arange(9), circle(9), np.zeros((9, 3, 3)), 8)
+    way_m = float(np.hypot(*np.diff(exact.told[:, :2], axis=0).T).sum())
+    turn_std_rad = 1.0 / np.sqrt(exact.informations[0, 2, 2])
+    assert turn_std_rad == pytest.approx(0.026 * np.sqrt(way_m), rel=0.3)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, NOISE, Field
+from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, NOISE, Field, X, Y
 from usmap_ros.mapping.joint.projection import Projection
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, UNJUDGED
@@ -104,8 +104,28 @@ def added(sum_so_far: float, ratio: float, weight: float, forgetting: float) -> 
     return sum_so_far + ratio * weight
 
 
+class Parts(NamedTuple):
+    """What each cell returns of one ping.
+
+    Parameters
+    ----------
+    place : (all cells,) int32 array
+        Where in the others each cell is; -1 if it returns nothing.
+    cell, begin, length : (cells,) integer arrays
+        Which cell, the first range bin of what it returns, and how many bins follow.
+    power : (cells, CELL_BINS) float32 array
+        Expected in each bin from that one on.
+    """
+
+    place: NDArray[np.int32]
+    cell: NDArray[np.int64]
+    begin: NDArray[np.int64]
+    length: NDArray[np.int64]
+    power: NDArray[np.float32]
+
+
 @compiled
-def gather_evidence(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
+def gather_evidence(
     looks: Looks,
     pings: NDArray[np.int64],
     weights: NDArray[np.float32],
@@ -114,9 +134,8 @@ def gather_evidence(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
     expected: NDArray[np.float32],
     field: Field,
     forgetting: float,
-    evidence: CellEvidence,
-) -> None:
-    """Add what all pings, in the order of their stamps, say of all cells with any power.
+) -> CellEvidence:
+    """What all pings, in the order of their stamps, say of all cells with any power.
 
     Parameters
     ----------
@@ -126,105 +145,174 @@ def gather_evidence(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
         The cells.
     forgetting : float
         Share of what speaks for a cell that is forgotten with a ping that contradicts it.
-    evidence : CellEvidence
-        Added to.
     """
-    columns = field.columns
-    place = np.full(field.rows * columns, -1, np.int32)
-    most = 0
+    cells, most = field.rows * field.columns, 1
     for index in range(len(pings)):
         most = max(most, rows.start[index + 1] - rows.start[index])
-    parts = np.zeros((most + 1, CELL_BINS), np.float32)
-    begin, cells = np.zeros(most + 1, np.int64), np.zeros(most + 1, np.int64)
-    silent = np.zeros(expected.shape[1])
-    used = np.zeros(most + 1, np.int64)
-    block, crowd = np.zeros(BLOCK_BINS), np.zeros(expected.shape[1] + 1, np.int32)
+    sums = np.zeros((9, cells), np.float32)
+    evidence = CellEvidence(
+        sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8]
+    )
+    parts = Parts(
+        np.full(cells, -1, np.int32), np.zeros(most, np.int64), np.zeros(most, np.int64),
+        np.zeros(most, np.int64), np.zeros((most, CELL_BINS), np.float32),
+    )  # fmt: skip
+    levels = np.zeros((2, expected.shape[1]))
+    block, echoes = np.zeros(BLOCK_BINS), np.zeros(expected.shape[1] + 1, np.int32)
     for index in range(len(pings)):
-        ping = pings[index]
-        bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
-        x0, y0 = looks.numbers[ping, 0], looks.numbers[ping, 1]
-        least, bin_m = looks.numbers[ping, LEAST_RANGE], looks.numbers[ping, BIN_M]
-        around = int(CROWD_M / bin_m)
-        for b in range(bins):
-            silent[b] = 0.0
-            if looks.kind[ping, b] == SILENCE:
-                silent[b] = log_silent(looks.limit[ping, b], expected[index, b])
-            crowd[b + 1] = crowd[b] + (1 if looks.kind[ping, b] == ECHO else 0)
-        count, last = 0, -1
-        for row in range(rows.start[index], rows.start[index + 1]):
-            v = power[rows.quarter[row]]
-            if v <= 0.0:
-                continue
-            cell = rows.quarter[row] // QUARTERS
-            low, high = rows.low[row], rows.high[row]
-            if cell != last:
-                last, cells[count], place[cell] = cell, cell, count
-                begin[count], used[count] = max(0, int(low) - 4), 0
-                for column in range(CELL_BINS):
-                    parts[count, column] = 0.0
-                count += 1
-            part, first = rows.weight[row] * v, begin[count - 1]
-            end = min(bins - 1, int(high), first + CELL_BINS - 1) + 1
-            used[count - 1] = max(used[count - 1], end - first)
-            for b in range(max(first, int(low)), end):
-                if rows.heard[row] and looks.kind[ping, b] == SILENCE:
-                    continue
-                parts[count - 1, b - first] += part * (min(high, b + 1.0) - max(low, float(b)))
+        ping, weight = pings[index], weights[index]
+        bins = looks.bins[ping]
+        _count_echoes(looks, ping, expected[index], levels, echoes)
+        count = _divide(looks, ping, rows, index, power, parts)
         for entry in range(count):
-            cell = cells[entry]
-            ratio = 0.0
-            for column in range(used[entry]):
-                b, part = begin[entry] + column, parts[entry, column]
-                level, kind = expected[index, b], looks.kind[ping, b]
-                if kind != UNJUDGED and part >= LEAST_SHARE * level:
-                    without = max(level - part, noise)
-                    ratio += bin_ratio(looks, ping, b, level, without, silent[b])
-            evidence.own[cell] = added(evidence.own[cell], ratio, weights[index], forgetting)
-            row_c, column_c = cell // columns, cell % columns
-            first, end = begin[entry], begin[entry] + used[entry]
-            for up in range(max(row_c - 1, 0), min(row_c + 2, field.rows)):
-                for right in range(max(column_c - 1, 0), min(column_c + 2, columns)):
-                    beside = place[up * columns + right]
-                    if beside >= 0:
-                        first = min(first, begin[beside])
-                        end = max(end, begin[beside] + used[beside])
-            end = min(end - first, BLOCK_BINS)
-            for column in range(end):
-                block[column] = 0.0
-            for up in range(max(row_c - 1, 0), min(row_c + 2, field.rows)):
-                for right in range(max(column_c - 1, 0), min(column_c + 2, columns)):
-                    beside = place[up * columns + right]
-                    if beside < 0:
-                        continue
-                    shift = begin[beside] - first
-                    for column in range(min(used[beside], BLOCK_BINS - shift)):
-                        if parts[beside, column] > 0.0:
-                            block[shift + column] += parts[beside, column]
-            ratio, share, asked = 0.0, 0.0, 0.0
-            for column in range(min(end, bins - first)):
-                b, part = first + column, block[column]
-                level, kind = expected[index, b], looks.kind[ping, b]
-                if kind == ECHO and part > 0.0:
-                    asked = 1.0
-                if kind != UNJUDGED and part >= LEAST_SHARE * level:
-                    without = max(level - part, noise)
-                    ratio += bin_ratio(looks, ping, b, level, without, silent[b])
-                    if kind == ECHO:
-                        share = max(share, part / level)
-            evidence.block[cell] = added(evidence.block[cell], ratio, weights[index], forgetting)
-            evidence.asked[cell] += asked * weights[index]
+            cell, first = parts.cell[entry], parts.begin[entry]
+            ratio, share, asked = _compare(
+                looks, ping, levels, parts.power[entry], first, parts.length[entry]
+            )
+            evidence.own[cell] = added(evidence.own[cell], ratio, weight, forgetting)
+            first, length = _add_neighbours(field, parts, entry, block)
+            ratio, share, asked = _compare(
+                looks, ping, levels, block, first, min(length, bins - first)
+            )
+            evidence.block[cell] = added(evidence.block[cell], ratio, weight, forgetting)
+            evidence.asked[cell] += asked * weight
             if share > LEAST_SHARE:
-                x = (field.first_column + column_c + 0.5) * field.resolution_m - x0
-                y = (field.first_row + row_c + 0.5) * field.resolution_m - y0
-                squared = x * x + y * y
-                distance, share = math.sqrt(squared), share * weights[index]
-                middle = int((distance - least) / bin_m)
-                near, far = min(bins, max(0, middle - around)), min(bins, max(0, middle + around))
-                evidence.heard[cell] += share
-                evidence.axis_cos[cell] += share * (x * x - y * y) / squared
-                evidence.axis_sin[cell] += share * 2.0 * x * y / squared
-                evidence.from_x[cell] -= share * x / distance
-                evidence.from_y[cell] -= share * y / distance
-                evidence.crowd[cell] += share * (crowd[far] - crowd[near])
+                _point_back(looks, ping, field, cell, share * weight, echoes, evidence)
         for entry in range(count):
-            place[cells[entry]] = -1
+            parts.place[parts.cell[entry]] = -1
+    return evidence
+
+
+@inlined
+def _count_echoes(
+    looks: Looks,
+    ping: int,
+    expected: NDArray[np.float32],
+    levels: NDArray[np.float64],
+    echoes: NDArray[np.int32],
+) -> None:
+    """Set what is expected of each bin, with `log_silent` of silent ones; count echoes before."""
+    for b in range(looks.bins[ping]):
+        levels[0, b], levels[1, b] = expected[b], 0.0
+        if looks.kind[ping, b] == SILENCE:
+            levels[1, b] = log_silent(looks.limit[ping, b], expected[b])
+        echoes[b + 1] = echoes[b] + (1 if looks.kind[ping, b] == ECHO else 0)
+
+
+@inlined
+def _divide(
+    looks: Looks,
+    ping: int,
+    rows: Projection,
+    index: int,
+    power: NDArray[np.float32],
+    parts: Parts,
+) -> int:
+    """Set what each cell returns of a ping; returns how many there are."""
+    bins, count, last = looks.bins[ping], 0, -1
+    for row in range(rows.start[index], rows.start[index + 1]):
+        v = power[rows.quarter[row]]
+        if v <= 0.0:
+            continue
+        cell, low, high = rows.quarter[row] // QUARTERS, rows.low[row], rows.high[row]
+        if cell != last:
+            last, parts.cell[count], parts.place[cell] = cell, cell, count
+            parts.begin[count], parts.length[count] = max(0, int(low) - 4), 0
+            for place in range(CELL_BINS):
+                parts.power[count, place] = 0.0
+            count += 1
+        scale, first = rows.weight[row] * v, parts.begin[count - 1]
+        end = min(bins - 1, int(high), first + CELL_BINS - 1) + 1
+        parts.length[count - 1] = max(parts.length[count - 1], end - first)
+        for b in range(max(first, int(low)), end):
+            if not rows.heard[row] or looks.kind[ping, b] != SILENCE:
+                inside = min(high, b + 1.0) - max(low, float(b))
+                parts.power[count - 1, b - first] += scale * inside
+    return count
+
+
+@inlined
+def _compare(
+    looks: Looks,
+    ping: int,
+    levels: NDArray[np.float64],
+    own: NDArray[np.float32] | NDArray[np.float64],
+    first: int,
+    bins: int,
+) -> tuple[float, float, float]:
+    """Weigh what is expected of a ping with some cells against what is expected without them.
+
+    Returns
+    -------
+    ratio : float
+        Log-likelihood ratio.
+    share : float
+        Largest share of theirs in what is expected of a bin with an echo.
+    asked : float
+        1 if there is such a bin.
+    """
+    noise, ratio, share, asked = looks.numbers[ping, NOISE], 0.0, 0.0, 0.0
+    for place in range(bins):
+        b, part = first + place, own[place]
+        level, kind = levels[0, b], looks.kind[ping, b]
+        if kind == ECHO and part > 0.0:
+            asked = 1.0
+        if kind != UNJUDGED and part >= LEAST_SHARE * level:
+            without = max(level - part, noise)
+            ratio += bin_ratio(looks, ping, b, level, without, levels[1, b])
+            if kind == ECHO:
+                share = max(share, part / level)
+    return ratio, share, asked
+
+
+@inlined
+def _add_neighbours(
+    field: Field, parts: Parts, entry: int, block: NDArray[np.float64]
+) -> tuple[int, int]:
+    """Set what a cell and its neighbours return; returns its first range bin, and the length."""
+    row, column = divmod(parts.cell[entry], field.columns)
+    first, end = parts.begin[entry], parts.begin[entry] + parts.length[entry]
+    for up in range(max(row - 1, 0), min(row + 2, field.rows)):
+        for right in range(max(column - 1, 0), min(column + 2, field.columns)):
+            beside = parts.place[up * field.columns + right]
+            if beside >= 0:
+                first = min(first, parts.begin[beside])
+                end = max(end, parts.begin[beside] + parts.length[beside])
+    length = min(end - first, BLOCK_BINS)
+    for place in range(length):
+        block[place] = 0.0
+    for up in range(max(row - 1, 0), min(row + 2, field.rows)):
+        for right in range(max(column - 1, 0), min(column + 2, field.columns)):
+            beside = parts.place[up * field.columns + right]
+            if beside >= 0:
+                shift = parts.begin[beside] - first
+                for place in range(min(parts.length[beside], BLOCK_BINS - shift)):
+                    block[shift + place] += parts.power[beside, place]
+    return first, length
+
+
+@inlined
+def _point_back(
+    looks: Looks,
+    ping: int,
+    field: Field,
+    cell: int,
+    share: float,
+    echoes: NDArray[np.int32],
+    evidence: CellEvidence,
+) -> None:
+    """Add from where a cell is heard, and how many echoes crowd around its own."""
+    numbers, bins = looks.numbers[ping], looks.bins[ping]
+    row, column = divmod(cell, field.columns)
+    x = (field.first_column + column + 0.5) * field.resolution_m - numbers[X]
+    y = (field.first_row + row + 0.5) * field.resolution_m - numbers[Y]
+    squared = x * x + y * y
+    distance, around = math.sqrt(squared), int(CROWD_M / numbers[BIN_M])
+    middle = int((distance - numbers[LEAST_RANGE]) / numbers[BIN_M])
+    near, far = min(bins, max(0, middle - around)), min(bins, max(0, middle + around))
+    evidence.heard[cell] += share
+    evidence.axis_cos[cell] += share * (x * x - y * y) / squared
+    evidence.axis_sin[cell] += share * 2.0 * x * y / squared
+    evidence.from_x[cell] -= share * x / distance
+    evidence.from_y[cell] -= share * y / distance
+    evidence.crowd[cell] += share * (echoes[far] - echoes[near])

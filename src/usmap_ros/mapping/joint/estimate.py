@@ -231,10 +231,9 @@ class JointEstimate:
         """Gather the evidence of all cells."""
         assert self._rows is not None
         self._expect(self.power)
-        self.evidence = no_evidence(self.field)
-        gather_evidence(
+        self.evidence = gather_evidence(
             self.looks, self.pings, self.weights, self._rows, self.power, self.expected,
-            self.field, self._forgetting, self.evidence,
+            self.field, self._forgetting,
         )  # fmt: skip
 
     def _cast_shadows(self, walls: BoolArray, damping: float) -> None:

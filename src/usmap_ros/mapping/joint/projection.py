@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import NOISE, Field
+from usmap_ros.mapping.joint.field import NOISE, Field, X, Y
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS
 from usmap_ros.mapping.superposition.window import Looks
-from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.compiled import compiled, inlined
 
 #: A cell hides nothing that lies within so many cells behind it: they answer together.
 OWN_DEPTH_CELLS = 3.0
@@ -155,8 +155,29 @@ def faintest_weights(looks: Looks, pings: NDArray[np.int64]) -> NDArray[np.float
     return weights
 
 
+class _Beam(NamedTuple):
+    """What it takes to place a quarter in one ping; positions are from the transducer, m."""
+
+    ping: int
+    axis_x: float
+    axis_y: float
+    axis_z: float
+    rise: float
+    cosine: float
+    sine: float
+    half: float
+    cos_half: float
+    least: float
+    greatest: float
+    absorption: float
+    bin_m: float
+    faintest: float
+    blur: float
+    resolution_m: float
+
+
 @compiled
-def _project(  # noqa: C901, PLR0912, PLR0915
+def _project(
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -169,70 +190,84 @@ def _project(  # noqa: C901, PLR0912, PLR0915
     """Project onto pings from the first on; returns the first for which there was no room."""
     res = field.resolution_m
     for index in range(first, len(pings)):
-        ping, count = pings[index], rows.start[index]
-        numbers, bins = looks.numbers[ping], looks.bins[ping]
-        x0, y0, axis_x, axis_y, axis_z, rise = numbers[:6]
-        heading, half, cos_half, least, greatest, absorption = numbers[6:12]
-        range_std, bin_m, noise = numbers[12:15]
-        cosine, sine, wide = math.cos(heading), math.sin(heading), cos_half * abs(cos_half)
-        blur, to_depth = 3.0 * (range_std / bin_m) ** 2, 0.25 * res / bin_m
-        faintest = LEAST_SHARE * noise / LOUD_POWER
-        to_ray, to_step = RAYS / (2.0 * half), STEPS / greatest
-        bottom = max(0, math.floor((y0 - greatest) / res) - field.first_row)
-        top = min(field.rows, math.ceil((y0 + greatest) / res) - field.first_row + 1)
+        count, beam = rows.start[index], _beam(looks, pings[index], res)
+        x0, y0, reach = looks.numbers[beam.ping, X], looks.numbers[beam.ping, Y], beam.greatest
+        bottom = max(0, math.floor((y0 - reach) / res) - field.first_row)
+        top = min(field.rows, math.ceil((y0 + reach) / res) - field.first_row + 1)
         for row in range(bottom, top):
             cell_y = (field.first_row + row + 0.5) * res - y0
             for place in range(begins[row], begins[row + 1]):
-                column = cell_columns[place]
-                cell_x = (field.first_column + column + 0.5) * res - x0
-                if cell_x < -greatest - res or (
-                    cos_half > 0.0 and axis_x * cell_x + axis_y * cell_y < -res
-                ):
+                cell_x = (field.first_column + cell_columns[place] + 0.5) * res - x0
+                is_behind = beam.axis_x * cell_x + beam.axis_y * cell_y < -res
+                if cell_x < -reach - res or (beam.cos_half > 0.0 and is_behind):
                     continue
-                if cell_x > greatest + res:
+                if cell_x > reach + res:
                     break
                 if count + QUARTERS > len(rows.quarter):
                     return index
                 for part in range(QUARTERS):
-                    quarter = (row * field.columns + column) * QUARTERS + part
+                    quarter = (row * field.columns + cell_columns[place]) * QUARTERS + part
                     if power[quarter] <= 0.0:
                         continue
                     x = cell_x + (0.25 * res if part & 1 else -0.25 * res)
                     y = cell_y + (0.25 * res if part & 2 else -0.25 * res)
-                    squared = x * x + y * y + rise * rise
-                    ahead = axis_x * x + axis_y * y + axis_z * rise
-                    if squared <= least * least or squared >= greatest * greatest:
-                        continue
-                    if ahead * abs(ahead) <= squared * wide:
-                        continue
-                    distance = math.sqrt(squared)
-                    entry = (1.0 - ahead / distance) / (1.0 - cos_half) * GAIN_STEPS
-                    at = min(max(int(entry), 0), GAIN_STEPS - 1)
-                    low_gain, high_gain = looks.power_gain[ping, at], looks.power_gain[ping, at + 1]
-                    weight = (low_gain + (high_gain - low_gain) * (entry - at)) / squared**2
-                    weight *= math.exp(-absorption * distance)
-                    if weight < faintest:
-                        continue
-                    off = math.atan2(cosine * y - sine * x, cosine * x + sine * y)
-                    depth = to_depth * (abs(x) + abs(y)) / distance
-                    middle = (distance - least) / bin_m
-                    blurred = max(min(math.sqrt(depth * depth + blur), MOST_BLUR_BINS), depth)
-                    earliest = min(int(max(middle - blurred, 0.0)), bins)
-                    heard = looks.next_echo[ping, earliest] <= middle + blurred
-                    reach = blurred if heard else depth
-                    if heard:
-                        echo = looks.next_echo[ping, earliest]
-                        fit = looks.bearing_weight[ping, echo]
-                        if fit > 0.0:
-                            weight *= math.exp(-fit * (off - looks.bearing[ping, echo]) ** 2)
-                            if weight < faintest:
-                                continue
-                    rows.quarter[count], rows.weight[count] = quarter, 0.5 * weight / depth
-                    rows.low[count], rows.high[count] = middle - reach, middle + reach
-                    rows.heard[count] = 1 if heard else 0
-                    rows.ray[count] = min(max(int((off + half) * to_ray), 0), RAYS - 1)
-                    step = int((distance - OWN_DEPTH_CELLS * res) * to_step)
-                    rows.step[count] = min(max(step, 0), STEPS - 1)
-                    count += 1
+                    weight, low, high, heard, ray, step = _placed(looks, beam, x, y)
+                    if weight > 0.0:
+                        rows.quarter[count], rows.weight[count] = quarter, weight
+                        rows.low[count], rows.high[count], rows.heard[count] = low, high, heard
+                        rows.ray[count], rows.step[count] = ray, step
+                        count += 1
         rows.start[index + 1] = count
     return len(pings)
+
+
+@inlined
+def _beam(looks: Looks, ping: int, resolution_m: float) -> _Beam:
+    """A ping, to place quarters in it."""
+    _, _, axis_x, axis_y, axis_z, rise, heading, half = looks.numbers[ping, :8]
+    cos_half, least, greatest, absorption, range_std, bin_m, noise = looks.numbers[ping, 8:15]
+    return _Beam(
+        ping, axis_x, axis_y, axis_z, rise, math.cos(heading), math.sin(heading), half, cos_half,
+        least, greatest, absorption, bin_m, LEAST_SHARE * noise / LOUD_POWER,
+        3.0 * (range_std / bin_m) ** 2, resolution_m,
+    )  # fmt: skip
+
+
+@inlined
+def _placed(
+    looks: Looks, beam: _Beam, x: float, y: float
+) -> tuple[float, float, float, int, int, int]:
+    """Where a quarter is in a ping: its row of a `Projection`, but for which quarter it is.
+
+    The weight is 0 where nothing of it can be heard.
+    """
+    squared = x * x + y * y + beam.rise * beam.rise
+    ahead = beam.axis_x * x + beam.axis_y * y + beam.axis_z * beam.rise
+    is_inside = beam.least * beam.least < squared < beam.greatest * beam.greatest
+    if not is_inside or ahead * abs(ahead) <= squared * beam.cos_half * abs(beam.cos_half):
+        return 0.0, 0.0, 0.0, 0, 0, 0
+    distance = math.sqrt(squared)
+    entry = (1.0 - ahead / distance) / (1.0 - beam.cos_half) * GAIN_STEPS
+    at = min(max(int(entry), 0), GAIN_STEPS - 1)
+    low_gain, high_gain = looks.power_gain[beam.ping, at], looks.power_gain[beam.ping, at + 1]
+    weight = (low_gain + (high_gain - low_gain) * (entry - at)) / squared**2
+    weight *= math.exp(-beam.absorption * distance)
+    if weight < beam.faintest:
+        return 0.0, 0.0, 0.0, 0, 0, 0
+    off = math.atan2(beam.cosine * y - beam.sine * x, beam.cosine * x + beam.sine * y)
+    depth = 0.25 * beam.resolution_m / beam.bin_m * (abs(x) + abs(y)) / distance
+    middle = (distance - beam.least) / beam.bin_m
+    blurred = max(min(math.sqrt(depth * depth + beam.blur), MOST_BLUR_BINS), depth)
+    earliest = min(int(max(middle - blurred, 0.0)), looks.bins[beam.ping])
+    echo = looks.next_echo[beam.ping, earliest]
+    heard = 1 if echo <= middle + blurred else 0
+    if heard and looks.bearing_weight[beam.ping, echo] > 0.0:
+        beside = off - looks.bearing[beam.ping, echo]
+        weight *= math.exp(-looks.bearing_weight[beam.ping, echo] * beside * beside)
+        if weight < beam.faintest:
+            return 0.0, 0.0, 0.0, 0, 0, 0
+    reach = blurred if heard else depth
+    ray = min(max(int((off + beam.half) * RAYS / (2.0 * beam.half)), 0), RAYS - 1)
+    step = int((distance - OWN_DEPTH_CELLS * beam.resolution_m) * STEPS / beam.greatest)
+    step = min(max(step, 0), STEPS - 1)
+    return 0.5 * weight / depth, middle - reach, middle + reach, heard, ray, step

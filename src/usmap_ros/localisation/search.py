@@ -22,6 +22,8 @@ _POINTS, _LONE_POINTS, _FEW = 0.33, 0.2, 2.05
 _OF_WALLS, _OF_POINTS = 1.8, 6.0
 #: Blur, m: of a match while robots go, of matches of a round, and of the field in the end.
 _FOLLOWED_M, _MATCHED_M, _FINAL_M = (0.08, 0.067, 0.053, 0.04), (0.12, 0.06), 0.05
+#: Steps of a robot that look at all that was heard so far.
+_STEPS = 40
 #: Knots of a segment that is matched with what is not its own neighbourhood.
 _SEGMENT = 6
 #: A change that was for the better is tried again, so many times as large.
@@ -88,12 +90,14 @@ def _follow(smoother: Smoother, lag: int, *, jointly: bool) -> None:
     """
     free = list(smoother.first)
     longest = max(len(smoother.knots[number]) for number in free)
+    # Of long recordings, most steps look at what is new only: or they took the square of the time.
+    stride = max(1, longest // _STEPS)
     for track in smoother.tracks:
         if track.is_fixed:
             smoother.active[track.rows] = True
     for last in range(1, longest):
         window = np.zeros(len(smoother.poses), np.bool_)
-        ends = {}
+        before, ends = smoother.active.copy(), {}
         for number in free:
             track, count = smoother.tracks[number], len(smoother.knots[number])
             if count < 2:
@@ -108,9 +112,13 @@ def _follow(smoother: Smoother, lag: int, *, jointly: bool) -> None:
             ends[number] = begin, end
         smoother.spread()
         if last > lag:
-            smoother.map(_FINAL_M)
+            is_full = last % stride == 0
+            if is_full:
+                smoother.map(_FINAL_M)
+            else:
+                smoother.extend(_FINAL_M, smoother.active & ~before)
             _match_window(smoother, window, ends)
-            if jointly:
+            if jointly and is_full:
                 smoother.adjust(_FINAL_M)
                 smoother.adjust(_FINAL_M)
     smoother.active[:] = True

@@ -122,6 +122,12 @@ class Smoother:
         )
         self.density = self.blurred(self.heard_by(self.active), sigma_m)
 
+    def extend(self, sigma_m: float, news: BoolArray) -> None:
+        """Share out the echoes of some pings only, and take them into the field."""
+        field = self.field(self.density, sigma_m)
+        expect(field, self.poses, news, self.echoes, 1, self.shares, self._pulls)
+        self.density = self.blurred(self.heard_by(self.active), sigma_m)
+
     def shared(self) -> float:
         """Share of the echoes that come from places which several pings share.
 

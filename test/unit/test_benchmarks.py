@@ -204,7 +204,8 @@ def test_table_and_pictures_of_a_small_run(benchmark: ModuleType, tmp_path: Path
     assert [path.name for path in kept if not path.suffix][-1] == "scores"
     assert len(kept) == 3
     again = benchmark.all_results(todo, chosen, tmp_path / "cones", tmp_path / "maps")
-    assert benchmark.summary(again) == rows
+    # Where too little is predicted, how reliable it is is no number.
+    np.testing.assert_equal(benchmark.summary(again), rows)
     for path in (tmp_path / "cones" / "scores").iterdir():
         path.unlink()
     again = benchmark.all_results(todo, ["range_only"], tmp_path / "cones")

@@ -18,7 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, gather_evidence, no_evidence
-from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, LEAST_RANGE, NOISE, Field, X, Y
+from usmap_ros.mapping.joint.field import (
+    BIN_M,
+    GREATEST_RANGE,
+    LEAST_RANGE,
+    NOISE,
+    RANGE_STD,
+    Field,
+    X,
+    Y,
+)
 from usmap_ros.mapping.joint.lines import (
     NO_LINES,
     beyond_ends,
@@ -64,6 +73,8 @@ FIRST_DAMPING, WALL_DAMPING = 0.6, 0.7
 SHOWN, ON_A_LINE, RELIABLE = 0.62, 0.0, 1.0
 #: Ghosts lie beside a line, so many cells off it, and are so much less certain than its cells.
 BESIDE_CELLS, GHOST_MARGIN = 4.0, 1.5
+#: Pings whose ranges are less certain, by their poses, find no round columns, m.
+MOST_RANGE_STD_M = 0.01
 #: Range bins around a mirror's echo that say nothing of cells.
 MIRROR_BINS = 2
 #: Log-odds from which on a cell that is not shown is not free either.
@@ -275,6 +286,9 @@ class JointEstimate:
         self.mirrors = mirror_walls(self.looks, self.pings, self.echoes, explained)
         for wall in self.mirrors:
             explained[wall.echoes] = True
+        # What scatters as much as its radius may be is no circle.
+        uncertain = self.looks.numbers[self.pings, RANGE_STD] > MOST_RANGE_STD_M
+        explained |= np.repeat(uncertain, np.diff(self.echoes.start))
         left = cast_rays(self.looks, self.pings, self.field, self.depth)
         self.columns = round_columns(
             self.looks, self.pings, self.echoes, explained, self.field, left

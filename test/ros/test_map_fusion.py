@@ -151,6 +151,8 @@ def test_what_nobody_listens_to_waits_until_the_map_stands_still(
     )
     node = live.add(MapFusion, order_wait_s=60.0)
     percents = live.listen(GRID, "/map_probability", nav2_qos)
+    # What nobody is known to listen to yet is not published.
+    live.until(lambda: node.count_subscribers("/map_probability"))
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     own = [cone for topic, cone in cones if topic == "/robot1/cone"]
     for number, cone in enumerate(own[:5]):

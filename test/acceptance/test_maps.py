@@ -20,9 +20,9 @@ from usmap_ros.simulation import Scenario
 #: Of the scenes' receivers, and how often an echo's amplitude must hold it to count as heard.
 NOISE_STD, LOUD_ENOUGH = 0.01, 4.0
 #: F1 within one cell.
-PROMISED_F1 = {"poles": 0.78, "poles_floor": 0.84, "poles_pose_error": 0.77, "sandbox": 0.82}
+PROMISED_F1 = {"poles": 0.78, "poles_floor": 0.84, "poles_pose_error": 0.72, "sandbox": 0.82}
 #: In scenes of seeds that nobody has looked at, which differ in how hard they are.
-SIMULATED_F1 = {"poles": 0.89, "floor": 0.80, "pose_error": 0.88}
+SIMULATED_F1 = {"poles": 0.89, "floor": 0.80, "pose_error": 0.82}
 
 
 def show(name: str, trial: Trial) -> None:

@@ -54,7 +54,7 @@ def test_calibration_finds_what_is_off(scenario, calibration):
     assert calibration.sound_speed_m_s.value == pytest.approx(speed_m_s, abs=0.5)
     assert calibration.floor_height_m.value == pytest.approx(0.6, abs=0.01)
     assert calibration.floor_model.value == "corner"
-    assert all(estimate.is_told for estimate in calibration.estimates().values())
+    assert all(estimate.is_known for estimate in calibration.estimates().values())
 
 
 def test_measured_pulse_is_the_true_one(scenario, calibration):

@@ -125,13 +125,19 @@ def _kill_once(robot: _Robot, folder: Path, number: int, after_s: float) -> tupl
     options = {"checkpoint_path": kept, "checkpoint_period_s": INTERVAL_S, "publish_rate_hz": 20.0}
     nodes = [
         _start("map_fusion", folder, options),
-        _start("bag_recorder", folder, {"bag": bag, "topic_pattern": "*/cone"}),
+        _start("bag_recorder", folder, {"bag": bag, "topic_pattern": "/*/cone"}),
     ]
     before_ns = _kept_ns(kept)
-    # Until both are at work: the map has been kept again, and the bag has a chunk.
-    has_begun = robot.until(
-        lambda: _kept_ns(kept) > before_ns and _size(bag) > A_CHUNK_BYTES, START_S
-    )
+
+    def are_at_work() -> bool:
+        """Whether the map has been kept again, and the bag has a chunk."""
+        return _kept_ns(kept) > before_ns and _size(bag) > A_CHUNK_BYTES
+
+    def is_one_gone() -> bool:
+        return any(node.poll() is not None for node in nodes)
+
+    robot.until(lambda: is_one_gone() or are_at_work(), START_S)
+    has_begun = are_at_work()
     robot.until(lambda: False, after_s)
     for node in nodes:
         node.send_signal(signal.SIGKILL)

@@ -196,8 +196,9 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
     from usmap_ros.io.map_files import PATHS_FOLDER, map_folder, save_map
     from usmap_ros.io.tum_files import save_trajectories
     from usmap_ros.pings.robot_paths import RobotPaths
+    from usmap_ros.processes.cores import available_cores
     from usmap_ros.runs.offline import map_bag, resume_map
-    from usmap_ros.runs.parallel import WORTH_A_POOL, available_cores, reconstructors
+    from usmap_ros.runs.parallel import WORTH_A_POOL, reconstructors
     from usmap_ros.runs.pipeline import Pipeline
 
     if resume is None:
@@ -245,8 +246,9 @@ def _map_collection(
     from usmap_ros.errors import UsmapError
     from usmap_ros.io.map_files import map_folder, save_map
     from usmap_ros.processes.cluster import cluster
+    from usmap_ros.processes.cores import available_cores
     from usmap_ros.runs.collection import Wishes, map_collection
-    from usmap_ros.runs.parallel import available_cores, worker_processes
+    from usmap_ros.runs.parallel import worker_processes
 
     with map_folder(order.output):
         console.compile_loops()

@@ -17,3 +17,11 @@ def keep_linear_algebra_to_one_core() -> None:
     """
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    # Not everywhere can a process be kept to some of the cores.
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -24,6 +24,7 @@ from usmap_ros.io.stretch import Skip, TraceStretch
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.soundings import soundings
 from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.processes.cores import available_cores
 from usmap_ros.processes.parent import end_with_parent
 from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
 from usmap_ros.runs.pipeline import Pipeline
@@ -37,14 +38,6 @@ BATCH = 32
 WORTH_A_POOL = 300
 #: Batches under way for each worker: enough to keep it busy, and memory flat.
 BATCHES_AHEAD = 2
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    # Not everywhere can a process be kept to some of the cores.
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def most_processes() -> int:

@@ -15,7 +15,8 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.stretch import TraceStretch
 from usmap_ros.pings.trace import EchoTrace, Encoding
-from usmap_ros.runs.parallel import BATCH, available_cores, reconstructors
+from usmap_ros.processes.cores import available_cores
+from usmap_ros.runs.parallel import BATCH, reconstructors
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, NOISE, Field, X, Y
 from usmap_ros.mapping.joint.projection import Projection
-from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, UNJUDGED
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import exp32, log32
 
-#: Range bins that a cell, and that a block of nine, may reach into.
-CELL_BINS, BLOCK_BINS = 24, 72
+#: Range bins that a cell, and that a block of nine, may reach into; and cells of a block.
+CELL_BINS, BLOCK_BINS, BLOCK_CELLS = 24, 72, 9
 #: A contribution below this share of what is expected in a bin neither explains nor contradicts.
 LEAST_SHARE = 0.05
 #: What one range bin says at the most: a single echo may come from elsewhere.
@@ -67,135 +67,231 @@ def no_evidence(field: Field) -> CellEvidence:
     return CellEvidence(*(np.zeros(cells, np.float32) for _ in CellEvidence._fields))
 
 
-@inlined
-def log_silent(limit: float, level: float) -> float:
-    """Logarithm of the probability that a power, exponential about a level, is below a limit."""
-    return math.log(max(1e-12, -math.expm1(-limit / level)))
-
-
-@inlined
-def bin_ratio(
-    looks: Looks, ping: int, b: int, level: float, without: float, silent: float
-) -> float:
-    """Bounded log-likelihood ratio of a range bin, expecting one level to expecting another.
+class Cells(NamedTuple):
+    """Cells that scatterers belong to.
 
     Parameters
     ----------
-    looks, ping, b
-        The bin.
-    level, without : float
-        Power that is expected, and without a contribution to it.
-    silent : float
-        `log_silent` of the level.
+    number : (cells,) int32 array
+        Of each in the field.
+    of : (scatterers,) int32 array
+        Which of them each scatterer belongs to.
+    block : (cells, 9) int32 array
+        Which of them are each and its eight neighbours; -1: none.
     """
-    if looks.kind[ping, b] == ECHO:
-        power = float(looks.power[ping, b])
-        ratio = power / without - power / level + math.log(without / level)
-    else:
-        ratio = silent - log_silent(looks.limit[ping, b], without)
-    return min(max(ratio, -MOST_A_BIN), MOST_A_BIN)
+
+    number: NDArray[np.int32]
+    of: NDArray[np.int32]
+    block: NDArray[np.int32]
 
 
-@inlined
-def added(sum_so_far: float, ratio: float, weight: float, forgetting: float) -> float:
-    """A sum of evidence with one more ping, of which contradictions make it forget."""
-    if ratio < -CONTRADICTION and sum_so_far > 0.0:
-        sum_so_far *= 1.0 - forgetting
-    return sum_so_far + ratio * weight
+class Said(NamedTuple):
+    """What some pings say of cells, a row for each pair; rows of a ping lie one behind the other.
+
+    Parameters
+    ----------
+    cell : (rows,) int32 array
+        Which of the `Cells`.
+    own, block : (rows,) float32 array
+        Log-likelihood ratio with the cell to without it, and with its eight neighbours.
+    share : (rows,) float32 array
+        Largest share of the block's in what is expected of a bin with an echo.
+    asked : (rows,) float32 array
+        1 if there is such a bin.
+    crowd : (rows,) float32 array
+        Echoes around the cell's range.
+    start : (pings + 1,) int64 array
+        First row of each ping, and the end.
+    """
+
+    cell: NDArray[np.int32]
+    own: NDArray[np.float32]
+    block: NDArray[np.float32]
+    share: NDArray[np.float32]
+    asked: NDArray[np.float32]
+    crowd: NDArray[np.float32]
+    start: NDArray[np.int64]
 
 
-class Parts(NamedTuple):
+class _Parts(NamedTuple):
     """What each cell returns of one ping.
 
     Parameters
     ----------
     place : (all cells,) int32 array
         Where in the others each cell is; -1 if it returns nothing.
-    cell, begin, length : (cells,) integer arrays
+    cell, begin, length : (cells,) int32 arrays
         Which cell, the first range bin of what it returns, and how many bins follow.
     power : (cells, CELL_BINS) float32 array
         Expected in each bin from that one on.
     """
 
     place: NDArray[np.int32]
-    cell: NDArray[np.int64]
-    begin: NDArray[np.int64]
-    length: NDArray[np.int64]
+    cell: NDArray[np.int32]
+    begin: NDArray[np.int32]
+    length: NDArray[np.int32]
     power: NDArray[np.float32]
 
 
-@compiled
-def gather_evidence(
-    looks: Looks,
-    pings: NDArray[np.int64],
-    weights: NDArray[np.float32],
-    rows: Projection,
-    power: NDArray[np.float32],
-    expected: NDArray[np.float32],
-    field: Field,
-    forgetting: float,
-) -> CellEvidence:
-    """What all pings, in the order of their stamps, say of all cells with any power.
+def cells_of(scattering: NDArray[np.int32], field: Field) -> Cells:
+    """The cells that scatterers belong to.
 
     Parameters
     ----------
-    looks, pings, weights, rows, power, expected
-        As in `usmap_ros.mapping.joint.power_estimation.gather_gradients`.
+    scattering : (scatterers,) int32 array
+        Cell of each, in their order.
     field : Field
-        The cells.
-    forgetting : float
-        Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+        All cells.
     """
-    cells, most = field.rows * field.columns, 1
+    is_next = np.diff(scattering, prepend=np.int32(-1)) > 0
+    number, of = scattering[is_next], np.cumsum(is_next) - 1
+    # With a rim, so that all cells have neighbours.
+    width = field.columns + 2
+    place = np.full((field.rows + 2) * width, -1, np.int32)
+    rows, columns = np.divmod(number.astype(np.int64), field.columns)
+    middle = (rows + 1) * width + columns + 1
+    place[middle] = np.arange(len(number), dtype=np.int32)
+    around = [up * width + right for up in (-1, 0, 1) for right in (-1, 0, 1)]
+    block = place[middle[:, np.newaxis] + np.array(around)]
+    return Cells(number, of.astype(np.int32), block)
+
+
+@compiled
+def weigh_pings(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    rows: Projection,
+    power: NDArray[np.float32],
+    expected: NDArray[np.float32],
+    cells: Cells,
+    field: Field,
+) -> Said:
+    """What each of some pings says of the cells that it may hear.
+
+    Parameters
+    ----------
+    looks, pings, rows, power, expected
+        As in `usmap_ros.mapping.joint.power_estimation.expect_powers`, after it.
+    cells : Cells
+        Of the scatterers.
+    field : Field
+        All cells.
+    """
+    most, size = 1, np.int64(rows.start[-1])
     for index in range(len(pings)):
         most = max(most, rows.start[index + 1] - rows.start[index])
-    sums = np.zeros((9, cells), np.float32)
-    evidence = CellEvidence(
-        sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8]
-    )
-    parts = Parts(
-        np.full(cells, -1, np.int32), np.zeros(most, np.int64), np.zeros(most, np.int64),
-        np.zeros(most, np.int64), np.zeros((most, CELL_BINS), np.float32),
+    parts = _Parts(
+        np.full(len(cells.number), -1, np.int32), np.empty(most, np.int32),
+        np.empty(most, np.int32), np.empty(most, np.int32),
+        np.empty((most, CELL_BINS), np.float32),
     )  # fmt: skip
-    levels = np.zeros((2, expected.shape[1]))
-    block, echoes = np.zeros(BLOCK_BINS), np.zeros(expected.shape[1] + 1, np.int32)
+    said = Said(
+        np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.float32),
+        np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32),
+        np.zeros(len(pings) + 1, np.int64),
+    )  # fmt: skip
+    block, silent = np.empty(BLOCK_BINS, np.float32), np.empty(expected.shape[1], np.float32)
+    echoes = np.zeros(expected.shape[1] + 1, np.int32)
     for index in range(len(pings)):
-        ping, weight = pings[index], weights[index]
+        ping, levels, start = pings[index], expected[index], said.start[index]
         bins = looks.bins[ping]
-        _count_echoes(looks, ping, expected[index], levels, echoes)
-        count = _divide(looks, ping, rows, index, power, parts)
+        _count_echoes(looks, ping, levels, silent, echoes)
+        count = _divide(looks, ping, rows, index, power, cells, parts)
         for entry in range(count):
-            cell, first = parts.cell[entry], parts.begin[entry]
-            ratio, share, asked = _compare(
-                looks, ping, levels, parts.power[entry], first, parts.length[entry]
+            cell, own, row = parts.cell[entry], parts.power[entry], start + entry
+            said.cell[row], said.crowd[row] = cell, 0.0
+            said.own[row], _, _ = _compare(
+                looks, ping, levels, silent, own, parts.begin[entry], parts.length[entry]
             )
-            evidence.own[cell] = added(evidence.own[cell], ratio, weight, forgetting)
-            first, length = _add_neighbours(field, parts, entry, block)
-            ratio, share, asked = _compare(
-                looks, ping, levels, block, first, min(length, bins - first)
+            first, length = _add_block(cells, parts, cell, block)
+            said.block[row], said.share[row], said.asked[row] = _compare(
+                looks, ping, levels, silent, block, first, min(length, bins - first)
             )
-            evidence.block[cell] = added(evidence.block[cell], ratio, weight, forgetting)
-            evidence.asked[cell] += asked * weight
-            if share > LEAST_SHARE:
-                _point_back(looks, ping, field, cell, share * weight, echoes, evidence)
+            if said.share[row] > LEAST_SHARE:
+                said.crowd[row] = _crowd(looks, ping, field, cells.number[cell], echoes)
+        said.start[index + 1] = start + count
         for entry in range(count):
             parts.place[parts.cell[entry]] = -1
-    return evidence
+    return said
+
+
+@compiled
+def add_said(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    weights: NDArray[np.float32],
+    said: Said,
+    cells: Cells,
+    field: Field,
+    forgetting: float,
+    evidence: CellEvidence,
+) -> None:
+    """Add what some pings say, one after the other, to what was said before.
+
+    Parameters
+    ----------
+    looks, pings, said, cells, field
+        As in `weigh_pings`.
+    weights : (pings,) float32 array
+        How much each ping counts.
+    forgetting : float
+        Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+    evidence : CellEvidence
+        Added to.
+    """
+    for index in range(len(pings)):
+        weight, numbers = weights[index], looks.numbers[pings[index]]
+        for row in range(said.start[index], said.start[index + 1]):
+            cell = cells.number[said.cell[row]]
+            evidence.own[cell] = _added(evidence.own[cell], said.own[row], weight, forgetting)
+            evidence.block[cell] = _added(evidence.block[cell], said.block[row], weight, forgetting)
+            evidence.asked[cell] += said.asked[row] * weight
+            if said.share[row] <= LEAST_SHARE:
+                continue
+            # From where the cell is heard, and how many echoes crowd around its own.
+            share, (up, right) = said.share[row] * weight, divmod(cell, field.columns)
+            x = (field.first_column + right + 0.5) * field.resolution_m - numbers[X]
+            y = (field.first_row + up + 0.5) * field.resolution_m - numbers[Y]
+            squared = x * x + y * y
+            distance = math.sqrt(squared)
+            evidence.heard[cell] += share
+            evidence.axis_cos[cell] += share * (x * x - y * y) / squared
+            evidence.axis_sin[cell] += share * 2.0 * x * y / squared
+            evidence.from_x[cell] -= share * x / distance
+            evidence.from_y[cell] -= share * y / distance
+            evidence.crowd[cell] += share * said.crowd[row]
+
+
+@inlined
+def _added(sum_so_far: float, ratio: float, weight: float, forgetting: float) -> float:
+    """A sum of evidence with one more ping, of which contradictions make it forget."""
+    if ratio < -CONTRADICTION and sum_so_far > 0.0:
+        sum_so_far *= 1.0 - forgetting
+    return sum_so_far + ratio * weight
+
+
+@inlined
+def _log_silent(limit: float, level: float) -> np.float32:
+    """Logarithm of the probability that a power, exponential about a level, is below a limit."""
+    ratio = np.float32(limit / level)
+    series = ratio * (np.float32(1.0) - np.float32(0.5) * ratio)
+    below = series if ratio < np.float32(1e-3) else np.float32(1.0) - exp32(-ratio)
+    return log32(max(below, np.float32(1e-12)))
 
 
 @inlined
 def _count_echoes(
     looks: Looks,
     ping: int,
-    expected: NDArray[np.float32],
-    levels: NDArray[np.float64],
+    levels: NDArray[np.float32],
+    silent: NDArray[np.float32],
     echoes: NDArray[np.int32],
 ) -> None:
-    """Set what is expected of each bin, with `log_silent` of silent ones; count echoes before."""
+    """Set `_log_silent` of silent bins; count the echoes before each."""
     for b in range(looks.bins[ping]):
-        levels[0, b], levels[1, b] = expected[b], 0.0
+        silent[b] = 0.0
         if looks.kind[ping, b] == SILENCE:
-            levels[1, b] = log_silent(looks.limit[ping, b], expected[b])
+            silent[b] = _log_silent(looks.limit[ping, b], levels[b])
         echoes[b + 1] = echoes[b] + (1 if looks.kind[ping, b] == ECHO else 0)
 
 
@@ -206,15 +302,16 @@ def _divide(
     rows: Projection,
     index: int,
     power: NDArray[np.float32],
-    parts: Parts,
+    cells: Cells,
+    parts: _Parts,
 ) -> int:
     """Set what each cell returns of a ping; returns how many there are."""
     bins, count, last = looks.bins[ping], 0, -1
     for row in range(rows.start[index], rows.start[index + 1]):
-        v = power[rows.quarter[row]]
+        v = power[rows.scatterer[row]]
         if v <= 0.0:
             continue
-        cell, low, high = rows.quarter[row] // QUARTERS, rows.low[row], rows.high[row]
+        cell, low, high = cells.of[rows.scatterer[row]], rows.low[row], rows.high[row]
         if cell != last:
             last, parts.cell[count], parts.place[cell] = cell, cell, count
             parts.begin[count], parts.length[count] = max(0, int(low) - 4), 0
@@ -226,7 +323,7 @@ def _divide(
         parts.length[count - 1] = max(parts.length[count - 1], end - first)
         for b in range(max(first, int(low)), end):
             if not rows.heard[row] or looks.kind[ping, b] != SILENCE:
-                inside = min(high, b + 1.0) - max(low, float(b))
+                inside = min(high, np.float32(b + 1)) - max(low, np.float32(b))
                 parts.power[count - 1, b - first] += scale * inside
     return count
 
@@ -235,11 +332,12 @@ def _divide(
 def _compare(
     looks: Looks,
     ping: int,
-    levels: NDArray[np.float64],
-    own: NDArray[np.float32] | NDArray[np.float64],
+    levels: NDArray[np.float32],
+    silent: NDArray[np.float32],
+    own: NDArray[np.float32],
     first: int,
     bins: int,
-) -> tuple[float, float, float]:
+) -> tuple[np.float32, np.float32, np.float32]:
     """Weigh what is expected of a ping with some cells against what is expected without them.
 
     Returns
@@ -251,68 +349,62 @@ def _compare(
     asked : float
         1 if there is such a bin.
     """
-    noise, ratio, share, asked = looks.numbers[ping, NOISE], 0.0, 0.0, 0.0
+    noise, total = np.float32(looks.numbers[ping, NOISE]), np.float32(0.0)
+    share, asked, least = np.float32(0.0), np.float32(0.0), np.float32(LEAST_SHARE)
+    most = np.float32(MOST_A_BIN)
     for place in range(bins):
         b, part = first + place, own[place]
-        level, kind = levels[0, b], looks.kind[ping, b]
-        if kind == ECHO and part > 0.0:
-            asked = 1.0
-        if kind != UNJUDGED and part >= LEAST_SHARE * level:
-            without = max(level - part, noise)
-            ratio += bin_ratio(looks, ping, b, level, without, levels[1, b])
-            if kind == ECHO:
-                share = max(share, part / level)
-    return ratio, share, asked
+        level, kind = levels[b], looks.kind[ping, b]
+        if part <= np.float32(0.0) or kind == UNJUDGED:
+            continue
+        if kind == ECHO:
+            asked = np.float32(1.0)
+        if part < least * level:
+            continue
+        without = max(level - part, noise)
+        if kind == ECHO:
+            share = max(share, part / level)
+            power = looks.power[ping, b]
+            ratio = power / without - power / level + log32(without / level)
+        else:
+            ratio = silent[b] - _log_silent(looks.limit[ping, b], without)
+        total += min(max(ratio, -most), most)
+    return total, share, asked
 
 
 @inlined
-def _add_neighbours(
-    field: Field, parts: Parts, entry: int, block: NDArray[np.float64]
+def _add_block(
+    cells: Cells, parts: _Parts, cell: int, block: NDArray[np.float32]
 ) -> tuple[int, int]:
     """Set what a cell and its neighbours return; returns its first range bin, and the length."""
-    row, column = divmod(parts.cell[entry], field.columns)
-    first, end = parts.begin[entry], parts.begin[entry] + parts.length[entry]
-    for up in range(max(row - 1, 0), min(row + 2, field.rows)):
-        for right in range(max(column - 1, 0), min(column + 2, field.columns)):
-            beside = parts.place[up * field.columns + right]
-            if beside >= 0:
-                first = min(first, parts.begin[beside])
-                end = max(end, parts.begin[beside] + parts.length[beside])
+    first, end = 1 << 30, 0
+    for near in range(BLOCK_CELLS):
+        number = cells.block[cell, near]
+        beside = parts.place[number] if number >= 0 else -1
+        if beside >= 0:
+            first = min(first, int(parts.begin[beside]))
+            end = max(end, int(parts.begin[beside] + parts.length[beside]))
     length = min(end - first, BLOCK_BINS)
     for place in range(length):
         block[place] = 0.0
-    for up in range(max(row - 1, 0), min(row + 2, field.rows)):
-        for right in range(max(column - 1, 0), min(column + 2, field.columns)):
-            beside = parts.place[up * field.columns + right]
-            if beside >= 0:
-                shift = parts.begin[beside] - first
-                for place in range(min(parts.length[beside], BLOCK_BINS - shift)):
-                    block[shift + place] += parts.power[beside, place]
+    for near in range(BLOCK_CELLS):
+        number = cells.block[cell, near]
+        beside = parts.place[number] if number >= 0 else -1
+        if beside >= 0:
+            shift = int(parts.begin[beside]) - first
+            for place in range(min(int(parts.length[beside]), BLOCK_BINS - shift)):
+                block[shift + place] += parts.power[beside, place]
     return first, length
 
 
 @inlined
-def _point_back(
-    looks: Looks,
-    ping: int,
-    field: Field,
-    cell: int,
-    share: float,
-    echoes: NDArray[np.int32],
-    evidence: CellEvidence,
-) -> None:
-    """Add from where a cell is heard, and how many echoes crowd around its own."""
+def _crowd(looks: Looks, ping: int, field: Field, cell: int, echoes: NDArray[np.int32]) -> float:
+    """Echoes around a cell's range."""
     numbers, bins = looks.numbers[ping], looks.bins[ping]
     row, column = divmod(cell, field.columns)
     x = (field.first_column + column + 0.5) * field.resolution_m - numbers[X]
     y = (field.first_row + row + 0.5) * field.resolution_m - numbers[Y]
-    squared = x * x + y * y
-    distance, around = math.sqrt(squared), int(CROWD_M / numbers[BIN_M])
-    middle = int((distance - numbers[LEAST_RANGE]) / numbers[BIN_M])
+    around = int(CROWD_M / numbers[BIN_M])
+    middle = int((math.sqrt(x * x + y * y) - numbers[LEAST_RANGE]) / numbers[BIN_M])
     near, far = min(bins, max(0, middle - around)), min(bins, max(0, middle + around))
-    evidence.heard[cell] += share
-    evidence.axis_cos[cell] += share * (x * x - y * y) / squared
-    evidence.axis_sin[cell] += share * 2.0 * x * y / squared
-    evidence.from_x[cell] -= share * x / distance
-    evidence.from_y[cell] -= share * y / distance
-    evidence.crowd[cell] += share * (echoes[far] - echoes[near])
+    return float(echoes[far] - echoes[near])

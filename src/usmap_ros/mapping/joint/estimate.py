@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.cell_evidence import CellEvidence, gather_evidence, no_evidence
+from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.field import (
     BIN_M,
     GREATEST_RANGE,
@@ -44,26 +44,18 @@ from usmap_ros.mapping.joint.log_odds import (
     over_block,
 )
 from usmap_ros.mapping.joint.mirror_walls import Echoes, MirrorWall, mirror_walls
-from usmap_ros.mapping.joint.open_space import prove_open, refute_surfaces, trace_open
-from usmap_ros.mapping.joint.power_estimation import (
-    count_hits,
-    expect_powers,
-    first_powers,
-    gather_gradients,
-    update_powers,
-)
-from usmap_ros.mapping.joint.projection import Projection, cast_shadows, faintest_weights, project
-from usmap_ros.mapping.joint.ray_casting import cast_rays
+from usmap_ros.mapping.joint.open_space import prove_open, refute_all_surfaces, trace_open
+from usmap_ros.mapping.joint.powers import Powers
+from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.response import NO_NORMAL, Response, learn_response, listen
 from usmap_ros.mapping.joint.round_columns import RoundColumn, drawn_columns, round_columns
 from usmap_ros.mapping.joint.surface_lines import surface_lines
-from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import UNJUDGED
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Sweeps before anything hides anything, rounds of shadows and sweeps, and sweeps in each.
-FIRST_SWEEPS, THINNING_SWEEPS, ROUNDS, SWEEPS = 13, 3, 6, 4
+FIRST_SWEEPS, ROUNDS, SWEEPS = 13, 6, 4
 #: Rounds in which walls are found, and rounds of shadows in each.
 WALL_ROUNDS, WALL_SHADOWS = 2, 2
 #: Share of a belief in what hides that a round takes over: first, and with walls.
@@ -171,17 +163,13 @@ class JointEstimate:
         self._gap_m, self._proofs = gap_m, proofs
         self._first_only = np.zeros(len(pings), bool) if first_only is None else first_only
         self._standing = np.zeros(field.shape, bool) if standing is None else standing
-        self.power: NDArray[np.float32] = np.zeros(0, np.float32)
-        self.expected = np.ones((len(pings), looks.kind.shape[1]), np.float32)
+        self._powers = Powers(looks, pings, weights, field)
         self.evidence: CellEvidence = no_evidence(field)
         self.depth = np.zeros(field.shape, np.float32)
         self._hiding: FloatArray = np.zeros(field.shape)
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
         self.response: Response | None = None
-        self._all_rows: Projection | None = None
-        self._rows: Projection | None = None
-        self._faintest = faintest_weights(looks, pings)
 
     # ------------------------------------------------------------------ powers and belief
 
@@ -193,7 +181,8 @@ class JointEstimate:
         more_rounds : int
             Beyond `ROUNDS`.
         """
-        self._start()
+        self._powers.start()
+        self._powers.sweep(FIRST_SWEEPS)
         no_walls = np.zeros(self.field.shape, bool)
         self._weigh()
         for _ in range(ROUNDS + more_rounds):
@@ -206,54 +195,27 @@ class JointEstimate:
                 self._cast_shadows(filled, WALL_DAMPING)
         return self.walls()
 
-    def _start(self) -> None:
-        """Begin with all cells that may have returned echoes, and thin them out."""
-        hits, misses = (np.zeros(self.field.shape, np.float32) for _ in range(2))
-        count_hits(self.looks, self.pings, self.weights, self.field, hits, misses)
-        self.power = first_powers(hits, misses)
-        self._all_rows = self._rows = project(self.looks, self.pings, self.field, self.power)
-        self._sweep(THINNING_SWEEPS)
-        self._renew_shadows()
-        self._sweep(FIRST_SWEEPS)
+    @property
+    def power(self) -> NDArray[np.float32]:
+        """Powers of the quarters of all cells."""
+        return self._powers.power
 
-    def _renew_shadows(self) -> None:
-        """Cast rays, and let what is left of the sound count."""
-        assert self._all_rows is not None
-        left = cast_rays(self.looks, self.pings, self.field, self.depth)
-        self._rows = cast_shadows(self._all_rows, self.power, left, self._faintest)
-
-    def _sweep(self, sweeps: int) -> None:
-        """Update all powers by all pings, again and again."""
-        assert self._rows is not None
-        for _ in range(sweeps):
-            self._expect(self.power)
-            raises, lowers = np.zeros_like(self.power), np.zeros_like(self.power)
-            gather_gradients(
-                self.looks, self.pings, self.weights, self._rows, self.power, self.expected,
-                raises, lowers,
-            )  # fmt: skip
-            update_powers(self.power, raises, lowers)
-
-    def _expect(self, power: NDArray[np.float32]) -> None:
-        assert self._rows is not None
-        expect_powers(self.looks, self.pings, self._rows, power, self.expected)
+    @property
+    def expected(self) -> NDArray[np.float32]:
+        """λ of each range bin of each ping."""
+        return self._powers.expected
 
     def _weigh(self) -> None:
         """Gather the evidence of all cells."""
-        assert self._rows is not None
-        self._expect(self.power)
-        self.evidence = gather_evidence(
-            self.looks, self.pings, self.weights, self._rows, self.power, self.expected,
-            self.field, self._forgetting,
-        )  # fmt: skip
+        self.evidence = self._powers.weigh(self._forgetting)
 
     def _cast_shadows(self, walls: BoolArray, damping: float) -> None:
         """Renew what hides what by the evidence, then powers, then the evidence."""
         belief = hiding(self.evidence, self.field.shape, walls | self._standing)
         self._hiding = (1.0 - damping) * self._hiding + damping * belief
         self.depth = optical_depth(self._hiding, self._opacity)
-        self._renew_shadows()
-        self._sweep(SWEEPS)
+        self._powers.renew_shadows(self.depth)
+        self._powers.sweep(SWEEPS)
         self._weigh()
 
     # ------------------------------------------------------------------ walls
@@ -261,8 +223,7 @@ class JointEstimate:
     def _explained(self) -> BoolArray:
         """Whether reliable cells explain at least half of each echo's power."""
         log_odds = cell_log_odds(self.evidence, self.field.shape)
-        reliable = np.repeat((log_odds > RELIABLE).ravel(), QUARTERS)
-        self._expect(np.where(reliable, self.power, np.float32(0.0)))
+        self._powers.expect((log_odds > RELIABLE).ravel())
         index, bins, inside = self._echo_bins()
         rows = self.pings[index]
         noise = self.looks.numbers[rows, NOISE]
@@ -289,7 +250,7 @@ class JointEstimate:
         # What scatters as much as its radius may be is no circle.
         uncertain = self.looks.numbers[self.pings, RANGE_STD] > MOST_RANGE_STD_M
         explained |= np.repeat(uncertain, np.diff(self.echoes.start))
-        left = cast_rays(self.looks, self.pings, self.field, self.depth)
+        left = cast_all_rays(self.looks, self.pings, self.field, self.depth)
         self.columns = round_columns(
             self.looks, self.pings, self.echoes, explained, self.field, left
         )
@@ -353,7 +314,7 @@ class JointEstimate:
             self.looks, self.pings, self._with_smooth_things(), max(1, self._listening_bins())
         )
         depth = optical_depth(np.where(hides, OCCUPIED, 0.0), FREE_OPACITY)
-        left = cast_rays(self.looks, self.pings, field, depth)
+        left = cast_all_rays(self.looks, self.pings, field, depth)
         surfaces, on_lines = self._surfaces(walls)
         self.response = learn_response(self.looks, self.pings, field, left, listening, surfaces)
         proven = self._proven(occupied, left) >= self._proofs
@@ -372,7 +333,7 @@ class JointEstimate:
         )
         free = np.zeros(field.shape, bool)
         for turn in range(FREE_ROUNDS):
-            worst = refute_surfaces(
+            worst = refute_all_surfaces(
                 self.looks, self.pings, field, left, listening, self.response.log_silent, wanted
             )
             free = (wanted & ((worst < refuted) | proven) & ~closed) | stood
@@ -380,7 +341,9 @@ class JointEstimate:
                 # What was not refuted while all was open is not when less is.
                 wanted &= free | proven | closed
                 belief = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown))
-                left = cast_rays(self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY))
+                left = cast_all_rays(
+                    self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY)
+                )
         return free
 
     def _away_m(self) -> FloatArray:

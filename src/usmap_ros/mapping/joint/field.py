@@ -52,6 +52,15 @@ class Field(NamedTuple):
         origin_m = (self.first_column * step_m, self.first_row * step_m)
         return GridGeometry(step_m, origin_m, self.shape)
 
+    def bands(self, rows: int) -> list[tuple[slice, Field]]:
+        """It, cut into bands of so many rows: where they are in arrays, and each a field."""
+        bands = []
+        for row in range(0, self.rows, rows):
+            end = min(row + rows, self.rows)
+            band = self._replace(first_row=self.first_row + row, rows=end - row)
+            bands.append((slice(row, end), band))
+        return bands
+
     def cells_at(self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> BoolArray:
         """Mask of the cells at some places; what is outside is left out."""
         mask = np.zeros(self.shape, bool)

@@ -28,6 +28,7 @@ from usmap_ros.mapping.superposition.ping_bins import ECHO
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
+from usmap_ros.processes.threads import for_each
 
 #: Orientations that a surface may have, and sectors of directions of view.
 ORIENTATIONS, SECTORS = 16, 12
@@ -39,6 +40,8 @@ LEAST_SOUND, LEAST_LOUDNESS = 0.03, 0.005
 SHARES = 32
 #: Cells along the side of a block that looks for its pings once.
 BLOCK = 16
+#: Rows of cells that one thread asks for at a time: some blocks.
+BAND = 4 * BLOCK
 #: Before a cell, sound must be open up to so many cells before its middle.
 OPEN_CELLS = 1.5
 #: Share of an echo's expected power that must come from a cell to prove the way to it, the share
@@ -142,6 +145,26 @@ def refute_surfaces(  # noqa: C901, PLR0912, PLR0915
                         least_refuted = max(least_refuted, total)
                     worst[row, column] = least_refuted
     return worst
+
+
+def refute_all_surfaces(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    field: Field,
+    left: NDArray[np.uint8],
+    listening: Listening,
+    log_silent: FloatArray,
+    wanted: BoolArray,
+) -> NDArray[np.float32]:
+    """The same as `refute_surfaces`, with as many threads as there are cores."""
+    return np.concatenate(
+        for_each(
+            lambda band: refute_surfaces(
+                looks, pings, band[1], left, listening, log_silent, wanted[band[0]]
+            ),
+            field.bands(BAND),
+        )
+    )
 
 
 @compiled

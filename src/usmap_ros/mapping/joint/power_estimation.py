@@ -21,18 +21,20 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import NOISE, Field
 from usmap_ros.mapping.joint.projection import Projection
-from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS, SILENCE
 from usmap_ros.mapping.superposition.window import Looks
-from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.processes.threads import for_each
 
-#: Power that a quarter starts with, below which it vanishes, and of a usual object.
+#: Power that a scatterer starts with, below which it vanishes, and of a usual object.
 FIRST_POWER, LEAST_POWER, USUAL_POWER = 0.02, 1e-3, 0.1
 #: No update raises a power by more.
 MOST_GROWTH = 100.0
 #: A cell starts with power if it may have returned so many echoes, and these are such a share of
 #: the times that something in it would have been heard.
 LEAST_HITS, LEAST_HIT_SHARE = 0.9, 0.12
+#: Rows of cells whose hits one thread counts at a time.
+HITS_BAND = 64
 
 
 @compiled
@@ -96,11 +98,67 @@ def count_hits(
                     misses[row, column] += weights[index] * loud / (1.0 + loud)
 
 
-def first_powers(hits: NDArray[np.float32], misses: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Powers to start from: of all cells that may well have returned echoes."""
+def count_all_hits(
+    looks: Looks, pings: NDArray[np.int64], weights: NDArray[np.float32], field: Field
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Hits and misses of all cells; see `count_hits`."""
+    hits, misses = (np.zeros(field.shape, np.float32) for _ in range(2))
+    for_each(
+        lambda band: count_hits(looks, pings, weights, band[1], hits[band[0]], misses[band[0]]),
+        field.bands(HITS_BAND),
+    )
+    return hits, misses
+
+
+def candidates(hits: NDArray[np.float32], misses: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Cells that may well have returned echoes."""
     is_candidate = (hits >= LEAST_HITS) & (hits > LEAST_HIT_SHARE * (hits + misses))
-    start = np.where(is_candidate, np.float32(FIRST_POWER), np.float32(0.0))
-    return np.repeat(start.ravel(), QUARTERS)
+    return np.flatnonzero(is_candidate).astype(np.int32)
+
+
+@inlined
+def _expect(
+    looks: Looks,
+    ping: int,
+    rows: Projection,
+    index: int,
+    power: NDArray[np.float32],
+    slope: NDArray[np.float64],
+    expected: NDArray[np.float32],
+) -> None:
+    """Set what one ping is expected to return.
+
+    A row adds a box to the bins between its ends.  What is added up here is how much the bins
+    differ from those before them, four numbers a row, however wide it is.
+
+    Parameters
+    ----------
+    looks, ping, rows, index, power
+        The ping, and the place of its rows.
+    slope : (2 (bins + 2),) array
+        Room for differences: of what all bins have, and of what silent bins lack, in turn.
+    expected : (bins,) float32 array
+        λ; set.
+    """
+    bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
+    for place in range(2 * bins + 4):
+        slope[place] = 0.0
+    for row in range(rows.start[index], rows.start[index + 1]):
+        part = np.float64(rows.weight[row] * power[rows.scatterer[row]])
+        low, high, heard = rows.low[row], rows.high[row], rows.heard[row]
+        first, last = np.int64(low), np.int64(high)
+        beyond, beyond_end = part * (low - first), part * (high - last)
+        first, last = 2 * first + heard, 2 * last + heard
+        slope[first] += part - beyond
+        slope[first + 2] += beyond
+        slope[last] -= part - beyond_end
+        slope[last + 2] -= beyond_end
+    anywhere, not_silent = 0.0, 0.0
+    for b in range(bins):
+        anywhere += slope[2 * b]
+        not_silent += slope[2 * b + 1]
+        level = anywhere if looks.kind[ping, b] == SILENCE else anywhere + not_silent
+        expected[b] = noise + max(level, 0.0)
 
 
 @compiled
@@ -118,26 +176,15 @@ def expect_powers(
     looks, pings
         The pings.
     rows : Projection
-        Of the quarters.
-    power : (quarters,) float32 array
+        Of the scatterers.
+    power : (scatterers,) float32 array
         Of each.
     expected : (pings, bins) float32 array
         λ; set.
     """
+    slope = np.empty(2 * expected.shape[1] + 4)
     for index in range(len(pings)):
-        ping = pings[index]
-        bins = looks.bins[ping]
-        for b in range(bins):
-            expected[index, b] = looks.numbers[ping, NOISE]
-        for row in range(rows.start[index], rows.start[index + 1]):
-            v = power[rows.quarter[row]]
-            if v <= 0.0:
-                continue
-            part, low, high = rows.weight[row] * v, rows.low[row], rows.high[row]
-            for b in range(max(0, int(low)), min(bins - 1, int(high)) + 1):
-                if rows.heard[row] and looks.kind[ping, b] == SILENCE:
-                    continue
-                expected[index, b] += part * (min(high, b + 1.0) - max(low, float(b)))
+        _expect(looks, pings[index], rows, index, power, slope, expected[index])
 
 
 @compiled
@@ -147,58 +194,91 @@ def gather_gradients(
     weights: NDArray[np.float32],
     rows: Projection,
     power: NDArray[np.float32],
-    expected: NDArray[np.float32],
-    raises: NDArray[np.float32],
-    lowers: NDArray[np.float32],
+    gradients: NDArray[np.float32],
 ) -> None:
     """Add both parts of the gradient of the log-likelihood with respect to powers.
 
     Parameters
     ----------
-    looks, pings, rows, power, expected
-        As in `expect_powers`, after it.
+    looks, pings, rows, power
+        As in `expect_powers`.
     weights : (pings,) float32 array
         How much each ping counts.
-    raises, lowers : (quarters,) float32 arrays
+    gradients : (scatterers, 2) float32 array
         Σ w y/λ² and Σ w/λ; added to.
     """
-    up, down = np.zeros((2, expected.shape[1])), np.zeros((2, expected.shape[1]))
+    most = looks.kind.shape[1]
+    slope, expected = np.empty(2 * most + 4), np.empty(most, np.float32)
+    # Sums over the bins before each, for rows that no echo is heard of, and for the others.
+    sums = np.zeros((most + 2, 4))
     for index in range(len(pings)):
-        ping = pings[index]
-        bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
-        for b in range(bins):
-            level, kind = expected[index, b], looks.kind[ping, b]
-            up[0, b] = up[1, b] = down[0, b] = down[1, b] = 0.0
-            if kind == ECHO:
-                up[0, b] = up[1, b] = looks.power[ping, b] / (level * level)
-                down[0, b] = down[1, b] = 1.0 / level
-            elif kind == SILENCE and level > noise * 1.0001:
-                limit = looks.limit[ping, b]
-                ratio, mean = limit / level, level
-                if ratio < 1e-3:
-                    mean = 0.5 * limit
-                elif ratio < 30.0:
-                    mean = level - limit / (math.exp(ratio) - 1.0)
-                up[0, b], down[0, b] = mean / (level * level), 1.0 / level
+        _expect(looks, pings[index], rows, index, power, slope, expected)
+        _sum_slopes(looks, pings[index], weights[index], expected, sums)
         for row in range(rows.start[index], rows.start[index + 1]):
-            quarter = rows.quarter[row]
-            if power[quarter] <= 0.0:
-                continue
-            low, high, heard = rows.low[row], rows.high[row], rows.heard[row]
-            raised, lowered = 0.0, 0.0
-            for b in range(max(0, int(low)), min(bins - 1, int(high)) + 1):
-                part = min(high, b + 1.0) - max(low, float(b))
-                raised += part * up[heard, b]
-                lowered += part * down[heard, b]
-            scale = rows.weight[row] * weights[index]
-            raises[quarter] += raised * scale
-            lowers[quarter] += lowered * scale
+            low, high, heard = rows.low[row], rows.high[row], 2 * np.int64(rows.heard[row])
+            first, last = np.int64(low), np.int64(high)
+            inside, inside_end = np.float64(low - first), np.float64(high - last)
+            raised, lowered = sums[last, heard], sums[last, heard + 1]
+            raised += inside_end * (sums[last + 1, heard] - raised)
+            lowered += inside_end * (sums[last + 1, heard + 1] - lowered)
+            before, before_lowered = sums[first, heard], sums[first, heard + 1]
+            raised -= before + inside * (sums[first + 1, heard] - before)
+            lowered -= before_lowered + inside * (sums[first + 1, heard + 1] - before_lowered)
+            scatterer, weight = rows.scatterer[row], rows.weight[row]
+            gradients[scatterer, 0] += np.float32(raised) * weight
+            gradients[scatterer, 1] += np.float32(lowered) * weight
 
 
-def update_powers(
-    power: NDArray[np.float32], raises: NDArray[np.float32], lowers: NDArray[np.float32]
+@inlined
+def _sum_slopes(
+    looks: Looks,
+    ping: int,
+    weight: float,
+    expected: NDArray[np.float32],
+    sums: NDArray[np.float64],
 ) -> None:
-    """Multiplicative update of all powers; those that are too weak vanish."""
+    """Set sums of y/λ² and 1/λ over the bins before each.
+
+    Parameters
+    ----------
+    looks, ping, weight, expected
+        The ping, how much it counts, and what is expected of it.
+    sums : (bins + 2, 4) array
+        With silent bins, and without.
+    """
+    bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
+    for b in range(bins):
+        level, kind = np.float64(expected[b]), looks.kind[ping, b]
+        raises, lowers, is_echo = 0.0, 0.0, 0.0
+        if kind == ECHO:
+            raises, lowers, is_echo = looks.power[ping, b] / (level * level), 1.0 / level, 1.0
+        elif kind == SILENCE and level > noise * 1.0001:
+            limit = looks.limit[ping, b]
+            ratio, mean = limit / level, level
+            if ratio < 1e-3:
+                mean = 0.5 * limit
+            elif ratio < 30.0:
+                mean = level - limit / (math.exp(ratio) - 1.0)
+            raises, lowers = mean / (level * level), 1.0 / level
+        raises, lowers = weight * raises, weight * lowers
+        sums[b + 1, 0], sums[b + 1, 1] = sums[b, 0] + raises, sums[b, 1] + lowers
+        sums[b + 1, 2] = sums[b, 2] + is_echo * raises
+        sums[b + 1, 3] = sums[b, 3] + is_echo * lowers
+    for which in range(4):
+        sums[bins + 1, which] = sums[bins, which]
+
+
+def update_powers(power: NDArray[np.float32], gradients: NDArray[np.float32]) -> None:
+    """Multiplicative update of all powers; those that are too weak vanish.
+
+    Parameters
+    ----------
+    power : (scatterers,) float32 array
+        Of each; set.
+    gradients : (scatterers, 2) float32 array
+        By `gather_gradients`.
+    """
+    raises, lowers = gradients.T
     ratio = np.divide(raises, lowers, out=np.zeros_like(raises), where=lowers > 0.0)
     power *= np.minimum(ratio, np.float32(MOST_GROWTH))
     power[power < LEAST_POWER] = 0.0

@@ -1,7 +1,7 @@
-"""Projection of cells onto the range bins of pings: where each may be heard, and how loudly.
+"""Projection of scatterers onto the range bins of pings: where each may be heard, how loudly.
 
-One row for each pair of a ping and a quarter of a cell that may hold something.  Rows of a ping lie
-one behind the other, and in them those of a cell.
+One row for each pair of a ping and a scatterer, which is a cell or a quarter of one.  Rows of a
+ping lie one behind the other, and in them those of a cell.
 """
 
 from __future__ import annotations
@@ -19,36 +19,60 @@ from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import atan2_32, exp32
 
 #: A cell hides nothing that lies within so many cells behind it: they answer together.
 OWN_DEPTH_CELLS = 3.0
 #: What would not reach this share of the noise, with `LOUD_POWER`, is left out.
 LEAST_SHARE, LOUD_POWER = 0.01, 0.3
-#: Range bins to either side over which a quarter is blurred at the most.
+#: Range bins to either side over which a scatterer is blurred at the most.
 MOST_BLUR_BINS = 6.0
+#: The part of a cell that is all of it: quarters are 0 to 3.
+ALL_OF_IT = QUARTERS
+#: Middles of parts from that of their cell, and half their sides, in cells.
+_RIGHT = np.array([-0.25, 0.25, -0.25, 0.25, 0.0], np.float32)
+_UP = np.array([-0.25, -0.25, 0.25, 0.25, 0.0], np.float32)
+_HALF_SIDE = np.array([0.25, 0.25, 0.25, 0.25, 0.5], np.float32)
+#: Rows that there is room for at first, for each ping.
+FIRST_ROWS = 1024
 
 
-class Projection(NamedTuple):
-    """Rows of all pings.
+class Scatterers(NamedTuple):
+    """What may return echoes, in the order of their cells.
 
     Parameters
     ----------
-    quarter : (rows,) int32 array
-        Which quarter.
+    cell : (scatterers,) int32 array
+        Of which each is a part.
+    part : (scatterers,) uint8 array
+        Which quarter of it, or `ALL_OF_IT`.
+    """
+
+    cell: NDArray[np.int32]
+    part: NDArray[np.uint8]
+
+
+class Projection(NamedTuple):
+    """Rows of some pings.
+
+    Parameters
+    ----------
+    scatterer : (rows,) int32 array
+        Which one.
     weight : (rows,) float32 array
-        Power in a whole bin, if the quarter scatters with power 1.
+        Power in a whole bin, if it scatters with power 1.
     low, high : (rows,) float32 arrays
-        Range bins, with fractions, between which its power lies.
+        Range bins, with fractions, between which its power lies; within those of the ping.
     heard : (rows,) uint8 array
         1 if there is an echo between: silence in the other bins says nothing then, because what
-        stands in a quarter echoes at once.
+        scatters echoes at once.
     ray, step : (rows,) uint8 arrays
         Where in the tables of `cast_rays` it is seen what is left of the sound.
     start : (pings + 1,) int64 array
         First row of each ping, and the end.
     """
 
-    quarter: NDArray[np.int32]
+    scatterer: NDArray[np.int32]
     weight: NDArray[np.float32]
     low: NDArray[np.float32]
     high: NDArray[np.float32]
@@ -59,121 +83,103 @@ class Projection(NamedTuple):
 
 
 def project(
-    looks: Looks, pings: NDArray[np.int64], field: Field, power: NDArray[np.float32]
+    looks: Looks, pings: NDArray[np.int64], field: Field, scatterers: Scatterers
 ) -> Projection:
-    """Project all quarters that have any power, without shadows.
+    """Project scatterers, without shadows.
 
     Parameters
     ----------
     looks, pings, field
         As in `usmap_ros.mapping.joint.ray_casting.cast_rays`.
-    power : (quarters,) float32 array
-        Of each.
+    scatterers : Scatterers
+        All that there are.
     """
-    alive = (power.reshape(-1, QUARTERS) > 0.0).any(axis=1).reshape(field.shape)
-    cell_rows, cell_columns = np.nonzero(alive)
-    begins = np.searchsorted(cell_rows, np.arange(field.rows + 1)).astype(np.int64)
+    first_cells = np.arange(field.rows + 1, dtype=np.int32) * field.columns
+    begins = np.searchsorted(scatterers.cell, first_cells).astype(np.int64)
     start = np.zeros(len(pings) + 1, np.int64)
-    size = 1024 * len(pings) + 1024
-    projection, done = _empty(size, start), 0
+    projection, done = empty_rows(FIRST_ROWS * len(pings) + len(scatterers.cell), start), 0
     while True:
-        done = _project(looks, pings, field, cell_columns, begins, power, projection, done)
+        done = _project(looks, pings, field, scatterers, begins, projection, done)
         if done == len(pings):
             return projection
-        size *= 2
-        larger = _empty(size, start)
+        # As many for all others as for those so far, and room for one that hears everything.
+        filled = int(start[done])
+        share = 1.1 * len(pings) / max(1, done)
+        larger = empty_rows(int(share * filled) + 2 * len(projection.weight), start)
         pairs: Iterable[Any] = zip(projection[:-1], larger[:-1], strict=True)
         for old, new in pairs:
-            new[: len(old)] = old
+            new[:filled] = old[:filled]
         projection = larger
 
 
-def _empty(size: int, start: NDArray[np.int64]) -> Projection:
+def empty_rows(size: int, start: NDArray[np.int64]) -> Projection:
+    """Room for rows."""
     weight, low, high = (np.empty(size, np.float32) for _ in range(3))
     heard, ray, step = (np.empty(size, np.uint8) for _ in range(3))
     return Projection(np.empty(size, np.int32), weight, low, high, heard, ray, step, start)
 
 
+@compiled
 def cast_shadows(
     rows: Projection,
-    power: NDArray[np.float32],
-    left: NDArray[np.uint8],
-    faintest: NDArray[np.float32],
-) -> Projection:
-    """The rows that are heard past what is in the way.
-
-    Parameters
-    ----------
-    rows : Projection
-        Of all quarters; those without any power are left out of it, too, from now on.
-    power : (quarters,) float32 array
-        Of each.
-    left : (pings, RAYS, STEPS) uint8 array
-        By `usmap_ros.mapping.joint.ray_casting.cast_rays`.
-    faintest : (pings,) float32 array
-        Weight below which nothing of a row is heard, of each ping.
-    """
-    heard = _empty(int(rows.start[-1]), np.zeros_like(rows.start))
-    _cast_shadows(rows, power, left, faintest, heard)
-    return heard
-
-
-@compiled
-def _cast_shadows(
-    rows: Projection,
-    power: NDArray[np.float32],
+    number: NDArray[np.int32],
     left: NDArray[np.uint8],
     faintest: NDArray[np.float32],
     heard: Projection,
 ) -> None:
-    """Set `heard`, and compact `rows`."""
+    """Set the rows that are heard past what is in the way.
+
+    Parameters
+    ----------
+    rows : Projection
+        Of all scatterers; those that are no more are left out of it, too, from now on.
+    number : (scatterers,) int32 array
+        Which each is from now on; -1: it is no more.
+    left : (pings, RAYS, STEPS) uint8 array
+        By `usmap_ros.mapping.joint.ray_casting.cast_rays`.
+    faintest : (pings,) float32 array
+        Weight below which nothing of a row is heard, of each ping.
+    heard : Projection
+        Set, but for rays and steps.
+    """
     kept, begin, count = 0, 0, 0
     for index in range(len(rows.start) - 1):
         end = rows.start[index + 1]
         for row in range(begin, end):
-            if power[rows.quarter[row]] <= 0.0:
+            scatterer = number[rows.scatterer[row]]
+            if scatterer < 0:
                 continue
-            rows.quarter[kept], rows.weight[kept] = rows.quarter[row], rows.weight[row]
-            rows.low[kept], rows.high[kept] = rows.low[row], rows.high[row]
-            rows.heard[kept] = rows.heard[row]
-            rows.ray[kept], rows.step[kept] = rows.ray[row], rows.step[row]
-            weight = rows.weight[kept] * (left[index, rows.ray[kept], rows.step[kept]] / WHOLE)
-            if weight >= faintest[index]:
-                heard.quarter[count], heard.weight[count] = rows.quarter[kept], weight
-                heard.low[count], heard.high[count] = rows.low[kept], rows.high[kept]
-                heard.heard[count] = rows.heard[kept]
-                count += 1
+            weight, low, high = rows.weight[row], rows.low[row], rows.high[row]
+            is_heard, ray, step = rows.heard[row], rows.ray[row], rows.step[row]
+            rows.scatterer[kept], rows.weight[kept] = scatterer, weight
+            rows.low[kept], rows.high[kept], rows.heard[kept] = low, high, is_heard
+            rows.ray[kept], rows.step[kept] = ray, step
             kept += 1
+            weight *= left[index, ray, step] * np.float32(1.0 / WHOLE)
+            heard.scatterer[count], heard.weight[count] = scatterer, weight
+            heard.low[count], heard.high[count], heard.heard[count] = low, high, is_heard
+            count += weight >= faintest[index]
         begin, rows.start[index + 1], heard.start[index + 1] = end, kept, count
 
 
 def faintest_weights(looks: Looks, pings: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Weights below which nothing is heard of a quarter, of each ping."""
+    """Weights below which nothing is heard of a scatterer, of each ping."""
     weights: NDArray[np.float32] = (LEAST_SHARE / LOUD_POWER * looks.numbers[pings, NOISE]).astype(
         np.float32
     )
     return weights
 
 
-class _Beam(NamedTuple):
-    """What it takes to place a quarter in one ping; positions are from the transducer, m."""
+class _Near(NamedTuple):
+    """Scatterers in the cone of one ping: one float32 number each, but for which they are."""
 
-    ping: int
-    axis_x: float
-    axis_y: float
-    axis_z: float
-    rise: float
-    cosine: float
-    sine: float
-    half: float
-    cos_half: float
-    least: float
-    greatest: float
-    absorption: float
-    bin_m: float
-    faintest: float
-    blur: float
-    resolution_m: float
+    scatterer: NDArray[np.int32]
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    squared: NDArray[np.float32]
+    ahead: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    off: NDArray[np.float32]
 
 
 @compiled
@@ -181,93 +187,154 @@ def _project(
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
-    cell_columns: NDArray[np.int64],
+    scatterers: Scatterers,
     begins: NDArray[np.int64],
-    power: NDArray[np.float32],
     rows: Projection,
     first: int,
 ) -> int:
     """Project onto pings from the first on; returns the first for which there was no room."""
-    res = field.resolution_m
+    most = len(scatterers.cell) + 1
+    x, y, squared, ahead, weight, off = (
+        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
+        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
+    )  # fmt: skip
+    near = _Near(np.empty(most, np.int32), x, y, squared, ahead, weight, off)
     for index in range(first, len(pings)):
-        count, beam = rows.start[index], _beam(looks, pings[index], res)
-        x0, y0, reach = looks.numbers[beam.ping, X], looks.numbers[beam.ping, Y], beam.greatest
-        bottom = max(0, math.floor((y0 - reach) / res) - field.first_row)
-        top = min(field.rows, math.ceil((y0 + reach) / res) - field.first_row + 1)
-        for row in range(bottom, top):
-            cell_y = (field.first_row + row + 0.5) * res - y0
-            for place in range(begins[row], begins[row + 1]):
-                cell_x = (field.first_column + cell_columns[place] + 0.5) * res - x0
-                is_behind = beam.axis_x * cell_x + beam.axis_y * cell_y < -res
-                if cell_x < -reach - res or (beam.cos_half > 0.0 and is_behind):
-                    continue
-                if cell_x > reach + res:
-                    break
-                if count + QUARTERS > len(rows.quarter):
-                    return index
-                for part in range(QUARTERS):
-                    quarter = (row * field.columns + cell_columns[place]) * QUARTERS + part
-                    if power[quarter] <= 0.0:
-                        continue
-                    x = cell_x + (0.25 * res if part & 1 else -0.25 * res)
-                    y = cell_y + (0.25 * res if part & 2 else -0.25 * res)
-                    weight, low, high, heard, ray, step = _placed(looks, beam, x, y)
-                    if weight > 0.0:
-                        rows.quarter[count], rows.weight[count] = quarter, weight
-                        rows.low[count], rows.high[count], rows.heard[count] = low, high, heard
-                        rows.ray[count], rows.step[count] = ray, step
-                        count += 1
-        rows.start[index + 1] = count
+        start = rows.start[index]
+        count = _in_cone(looks, pings[index], field, scatterers, begins, near)
+        if start + count > len(rows.weight):
+            return index
+        _set_loudness(looks, pings[index], count, near)
+        rows.start[index + 1] = _place(
+            looks, pings[index], scatterers, field.resolution_m, count, near, rows, start
+        )
     return len(pings)
 
 
 @inlined
-def _beam(looks: Looks, ping: int, resolution_m: float) -> _Beam:
-    """A ping, to place quarters in it."""
-    _, _, axis_x, axis_y, axis_z, rise, heading, half = looks.numbers[ping, :8]
-    cos_half, least, greatest, absorption, range_std, bin_m, noise = looks.numbers[ping, 8:15]
-    return _Beam(
-        ping, axis_x, axis_y, axis_z, rise, math.cos(heading), math.sin(heading), half, cos_half,
-        least, greatest, absorption, bin_m, LEAST_SHARE * noise / LOUD_POWER,
-        3.0 * (range_std / bin_m) ** 2, resolution_m,
-    )  # fmt: skip
+def _in_cone(
+    looks: Looks,
+    ping: int,
+    field: Field,
+    scatterers: Scatterers,
+    begins: NDArray[np.int64],
+    near: _Near,
+) -> int:
+    """Set where the scatterers are that a ping's cone holds; returns how many."""
+    res = field.resolution_m
+    x0, y0 = looks.numbers[ping, X], looks.numbers[ping, Y]
+    axis_x, axis_y = np.float32(looks.numbers[ping, 2]), np.float32(looks.numbers[ping, 3])
+    axis_z, rise = looks.numbers[ping, 4], looks.numbers[ping, 5]
+    risen, up = np.float32(rise * rise), np.float32(axis_z * rise)
+    cos_half, least, reach = looks.numbers[ping, 8], looks.numbers[ping, 9], looks.numbers[ping, 10]
+    wide = np.float32(cos_half * abs(cos_half))
+    nearest, farthest = np.float32(least * least), np.float32(reach * reach)
+    bottom = max(0, math.floor((y0 - reach) / res) - field.first_row)
+    top = min(field.rows, math.ceil((y0 + reach) / res) - field.first_row + 1)
+    side, count = np.float32(res), 0
+    for row in range(bottom, top):
+        y_m = (field.first_row + row + 0.5) * res - y0
+        first, across = row * field.columns, max(0.0, abs(y_m) - res)
+        # Cells of the row that are near enough.
+        width = math.sqrt(max(0.0, reach * reach - across * across)) + res
+        left = max(0, math.floor((x0 - width) / res) - field.first_column)
+        right = min(field.columns, math.ceil((x0 + width) / res) - field.first_column + 1)
+        begin = _first_from(scatterers.cell, begins[row], begins[row + 1], first + left)
+        end = _first_from(scatterers.cell, begin, begins[row + 1], first + right)
+        cell_y, origin = np.float32(y_m), np.float32((field.first_column + 0.5) * res - x0)
+        for scatterer in range(begin, end):
+            part = scatterers.part[scatterer]
+            column = np.float32(scatterers.cell[scatterer] - first)
+            x = origin + (column + _RIGHT[part]) * side
+            y = cell_y + _UP[part] * side
+            squared = x * x + y * y + risen
+            ahead = axis_x * x + axis_y * y + up
+            near.scatterer[count], near.x[count], near.y[count] = scatterer, x, y
+            near.squared[count], near.ahead[count] = squared, ahead
+            is_inside = (squared > nearest) & (squared < farthest)
+            count += is_inside & (ahead * abs(ahead) > squared * wide)
+    return count
 
 
 @inlined
-def _placed(
-    looks: Looks, beam: _Beam, x: float, y: float
-) -> tuple[float, float, float, int, int, int]:
-    """Where a quarter is in a ping: its row of a `Projection`, but for which quarter it is.
+def _first_from(cells: NDArray[np.int32], begin: int, end: int, cell: int) -> int:
+    """First place of some with this cell or one behind it."""
+    while begin < end:
+        middle = (begin + end) >> 1
+        if cells[middle] < cell:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
 
-    The weight is 0 where nothing of it can be heard.
-    """
-    squared = x * x + y * y + beam.rise * beam.rise
-    ahead = beam.axis_x * x + beam.axis_y * y + beam.axis_z * beam.rise
-    is_inside = beam.least * beam.least < squared < beam.greatest * beam.greatest
-    if not is_inside or ahead * abs(ahead) <= squared * beam.cos_half * abs(beam.cos_half):
-        return 0.0, 0.0, 0.0, 0, 0, 0
-    distance = math.sqrt(squared)
-    entry = (1.0 - ahead / distance) / (1.0 - beam.cos_half) * GAIN_STEPS
-    at = min(max(int(entry), 0), GAIN_STEPS - 1)
-    low_gain, high_gain = looks.power_gain[beam.ping, at], looks.power_gain[beam.ping, at + 1]
-    weight = (low_gain + (high_gain - low_gain) * (entry - at)) / squared**2
-    weight *= math.exp(-beam.absorption * distance)
-    if weight < beam.faintest:
-        return 0.0, 0.0, 0.0, 0, 0, 0
-    off = math.atan2(beam.cosine * y - beam.sine * x, beam.cosine * x + beam.sine * y)
-    depth = 0.25 * beam.resolution_m / beam.bin_m * (abs(x) + abs(y)) / distance
-    middle = (distance - beam.least) / beam.bin_m
-    blurred = max(min(math.sqrt(depth * depth + beam.blur), MOST_BLUR_BINS), depth)
-    earliest = min(int(max(middle - blurred, 0.0)), looks.bins[beam.ping])
-    echo = looks.next_echo[beam.ping, earliest]
-    heard = 1 if echo <= middle + blurred else 0
-    if heard and looks.bearing_weight[beam.ping, echo] > 0.0:
-        beside = off - looks.bearing[beam.ping, echo]
-        weight *= math.exp(-looks.bearing_weight[beam.ping, echo] * beside * beside)
-        if weight < beam.faintest:
-            return 0.0, 0.0, 0.0, 0, 0, 0
-    reach = blurred if heard else depth
-    ray = min(max(int((off + beam.half) * RAYS / (2.0 * beam.half)), 0), RAYS - 1)
-    step = int((distance - OWN_DEPTH_CELLS * beam.resolution_m) * STEPS / beam.greatest)
-    step = min(max(step, 0), STEPS - 1)
-    return 0.5 * weight / depth, middle - reach, middle + reach, heard, ray, step
+
+@inlined
+def _set_loudness(looks: Looks, ping: int, count: int, near: _Near) -> None:
+    """Set weights by range and beam, and angles off the heading, of what is in a cone."""
+    numbers = looks.numbers[ping]
+    cosine, sine = np.float32(math.cos(numbers[6])), np.float32(math.sin(numbers[6]))
+    scale = np.float32(GAIN_STEPS / (1.0 - numbers[8]))
+    absorption, one = np.float32(-numbers[11]), np.float32(1.0)
+    for k in range(count):
+        squared, x, y = near.squared[k], near.x[k], near.y[k]
+        distance = np.sqrt(squared)
+        entry = (one - near.ahead[k] / distance) * scale
+        at = min(max(int(entry), 0), GAIN_STEPS - 1)
+        low_gain, high_gain = looks.power_gain[ping, at], looks.power_gain[ping, at + 1]
+        gain = low_gain + (high_gain - low_gain) * (entry - np.float32(at))
+        near.weight[k] = gain / (squared * squared) * exp32(absorption * distance)
+        near.off[k] = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+
+
+@inlined
+def _place(
+    looks: Looks,
+    ping: int,
+    scatterers: Scatterers,
+    resolution_m: float,
+    count: int,
+    near: _Near,
+    rows: Projection,
+    start: int,
+) -> int:
+    """Set the rows of what is in a cone, if anything of it can be heard; returns their end."""
+    half, least, reach, bin_m = (
+        looks.numbers[ping, 7],
+        looks.numbers[ping, 9],
+        looks.numbers[ping, 10],
+        looks.numbers[ping, 13],
+    )
+    faintest = np.float32(LEAST_SHARE / LOUD_POWER * looks.numbers[ping, NOISE])
+    blur = np.float32(3.0 * (looks.numbers[ping, 12] / bin_m) ** 2)
+    bins = looks.bins[ping]
+    per_m, begin_m = np.float32(1.0 / bin_m), np.float32(least)
+    side, most_blur = np.float32(resolution_m / bin_m), np.float32(MOST_BLUR_BINS)
+    to_ray, to_step = np.float32(0.5 * RAYS / half), np.float32(STEPS / reach)
+    own_m, most = np.float32(OWN_DEPTH_CELLS * resolution_m), np.float32(bins)
+    for k in range(count):
+        weight = near.weight[k]
+        if weight < faintest:
+            continue
+        distance = np.sqrt(near.squared[k])
+        part = scatterers.part[near.scatterer[k]]
+        depth = _HALF_SIDE[part] * side * (abs(near.x[k]) + abs(near.y[k])) / distance
+        middle = (distance - begin_m) * per_m
+        blurred = max(min(np.sqrt(depth * depth + blur), most_blur), depth)
+        echo = looks.next_echo[ping, min(int(max(middle - blurred, np.float32(0.0))), bins)]
+        heard = echo <= middle + blurred
+        if heard and looks.bearing_weight[ping, echo] > 0.0:
+            beside = near.off[k] - looks.bearing[ping, echo]
+            weight *= exp32(-looks.bearing_weight[ping, echo] * beside * beside)
+            if weight < faintest:
+                continue
+        around = blurred if heard else depth
+        low, high = max(middle - around, np.float32(0.0)), min(middle + around, most)
+        if low >= high:
+            continue
+        rows.scatterer[start], rows.heard[start] = near.scatterer[k], heard
+        rows.weight[start] = np.float32(0.5) * weight / depth
+        rows.low[start], rows.high[start] = low, high
+        rows.ray[start] = min(max(int((near.off[k] + np.float32(half)) * to_ray), 0), RAYS - 1)
+        rows.step[start] = min(max(int((distance - own_m) * to_step), 0), STEPS - 1)
+        start += 1
+    return start

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.joint import estimate
+from usmap_ros.mapping.joint import estimate, powers
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import MOST_FROM_A_PLACE
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes import threads
 
 MakeCone = Callable[..., EchoCone]
 #: More than twice the range of the pings, and a whole number of cells.
@@ -52,6 +53,18 @@ def test_objects_are_found_and_the_rest_is_free(views: list[EchoCone]) -> None:
         assert at(occupancy, predicted, x_m, y_m)
     assert np.count_nonzero(predicted) < 20
     assert np.count_nonzero(occupancy.observed & ~predicted) > 200
+
+
+def test_the_number_of_threads_does_not_matter(
+    monkeypatch: pytest.MonkeyPatch, views: list[EchoCone]
+) -> None:
+    monkeypatch.setattr(powers, "LEAST_PINGS", 2)
+    maps = []
+    for cores in (1, 2, 4):
+        monkeypatch.setattr(threads, "available_cores", lambda cores=cores: cores)
+        maps.append(fused(views).occupancy_map())
+    for other in maps[1:]:
+        assert_same(maps[0], other)
 
 
 def test_the_order_in_which_pings_come_does_not_matter(views: list[EchoCone]) -> None:

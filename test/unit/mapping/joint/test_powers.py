@@ -1,7 +1,5 @@
 """Powers of cells: the forward model, its gradient, and the updates that climb by it."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,13 +7,15 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.field import NOISE, Field, field_around
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.power_estimation import (
-    count_hits,
+    FIRST_POWER,
+    candidates,
+    count_all_hits,
     expect_powers,
-    first_powers,
     gather_gradients,
     update_powers,
 )
-from usmap_ros.mapping.joint.projection import Projection, project
+from usmap_ros.mapping.joint.projection import Projection, Scatterers, project
+from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -31,11 +31,12 @@ class Problem:
             kept.add(cone, "robot")
         self.pings: Pings = kept.pings()
         self.field: Field = field_around(self.pings.looks, self.pings.rows, parameters.resolution_m)
-        hits, misses = (np.zeros(self.field.shape, np.float32) for _ in range(2))
         looks, rows, weights = self.pings[:3]
-        count_hits(looks, rows, weights, self.field, hits, misses)
-        self.power = first_powers(hits, misses)
-        self.rows: Projection = project(looks, rows, self.field, self.power)
+        cells = candidates(*count_all_hits(looks, rows, weights, self.field))
+        parts = np.tile(np.arange(QUARTERS, dtype=np.uint8), len(cells))
+        self.power = np.full(len(parts), FIRST_POWER, np.float32)
+        scatterers = Scatterers(np.repeat(cells, QUARTERS), parts)
+        self.rows: Projection = project(looks, rows, self.field, scatterers)
 
     def expected(self, power: NDArray[np.float32]) -> NDArray[np.float32]:
         looks, rows = self.pings[:2]
@@ -58,15 +59,33 @@ class Problem:
             total += float(weights[index]) * float(quiet.sum() - loud.sum())
         return total
 
-    def gradients(self, power: NDArray[np.float32]) -> tuple[Any, Any]:
-        raises, lowers = np.zeros_like(power), np.zeros_like(power)
-        gather_gradients(*self.pings[:3], self.rows, power, self.expected(power), raises, lowers)
-        return raises, lowers
+    def gradients(self, power: NDArray[np.float32]) -> NDArray[np.float32]:
+        gradients = np.zeros((len(power), 2), np.float32)
+        gather_gradients(*self.pings[:3], self.rows, power, gradients)
+        return gradients
+
+    def sweep(self, power: NDArray[np.float32]) -> None:
+        update_powers(power, self.gradients(power))
 
 
 @pytest.fixture
 def problem(views: list[EchoCone]) -> Problem:
     return Problem(views)
+
+
+def test_expectations_are_those_of_each_bin_by_itself(problem: Problem) -> None:
+    """The share of a row's stretch that lies in a bin, but for silence that an echo outweighs."""
+    looks, rows = problem.pings[:2]
+    for index, ping in enumerate(rows):
+        own = slice(problem.rows.start[index], problem.rows.start[index + 1])
+        low, high, heard = problem.rows.low[own], problem.rows.high[own], problem.rows.heard[own]
+        bins = np.arange(looks.bins[ping])[:, np.newaxis]
+        inside = np.maximum(np.minimum(high, bins + 1) - np.maximum(low, bins), 0.0)
+        is_silent = looks.kind[ping, : len(bins), np.newaxis] == SILENCE
+        inside[is_silent & (heard == 1)] = 0.0
+        returned = inside @ (problem.rows.weight[own] * problem.power[problem.rows.scatterer[own]])
+        levels = problem.expected(problem.power)[index, : len(bins)]
+        np.testing.assert_allclose(levels, looks.numbers[ping, NOISE] + returned, rtol=1e-4)
 
 
 def test_without_power_only_noise_is_expected(problem: Problem) -> None:
@@ -88,7 +107,7 @@ def test_expectations_add_up(problem: Problem) -> None:
 def test_the_gradient_is_that_of_the_likelihood(problem: Problem) -> None:
     random = np.random.default_rng(5)
     power = problem.power * random.uniform(0.3, 3.0, problem.power.shape).astype(np.float32)
-    raises, lowers = problem.gradients(power)
+    raises, lowers = problem.gradients(power).T
     gradient = (raises - lowers).astype(float)
     for quarter in np.argsort(-np.abs(gradient * power))[:20]:
         step = 0.02 * power[quarter]
@@ -106,7 +125,7 @@ def test_sweeps_explain_pings_better_and_better(problem: Problem, seed: int) -> 
     power = problem.power * random.uniform(0.5, 2.0, problem.power.shape).astype(np.float32)
     likelihoods = [problem.log_likelihood(power)]
     for _ in range(12):
-        update_powers(power, *problem.gradients(power))
+        problem.sweep(power)
         likelihoods.append(problem.log_likelihood(power))
     # Nothing is lost but what weak quarters returned that vanish.
     assert np.diff(likelihoods).min() > -0.5
@@ -116,5 +135,5 @@ def test_sweeps_explain_pings_better_and_better(problem: Problem, seed: int) -> 
 def test_quarters_that_no_echo_needs_vanish(problem: Problem) -> None:
     power = problem.power.copy()
     for _ in range(30):
-        update_powers(power, *problem.gradients(power))
+        problem.sweep(power)
     assert 0 < np.count_nonzero(power) < 0.5 * np.count_nonzero(problem.power)

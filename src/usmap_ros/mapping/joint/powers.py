@@ -1,0 +1,209 @@
+"""Powers of all that may scatter, by all pings of an area: what sweeps and shadows change.
+
+Pings are divided into groups, by their number alone, which as many threads work on as there are
+cores.  Groups are added up in their order, so that the map does not depend on the threads.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.cell_evidence import (
+    CellEvidence,
+    add_said,
+    cells_of,
+    no_evidence,
+    weigh_pings,
+)
+from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.power_estimation import (
+    FIRST_POWER,
+    candidates,
+    count_all_hits,
+    expect_powers,
+    gather_gradients,
+    update_powers,
+)
+from usmap_ros.mapping.joint.projection import (
+    ALL_OF_IT,
+    Projection,
+    Scatterers,
+    cast_shadows,
+    empty_rows,
+    faintest_weights,
+    project,
+)
+from usmap_ros.mapping.joint.ray_casting import cast_rays
+from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.processes.threads import for_each
+
+#: Groups of pings at the most, and pings that each has at the least.
+MOST_GROUPS, LEAST_PINGS = 8, 32
+#: Sweeps that thin out whole cells, before those that are left are divided into quarters.
+COARSE_SWEEPS = 5
+
+
+class _Group(NamedTuple):
+    """Pings that one thread works on at a time.
+
+    Parameters
+    ----------
+    which : slice
+        Of all pings.
+    rows, heard : Projection
+        Of all scatterers, and what is heard of them past what is in the way: all of it, until
+        rays are cast.
+    """
+
+    which: slice
+    rows: Projection
+    heard: Projection
+
+
+class Powers:
+    """What all scatterers of an area scatter, and what is expected of its pings by that.
+
+    Parameters
+    ----------
+    looks, pings, weights, field
+        As in `usmap_ros.mapping.joint.estimate.JointEstimate`.
+    """
+
+    def __init__(
+        self,
+        looks: Looks,
+        pings: NDArray[np.int64],
+        weights: NDArray[np.float32],
+        field: Field,
+    ) -> None:
+        self._looks, self._pings, self._weights, self._field = looks, pings, weights, field
+        #: λ of each range bin of each ping.
+        self.expected = np.ones((len(pings), looks.kind.shape[1]), np.float32)
+        self._scatterers = Scatterers(np.zeros(0, np.int32), np.zeros(0, np.uint8))
+        self._power = np.zeros(0, np.float32)
+        self._faintest = faintest_weights(looks, pings)
+        self._groups: list[_Group] = []
+
+    def start(self) -> None:
+        """Begin with all cells that may have returned echoes, and thin them out."""
+        cells = candidates(*count_all_hits(self._looks, self._pings, self._weights, self._field))
+        self._begin(Scatterers(cells, np.full(len(cells), ALL_OF_IT, np.uint8)))
+        self.sweep(COARSE_SWEEPS)
+        cells = np.repeat(cells[self._power > 0.0], QUARTERS)
+        quarters = np.arange(len(cells)) % QUARTERS
+        self._begin(Scatterers(cells, quarters.astype(np.uint8)))
+
+    @property
+    def power(self) -> NDArray[np.float32]:
+        """Powers of the quarters of all cells, one behind the other."""
+        power = np.zeros(self._field.rows * self._field.columns * QUARTERS, np.float32)
+        cell, part = self._scatterers
+        power[cell.astype(np.int64) * QUARTERS + part] = self._power
+        return power
+
+    def renew_shadows(self, depth: NDArray[np.float32]) -> None:
+        """Cast rays, and let what is left of the sound count; what has no power goes.
+
+        Parameters
+        ----------
+        depth : (rows, columns) float32 array
+            Optical depth of each cell.
+        """
+        alive = self._power > 0.0
+        number = np.where(alive, np.cumsum(alive) - 1, -1).astype(np.int32)
+        self._scatterers = Scatterers(self._scatterers.cell[alive], self._scatterers.part[alive])
+        self._power = self._power[alive]
+
+        def renewed(group: _Group) -> _Group:
+            which, rows, heard = group
+            if heard is rows:
+                heard = empty_rows(int(rows.start[-1]) + 1, np.zeros_like(rows.start))
+            left = cast_rays(self._looks, self._pings[which], self._field, depth)
+            cast_shadows(rows, number, left, self._faintest[which], heard)
+            return _Group(which, rows, heard)
+
+        self._groups = for_each(renewed, self._groups)
+
+    def sweep(self, sweeps: int) -> None:
+        """Update all powers by all pings, again and again."""
+
+        def gradients(group: _Group) -> NDArray[np.float32]:
+            sums = np.zeros((len(self._power), 2), np.float32)
+            gather_gradients(
+                self._looks, self._pings[group.which], self._weights[group.which], group.heard,
+                self._power, sums,
+            )  # fmt: skip
+            return sums
+
+        for _ in range(sweeps):
+            first, *others = for_each(gradients, self._groups)
+            for more in others:
+                first += more
+            update_powers(self._power, first)
+
+    def expect(self, among: BoolArray | None = None) -> None:
+        """Set what is expected of all pings.
+
+        Parameters
+        ----------
+        among : (cells,) bool array, optional
+            Cells that count; without it all do.
+        """
+        power = self._power
+        if among is not None:
+            power = np.where(among[self._scatterers.cell], power, np.float32(0.0))
+
+        def expect(group: _Group) -> None:
+            expected = self.expected[group.which]
+            expect_powers(self._looks, self._pings[group.which], group.heard, power, expected)
+
+        for_each(expect, self._groups)
+
+    def weigh(self, forgetting: float) -> CellEvidence:
+        """Evidence of all cells.
+
+        Parameters
+        ----------
+        forgetting : float
+            Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+        """
+        self.expect()
+        cells = cells_of(self._scatterers.cell, self._field)
+        said = for_each(
+            lambda group: weigh_pings(
+                self._looks, self._pings[group.which], group.heard, self._power,
+                self.expected[group.which], cells, self._field,
+            ),
+            self._groups,
+        )  # fmt: skip
+        evidence = no_evidence(self._field)
+        for group, each in zip(self._groups, said, strict=True):
+            add_said(
+                self._looks, self._pings[group.which], self._weights[group.which], each, cells,
+                self._field, forgetting, evidence,
+            )  # fmt: skip
+        return evidence
+
+    def _begin(self, scatterers: Scatterers) -> None:
+        """Project scatterers, all of one power, without shadows."""
+        self._scatterers = scatterers
+        self._power = np.full(len(scatterers.cell), FIRST_POWER, np.float32)
+
+        def projected(which: slice) -> _Group:
+            rows = project(self._looks, self._pings[which], self._field, scatterers)
+            return _Group(which, rows, rows)
+
+        self._groups = for_each(projected, groups(len(self._pings)))
+
+
+def groups(pings: int) -> list[slice]:
+    """Groups that pings are divided into: always the same for as many pings."""
+    count = max(1, min(MOST_GROUPS, pings // LEAST_PINGS))
+    edges = [pings * index // count for index in range(count + 1)]
+    return [slice(*pair) for pair in pairwise(edges)]

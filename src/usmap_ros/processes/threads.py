@@ -1,0 +1,37 @@
+"""Threads of this process that compiled loops run in, which hold no lock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import TypeVar
+
+from usmap_ros.processes.cores import available_cores
+
+Part = TypeVar("Part")
+Result = TypeVar("Result")
+
+
+def for_each(work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Result]:
+    """What work makes of each part, in their order, with as many threads as there are cores.
+
+    Parameters
+    ----------
+    work : callable
+        Changes nothing that it also does to another part; what it raises is raised here.
+    parts : iterable
+        What it is called with.
+    """
+    parts = list(parts)
+    threads = min(available_cores(), len(parts))
+    if threads < 2:
+        return [work(part) for part in parts]
+    return list(_executor(os.getpid(), threads).map(work, parts))
+
+
+@cache
+def _executor(process: int, threads: int) -> ThreadPoolExecutor:
+    """Threads of a process: what is forked has none of those of its parent."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="usmap")

@@ -1,0 +1,20 @@
+"""Work that is divided among threads."""
+
+import pytest
+
+from usmap_ros.processes import threads
+from usmap_ros.processes.threads import for_each
+
+
+@pytest.mark.parametrize("cores", [1, 2, 5])
+def test_results_come_in_the_order_of_the_parts(
+    monkeypatch: pytest.MonkeyPatch, cores: int
+) -> None:
+    monkeypatch.setattr(threads, "available_cores", lambda: cores)
+    assert for_each(lambda number: number**2, range(20)) == [number**2 for number in range(20)]
+
+
+def test_what_a_part_raises_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "available_cores", lambda: 2)
+    with pytest.raises(ZeroDivisionError):
+        for_each(lambda number: 1 // number, [1, 0])

@@ -80,8 +80,9 @@ def map_bags(
     poses: Annotated[
         Poses | None,
         typer.Option(
-            help="Map with poses as they were told, or refine them by the echoes; without it,"
-            " odometry, whose covariance grows or whose frame is the robot's own, is refined.",
+            help="Short for --set poses.use=...: map with poses as they were told, or refine them"
+            " by the echoes; without it, odometry, whose covariance grows or whose frame is the"
+            " robot's own, is refined.",
         ),
     ] = None,
     jobs: Annotated[
@@ -122,17 +123,21 @@ def map_bags(
         typer.confirm(f"{output}: holds a map already; replace it?", abort=True, err=True)
     _refuse_twice("mapping.method", "--method", method, settings)
     _refuse_twice("mapping.resolution_m", "--resolution", resolution, settings)
+    _refuse_twice("poses.use", "--poses", poses, settings)
     chosen = [f"mapping.method={method}"] if method else []
+    chosen += [f"poses.use={poses.value}"] if poses else []
     parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
-    order = _Order(output, parameters, jobs, passes, without or [], frame or "", poses)
+    order = _Order(output, parameters, jobs, passes, without or [], frame or "")
     _refuse_idle(order, scheduler)
     recordings = find_recordings(bags, besides=output)
     if scheduler is None and set(recordings) == set(bags):
         _map_together(order, bags, resume, as_json=as_json)
     elif resume is not None:
         raise typer.BadParameter("--resume goes with single recordings, on this machine")
-    elif poses is Poses.refined:
-        raise typer.BadParameter("refined: goes with single recordings", param_hint="'--poses'")
+    elif parameters.poses.use == "refined" or parameters.poses.starts():
+        raise typer.BadParameter(
+            "refined, and poses.initial_poses: go with single recordings", param_hint="'--poses'"
+        )
     else:
         _map_collection(order, recordings, scheduler, as_json=as_json)
 
@@ -147,7 +152,6 @@ class _Order:
     passes: int
     without: list[str]
     frame: str
-    poses: Poses | None
 
 
 def _refuse_twice(key: str, option: str, value: object, settings: list[str] | None) -> None:
@@ -216,10 +220,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
             reconstructors(pipeline, order.jobs or cores) as workers,
             console.progress("mapping", pings) as step,
         ):
-            run = map_bag(
-                bag, pipeline, paths, lambda topic, cone: step(), workers, order.without,
-                None if order.poses is None else order.poses.value,
-            )  # fmt: skip
+            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
         pipeline.refine(order.passes)
         occupancy = pipeline.occupancy_map()
         summary = save_map(

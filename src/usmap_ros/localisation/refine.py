@@ -7,7 +7,7 @@ otherwise, odometry stands.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,7 +56,12 @@ class Refinement:
         }
 
 
-def refine_poses(pings: Sequence[Ping], *, insists: bool = False) -> Refinement:
+def refine_poses(
+    pings: Sequence[Ping],
+    *,
+    insists: bool = False,
+    kinds: Mapping[str, PoseKind] | None = None,
+) -> Refinement:
     """Correct the poses of robots that drift.
 
     Parameters
@@ -66,6 +71,8 @@ def refine_poses(pings: Sequence[Ping], *, insists: bool = False) -> Refinement:
     insists : bool
         Take poses that seem to be absolute for odometry as well, of which no covariance says how
         far it drifts.
+    kinds : mapping of str to PoseKind, optional
+        What the poses of each robot are, if `kinds_of` would not see it any more.
 
     Returns
     -------
@@ -73,17 +80,26 @@ def refine_poses(pings: Sequence[Ping], *, insists: bool = False) -> Refinement:
         Robots whose poses are absolute keep them; they help to correct the others.
     """
     rows = _rows_by_robot(pings)
-    found = {robot: pose_kind([pings[row][1] for row in own]) for robot, own in rows.items()}
-    if insists:
-        steady = [robot for robot, kind in found.items() if kind is PoseKind.ABSOLUTE]
-        found |= dict.fromkeys(steady, PoseKind.INSISTED)
+    found = dict(kinds) if kinds is not None else kinds_of(pings, insists=insists)
     refined = list(pings)
     corrections_m: dict[str, float] = {}
     for robots in _by_frame(pings, rows):
         drifting = [robot for robot in robots if found[robot] is not PoseKind.ABSOLUTE]
         if drifting:
             corrections_m |= _refine_frame(refined, {one: rows[one] for one in robots}, found)
-    return Refinement(refined, found, corrections_m)
+    return Refinement(refined, {robot: found[robot] for robot in rows}, corrections_m)
+
+
+def kinds_of(pings: Sequence[Ping], *, insists: bool = False) -> dict[str, PoseKind]:
+    """What the poses of each robot are; parameters are those of `refine_poses`."""
+    found = {
+        robot: pose_kind([pings[row][1] for row in own])
+        for robot, own in _rows_by_robot(pings).items()
+    }
+    if insists:
+        steady = [robot for robot, kind in found.items() if kind is PoseKind.ABSOLUTE]
+        found |= dict.fromkeys(steady, PoseKind.INSISTED)
+    return found
 
 
 def _rows_by_robot(pings: Sequence[Ping]) -> dict[str, NDArray[np.intp]]:

@@ -16,6 +16,8 @@ from usmap_ros.numerics.arrays import FloatArray
 
 #: Odometry that states no covariance: errors for the root of each metre (m, rad).
 _SLIP_M, _TURN_RAD = 0.02, 0.026
+#: Rounding of covariances, m² or rad².
+_NOTHING = 1e-12
 #: What even the best odometry is off: between any two knots, and for each metre (m, rad).
 _FLOOR_M, _FLOOR_RAD = 0.002, 0.003
 _FLOOR_M_PER_M, _FLOOR_RAD_PER_M = 0.005, 0.003
@@ -62,14 +64,15 @@ class Track:
 
     def _informations(self, knots: NDArray[np.intp]) -> FloatArray:
         """How well increments are known, as inverse covariances in the first knot's own axes."""
-        is_stated = self.is_stated and bool(self.covariances.any())
-        told, known = self.told[knots], self.covariances[knots] * is_stated
+        told, known = self.told[knots], self.covariances[knots] * self.is_stated
         step = told[1:] - told[:-1]
         carried = np.tile(np.eye(3), (len(step), 1, 1))
         carried[:, 0, 2], carried[:, 1, 2] = -step[:, 1], step[:, 0]
         turn = turned_into(told[:-1])
         cost = known[1:] - carried @ known[:-1] @ np.swapaxes(carried, 1, 2)
         cost = turn @ cost @ np.swapaxes(turn, 1, 2)
+        # Where the start is uncertain and nothing is added to it, nothing is said of the way.
+        is_stated = bool(np.abs(cost).max(initial=0.0) > _NOTHING)
         values, vectors = np.linalg.eigh(0.5 * (cost + np.swapaxes(cost, 1, 2)))
         cost = (vectors * np.maximum(values, 0.0)[:, np.newaxis]) @ np.swapaxes(vectors, 1, 2)
         way_m = self._ways_m(knots)

@@ -4,8 +4,8 @@ YAML files, options of the command line, ROS parameters with their descriptors, 
 example files and the reference page are derived from these declarations.
 
 `fields` says how a parameter is declared, `pipeline` has those of reconstruction and mapping,
-`reception` those of what traces lack, `nodes` those of the live nodes.  Scenario files are
-declared in the same way, in `usmap_ros.simulation`.
+`reception` those of what traces lack, `poses` those of where robots are, `nodes` those of the live
+nodes.  Scenario files are declared in the same way, in `usmap_ros.simulation`.
 """
 
 from usmap_ros.parameters.fields import ParameterGroup, quantity
@@ -14,6 +14,7 @@ from usmap_ros.parameters.pipeline import (
     PipelineParameters,
     ReconstructionParameters,
 )
+from usmap_ros.parameters.poses import PoseParameters
 from usmap_ros.parameters.reception import (
     CorrectionParameters,
     PulseParameters,
@@ -25,6 +26,7 @@ __all__ = [
     "MappingParameters",
     "ParameterGroup",
     "PipelineParameters",
+    "PoseParameters",
     "PulseParameters",
     "ReconstructionParameters",
     "RingingParameters",

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import model_validator
 
 from usmap_ros.parameters.fields import ParameterGroup, quantity
+from usmap_ros.parameters.poses import PoseParameters
 from usmap_ros.parameters.reception import (
     CorrectionParameters,
     Numbers,
@@ -278,3 +279,4 @@ class PipelineParameters(ParameterGroup):
 
     reconstruction: ReconstructionParameters = ReconstructionParameters()
     mapping: MappingParameters = MappingParameters()
+    poses: PoseParameters = PoseParameters()

@@ -31,7 +31,7 @@ from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.runs.poses import PoseChoice, PoseRun
+from usmap_ros.runs.poses import PoseRun
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
 
 logger = logging.getLogger(__name__)
@@ -107,7 +107,6 @@ def map_bag(
     on_cone: ConeCallback | None = None,
     workers: Reconstructors | None = None,
     without: Collection[str] = (),
-    poses: PoseChoice | None = None,
 ) -> MappingRun:
     """Put every ping of an open recording into a pipeline's map.
 
@@ -125,8 +124,6 @@ def map_bag(
         Processes that reconstruct its traces; without them the caller's does.
     without : collection of str
         Topics, or robots, whose pings stay out of the map.
-    poses : "told" or "refined", optional
-        Which poses to map with; None: odometry is refined, absolute poses are used as told.
 
     Raises
     ------
@@ -135,7 +132,7 @@ def map_bag(
     MapSizeError
         If a single ping makes the map too large.
     """
-    run, seen, apart = MappingRun(poses=PoseRun(poses)), SeenPings(), SetApart()
+    run, seen, apart = MappingRun(poses=_poses(pipeline)), SeenPings(), SetApart()
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
@@ -165,6 +162,10 @@ def map_bag(
         raise _why_nothing(bag, left_out, apart)
     run.robots = consistency.findings(pipeline.fusion.by_others())
     return run
+
+
+def _poses(pipeline: Pipeline) -> PoseRun:
+    return PoseRun(pipeline.parameters, pipeline.fusion.frame_id)
 
 
 def learn_pulses(bag: BagReader, pipeline: Pipeline) -> None:

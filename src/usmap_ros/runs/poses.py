@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
 from usmap_ros.mapping.far_off import Ping
+from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths
 
-#: What a user may insist on.
-PoseChoice = Literal["told", "refined"]
 #: A robot whose covariance has not grown over so long a way, or so many pings, has absolute poses.
 _WAY_M, _PINGS = 1.0, 2000
 
@@ -26,15 +25,18 @@ class PoseRun:
 
     Parameters
     ----------
-    choice : "told", "refined" or None
-        What a user insists on; None: odometry is refined, absolute poses are used as they are.
+    parameters : PipelineParameters
+        ``poses`` says what a user insists on.
+    frame_id : str
+        The map's frame, if it is stated.
     told : RobotPaths
         Paths as they were told, if they were refined.
     robots : dict
         What poses were and how far they were moved, by robot, for ``summary.json``.
     """
 
-    choice: PoseChoice | None = None
+    parameters: PipelineParameters = field(default_factory=PipelineParameters)
+    frame_id: str = ""
     told: RobotPaths = field(default_factory=RobotPaths)
     robots: dict[str, Any] = field(default_factory=dict)
 
@@ -48,12 +50,13 @@ class PoseRun:
         All pings are held back until the last one is there if some robot drifts; and until it is
         known whether one does.
         """
-        if self.choice == "told":
+        wanted = self.parameters.poses
+        if wanted.use == "told" and not wanted.starts():
             yield from pings
             return
         stream = iter(pings)
         held: list[Ping] = []
-        drifts = self.choice == "refined"
+        drifts = wanted.use != "auto"
         if not drifts:
             drifts = _drifts(stream, held)
         if not drifts:
@@ -64,12 +67,12 @@ class PoseRun:
         yield from self._refined(held)
 
     def _refined(self, held: list[Ping]) -> list[Ping]:
-        from usmap_ros.localisation.refine import refine_poses
+        from usmap_ros.runs.correction import correct_poses
 
         if not held:
             return []
-        done = refine_poses(held, insists=self.choice == "refined")
-        self.robots = done.summary()
+        done = correct_poses(held, self.parameters, self.frame_id)
+        self.robots = {robot: one.summary() for robot, one in done.robots.items()}
         for topic, cone in held:
             x_m, y_m, _ = map(float, cone.pose.position_m)
             self.told.add(topic, x_m, y_m, Beam.of(cone), cone.stamp_ns)

@@ -7,7 +7,12 @@ import numpy as np
 from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.poses import PoseRun
+
+
+def choosing(use: str) -> PipelineParameters:
+    return PipelineParameters.model_validate({"poses": {"use": use}})
 
 
 def pings(growth: float = 0.0) -> list[Ping]:
@@ -47,12 +52,12 @@ def test_odometry_is_refined_and_what_was_told_is_kept() -> None:
 
 
 def test_told_poses_are_used_where_a_user_wants_them() -> None:
-    run, told = PoseRun("told"), pings(1e-4)
+    run, told = PoseRun(choosing("told")), pings(1e-4)
     assert all(one is other for one, other in zip(run.corrected(told), told, strict=True))
 
 
 def test_a_user_may_insist_that_absolute_poses_are_refined() -> None:
-    run = PoseRun("refined")
+    run = PoseRun(choosing("refined"))
     list(run.corrected(pings()))
     assert run.summary()["robots"]["robot1"]["poses"] == "odometry, as insisted on"
 
@@ -65,5 +70,5 @@ def test_a_robot_that_parks_at_first_is_waited_for() -> None:
 
 
 def test_no_pings_are_no_error() -> None:
-    for choice in (None, "told", "refined"):
-        assert list(PoseRun(choice).corrected([])) == []
+    for choice in ("auto", "told", "refined"):
+        assert list(PoseRun(choosing(choice)).corrected([])) == []

@@ -1,0 +1,92 @@
+"""Robots that nobody knows the starts of: who is joined, and whether rightly.
+
+Three robots whose odometry begins at their own starts, in scenes drawn at random: ``python
+benchmarks/joining.py --kinds flat_rough --seeds 61 62 63``.  With ``--apart``, robots of one scene
+and of the scene of the next seed, which must not be joined.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+import scenes
+from poses import Ping, places, scenario
+
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.correction import Corrected, correct_poses
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate, true_paths
+
+
+def unknown_starts(kind: str, seed: int, pings: int, speed_m_s: float) -> Scenario:
+    """A scene in which robots drift from starts of their own."""
+    content = scenario(kind, seed, pings, speed_m_s).model_dump()
+    for robot in content["robots"]:
+        robot["odometry"] = {"start": "unknown"}
+    return Scenario.from_mapping(content, scenes.FLAT.parent / "drifting.yaml")
+
+
+def heard(scene: Scenario, prefix: str = "") -> list[Ping]:
+    """Cones of a scene; a prefix keeps robots of several scenes apart."""
+    pipeline = Pipeline()
+    pings = []
+    for topic, trace in simulate(scene):
+        cone = pipeline.reconstruct(trace)
+        own = {name: f"{prefix}{getattr(cone, name)}" for name in ("frame_id", "child_frame_id")}
+        pings.append((f"/{prefix}{topic.strip('/')}", replace(cone, **own)))
+    return pings
+
+
+def off_m(done: Corrected, true: dict[tuple[str, int], Pose], robots: list[str]) -> float:
+    """How far places of robots in one frame are off, laid over the true ones (RMS)."""
+    found, real = [], []
+    for topic, cone in done.pings:
+        if topic.split("/")[1] in robots:
+            found.append(cone.pose.position_m[:2])
+            real.append(true[topic, cone.stamp_ns].position_m[:2])
+    ours, theirs = np.array(found), np.array(real)
+    ours, theirs = ours - ours.mean(axis=0), theirs - theirs.mean(axis=0)
+    left, _, right = np.linalg.svd(theirs.T @ ours)
+    turn = left @ np.diag([1.0, np.linalg.det(left @ right)]) @ right
+    return float(np.sqrt(np.mean(np.sum((ours @ turn.T - theirs) ** 2, axis=1))))
+
+
+def main() -> None:
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kinds", nargs="+", choices=scenes.KINDS, default=["flat_rough"])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[61, 62, 63])
+    parser.add_argument("--pings", type=int, default=400)
+    parser.add_argument("--speed", type=float, default=0.6)
+    parser.add_argument("--apart", action="store_true", help="robots of two scenes")
+    arguments = parser.parse_args()
+    print("| scene | seed | joined | off, m | ms a ping |\n|---|---|---|---|---|")
+    for kind in arguments.kinds:
+        for seed in arguments.seeds:
+            scene = unknown_starts(kind, seed, arguments.pings, arguments.speed)
+            pings, true = heard(scene), places(true_paths(scene))
+            if arguments.apart:
+                other = unknown_starts(kind, seed + 1, arguments.pings, arguments.speed)
+                pings = sorted(pings + heard(other, "other_"), key=lambda ping: ping[1].stamp_ns)
+            started_s = time.process_time()
+            done = correct_poses(pings, PipelineParameters())
+            cost_ms = (time.process_time() - started_s) / len(pings) * 1e3
+            groups: dict[str, list[str]] = {}
+            for robot, one in done.robots.items():
+                groups.setdefault(one.frame_id, []).append(robot)
+            joined = [group for group in groups.values() if len(group) > 1]
+            off = [
+                "wrong" if len({one.startswith("other_") for one in group}) > 1
+                else f"{off_m(done, true, group):.2f}" if not group[0].startswith("other_") else "-"
+                for group in joined
+            ]  # fmt: skip
+            names = "; ".join(" ".join(group) for group in joined) or "nobody"
+            print(f"| {kind} | {seed} | {names} | {'; '.join(off)} | {cost_ms:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,231 @@
+"""Two robots' maps laid over each other, where nobody knows how their frames relate.
+
+Correlative matching (Olson, ICRA 2009) over all turns, and over all shifts at once by Fourier
+transforms.  Both maps are asked: what one holds for occupied ought to be so in the other, and
+speaks against a match where that knows of free space.  A match counts only if no other one is
+nearly as good: rooms that are alike, mirror walls and corridors are left alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter
+
+from usmap_ros.grids import FREE_VALUE, OCCUPIED_VALUE, GridGeometry, OccupancyMap
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: By how much what stands may seem to be elsewhere (standard deviation, m); of free space twice.
+_OFF_M = 0.1
+#: What stands in the other's free space speaks against a match by so much more than what both have
+#: speaks for it.
+_AGAINST = 4.0
+#: Cells of the search over shifts (m), and its turns (rad).
+_CELL_M, _TURN_RAD = 0.1, math.radians(2.5)
+#: What stands counts by pieces of such a side, m: a pole is as much as so much of a wall.
+_PIECE_M = 0.3
+#: Peaks of each turn, and matches that are refined.
+_PEAKS, _REFINED = 6, 12
+#: Matches are different if places are so far from each other, root mean square in m.
+_APART_M = 0.4
+#: Steps of the refinement (m), the turn being half a coarse one at first.
+_FIRST_STEP_M, _LAST_STEP_M = 0.05, 0.01
+#: A match is sure from so many pieces on, net of what speaks against it and of both maps, and if
+#: the next best has so much less in units of the root of its number: chosen so that no rooms of
+#: seeds 51 to 55 of `benchmarks/scenes.py` that differ are joined, nor parts of one wrongly.
+_LEAST_PIECES, _LEAST_MARGIN = 12.0, 2.6
+
+
+@dataclass(frozen=True)
+class Submap:
+    """What a match looks at.
+
+    Parameters
+    ----------
+    places_m : (n, 2) array
+        Centres of occupied cells.
+    weights : (n,) array
+        Pieces that each is worth.
+    worth : (rows, columns) array
+        What an occupied cell of another map counts here: 1 where something stands, less than 0
+        where it is free, 0 where nothing is known.
+    geometry : GridGeometry
+        Of `worth`.
+    """
+
+    places_m: FloatArray
+    weights: FloatArray
+    worth: FloatArray
+    geometry: GridGeometry
+
+    @classmethod
+    def of(cls, occupancy: OccupancyMap) -> Submap:
+        """From a map."""
+        geometry, values = occupancy.geometry, occupancy.trinary()
+        stands: BoolArray = values == OCCUPIED_VALUE
+        places_m = geometry.cell_centers_m(*np.nonzero(stands))
+        worth = np.zeros(geometry.shape)
+        if stands.any():
+            apart = np.asarray(distance_transform_edt(~stands)) * geometry.resolution_m / _OFF_M
+            is_clear = (values == FREE_VALUE) * (1.0 - np.exp(-0.125 * apart**2))
+            worth = np.exp(-0.5 * apart**2) - _AGAINST * is_clear
+        pieces = np.floor(places_m / _PIECE_M).astype(np.int64)
+        _, piece, count = np.unique(pieces, axis=0, return_inverse=True, return_counts=True)
+        return cls(places_m, 1.0 / count[piece.ravel()], worth, geometry)
+
+    def worth_at(self, places_m: FloatArray) -> FloatArray:
+        """What occupied cells at some places count, (n,)."""
+        geometry = self.geometry
+        cells = (places_m - geometry.origin_m) / geometry.resolution_m - 0.5
+        return np.asarray(map_coordinates(self.worth, cells.T[::-1], order=1, cval=0.0))
+
+    @property
+    def centre_m(self) -> FloatArray:
+        """Of what stands."""
+        return np.asarray(self.places_m.mean(axis=0))
+
+    @property
+    def radius_m(self) -> float:
+        """How far from there it reaches."""
+        return float(np.hypot(*(self.places_m - self.centre_m).T).max())
+
+
+@dataclass(frozen=True)
+class Match:
+    """How one map lies over another.
+
+    Parameters
+    ----------
+    change : (3,) array
+        x, y (m) and yaw (rad) of the second map's frame in the first one's.
+    about_m : (2,) array
+        Centre of the second map, in its frame: what the match is off, it is off there.
+    pieces : float
+        What it counts.
+    margin : float
+        How much less the next best counts, in units of the root of `pieces`.
+    """
+
+    change: FloatArray
+    about_m: FloatArray
+    pieces: float
+    margin: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether there is enough evidence, and none for another one."""
+        return self.pieces >= _LEAST_PIECES and self.margin >= _LEAST_MARGIN
+
+
+def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
+    """How a map lies over another; None if one of them shows nothing.
+
+    Parameters
+    ----------
+    one, other : OccupancyMap
+        In frames whose relation is not known.
+    """
+    first, second = Submap.of(one), Submap.of(other)
+    if not len(first.places_m) or not len(second.places_m):
+        return None
+    found: list[tuple[float, FloatArray]] = []
+    for change in _distinct(second, _search(first, second), _REFINED):
+        found.append(_refined(first, second, change))
+    found.sort(key=lambda end: -end[0])
+    best, change = found[0]
+    others = [pieces for pieces, end in found[1:] if _apart_m(second, change, end) > _APART_M]
+    margin = (best - max(others, default=0.0)) / math.sqrt(max(best, 1.0))
+    return Match(change, second.centre_m, best, margin)
+
+
+def _turn(angle_rad: float) -> FloatArray:
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def _pieces(first: Submap, second: Submap, change: FloatArray) -> float:
+    """What counts for a match, less what counts against it."""
+    turn = _turn(change[2])
+    there = first.worth_at(second.places_m @ turn.T + change[:2])
+    back = second.worth_at((first.places_m - change[:2]) @ turn)
+    return float(there @ second.weights + back @ first.weights)
+
+
+def _apart_m(second: Submap, change: FloatArray, other: FloatArray) -> float:
+    """How far two matches put the same places from each other."""
+    off_m = second.places_m @ (_turn(change[2]) - _turn(other[2])).T + change[:2] - other[:2]
+    return math.sqrt(float(np.mean(np.sum(off_m**2, axis=1))))
+
+
+def _distinct(second: Submap, changes: FloatArray, most: int) -> list[FloatArray]:
+    """The first of those changes that are much the same."""
+    kept: list[FloatArray] = []
+    for change in changes:
+        if all(_apart_m(second, change, other) > _APART_M for other in kept):
+            kept.append(change)
+            if len(kept) == most:
+                break
+    return kept
+
+
+def _raster(submap: Submap, angle_rad: float, side: int) -> tuple[FloatArray, FloatArray]:
+    """Worth, and whether anything stands, around the centre of a map that is turned."""
+    turn, steps_m = _turn(angle_rad), (np.arange(side) - side // 2) * _CELL_M
+    places_m = np.stack(np.meshgrid(steps_m, steps_m), axis=-1).reshape(-1, 2)
+    worth = submap.worth_at(places_m @ turn + submap.centre_m).reshape(side, side)
+    cells = np.rint((submap.places_m - submap.centre_m) @ turn.T / _CELL_M).astype(np.int64)
+    stands = np.zeros((side, side))
+    stands[cells[:, 1] + side // 2, cells[:, 0] + side // 2] = 1.0
+    return worth, stands
+
+
+def _search(first: Submap, second: Submap) -> FloatArray:
+    """Changes that are better than their neighbours, (n, 3), the best one first."""
+    reaches = math.ceil(first.radius_m / _CELL_M), math.ceil(second.radius_m / _CELL_M)
+    side = 2 * max(reaches) + 6
+    whole = fft.next_fast_len(2 * sum(reaches) + 12, real=True)
+    ours = [fft.rfft2(each, (whole, whole)) for each in _raster(first, 0.0, side)]
+    peaks: list[tuple[float, FloatArray]] = []
+    for angle_rad in np.arange(0.0, 2.0 * math.pi, _TURN_RAD):
+        worth, stands = (
+            np.conj(fft.rfft2(each, (whole, whole))) for each in _raster(second, angle_rad, side)
+        )
+        counts = fft.irfft2(ours[0] * stands + ours[1] * worth, (whole, whole))
+        for count, shift_m in _peaks(counts):
+            place = first.centre_m + shift_m - _turn(angle_rad) @ second.centre_m
+            peaks.append((count, np.append(place, angle_rad)))
+    peaks.sort(key=lambda peak: -peak[0])
+    return np.array([change for _, change in peaks])
+
+
+def _peaks(counts: FloatArray) -> Iterator[tuple[float, FloatArray]]:
+    """The highest places of a circular correlation, and the shifts that they stand for."""
+    whole = len(counts)
+    tops = np.flatnonzero(counts == maximum_filter(counts, 5, mode="wrap"))
+    highest = tops[np.argsort(-counts.ravel()[tops], kind="stable")[:_PEAKS]]
+    for row, column in zip(*np.unravel_index(highest, counts.shape), strict=True):
+        steps = (np.array([column, row]) + whole // 2) % whole - whole // 2
+        yield float(counts[row, column]), steps * _CELL_M
+
+
+def _refined(first: Submap, second: Submap, change: FloatArray) -> tuple[float, FloatArray]:
+    """A change improved step by step, and what it counts."""
+    best, centre_m = _pieces(first, second, change), second.centre_m
+    step_m = _FIRST_STEP_M
+    while step_m >= _LAST_STEP_M:
+        steps = np.diag([step_m, step_m, _TURN_RAD * step_m / (2.0 * _FIRST_STEP_M)])
+        has_moved = False
+        for step in (*steps, *-steps):
+            tried = change + step
+            # Turned about the centre of what stands.
+            tried[:2] += (_turn(change[2]) - _turn(tried[2])) @ centre_m
+            pieces = _pieces(first, second, tried)
+            if pieces > best:
+                best, change, has_moved = pieces, tried, True
+        if not has_moved:
+            step_m *= 0.5
+    return best, change

@@ -1,0 +1,101 @@
+"""Poses that a map is made with, from those that were told: offline and live alike."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame
+from usmap_ros.localisation.refine import kinds_of, refine_poses
+from usmap_ros.mapping.far_off import Ping
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.joining import WORLD, join_robots, with_starts
+
+
+@dataclass(frozen=True)
+class RobotPoses:
+    """What became of the poses of a robot.
+
+    Parameters
+    ----------
+    kind : PoseKind
+        What they were.
+    frame_id : str
+        The frame that they are in now.
+    state : str
+        ``joined`` with others in this frame, or ``alone``.
+    correction_m : float
+        Root mean square of how far places were moved within their frame.
+    """
+
+    kind: PoseKind
+    frame_id: str
+    state: str
+    correction_m: float
+
+    def summary(self) -> dict[str, object]:
+        """Of ``summary.json``."""
+        return {
+            "poses": self.kind.value,
+            "frame_id": self.frame_id,
+            "state": self.state,
+            "correction_m": self.correction_m,
+        }
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """Pings with corrected poses.
+
+    Parameters
+    ----------
+    pings : list of (topic, EchoCone)
+        In the order they came in.
+    robots : dict
+        What became of each robot's poses.
+    """
+
+    pings: list[Ping]
+    robots: dict[str, RobotPoses] = field(default_factory=dict)
+
+
+def correct_poses(
+    pings: Sequence[Ping], parameters: PipelineParameters, frame_id: str = ""
+) -> Corrected:
+    """Refine poses that drift, and join robots that state no relation between their frames.
+
+    Parameters
+    ----------
+    pings : sequence of (topic, EchoCone)
+        Of all robots, as told.
+    parameters : PipelineParameters
+        ``poses`` says what is wanted; the others are of the maps that robots are joined by.
+    frame_id : str
+        The map's frame; empty: the one that robots share, or `joining.WORLD`.
+    """
+    wanted, world = parameters.poses, frame_id or _shared_frame(pings) or WORLD
+    kinds = kinds_of(pings, insists=wanted.use == "refined")
+    told = with_starts(pings, wanted.starts(), world)
+    if wanted.use == "told":
+        return Corrected(told)
+    refined = refine_poses(told, kinds=kinds)
+    joining = join_robots(told, refined.pings, kinds, parameters, world)
+    return Corrected(
+        joining.pings,
+        {
+            robot: RobotPoses(
+                kind,
+                joining.frames[robot],
+                joining.state(robot),
+                refined.corrections_m.get(robot, 0.0),
+            )
+            for robot, kind in kinds.items()
+        },
+    )
+
+
+def _shared_frame(pings: Sequence[Ping]) -> str:
+    """The frame of most pings that are in no robot's own; empty if there are none."""
+    frames = Counter(cone.frame_id for _, cone in pings if not is_own_frame(cone.frame_id))
+    return frames.most_common(1)[0][0] if frames else ""

@@ -1,0 +1,135 @@
+"""Maps laid over each other, whose frames nobody relates."""
+
+import numpy as np
+import pytest
+
+from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.localisation import match_maps
+
+RESOLUTION_M = 0.05
+Segment = tuple[tuple[float, float], tuple[float, float]]
+#: A room of 6 m x 4 m, its half turn being the same; and what makes one of its ends another.
+WALLS: list[Segment] = [
+    ((0.0, 0.0), (6.0, 0.0)), ((6.0, 0.0), (6.0, 4.0)), ((6.0, 4.0), (0.0, 4.0)),
+    ((0.0, 4.0), (0.0, 0.0)),
+]  # fmt: skip
+POLES = [(1.0, 1.1), (1.8, 3.2), (2.9, 0.9), (3.3, 2.6), (4.1, 1.7), (2.2, 2.1), (4.9, 3.1)]
+NICHE: list[Segment] = [((0.0, 1.4), (1.3, 1.4)), ((1.3, 1.4), (1.3, 0.5))]
+
+
+def along(walls: list[Segment]) -> np.ndarray:
+    """Points on walls, 3 cm apart."""
+    return np.concatenate(
+        [
+            np.linspace(start, end, int(np.hypot(*np.subtract(end, start)) / 0.03))
+            for start, end in walls
+        ]
+    )
+
+
+def turned(places_m: np.ndarray, change: np.ndarray) -> np.ndarray:
+    cosine, sine = np.cos(change[2]), np.sin(change[2])
+    return places_m @ np.array([[cosine, sine], [-sine, cosine]]) + change[:2]
+
+
+def drawn(
+    stands_m: np.ndarray, change: np.ndarray, west_m: float = -0.2, east_m: float = 6.2,
+    seed: int = 0,
+) -> OccupancyMap:  # fmt: skip
+    """A map of what stands from one side of the room to another, in a frame of its own.
+
+    All else there is free; places are off by 3 cm.
+    """
+    rng = np.random.default_rng(seed)
+    stands_m = stands_m[(stands_m[:, 0] > west_m) & (stands_m[:, 0] < east_m)]
+    steps = np.arange(0.0, 6.0, 0.03), np.arange(0.0, 4.0, 0.03)
+    inside_m = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
+    inside_m = inside_m[(inside_m[:, 0] > west_m) & (inside_m[:, 0] < east_m)]
+    stands_m = stands_m + 0.03 * rng.standard_normal(stands_m.shape)
+    stands_m, inside_m = turned(stands_m, change), turned(inside_m, change)
+    low = np.floor(np.concatenate([stands_m, inside_m]).min(axis=0) / RESOLUTION_M) - 1
+    high = np.ceil(np.concatenate([stands_m, inside_m]).max(axis=0) / RESOLUTION_M) + 1
+    columns, rows = (high - low).astype(int)
+    log_odds = np.full((rows, columns), -5.0, np.float32)
+    observed = np.zeros((rows, columns), bool)
+    for places_m, value in ((inside_m, -3.0), (stands_m, 2.0)):
+        column, row = (np.floor(places_m / RESOLUTION_M) - low).astype(int).T
+        log_odds[row, column], observed[row, column] = value, True
+    geometry = GridGeometry(RESOLUTION_M, tuple(low * RESOLUTION_M), (rows, columns))
+    return OccupancyMap(geometry, log_odds, observed, "robot/odom")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_parts_of_a_room_are_laid_over_each_other(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    stands_m = np.concatenate([along(WALLS + NICHE), np.array(POLES)])
+    first, second = (np.append(rng.uniform(-5.0, 5.0, 2), rng.uniform(-3.0, 3.0)) for _ in "ab")
+    one = drawn(stands_m, first, east_m=4.6, seed=seed)
+    other = drawn(stands_m, second, west_m=0.8, seed=seed + 50)
+    match = match_maps(one, other)
+    assert match is not None
+    assert match.is_sure
+    found_m = turned(turned(stands_m, second), match.change)
+    assert np.abs(found_m - turned(stands_m, first)).max() < 0.15
+
+
+def test_walls_that_are_the_same_after_half_a_turn_join_nobody() -> None:
+    one = drawn(along(WALLS), np.array([1.0, 2.0, 0.4]))
+    other = drawn(along(WALLS), np.array([-1.0, 0.5, -1.4]), seed=1)
+    match = match_maps(one, other)
+    assert match is not None
+    assert match.pieces > 50.0
+    assert not match.is_sure
+
+
+def test_poles_say_which_way_round_a_symmetric_room_is() -> None:
+    stands_m = np.concatenate([along(WALLS), np.array(POLES)])
+    one = drawn(stands_m, np.array([1.0, 2.0, 0.4]))
+    other = drawn(stands_m, np.array([-1.0, 0.5, -1.4]), seed=1)
+    match = match_maps(one, other)
+    assert match is not None
+    assert match.is_sure
+    assert match.change[2] % (2.0 * np.pi) == pytest.approx(1.8, abs=0.03)
+
+
+def test_a_corridor_says_nothing_of_how_far_along_it_one_is() -> None:
+    sides = along([((0.0, 1.0), (6.0, 1.0)), ((0.0, 3.0), (6.0, 3.0))])
+    match = match_maps(drawn(sides, np.zeros(3), east_m=4.0), drawn(sides, np.zeros(3), 2.0))
+    assert match is not None
+    assert not match.is_sure
+
+
+def test_a_mirror_image_is_another_room() -> None:
+    stands_m = np.concatenate([along(WALLS + NICHE), np.array(POLES)])
+    mirrored_m = stands_m * [-1.0, 1.0] + [6.0, 0.0]
+    match = match_maps(drawn(stands_m, np.zeros(3)), drawn(mirrored_m, np.zeros(3), seed=1))
+    assert match is not None
+    assert not match.is_sure
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rooms_with_other_things_in_them_are_not_joined(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    maps = [
+        drawn(
+            np.concatenate([along(WALLS), rng.uniform([0.5, 0.5], [5.5, 3.5], (8, 2))]),
+            np.zeros(3),
+            seed=seed,
+        )
+        for _ in range(2)
+    ]
+    match = match_maps(*maps)
+    assert match is not None
+    assert not match.is_sure
+
+
+def test_an_empty_map_lies_nowhere() -> None:
+    empty = drawn(np.zeros((0, 2)), np.zeros(3))
+    assert match_maps(empty, drawn(along(WALLS), np.zeros(3))) is None
+
+
+def test_a_few_poles_are_not_enough() -> None:
+    poles = np.array(POLES[:4])
+    match = match_maps(drawn(poles, np.zeros(3)), drawn(poles, np.array([1.0, 0.0, 1.0]), seed=1))
+    assert match is not None
+    assert not match.is_sure

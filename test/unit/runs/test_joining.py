@@ -1,0 +1,157 @@
+"""Robots in frames of their own: joined where their maps tell how these relate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pings_among_poles import Ping, circle, cone, heard, poles
+
+from usmap_ros.localisation.planar import between, compose
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.correction import Corrected, correct_poses
+from usmap_ros.runs.joining import moved
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate, true_paths
+
+#: Where frames of odometry are whose robots go round among poles.
+STARTS = {"robot1": np.array([1.0, 2.0, 0.5]), "robot2": np.array([-2.0, 1.0, 2.0])}
+#: A room with a corner cut out, poles in it, and two robots.
+ROOM = {
+    "seed": 1,
+    "duration_s": 15.0,
+    "world": {
+        "surface": {
+            "specular_reflectivity": 0.1,
+            "diffuse_reflectivity": 5.0,
+            "scatterers_per_m": 20.0,
+        },
+        "walls": [
+            {
+                "corners_m": [[0, 0], [4.5, 0], [4.5, 2.2], [3.2, 2.2], [3.2, 3.6], [0, 3.6]],
+                "closed": True,
+            }
+        ],
+        "points": [
+            {"x_m": x_m, "y_m": y_m, "reflectivity": 1.0}
+            for x_m, y_m in ((1.0, 1.2), (2.1, 2.5), (3.4, 0.8))
+        ],
+    },
+    "robots": [
+        {
+            "name": name,
+            "motion": {"kind": "random_walk", "speed_m_s": 0.7, "start": start},
+            "odometry": {"start": "unknown"},
+        }
+        for name, start in (("robot1", [0.5, 0.5, 0.5]), ("robot2", [2.6, 1.5, 2.5]))
+    ],
+}
+
+
+def going_round(robot: str) -> list[Ping]:
+    """Pings among poles of a robot in its own frame, whose odometry is exact."""
+    made = []
+    for number, real in enumerate(circle(20)):
+        told = between(STARTS[robot], real)
+        pose = Pose.planar(float(told[0]), float(told[1]), float(told[2]))
+        names = {"frame_id": f"{robot}/odom", "child_frame_id": f"{robot}/sonar"}
+        ranges_m = heard(Pose.planar(*real), poles())
+        made.append((f"/{robot}/echo", cone(pose, ranges_m, number + 1, **names)))
+    return made
+
+
+def places(pings: list[Ping]) -> np.ndarray:
+    """x, y and yaw, (n, 3)."""
+    return np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for _, one in pings])
+
+
+@pytest.fixture(scope="module")
+def in_a_room() -> tuple[list[Ping], np.ndarray]:
+    """Give pings of both robots, and their true poses."""
+    scenario, pipeline = Scenario.from_mapping(ROOM, "a room"), Pipeline()
+    pings = [(topic, pipeline.reconstruct(trace)) for topic, trace in simulate(scenario)]
+    true = {
+        (topic, stamp): Pose(position_m, orientation)
+        for topic, path in true_paths(scenario).items()
+        for stamp, position_m, orientation in zip(
+            path.stamps_ns.tolist(), path.positions_m, path.orientations, strict=True
+        )
+    }
+    real = [true[topic, one.stamp_ns] for topic, one in pings]
+    return pings, np.array([[*pose.position_m[:2], pose.yaw_rad] for pose in real])
+
+
+@pytest.fixture(scope="module")
+def joined(in_a_room: tuple[list[Ping], np.ndarray]) -> Corrected:
+    """Give them as they are after their frames were related."""
+    return correct_poses(in_a_room[0], PipelineParameters())
+
+
+def test_robots_that_hear_the_same_room_share_a_frame(
+    in_a_room: tuple[list[Ping], np.ndarray], joined: Corrected
+) -> None:
+    assert {one.frame_id for _, one in joined.pings} == {"map"}
+    assert {one.state for one in joined.robots.values()} == {"joined"}
+    # The frame is where one of them began.
+    first = next(n for n, (topic, _) in enumerate(in_a_room[0]) if "robot1" in topic)
+    origin = compose(in_a_room[1][first], between(places(in_a_room[0])[first], np.zeros(3)))
+    off_m = (compose(origin, places(joined.pings)) - in_a_room[1])[:, :2]
+    assert np.sqrt(np.mean(np.sum(off_m**2, axis=1))) < 0.2
+
+
+def test_what_is_said_of_robots_goes_into_the_summary(joined: Corrected) -> None:
+    told = joined.robots["robot2"].summary()
+    assert told["poses"] == "odometry from anywhere"
+    assert (told["frame_id"], told["state"]) == ("map", "joined")
+
+
+@pytest.mark.slow
+def test_a_robot_joins_those_that_know_where_they_are(
+    in_a_room: tuple[list[Ping], np.ndarray],
+) -> None:
+    both = [
+        (topic, replace(one, frame_id="world", pose=Pose.planar(*real)) if "1" in topic else one)
+        for (topic, one), real in zip(*in_a_room, strict=True)
+    ]
+    done = correct_poses(both, PipelineParameters())
+    assert {one.frame_id for _, one in done.pings} == {"world"}
+    off_m = (places(done.pings) - in_a_room[1])[:, :2]
+    assert np.hypot(*off_m.T).max() < 0.3
+    for (topic, one), (_, told) in zip(done.pings, both, strict=True):
+        assert one is told or "robot2" in topic
+
+
+@pytest.mark.parametrize("use", ["told", "auto"])
+def test_starts_that_are_stated_need_no_evidence(use: str) -> None:
+    starts = [f"{robot} {' '.join(map(str, start))}" for robot, start in STARTS.items()]
+    parameters = PipelineParameters.model_validate({"poses": {"use": use, "initial_poses": starts}})
+    few = [ping for robot in STARTS for ping in going_round(robot)]
+    done = correct_poses(few, parameters)
+    assert {one.frame_id for _, one in done.pings} == {"map"}
+    true = np.concatenate([circle(20) for _ in STARTS])
+    np.testing.assert_allclose(
+        places(done.pings)[:, :2], true[:, :2], atol=1e-9 if use == "told" else 0.1
+    )
+
+
+def test_a_ping_in_another_frame_is_as_uncertain_as_frame_and_lever_make_it() -> None:
+    known = np.diag([0.01, 0.02, 0.003])
+    inner = Pose.planar(3.0, 1.0, 0.4, planar_covariance=known)
+    change = Pose.planar(1.0, -2.0, np.pi / 2, planar_covariance=np.diag([0.1, 0.1, 0.05]))
+    _, one = moved(("/robot1/echo", cone(inner)), change, np.array([2.0, 1.0]), "map")
+    expected = compose(np.array([1.0, -2.0, np.pi / 2]), np.array([3.0, 1.0, 0.4]))
+    assert one.frame_id == "map"
+    np.testing.assert_allclose([*one.pose.position_m[:2], one.pose.yaw_rad], expected, atol=1e-9)
+    # 1 m from the centre of the match, which lies to the south after the turn.
+    variances = np.diagonal(one.pose.planar_covariance)
+    np.testing.assert_allclose(variances, [0.02 + 0.1 + 0.05, 0.01 + 0.1, 0.003 + 0.05])
+
+
+def test_a_robot_that_has_lost_itself_joins_nobody() -> None:
+    one = going_round("robot1")
+    lost = [
+        (topic, replace(ping, pose=Pose.planar(1e4 * number, 0.0, 0.0)))
+        for number, (topic, ping) in enumerate(going_round("robot2"))
+    ]
+    done = correct_poses(one + lost, PipelineParameters())
+    assert {state.state for state in done.robots.values()} == {"alone"}

@@ -274,8 +274,8 @@ class LiveFusion:
             As in `Consistency.findings`.
         """
         with self._map_lock:
-            consistency, by_others = self._consistency.copy(), self._pipeline.fusion.by_others()
-        return consistency.findings(by_others, between)
+            consistency = self._consistency.copy()
+        return consistency.findings(between)
 
     def leave_out(self, names: Collection[str]) -> None:
         """Take back what some robots, or topics, have said, as far as that is still known."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,34 +17,6 @@ from usmap_ros.numerics.arrays import RealArray
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
-
-
-class LeaveOneOut(Protocol):
-    """A map that can tell what it expects of a robot's pings without that robot's own word."""
-
-    def expected(
-        self,
-        cones: Mapping[str, Sequence[EchoCone]],
-        between: Callable[[], None] = ...,
-        of: Collection[str] | None = None,
-    ) -> Mapping[str, Sequence[Any]]:
-        """What the map expects of robots' pings by what the others' pings say.
-
-        Parameters
-        ----------
-        cones : mapping of str to sequence of EchoCone
-            Pings of each robot; they need not be all that are in the map.
-        between : callable
-            Called between pieces of work, which take milliseconds.
-        of : collection of str, optional
-            The robots that are asked about; all of them by default.
-
-        Returns
-        -------
-        expected : mapping of str to sequence
-            Of each robot its pings beside what the way of fusing expects of them, in a form that
-            `usmap_ros.mapping.robot_check` and it agree on.
-        """
 
 
 class Fusion(ABC):
@@ -159,13 +130,6 @@ class Fusion(ABC):
 
     def _forget_newest(self) -> None:  # noqa: B027 - most keep nothing of a cone but cells
         """Keep nothing of the newest cone but what is in the grid."""
-
-    def by_others(self) -> LeaveOneOut | None:
-        """A copy of the map that tells what each robot owes to the others, in any thread.
-
-        None where a way of fusing has no forward model.
-        """
-        return None
 
     def snapshot(self) -> Callable[[], OccupancyMap]:
         """What makes the map as it is now, in its own time and in any thread.

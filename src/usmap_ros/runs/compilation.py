@@ -25,6 +25,7 @@ import numpy as np
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.joint.surface_lines import surface_lines
 from usmap_ros.mapping.next_view import best_views, candidate_poses
 from usmap_ros.numerics import compiled
@@ -84,9 +85,8 @@ def map_many_pings() -> None:
     pipeline.occupancy_map()
     # Two objects are no wall.
     surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)
-    by_others = pipeline.fusion.by_others()
-    assert by_others is not None
-    by_others.expected({"one": cones[:5], "other": cones[5:]})
+    robots = {"one": cones[:5], "other": cones[5:]}
+    LeaveOneOutMap(robots, pipeline.parameters.mapping).expected(robots)
 
 
 def plan_views() -> None:

@@ -160,7 +160,7 @@ def map_bag(
     run.set_apart = apart.summary()
     if not run.pings:
         raise _why_nothing(bag, left_out, apart)
-    run.robots = consistency.findings(pipeline.fusion.by_others())
+    run.robots = consistency.findings()
     return run
 
 

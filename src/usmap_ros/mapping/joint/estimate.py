@@ -11,7 +11,7 @@ free      ← where every way in which a surface could face is refuted, or sound
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -181,12 +181,7 @@ class JointEstimate:
         more_rounds : int
             Beyond `ROUNDS`.
         """
-        self._powers.start()
-        self._powers.sweep(FIRST_SWEEPS)
-        no_walls = np.zeros(self.field.shape, bool)
-        self._weigh()
-        for _ in range(ROUNDS + more_rounds):
-            self._cast_shadows(no_walls, FIRST_DAMPING)
+        self.estimate_powers(ROUNDS + more_rounds)
         self._find_smooth_things()
         self._take_out_smooth_things()
         for _ in range(WALL_ROUNDS):
@@ -194,6 +189,35 @@ class JointEstimate:
             for _ in range(WALL_SHADOWS):
                 self._cast_shadows(filled, WALL_DAMPING)
         return self.walls()
+
+    def estimate_powers(self, rounds: int, between: Callable[[], None] = lambda: None) -> None:
+        """Find powers and beliefs alone.
+
+        Parameters
+        ----------
+        rounds : int
+            Of shadows.
+        between : callable
+            Called between pieces of work.
+        """
+        self._powers.start()
+        self._powers.sweep(FIRST_SWEEPS)
+        no_walls = np.zeros(self.field.shape, bool)
+        self._weigh()
+        for _ in range(rounds):
+            between()
+            self._cast_shadows(no_walls, FIRST_DAMPING)
+
+    def evidence_of(self, some: BoolArray) -> CellEvidence:
+        """What some of the pings say of the cells by themselves, by the powers of all.
+
+        Parameters
+        ----------
+        some : (pings,) bool array
+            Those that count.
+        """
+        weights: NDArray[np.float32] = np.where(some, self.weights, np.float32(0.0))
+        return self._powers.weigh(0.0, weights)
 
     @property
     def power(self) -> NDArray[np.float32]:

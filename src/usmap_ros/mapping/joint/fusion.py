@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.fusion import Fusion, LeaveOneOut
+from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.survey import Survey, copied
 from usmap_ros.mapping.superposition.fusion import FEW_PINGS, SuperpositionFusion
-from usmap_ros.mapping.superposition.leave_one_out import LeaveOneOutMap
-from usmap_ros.mapping.superposition.log_odds import scale_of
 from usmap_ros.mapping.superposition.ping_bins import look_of
-from usmap_ros.mapping.superposition.ping_update import rules_of
 from usmap_ros.mapping.superposition.window import BY_BIN
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
@@ -108,12 +104,6 @@ class JointFusion(Fusion):
         """Memory that the kept pings take."""
         return self._kept.memory_bytes
 
-    def by_others(self) -> LeaveOneOut:
-        """What tells what each robot owes to the others, in any thread."""
-        if self._are_few:
-            return self._weighed_alone().by_others()
-        return _ByOthers(self._surveyed(), self.parameters)
-
     def snapshot(self) -> Callable[[], OccupancyMap]:
         """What makes the map as it is now, in its own time and in any thread."""
         if self._are_few:
@@ -152,33 +142,3 @@ class JointFusion(Fusion):
         super().resume(occupancy)
         before = copied(occupancy)
         self._earlier, self._retired, self._survey = (lambda: before), None, None
-
-
-class _ByOthers:
-    """What a survey expects of pings; it is worked out when it is asked.
-
-    Parameters
-    ----------
-    survey : Survey
-        Of all pings.
-    parameters : MappingParameters
-        Of the model.
-    """
-
-    def __init__(self, survey: Survey, parameters: MappingParameters) -> None:
-        self._survey, self._parameters = survey, parameters
-
-    def expected(
-        self,
-        cones: Mapping[str, Sequence[EchoCone]],
-        between: Callable[[], None] = lambda: None,
-        of: Collection[str] | None = None,
-    ) -> Mapping[str, Sequence[Any]]:
-        """See `LeaveOneOut`."""
-        parameters = self._parameters
-        opacity = parameters.opacity if parameters.occlusion else 0.0
-        split = LeaveOneOutMap(
-            self._survey.expectations(), parameters, scale_of(parameters),
-            rules_of(parameters).bounds, opacity,
-        )  # fmt: skip
-        return split.expected(cones, between, of)

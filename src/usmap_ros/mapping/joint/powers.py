@@ -165,14 +165,17 @@ class Powers:
 
         for_each(expect, self._groups)
 
-    def weigh(self, forgetting: float) -> CellEvidence:
+    def weigh(self, forgetting: float, weights: NDArray[np.float32] | None = None) -> CellEvidence:
         """Evidence of all cells.
 
         Parameters
         ----------
         forgetting : float
             Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+        weights : (pings,) float32 array, optional
+            How much each ping says, if not what it counts.
         """
+        weights = self._weights if weights is None else weights
         self.expect()
         cells = cells_of(self._scatterers.cell, self._field)
         said = for_each(
@@ -185,7 +188,7 @@ class Powers:
         evidence = no_evidence(self._field)
         for group, each in zip(self._groups, said, strict=True):
             add_said(
-                self._looks, self._pings[group.which], self._weights[group.which], each, cells,
+                self._looks, self._pings[group.which], weights[group.which], each, cells,
                 self._field, forgetting, evidence,
             )  # fmt: skip
         return evidence

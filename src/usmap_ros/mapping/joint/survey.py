@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.export import LEAST_NEWS
 from usmap_ros.mapping.extent import check_size
-from usmap_ros.mapping.grid import TiledGrid
 from usmap_ros.mapping.joint.estimate import JointEstimate, Walls
 from usmap_ros.mapping.joint.field import Field, field_around
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds, over_block
 from usmap_ros.mapping.normals import surface_normals
-from usmap_ros.mapping.superposition.cells import QUARTERS
 from usmap_ros.mapping.superposition.layers import undecided
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.special import logistic, logit
@@ -30,8 +28,6 @@ FREE_LOG_ODDS, FREE_EVIDENCE = -3.0, -0.5
 #: Least log-odds of cells that are shown as occupied: those that are filled in between have no
 #: evidence of their own.
 OCCUPIED_LOG_ODDS = 0.8
-#: Layers of what a map expects of pings; see `by_others` of the fusion.
-POWER, ALIVE, DEPTH = "power", "alive", "depth"
 
 
 @dataclass(frozen=True)
@@ -112,22 +108,6 @@ class Survey:
     def is_made(self) -> bool:
         """Whether the map is there."""
         return self._map is not None
-
-    def expectations(self) -> TiledGrid:
-        """Powers, cells with any, and their optical depth, on a grid of tiles."""
-        grid = TiledGrid(
-            self._parameters.resolution_m, {POWER: 0.0, ALIVE: 0.0, DEPTH: 0.0}, {POWER: QUARTERS}
-        )
-        for area in self.areas():
-            estimate, field = area.estimate, area.field
-            power = estimate.power.reshape(-1, QUARTERS)
-            alive = np.flatnonzero((power > 0.0).any(axis=1) | (estimate.depth.ravel() > 0.0))
-            rows, columns = np.divmod(alive, field.columns)
-            slots = grid.slots(rows + field.first_row, columns + field.first_column)
-            grid.layer(POWER).reshape(-1, QUARTERS)[slots] = power[alive]
-            grid.layer(ALIVE)[slots] = 1.0
-            grid.layer(DEPTH)[slots] = estimate.depth.ravel()[alive]
-        return grid
 
     def _area(self, pings: Pings) -> Area:
         parameters = self._parameters

@@ -8,11 +8,10 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from usmap_ros.mapping.fusion import LeaveOneOut
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
 from usmap_ros.mapping.robot_check.finding import Finding, Verdict
 from usmap_ros.mapping.robot_check.receiver_health import FEW_ECHOES
-from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -57,9 +56,10 @@ class RobotComparison:
         # What `_agreement_without` has found, which takes as long as to map everything again.
         self._without: dict[str, tuple[Agreement, list[Agreement]]] = {}
 
-    def screen(self, by_others: LeaveOneOut) -> dict[str, Finding]:
+    def screen(self) -> dict[str, Finding]:
         """Judge all by the map that they have made together."""
-        expected = by_others.expected(self._cones, self._between)
+        together = LeaveOneOutMap(self._cones, self._parameters, self._between)
+        expected = together.expected(self._cones)
         self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}
         found = {}
         for topic, own in self._agreements.items():
@@ -100,6 +100,11 @@ class RobotComparison:
             for topic, own in verdicts.items()
             if own.is_suspect and agreed[topic] == max(fitting, default=0.0)
         }
+        turned = [topic for topic in agreed if is_turned(apart[topic][0])]
+        if not named and turned and len(self._cones) > LEAST_ROBOTS_LEFT:
+            # A turn that the others' map confirms, though they agree less than with it.
+            surest = max(turned, key=lambda topic: apart[topic][0].turn_certainty or 0.0)
+            return {surest: verdicts[surest]}
         return {topic: _or_its_rivals(topic, named) for topic in named}
 
     def _agreement_without(self, topic: str) -> tuple[Agreement, list[Agreement]]:
@@ -107,14 +112,9 @@ class RobotComparison:
         if topic in self._without:
             return self._without[topic]
         others = {t: own for t, own in self._cones.items() if t != topic}
-        apart = SuperpositionFusion(self._parameters)
-        cones = (cone for own in others.values() for cone in own)
-        for cone in sorted(cones, key=lambda cone: cone.stamp_ns):
-            self._between()
-            apart.fuse(cone)
-        by_others = apart.by_others()
-        own = by_others.expected(self._cones, self._between, of=[topic])[topic]
-        among_them = by_others.expected(others, self._between).values()
+        apart = LeaveOneOutMap(others, self._parameters, self._between)
+        own = apart.expected(self._cones, of=[topic])[topic]
+        among_them = apart.expected(others).values()
         self._without[topic] = agreement(own), [agreement(pings) for pings in among_them]
         return self._without[topic]
 
@@ -132,7 +132,7 @@ def usual_fit(others: Sequence[Agreement]) -> float | None:
     return float(np.median(fits)) if fits else None
 
 
-def _is_turned(own: Agreement) -> bool:
+def is_turned(own: Agreement) -> bool:
     """Whether a robot faces elsewhere than it says."""
     gain, certainty = own.turn_gain or 0.0, own.turn_certainty or 0.0
     return gain >= LEAST_TURN_GAIN and certainty >= LEAST_TURN_CERTAINTY
@@ -165,7 +165,7 @@ def finding_of(
         return _of_odd_loudness(louder_db, own.matches, evidence)
     if own.pings < LEAST_PINGS or own.fit is None:
         return Finding("unknown", evidence)
-    if _is_turned(own):
+    if is_turned(own):
         degrees = np.degrees(own.turned_rad or 0.0)
         turned = f"its pings fit the others' map better if it faces {degrees:+.0f}° from there"
         return Finding("misplaced", evidence, f"misplaced: {turned}")

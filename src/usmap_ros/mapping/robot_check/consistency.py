@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from usmap_ros.mapping.fusion import LeaveOneOut
 from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotComparison
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
@@ -89,9 +88,7 @@ class Consistency:
         other._robots = {topic: robot.copy() for topic, robot in self._robots.items()}
         return other
 
-    def findings(
-        self, by_others: LeaveOneOut | None, between: Callable[[], None] = lambda: None
-    ) -> dict[str, Finding]:
+    def findings(self, between: Callable[[], None] = lambda: None) -> dict[str, Finding]:
         """Judge every robot, by topic.
 
         A screen on the common map comes first; what it finds is confirmed on a map that the
@@ -100,20 +97,17 @@ class Consistency:
 
         Parameters
         ----------
-        by_others : LeaveOneOut, optional
-            `Fusion.by_others` of the map that the pings went into.
         between : callable
-            Called between pieces of work, which take milliseconds; what it raises ends the
-            judgement.
+            Called between pieces of work; what it raises ends the judgement.
         """
         found = self._by_themselves()
-        if by_others is None:
-            unknown = {t: Finding("unknown", {}) for t in self._robots if t not in found}
-            return dict(sorted((found | unknown).items()))
         while True:
             chosen = {t: r.chosen() for t, r in self._robots.items() if t not in found}
+            if len(chosen) < 2:
+                unknown = {t: Finding("unknown", {}) for t in chosen}
+                return dict(sorted((found | unknown).items()))
             comparison = RobotComparison(self._parameters, chosen, between)
-            screened = comparison.screen(by_others)
+            screened = comparison.screen()
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
             can_tell = not found or len(screened) > LEAST_ROBOTS_LEFT
             named = comparison.culprits(screened) if can_tell else {}

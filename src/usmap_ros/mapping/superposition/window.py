@@ -43,7 +43,7 @@ class Looks(NamedTuple):
     bearing_weight: NDArray[np.float32]
 
 
-def _look_in(looks: Looks, row: int) -> Look:
+def look_in_row(looks: Looks, row: int) -> Look:
     """One of several looks."""
     numbers, bins = looks.numbers[row], looks.bins[row]
     return Look(
@@ -73,7 +73,7 @@ def _look_in(looks: Looks, row: int) -> Look:
 
 
 #: The same for compiled functions.
-look_in = inlined(_look_in)
+look_in = inlined(look_in_row)
 
 
 class Window(Sequence[Look]):
@@ -98,7 +98,7 @@ class Window(Sequence[Look]):
             return [self[each] for each in range(*index.indices(len(self)))]
         if not 0 <= index < len(self):
             raise IndexError(index)
-        return _look_in(self.looks, self.row(index))
+        return look_in_row(self.looks, self.row(index))
 
     def row(self, index: int) -> int:
         """Where a look of the window is in `looks`; those after it follow, beginning anew."""

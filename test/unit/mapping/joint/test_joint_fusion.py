@@ -78,7 +78,6 @@ def test_how_often_it_was_asked_for_does_not_matter(views: list[EchoCone]) -> No
     for cone in views:
         asked.fuse(cone)
         asked.occupancy_map().log_odds[:] = 0.0
-        asked.by_others()
     assert_same(asked.occupancy_map(), left_alone.occupancy_map())
 
 
@@ -94,14 +93,13 @@ def test_it_is_worked_out_once_for_all_who_ask(
 
     monkeypatch.setattr("usmap_ros.mapping.joint.survey.JointEstimate", Counted)
     fusion = fused(views)
-    make, by_others = fusion.snapshot(), fusion.by_others()
+    make = fusion.snapshot()
     assert made == []
     askers = [threading.Thread(target=make) for _ in range(3)]
     for asker in askers:
         asker.start()
     for asker in askers:
         asker.join()
-    by_others.expected({"one": views[:5], "other": views[5:]})
     assert made == [0]
 
 

@@ -11,7 +11,6 @@ from usmap_ros.mapping.robot_check.agreement import Agreement
 from usmap_ros.mapping.robot_check.comparison import finding_of
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
-from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
@@ -74,13 +73,11 @@ def in_a_room() -> list[tuple[str, EchoCone]]:
 
 
 def findings(pings: list[tuple[str, EchoCone]]) -> dict[str, Finding]:
-    """Map pings, and judge the robots."""
-    parameters = MappingParameters()
-    fusion, consistency = SuperpositionFusion(parameters), Consistency(parameters)
+    """Judge the robots by their pings."""
+    consistency = Consistency(MappingParameters())
     for topic, cone in pings:
-        fusion.fuse(cone)
         consistency.add(topic, cone)
-    return consistency.findings(fusion.by_others())
+    return consistency.findings()
 
 
 def of_samples(
@@ -139,7 +136,7 @@ def test_one_whose_receiver_is_wrong_is_named_without_a_map(
     for topic, cone in of_samples(11, factor, noise, is_stated=verdict == "loud"):
         consistency.add(topic, cone)
 
-    assert named(consistency.findings(None)) == {LIAR: verdict}
+    assert named(consistency.findings()) == {LIAR: verdict}
 
 
 def test_one_that_repeats_itself_while_it_moves_is_named() -> None:

@@ -1,0 +1,215 @@
+"""Leave-one-out: what robots' pings together expect of one robot's, without its own word."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.extent import check_size
+from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
+from usmap_ros.mapping.joint.estimate import JointEstimate
+from usmap_ros.mapping.joint.field import HEADING, NOISE, X, Y, field_around
+from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
+from usmap_ros.mapping.joint.log_odds import hiding, judged, optical_depth
+from usmap_ros.mapping.joint.power_estimation import expect_powers
+from usmap_ros.mapping.joint.projection import (
+    Scatterers,
+    cast_shadows,
+    empty_rows,
+    faintest_weights,
+    project,
+)
+from usmap_ros.mapping.joint.ray_casting import cast_rays
+from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.ping_bins import Look
+from usmap_ros.mapping.superposition.window import Looks, look_in_row
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Evidence from which on others are believed to have seen something.
+SEEN = 8.0
+#: Rounds of shadows: half of a map's, which settle what is hidden.
+ROUNDS = 3
+#: Errors of heading that are looked for.
+TURNS_RAD = (-0.35, -0.2, -0.1, 0.1, 0.2, 0.35)
+#: Columns of `Looks.numbers` with the axis of a beam on the plane.
+AXIS_X, AXIS_Y = 2, 3
+
+
+class Expected(NamedTuple):
+    """A ping, and what the map that the others made expects of it.
+
+    Parameters
+    ----------
+    look : Look
+        The ping in bins of range.
+    power : (bins,) array
+        Expected power of each range bin, the receiver's noise included.
+    turned : (TURNS_RAD, bins) array
+        The same if the robot faced elsewhere than it says, by each of the turns.
+    """
+
+    look: Look
+    power: FloatArray
+    turned: FloatArray
+
+
+class LeaveOneOutMap:
+    """Joint estimates of all areas, and how much of them each robot speaks for.
+
+    Parameters
+    ----------
+    cones : mapping of str to sequence of EchoCone
+        Pings of each robot that has a part in it; of those from one place few count.
+    parameters : MappingParameters
+        Of the model.
+    between : callable
+        Called between pieces of work.
+    """
+
+    def __init__(
+        self,
+        cones: Mapping[str, Sequence[EchoCone]],
+        parameters: MappingParameters,
+        between: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._parameters, self._between = parameters, between
+        kept = _kept(cones, parameters)
+        sources = [robot for _, robot in kept.cones()]
+        self._areas = [
+            _Area(kept.pings(group), [sources[index] for index in group], parameters, between)
+            for group in kept.islands()
+        ]
+
+    def expected(
+        self, cones: Mapping[str, Sequence[EchoCone]], of: Collection[str] | None = None
+    ) -> dict[str, list[Expected]]:
+        """What the map expects of robots' pings by what the others' pings say.
+
+        Parameters
+        ----------
+        cones : mapping of str to sequence of EchoCone
+            Pings of each robot, which need have no part in the map.
+        of : collection of str, optional
+            The robots that are asked about; all of them by default.
+        """
+        found: dict[str, list[Expected]] = {}
+        for robot in cones if of is None else of:
+            pings = _kept({robot: cones[robot]}, self._parameters).pings()
+            ahead = self._levels(pings, pings.looks, robot)
+            turned = [
+                self._levels(pings, _turned(pings.looks, by_rad), robot) for by_rad in TURNS_RAD
+            ]
+            found[robot] = []
+            for index, row in enumerate(pings.rows.tolist()):
+                look = look_in_row(pings.looks, row)
+                bins = slice(len(look.kind))
+                others = np.array([levels[index, bins] for levels in turned])
+                found[robot].append(Expected(look, ahead[index, bins], others))
+        return found
+
+    def _levels(self, pings: Pings, looks: Looks, robot: str) -> FloatArray:
+        """Expected power of each range bin of some pings, (pings, bins), by all but a robot."""
+        noise = looks.numbers[pings.rows, NOISE, np.newaxis]
+        levels = np.repeat(noise, looks.kind.shape[1], axis=1)
+        for area in self._areas:
+            self._between()
+            inside = area.may_reach(looks, pings.rows)
+            if inside.any():
+                heard = area.expect(looks, pings.rows[inside], robot)
+                levels[inside] += heard - noise[inside]
+        return levels
+
+
+class _Believed(NamedTuple):
+    """Scatterers of an area, their powers, and the optical depth of its cells."""
+
+    scatterers: Scatterers
+    power: NDArray[np.float32]
+    depth: NDArray[np.float32]
+
+
+class _Area:
+    """One joint estimate; parameters are as in `LeaveOneOutMap`."""
+
+    def __init__(
+        self,
+        pings: Pings,
+        sources: Sequence[str],
+        parameters: MappingParameters,
+        between: Callable[[], None],
+    ) -> None:
+        self._opacity = parameters.opacity if parameters.occlusion else 0.0
+        self._field = field_around(pings.looks, pings.rows, parameters.resolution_m)
+        check_size(self._field.rows - 2, self._field.columns - 2, parameters)
+        self._estimate = JointEstimate(
+            pings.looks, pings.rows, pings.weights, pings.echoes, self._field, self._opacity
+        )
+        self._estimate.estimate_powers(ROUNDS, between)
+        self._evidence: dict[str, CellEvidence] = {}
+        for robot in dict.fromkeys(sources):
+            between()
+            own = np.array([source == robot for source in sources], bool)
+            self._evidence[robot] = self._estimate.evidence_of(own)
+        self._believed: dict[str, _Believed] = {}
+
+    def may_reach(self, looks: Looks, rows: NDArray[np.int64]) -> BoolArray:
+        """Whether pings may hear of the area."""
+        field, numbers = self._field, looks.numbers[rows]
+        column, row = (numbers[:, axis] / field.resolution_m for axis in (X, Y))
+        is_beside: BoolArray = (column >= field.first_column) & (row >= field.first_row)
+        is_before = (column < field.first_column + field.columns) & (
+            row < field.first_row + field.rows
+        )
+        return is_beside & is_before
+
+    def expect(self, looks: Looks, rows: NDArray[np.int64], robot: str) -> FloatArray:
+        """Expected power of each range bin of some pings, by what all but one robot say."""
+        if robot not in self._believed:
+            self._believed[robot] = self._without(robot)
+        scatterers, power, depth = self._believed[robot]
+        expected = np.ones((len(rows), looks.kind.shape[1]), np.float32)
+        pairs = project(looks, rows, self._field, scatterers)
+        heard = empty_rows(int(pairs.start[-1]) + 1, np.zeros_like(pairs.start))
+        left = cast_rays(looks, rows, self._field, depth)
+        every = np.arange(len(power), dtype=np.int32)
+        cast_shadows(pairs, every, left, faintest_weights(looks, rows), heard)
+        expect_powers(looks, rows, heard, power, expected)
+        return expected.astype(float)
+
+    def _without(self, robot: str) -> _Believed:
+        """What others' evidence speaks for."""
+        others, shape = no_evidence(self._field), self._field.shape
+        for other, said in self._evidence.items():
+            if other != robot:
+                others.own[:] += said.own
+                others.block[:] += said.block
+        seen = np.repeat((judged(others, shape) > SEEN).ravel(), QUARTERS)
+        quarters = np.flatnonzero(seen & (self._estimate.power > 0.0))
+        cell, part = np.divmod(quarters, QUARTERS)
+        scatterers = Scatterers(cell.astype(np.int32), part.astype(np.uint8))
+        depth = optical_depth(hiding(others, shape, np.zeros(shape, bool)), self._opacity)
+        return _Believed(scatterers, self._estimate.power[quarters], depth)
+
+
+def _kept(cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParameters) -> KeptPings:
+    """Pings as an estimate takes them, in the order of their stamps."""
+    kept = KeptPings(parameters)
+    together = [(cone, robot) for robot, own in cones.items() for cone in own]
+    for cone, robot in sorted(together, key=lambda each: (each[0].stamp_ns, each[1])):
+        kept.add(cone, robot)
+    return kept
+
+
+def _turned(looks: Looks, by_rad: float) -> Looks:
+    """The same if the robot faced elsewhere."""
+    numbers, cosine, sine = looks.numbers.copy(), math.cos(by_rad), math.sin(by_rad)
+    x, y = looks.numbers[:, AXIS_X], looks.numbers[:, AXIS_Y]
+    numbers[:, AXIS_X], numbers[:, AXIS_Y] = cosine * x - sine * y, sine * x + cosine * y
+    numbers[:, HEADING] += by_rad
+    return looks._replace(numbers=numbers)

@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotComparison
+from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
 from usmap_ros.parameters import MappingParameters
@@ -123,8 +124,10 @@ class Consistency:
             if share > REPEATED_SHARE:
                 reason = f"{share:.0%} of its pings repeat the one before though it has moved"
                 found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
-        healths = {t: receiver_health(r.cones) for t, r in self._robots.items() if t not in found}
-        return found | odd_receivers({t: own for t, own in healths.items() if own is not None})
+        rest = {t: list(robot.cones) for t, robot in self._robots.items() if t not in found}
+        receivers = {t: own for t, cones in rest.items() if (own := receiver_health(cones))}
+        echoes = {t: heard for t, cones in rest.items() if (heard := echo_health(cones))}
+        return found | odd_echoes(echoes) | odd_receivers(receivers)
 
 
 def _cleared(screened: Mapping[str, Finding]) -> dict[str, Finding]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-Verdict = Literal["healthy", "unknown", "deaf", "noisy", "loud", "stuck", "misplaced"]
+Verdict = Literal["healthy", "unknown", "deaf", "noisy", "loud", "clipped", "stuck", "misplaced"]
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,8 @@ class Finding:
     verdict : str
         ``unknown`` where too little of what it looked at was seen by others.
     evidence : dict
-        Numbers that the verdict is from: of an `Agreement`, of a `ReceiverHealth`, or the share of
+        Numbers that the verdict is from: of an `Agreement`, of a `ReceiverHealth` or an
+        `EchoHealth`, or the share of
         pings that repeat the one before though the robot has moved.
     reason : str
         In words; empty for the healthy.

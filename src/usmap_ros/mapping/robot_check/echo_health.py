@@ -1,0 +1,138 @@
+"""What a robot's echoes say of its receiver, before any map is looked at.
+
+One that is dead hears nothing from anywhere, one that clips hears what is near no louder than what
+is far, and one that reports more echoes than sound can tell apart makes them up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.pings.cone import EchoCone
+
+#: A robot looks from another place once it has moved or turned so far.
+STEP_M, STEP_RAD = 0.02, math.radians(2.0)
+#: Places that are needed to tell that nothing is heard anywhere, and pings with echoes to tell how
+#: loud the loudest are: of three robots, 60 pings each, 30 rooms.
+LEAST_PLACES, LEAST_LOUDEST = 20, 12
+#: Share of pings without echoes from which on a robot is dead, and above which the others' show
+#: that there is little to be heard; healthy ones have up to 0.68 among poles.
+SILENT, USUALLY_SILENT = 0.93, 0.75
+#: Echoes in a ping that sound cannot tell apart, and how many times what others hear they must be.
+MADE_UP, TIMES_OTHERS = 100.0, 3.0
+#: Quantiles of pings' loudest echoes, between which healthy robots' are `LEAST_SPREAD_DB` apart and
+#: this share of what their ranges make of them; and dB by which others' are louder.
+UPPER, TOP = 0.6, 0.95
+LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.5, 0.6, 6.0
+#: dB by which an echo fades with ln(range): as its square.
+FADING_DB = 40.0 / math.log(10.0)
+
+
+@dataclass(frozen=True)
+class EchoHealth:
+    """Of one robot, one ping from each place.
+
+    Parameters
+    ----------
+    places : int
+        From which it looked.
+    silent : float
+        Share of pings without an echo.
+    echoes : float
+        Median number of echoes in a ping.
+    loudest_db, spread_db : float, optional
+        A quantile of each ping's loudest echo, dB, and by how much it is above another.
+    faded_db : float, optional
+        By how much the ranges of those echoes let expect that they differ.
+    """
+
+    places: int
+    silent: float
+    echoes: float
+    loudest_db: float | None = None
+    spread_db: float | None = None
+    faded_db: float | None = None
+
+
+def echo_health(cones: Sequence[EchoCone]) -> EchoHealth | None:
+    """What a robot hears; None if it has no pings."""
+    if not cones:
+        return None
+    kept = _from_places(cones)
+    counts = np.array([len(cone.ranges_m) for cone in kept])
+    health = EchoHealth(len(kept), float(np.mean(counts == 0)), float(np.median(counts)))
+    heard = [cone for cone in kept if len(cone.ranges_m)]
+    if len(heard) < LEAST_LOUDEST:
+        return health
+    which = [int(np.argmax(cone.amplitudes)) for cone in heard]
+    loud_db = 20.0 * np.log10(
+        [float(cone.amplitudes[i]) for cone, i in zip(heard, which, strict=True)]
+    )
+    range_m = np.array([float(cone.ranges_m[i]) for cone, i in zip(heard, which, strict=True)])
+    upper_db, top_db = np.quantile(loud_db, [UPPER, TOP])
+    near_m, far_m = np.quantile(range_m[loud_db >= upper_db], [0.1, 0.9])
+    return EchoHealth(
+        health.places, health.silent, health.echoes,
+        float(top_db), float(top_db - upper_db), FADING_DB * math.log(far_m / near_m),
+    )  # fmt: skip
+
+
+def odd_echoes(healths: Mapping[str, EchoHealth]) -> dict[str, Finding]:
+    """Name those whose echoes cannot be, by robot, as compared with the others'."""
+    found = {}
+    for robot, own in healths.items():
+        others = [other for name, other in healths.items() if name != robot]
+        if finding := _odd(own, others):
+            found[robot] = finding
+    return found
+
+
+def _odd(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
+    if not others:
+        return None
+    usual = float(np.median([other.echoes for other in others]))
+    if own.echoes > MADE_UP and own.echoes > TIMES_OTHERS * usual:
+        reason = f"its pings have {own.echoes:.0f} echoes, others' {usual:.0f}"
+        return Finding("noisy", asdict(own), f"noisy: {reason}")
+    usually = float(np.median([other.silent for other in others]))
+    if own.places >= LEAST_PLACES and own.silent >= SILENT and usually < USUALLY_SILENT:
+        silent = f"{own.silent:.0%} of its pings have no echo, {usually:.0%} of the others'"
+        reason = f"from {own.places} places {silent}"
+        return Finding("deaf", asdict(own), f"deaf: {reason}")
+    return _clipped(own, others)
+
+
+def _clipped(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
+    """Whether its loudest echoes are all as loud, however near."""
+    known = [other.loudest_db for other in others if other.loudest_db is not None]
+    if own.loudest_db is None or own.spread_db is None or own.faded_db is None or not known:
+        return None
+    quieter_db = float(np.median(known)) - own.loudest_db
+    is_flat = own.spread_db < min(LEAST_SPREAD_DB, LEAST_SHARE * own.faded_db)
+    if not is_flat or quieter_db < QUIETER_DB:
+        return None
+    reason = (
+        f"its loudest echoes lie within {own.spread_db:.1f} dB, though by their ranges within"
+        f" {own.faded_db:.0f}, and {quieter_db:.0f} dB below the others'"
+    )
+    return Finding("clipped", asdict(own) | {"quieter_db": quieter_db}, f"clipped: {reason}")
+
+
+def _from_places(cones: Sequence[EchoCone]) -> list[EchoCone]:
+    """One ping from each place on a robot's way."""
+    kept: list[EchoCone] = []
+    for cone in cones:
+        if not kept or _is_elsewhere(kept[-1], cone):
+            kept.append(cone)
+    return kept
+
+
+def _is_elsewhere(before: EchoCone, after: EchoCone) -> bool:
+    way_m = math.dist(after.pose.position_m[:2].tolist(), before.pose.position_m[:2].tolist())
+    turned = (after.pose.yaw_rad - before.pose.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
+    return way_m > STEP_M or abs(turned) > STEP_RAD

@@ -1,0 +1,83 @@
+"""Receivers that are dead, clipped or make echoes up are known by their echoes alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.robot_check.echo_health import EchoHealth, echo_health, odd_echoes
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.simulation.points import hear
+
+LOUD, FAR_M, WAY_M = 0.06, 4.0, 3.0
+
+
+@pytest.fixture(scope="module")
+def heard() -> EchoCone:
+    """Give a ping with two echoes."""
+    return reconstruct(hear([(1.5, 0.2), (2.5, -0.3)]), ReconstructionParameters()).cone
+
+
+def drive(heard: EchoCone, most: float = np.inf, *, moves: bool = True) -> list[EchoCone]:
+    """Give 40 pings on the way to one object, which no echo of is louder than `most`."""
+    pings = []
+    for way_m in np.linspace(0.0, WAY_M, 40):
+        x_m = float(way_m) if moves else 0.0
+        amplitude = min(0.5 / (FAR_M - x_m) ** 2, most)
+        pings.append(
+            replace(
+                heard,
+                pose=Pose.planar(x_m, 0.0, 0.0),
+                ranges_m=np.array([FAR_M - x_m], np.float32),
+                amplitudes=np.array([amplitude], np.float32),
+            )
+        )
+    return pings
+
+
+def health(pings: list[EchoCone]) -> EchoHealth:
+    """Judge pings, of which there are some."""
+    found = echo_health(pings)
+    assert found is not None
+    return found
+
+
+def verdicts(own: EchoHealth, other: EchoHealth) -> dict[str, str]:
+    """What is said of a robot and another one."""
+    return {name: f.verdict for name, f in odd_echoes({"own": own, "other": other}).items()}
+
+
+def test_one_that_clips_is_named(heard: EchoCone) -> None:
+    assert verdicts(health(drive(heard, LOUD)), health(drive(heard))) == {"own": "clipped"}
+
+
+def test_one_that_is_parked_does_not_clip(heard: EchoCone) -> None:
+    """Whatever it hears is always as loud."""
+    parked = health(drive(heard, moves=False))
+    assert parked.places == 1
+    assert verdicts(parked, health(drive(heard))) == {}
+
+
+def test_one_that_hears_nothing_anywhere_is_deaf(heard: EchoCone) -> None:
+    nothing = np.empty(0, np.float32)
+    silent = [replace(p, ranges_m=nothing, amplitudes=nothing) for p in drive(heard)]
+    assert verdicts(health(silent), health(drive(heard))) == {"own": "deaf"}
+    assert verdicts(health(silent[:10]), health(drive(heard))) == {}
+
+
+def test_nobody_is_deaf_where_there_is_nothing(heard: EchoCone) -> None:
+    silent = EchoHealth(places=40, silent=1.0, echoes=0.0)
+    assert verdicts(silent, replace(silent, silent=0.9)) == {}
+
+
+def test_one_that_makes_echoes_up_is_named() -> None:
+    liar, other = (EchoHealth(places=40, silent=0.0, echoes=count) for count in (1000.0, 20.0))
+    assert verdicts(liar, other) == {"own": "noisy"}
+
+
+def test_a_robot_alone_is_not_judged(heard: EchoCone) -> None:
+    assert odd_echoes({"own": health(drive(heard, LOUD))}) == {}
+    assert echo_health([]) is None

@@ -18,10 +18,11 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.map_match import Match, match_maps
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.localisation.refine import refine_poses
-from usmap_ros.mapping.far_off import Ping
+from usmap_ros.mapping.far_off import FarOff, Ping
 from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.set_apart import SetApart, in_one_place
 
 #: The frame of robots that share none, once they are joined (REP 105).
 WORLD = "map"
@@ -207,9 +208,9 @@ def _match(
 
 def _map_of(frame: Frame, pings: Sequence[Ping], parameters: PipelineParameters) -> OccupancyMap:
     if frame.map is None:
-        pipeline = Pipeline(parameters)
-        for row in frame.rows:
-            topic, cone = pings[row]
+        pipeline, far = Pipeline(parameters), FarOff(parameters.mapping)
+        # What is far from all else would make the map too large, whatever it says.
+        for topic, cone in in_one_place((pings[row] for row in frame.rows), far, SetApart()):
             # Whoever makes the map says what is wrong with a ping.
             with suppress(MalformedMessageError):
                 pipeline.fuse(cone, topic)

@@ -15,7 +15,7 @@ SHARES = r"\d\.\d\d, \d\.\d\d"
 def test_what_faulty_robots_cost_the_map_is_told() -> None:
     command = [
         sys.executable, str(ROOT / "tools/trials"), "faults", "--scenes", "poles",
-        "--seeds", "1", "--pings", "100", "--faults", "gain x100", "dead", "poses 1 s late",
+        "--seeds", "1", "--faults", "gain x100", "clipped", "dead", "liar", "--within", "0.1",
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -23,9 +23,11 @@ def test_what_faulty_robots_cost_the_map_is_told() -> None:
     assert healthy == "poles, healthy: accused in 0 of 1"
     row = re.compile(rf"poles, (.*): ({SHARES}); ({SHARES}); ({SHARES}); (\d) of 1; 0 of 1")
     found = {match[1]: match for line in rows if (match := row.fullmatch(line))}
-    assert list(found) == ["gain x100", "dead", "poses 1 s late"]
-    # A robot that is a hundred times too loud is named, whatever else is.
-    assert found["gain x100"][5] == "1"
+    assert list(found) == ["gain x100", "clipped", "dead", "liar"]
+    for match in found.values():
+        # Each is named, and what it said is not in the map.
+        assert match[5] == "1"
+        assert match[3] == match[4]
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from usmap_ros.grids import TruthMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.fields_of_view import PingViews
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
@@ -36,6 +38,8 @@ HEALTHY, OTHERS = "healthy", "two others"
 #: Where transducers look, off the way ahead: a mount that is mirrored must make a difference.
 MOUNT_RAD = 0.7
 LATE_S = 1.0
+#: What a liar reports: so many echoes, which it makes up, at such a rate, Hz.
+LIAR, MADE_UP, LIAR_HZ = "liar", 1000, 20.0
 
 #: Traces of the faulty robot, in their order, as its fault makes them.
 Fault = Callable[[Iterator[EchoTrace], np.random.Generator], Iterator[EchoTrace]]
@@ -108,6 +112,22 @@ FAULTS: dict[str, Fault] = {
 }
 
 
+def _lies(cones: list[EchoCone], rng: np.random.Generator) -> Iterator[EchoCone]:
+    """Echoes from anywhere, and pings in between."""
+    for cone, following in pairwise([*cones, cones[-1]]):
+        for stamp_ns in range(cone.stamp_ns, following.stamp_ns, round(1e9 / LIAR_HZ)):
+            reach = cone.transducer.min_range_m, cone.transducer.max_range_m
+            amplitudes = rng.uniform(0.05, 1.0, MADE_UP).astype(np.float32)
+            yield replace(
+                cone,
+                stamp_ns=stamp_ns,
+                ranges_m=np.sort(rng.uniform(*reach, MADE_UP)).astype(np.float32),
+                range_stds_m=np.full(MADE_UP, 2e-3, np.float32),
+                amplitudes=amplitudes,
+                amplitude_stds=np.float32(0.05) * amplitudes,
+            )
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How a map became, and who was named."""
@@ -155,19 +175,19 @@ def _try_seed(
     folder: Path, kind: str, seed: int, pings: int, found: dict[str, list[Outcome]]
 ) -> None:
     scenario = scene(kind, seed, pings)
-    truth, traces = scenario.truth_map(), list(simulate(scenario))
-    others = [(topic, trace) for topic, trace in traces if topic != FAULTY]
-    views = PingViews.of([Pipeline().reconstruct(trace) for _, trace in others])
+    truth, traces, pipeline = scenario.truth_map(), list(simulate(scenario)), Pipeline()
+    others = [(topic, pipeline.reconstruct(trace)) for topic, trace in traces if topic != FAULTY]
+    honest = [trace for topic, trace in traces if topic == FAULTY]
+    views = PingViews.of([cone for _, cone in others])
     for name, outcomes in found.items():
-        recorded = traces
+        rng = np.random.default_rng([seed, *name.encode()])
+        fault = FAULTS.get(name, _each(lambda trace, _: trace))
+        heard = [pipeline.reconstruct(trace) for trace in fault(iter(honest), rng)]
         if name == OTHERS:
-            recorded = others
-        elif name != HEALTHY:
-            rng = np.random.default_rng([seed, *name.encode()])
-            wrong = FAULTS[name]((trace for topic, trace in traces if topic == FAULTY), rng)
-            recorded = [
-                (topic, next(wrong) if topic == FAULTY else trace) for topic, trace in traces
-            ]
+            heard = []
+        elif name == LIAR:
+            heard = list(_lies(heard, rng))
+        recorded = [*others, *((FAULTY, cone) for cone in heard)]
         outcomes.append(_outcome(folder / "bag", recorded, truth, views))
     print(f"{kind}, seed {seed}: done", file=sys.stderr, flush=True)
 
@@ -190,12 +210,12 @@ def scene(kind: str, seed: int, pings: int) -> Scenario:
 
 
 def _outcome(
-    bag: Path, traces: list[tuple[str, EchoTrace]], truth: TruthMap, views: PingViews
+    bag: Path, cones: list[tuple[str, EchoCone]], truth: TruthMap, views: PingViews
 ) -> Outcome:
     """Map as `usmap map` does; what the two healthy robots looked at is what is scored."""
     with new_bag(bag, replace=True) as writer:
-        for topic, trace in traces:
-            writer.write_trace(topic, trace)
+        for topic, cone in sorted(cones, key=lambda each: each[1].stamp_ns):
+            writer.write_cone(topic, cone)
     pipeline, run = Pipeline(), MappingRun()
     try:
         with BagReader([bag]) as reader:

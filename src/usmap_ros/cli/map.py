@@ -290,7 +290,10 @@ def _tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: bo
     from usmap_ros.io.map_files import NAV2_FILE
 
     for topic, problem in run.suspects().items():
-        typer.echo(f"usmap: warning: {topic}: {problem}; --without {topic} leaves it out", err=True)
+        said = f"its pings count for nothing; --without {topic} leaves it out"
+        typer.echo(f"usmap: warning: {topic}: {problem}; {said}", err=True)
+    for topic, problem in run.contradicted().items():
+        typer.echo(f"usmap: warning: {topic}: {problem}; nobody can tell which is wrong", err=True)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     else:

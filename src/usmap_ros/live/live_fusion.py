@@ -266,7 +266,9 @@ class LiveFusion:
         return make()
 
     def findings(self, between: Callable[[], None]) -> dict[str, Finding]:
-        """Judge the robots by the pings of late; cones are fused meanwhile.
+        """Judge the robots by the pings of late, and let suspects count for nothing.
+
+        Cones are fused meanwhile.
 
         Parameters
         ----------
@@ -275,7 +277,12 @@ class LiveFusion:
         """
         with self._map_lock:
             consistency = self._consistency.copy()
-        return consistency.findings(between)
+        found = consistency.findings(between)
+        with self._map_lock:
+            shares = {topic: finding.trust for topic, finding in found.items()}
+            if self._pipeline.fusion.trust(shares):
+                self.version += 1
+        return found
 
     def leave_out(self, names: Collection[str]) -> None:
         """Take back what some robots, or topics, have said, as far as that is still known."""

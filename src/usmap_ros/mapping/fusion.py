@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -104,6 +104,21 @@ class Fusion(ABC):
             How many were taken back.
         """
         return 0
+
+    def trust(self, shares: Mapping[str, float]) -> bool:
+        """Let some sources' pings count for less; all others count wholly from now on.
+
+        Parameters
+        ----------
+        shares : mapping of str to float
+            How much of what each source says counts, 0 to 1.
+
+        Returns
+        -------
+        has_changed : bool
+            Whether that is otherwise than before; never where a way of fusing keeps no pings.
+        """
+        return False
 
     def mend(self, cone: EchoCone | None = None) -> int:
         """Make cells unknown again of which the grid holds numbers that are not finite.

@@ -79,6 +79,14 @@ class MappingRun:
         """What is wrong with robots, by topic; those of which nothing is are left out."""
         return {topic: found.reason for topic, found in self.robots.items() if found.is_suspect}
 
+    def contradicted(self) -> dict[str, str]:
+        """Robots that contradict one another while nobody can tell which is wrong, with why."""
+        return {
+            topic: found.reason
+            for topic, found in self.robots.items()
+            if found.verdict == "contradicted"
+        }
+
     def summary(self, occupancy: OccupancyMap, seconds: float) -> dict[str, Any]:
         """Contents of ``summary.json``."""
         occupied = occupancy.observed & (occupancy.probability() >= OCCUPIED_PROBABILITY)
@@ -141,7 +149,7 @@ def map_bag(
     for topic, cone in pings_of_one_map(run.poses.corrected(wanted), pipeline, apart):
         try:
             seen.add(cone)
-            pipeline.fuse(cone)
+            pipeline.fuse(cone, topic)
         except MalformedMessageError as error:
             bag.skipped.add(f"{topic} at {cone.stamp_ns / 1e9:.6f} s", error)
             continue
@@ -161,6 +169,7 @@ def map_bag(
     if not run.pings:
         raise _why_nothing(bag, left_out, apart)
     run.robots = consistency.findings()
+    pipeline.fusion.trust({topic: found.trust for topic, found in run.robots.items()})
     return run
 
 

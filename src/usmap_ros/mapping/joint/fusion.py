@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -91,6 +91,14 @@ class JointFusion(Fusion):
         if pings:
             self._survey = None
         return pings
+
+    def trust(self, shares: Mapping[str, float]) -> bool:
+        """Let some sources' pings count for less, of the window; nothing of those that count 0."""
+        less = {source: share for source, share in shares.items() if share < 1.0}
+        if less == self._kept.trust:
+            return False
+        self._kept.trust, self._survey = less, None
+        return True
 
     def refine(self, passes: int) -> None:
         """Let every map from now on be made with more rounds of shadows and sweeps."""

@@ -39,7 +39,7 @@ class Pings(NamedTuple):
     rows : (pings,) integer array
         Which of its rows.
     weights : (pings,) float32 array
-        How much each counts: those from one place count as one.
+        How much each counts: those from one place count as one, of those who are trusted.
     echoes : Echoes
         Of each.
     first_only : (pings,) bool array
@@ -66,6 +66,8 @@ class KeptPings:
         self._parameters = parameters
         self._cones: list[tuple[EchoCone, str, Place]] = []
         self._at: dict[Place, int] = {}
+        #: How much each source's pings count, where that is less than wholly: 0 to 1.
+        self.trust: dict[str, float] = {}
 
     def __len__(self) -> int:
         return len(self._cones)
@@ -88,6 +90,7 @@ class KeptPings:
         """The same pings; neither changes with the other."""
         other = KeptPings(self._parameters)
         other._cones, other._at = self._cones.copy(), self._at.copy()
+        other.trust = self.trust.copy()
         return other
 
     def cones(self) -> Iterator[tuple[EchoCone, str]]:
@@ -114,14 +117,19 @@ class KeptPings:
     def islands(self) -> list[list[int]]:
         """Indices of pings, divided into groups that cannot see the same cells.
 
-        Each group is a problem of its own, so that areas far apart cost what they hold.
+        Each group is a problem of its own, so that areas far apart cost what they hold.  Pings of
+        sources that are not believed at all are in none.
         """
-        squares = [_squares(cone) for cone, *_ in self._cones]
+        counts = [self.trust.get(source, 1.0) > 0.0 for _, source, _ in self._cones]
+        squares = [
+            _squares(cone) if is_counted else []
+            for (cone, *_), is_counted in zip(self._cones, counts, strict=True)
+        ]
         waiting: dict[Square, list[int]] = {}
         for index, reached in enumerate(squares):
             for square in reached:
                 waiting.setdefault(square, []).append(index)
-        groups, seen = [], np.zeros(len(self), bool)
+        groups, seen = [], ~np.array(counts, bool)
         for first in range(len(self)):
             if seen[first]:
                 continue
@@ -153,7 +161,7 @@ class KeptPings:
         ranges_m = [np.asarray(cone.ranges_m, np.float64) for cone, *_ in kept]
         amplitudes = [np.asarray(cone.amplitudes, np.float64) for cone, *_ in kept]
         start = np.concatenate([[0], np.cumsum([len(ranges) for ranges in ranges_m])])
-        weights = [1.0 / self._at[place] for *_, place in kept]
+        weights = [self.trust.get(source, 1.0) / self._at[place] for _, source, place in kept]
         return Pings(
             window.looks,
             np.array([window.row(index) for index in range(len(kept))], np.int64),

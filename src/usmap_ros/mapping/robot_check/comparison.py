@@ -123,7 +123,10 @@ def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:
     """What was found of one of several that contradict one another, if nobody else can tell."""
     rivals = " or ".join(other for other in sorted(named) if other != topic)
     finding = named[topic]
-    return replace(finding, reason=f"{finding.reason}; or {rivals} is") if rivals else finding
+    if not rivals:
+        return finding
+    reason = f"contradicted: {finding.reason.partition(': ')[2]}; or {rivals} is {finding.verdict}"
+    return replace(finding, verdict="contradicted", reason=reason)
 
 
 def usual_fit(others: Sequence[Agreement]) -> float | None:

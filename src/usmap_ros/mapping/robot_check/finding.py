@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-Verdict = Literal["healthy", "unknown", "deaf", "noisy", "loud", "clipped", "stuck", "misplaced"]
+Verdict = Literal[
+    "healthy", "unknown", "contradicted", "deaf", "noisy", "loud", "clipped", "stuck", "misplaced"
+]
 
 
 @dataclass(frozen=True)
@@ -15,7 +17,8 @@ class Finding:
     Parameters
     ----------
     verdict : str
-        ``unknown`` where too little of what it looked at was seen by others.
+        ``unknown`` where too little of what it looked at was seen by others; ``contradicted``
+        where it and another one contradict each other, and nobody can tell which is wrong.
     evidence : dict
         Numbers that the verdict is from: of an `Agreement`, of a `ReceiverHealth` or an
         `EchoHealth`, or the share of
@@ -31,7 +34,12 @@ class Finding:
     @property
     def is_suspect(self) -> bool:
         """Whether its evidence is better left out."""
-        return self.verdict not in ("healthy", "unknown")
+        return self.verdict not in ("healthy", "unknown", "contradicted")
+
+    @property
+    def trust(self) -> float:
+        """How much of what it says counts: nothing of what a suspect does."""
+        return 0.0 if self.is_suspect else 1.0
 
     def summary(self) -> dict[str, Any]:
         """Contents for ``summary.json``."""

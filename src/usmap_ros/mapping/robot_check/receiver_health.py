@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def odd_receivers(healths: Mapping[str, ReceiverHealth]) -> dict[str, Finding]:
 
     A receiver with more noise than it says reports echoes without end, one whose noise is known
     hears few echoes, and where noise and echoes are louder, or fainter, alike it is the gain.
-    Of two robots nobody can say whose gain is right, so that both are named.
+    Of two robots nobody can say whose gain is right: they contradict each other.
 
     Parameters
     ----------
@@ -81,8 +81,10 @@ def odd_receivers(healths: Mapping[str, ReceiverHealth]) -> dict[str, Finding]:
         if finding is None:
             return found
         found[farthest] = finding
-        if len(left) == 1 and len(healths) == 2 and finding.verdict == "loud":
-            found |= dict.fromkeys(left, finding)
+        if len(healths) == 2 and finding.verdict == "loud":
+            reason = finding.reason.removeprefix("loud: ")
+            finding = replace(finding, verdict="contradicted", reason=f"contradicted: {reason}")
+            return dict.fromkeys(healths, finding)
     return found
 
 

@@ -66,7 +66,7 @@ class RobotCheck:
 
     def suspects(self) -> health.Remark | None:
         """A warning that names the robots whose echoes contradict the others', with why."""
-        found = [f"{topic} is {f.reason}" for topic, f in self._found.items() if f.is_suspect]
+        found = [f"{topic} is {f.reason}" for topic, f in self._found.items() if f.reason]
         return health.Remark(health.Level.WARN, "; ".join(found)) if found else None
 
     def summary(self) -> str:

@@ -143,6 +143,26 @@ def test_nothing_stays_of_what_is_left_out(
     assert_same(fusion.occupancy_map(), fused(views, "good").occupancy_map())
 
 
+def test_one_that_is_not_trusted_leaves_nothing_behind_until_it_is(views: list[EchoCone]) -> None:
+    fusion, honest = fused(views, "good"), fused(views, "good").occupancy_map()
+    for cone in views:
+        fusion.fuse(moved(cone, 0.5), "bad")
+    both = fusion.occupancy_map()
+    assert fusion.trust({"bad": 0.0, "good": 1.0})
+    assert not fusion.trust({"bad": 0.0})
+    assert_same(replace(fusion.occupancy_map(), stamp_ns=honest.stamp_ns), honest)
+    assert fusion.trust({"bad": 1.0})
+    assert_same(fusion.occupancy_map(), both)
+
+
+def test_one_that_is_trusted_less_counts_less(views: list[EchoCone]) -> None:
+    fusion = fused(views, "robot")
+    wholly = fusion.occupancy_map()
+    fusion.trust({"robot": 0.3})
+    less = fusion.occupancy_map()
+    assert at(less, less.log_odds, 1.525, 0.425) < at(wholly, wholly.log_odds, 1.525, 0.425)
+
+
 def test_what_pings_said_stays_when_they_leave_the_window(views: list[EchoCone]) -> None:
     elsewhere = [replace(moved(cone, FAR_M), stamp_ns=1000 + cone.stamp_ns) for cone in views]
     occupancy = fused([*views, *elsewhere], window=len(views)).occupancy_map()

@@ -52,7 +52,11 @@ def test_of_two_only_noise_tells_which_is_odd() -> None:
     loud = odd_receivers({"/1": USUAL[0], "/2": ODD["too much gain"][0]})
 
     assert set(noisy) == {"/2"}
-    assert set(loud) == {"/1", "/2"}
+    assert {topic: found.verdict for topic, found in loud.items()} == {
+        "/1": "contradicted",
+        "/2": "contradicted",
+    }
+    assert not any(found.is_suspect for found in loud.values())
     assert "the only other" in loud["/1"].reason
 
 

@@ -113,7 +113,7 @@ class Said(NamedTuple):
     start: NDArray[np.int64]
 
 
-class _Parts(NamedTuple):
+class Parts(NamedTuple):
     """What each cell returns of one ping.
 
     Parameters
@@ -180,7 +180,7 @@ def weigh_pings(
     most, size = 1, np.int64(rows.start[-1])
     for index in range(len(pings)):
         most = max(most, rows.start[index + 1] - rows.start[index])
-    parts = _Parts(
+    parts = Parts(
         np.full(len(cells.number), -1, np.int32), np.empty(most, np.int32),
         np.empty(most, np.int32), np.empty(most, np.int32),
         np.empty((most, CELL_BINS), np.float32),
@@ -190,28 +190,21 @@ def weigh_pings(
         np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32),
         np.zeros(len(pings) + 1, np.int64),
     )  # fmt: skip
-    block, silent = np.empty(BLOCK_BINS, np.float32), np.empty(expected.shape[1], np.float32)
+    blocks = Parts(
+        parts.place, parts.cell, np.empty(most, np.int32), np.empty(most, np.int32),
+        np.empty((most, BLOCK_BINS), np.float32),
+    )  # fmt: skip
+    silent = np.empty(expected.shape[1], np.float32)
     echoes = np.zeros(expected.shape[1] + 1, np.int32)
     for index in range(len(pings)):
         ping, levels, start = pings[index], expected[index], said.start[index]
-        bins = looks.bins[ping]
         _count_echoes(looks, ping, levels, silent, echoes)
         count = _divide(looks, ping, rows, index, power, cells, parts)
-        for entry in range(count):
-            cell, own, row = parts.cell[entry], parts.power[entry], start + entry
-            said.cell[row], said.crowd[row] = cell, 0.0
-            said.own[row], _, _ = _compare(
-                looks, ping, levels, silent, own, parts.begin[entry], parts.length[entry]
-            )
-            first, length = _add_block(cells, parts, cell, block)
-            said.block[row], said.share[row], said.asked[row] = _compare(
-                looks, ping, levels, silent, block, first, min(length, bins - first)
-            )
-            if said.share[row] > LEAST_SHARE:
-                said.crowd[row] = _crowd(looks, ping, field, cells.number[cell], echoes)
+        _add_blocks(looks, ping, cells, count, parts, blocks)
+        _compare(looks, ping, levels, silent, count, parts, start, said.own, said)
+        _compare(looks, ping, levels, silent, count, blocks, start, said.block, said)
+        _name_cells(looks, ping, field, cells, echoes, count, parts, start, said)
         said.start[index + 1] = start + count
-        for entry in range(count):
-            parts.place[parts.cell[entry]] = -1
     return said
 
 
@@ -303,7 +296,7 @@ def _divide(
     index: int,
     power: NDArray[np.float32],
     cells: Cells,
-    parts: _Parts,
+    parts: Parts,
 ) -> int:
     """Set what each cell returns of a ping; returns how many there are."""
     bins, count, last = looks.bins[ping], 0, -1
@@ -329,82 +322,108 @@ def _divide(
 
 
 @inlined
-def _compare(
+def _add_blocks(
+    looks: Looks, ping: int, cells: Cells, count: int, parts: Parts, blocks: Parts
+) -> None:
+    """Set what each cell returns together with its neighbours."""
+    bins = looks.bins[ping]
+    for entry in range(count):
+        cell = parts.cell[entry]
+        first, end = parts.begin[entry], parts.begin[entry] + parts.length[entry]
+        for near in range(BLOCK_CELLS):
+            number = cells.block[cell, near]
+            beside = parts.place[number] if number >= 0 else -1
+            if beside >= 0:
+                first = min(first, parts.begin[beside])
+                end = max(end, parts.begin[beside] + parts.length[beside])
+        length = min(end - first, BLOCK_BINS, bins - first)
+        blocks.begin[entry], blocks.length[entry] = first, length
+        for place in range(length):
+            blocks.power[entry, place] = 0.0
+        for near in range(BLOCK_CELLS):
+            number = cells.block[cell, near]
+            beside = parts.place[number] if number >= 0 else -1
+            if beside >= 0:
+                shift = parts.begin[beside] - first
+                for place in range(min(parts.length[beside], length - shift)):
+                    blocks.power[entry, shift + place] += parts.power[beside, place]
+
+
+@inlined
+def _compare(  # noqa: PLR0913, PLR0917
     looks: Looks,
     ping: int,
     levels: NDArray[np.float32],
     silent: NDArray[np.float32],
-    own: NDArray[np.float32],
-    first: int,
-    bins: int,
-) -> tuple[np.float32, np.float32, np.float32]:
+    count: int,
+    parts: Parts,
+    start: int,
+    ratios: NDArray[np.float32],
+    said: Said,
+) -> None:
     """Weigh what is expected of a ping with some cells against what is expected without them.
 
-    Returns
-    -------
-    ratio : float
-        Log-likelihood ratio.
-    share : float
-        Largest share of theirs in what is expected of a bin with an echo.
-    asked : float
-        1 if there is such a bin.
+    Parameters
+    ----------
+    looks, ping, levels, silent
+        The ping, what is expected of its bins, and `_log_silent` of that.
+    count : int
+        How many cells.
+    parts : Parts
+        What they return.
+    start : int
+        Row of the first.
+    ratios : (rows,) float32 array
+        Log-likelihood ratios; set.
+    said : Said
+        Shares and whether there was an echo are set.
     """
-    noise, total = np.float32(looks.numbers[ping, NOISE]), np.float32(0.0)
-    share, asked, least = np.float32(0.0), np.float32(0.0), np.float32(LEAST_SHARE)
-    most = np.float32(MOST_A_BIN)
-    for place in range(bins):
-        b, part = first + place, own[place]
-        level, kind = levels[b], looks.kind[ping, b]
-        if part <= np.float32(0.0) or kind == UNJUDGED:
-            continue
-        if kind == ECHO:
-            asked = np.float32(1.0)
-        if part < least * level:
-            continue
-        without = max(level - part, noise)
-        if kind == ECHO:
-            share = max(share, part / level)
-            power = looks.power[ping, b]
-            ratio = power / without - power / level + log32(without / level)
-        else:
-            ratio = silent[b] - _log_silent(looks.limit[ping, b], without)
-        total += min(max(ratio, -most), most)
-    return total, share, asked
+    noise, least = np.float32(looks.numbers[ping, NOISE]), np.float32(LEAST_SHARE)
+    most, nothing = np.float32(MOST_A_BIN), np.float32(0.0)
+    for entry in range(count):
+        total, share, asked = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        for place in range(parts.length[entry]):
+            part, b = parts.power[entry, place], parts.begin[entry] + place
+            level, kind = levels[b], looks.kind[ping, b]
+            if part <= nothing or kind == UNJUDGED:
+                continue
+            if kind == ECHO:
+                asked = np.float32(1.0)
+            if part < least * level:
+                continue
+            without = max(level - part, noise)
+            if kind == ECHO:
+                share = max(share, part / level)
+                power = looks.power[ping, b]
+                ratio = power / without - power / level + log32(without / level)
+            else:
+                ratio = silent[b] - _log_silent(looks.limit[ping, b], without)
+            total += min(max(ratio, -most), most)
+        ratios[start + entry], said.share[start + entry] = total, share
+        said.asked[start + entry] = asked
 
 
 @inlined
-def _add_block(
-    cells: Cells, parts: _Parts, cell: int, block: NDArray[np.float32]
-) -> tuple[int, int]:
-    """Set what a cell and its neighbours return; returns its first range bin, and the length."""
-    first, end = 1 << 30, 0
-    for near in range(BLOCK_CELLS):
-        number = cells.block[cell, near]
-        beside = parts.place[number] if number >= 0 else -1
-        if beside >= 0:
-            first = min(first, int(parts.begin[beside]))
-            end = max(end, int(parts.begin[beside] + parts.length[beside]))
-    length = min(end - first, BLOCK_BINS)
-    for place in range(length):
-        block[place] = 0.0
-    for near in range(BLOCK_CELLS):
-        number = cells.block[cell, near]
-        beside = parts.place[number] if number >= 0 else -1
-        if beside >= 0:
-            shift = int(parts.begin[beside]) - first
-            for place in range(min(int(parts.length[beside]), BLOCK_BINS - shift)):
-                block[shift + place] += parts.power[beside, place]
-    return first, length
-
-
-@inlined
-def _crowd(looks: Looks, ping: int, field: Field, cell: int, echoes: NDArray[np.int32]) -> float:
-    """Echoes around a cell's range."""
+def _name_cells(  # noqa: PLR0913, PLR0917
+    looks: Looks,
+    ping: int,
+    field: Field,
+    cells: Cells,
+    echoes: NDArray[np.int32],
+    count: int,
+    parts: Parts,
+    start: int,
+    said: Said,
+) -> None:
+    """Set which cells a ping speaks of, and how many echoes crowd around their ranges."""
     numbers, bins = looks.numbers[ping], looks.bins[ping]
-    row, column = divmod(cell, field.columns)
-    x = (field.first_column + column + 0.5) * field.resolution_m - numbers[X]
-    y = (field.first_row + row + 0.5) * field.resolution_m - numbers[Y]
     around = int(CROWD_M / numbers[BIN_M])
-    middle = int((math.sqrt(x * x + y * y) - numbers[LEAST_RANGE]) / numbers[BIN_M])
-    near, far = min(bins, max(0, middle - around)), min(bins, max(0, middle + around))
-    return float(echoes[far] - echoes[near])
+    for entry in range(count):
+        parts.place[parts.cell[entry]] = -1
+        said.cell[start + entry] = parts.cell[entry]
+        row, column = divmod(cells.number[parts.cell[entry]], field.columns)
+        x = (field.first_column + column + 0.5) * field.resolution_m - numbers[X]
+        y = (field.first_row + row + 0.5) * field.resolution_m - numbers[Y]
+        middle = int((math.sqrt(x * x + y * y) - numbers[LEAST_RANGE]) / numbers[BIN_M])
+        near, far = min(bins, max(0, middle - around)), min(bins, max(0, middle + around))
+        said.crowd[start + entry] = echoes[far] - echoes[near]

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +55,9 @@ from usmap_ros.mapping.superposition.ping_bins import UNJUDGED
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Sweeps before anything hides anything, rounds of shadows and sweeps, and sweeps in each.
-FIRST_SWEEPS, ROUNDS, SWEEPS = 13, 6, 4
+#: Sweeps before anything hides anything, after each of which what has no power goes; rounds of
+#: shadows and sweeps, and sweeps in each.
+FIRST_SWEEPS, ROUNDS, SWEEPS = (4, 4, 5), 6, 4
 #: Rounds in which walls are found, and rounds of shadows in each.
 WALL_ROUNDS, WALL_SHADOWS = 2, 2
 #: Share of a belief in what hides that a round takes over: first, and with walls.
@@ -201,7 +203,9 @@ class JointEstimate:
             Called between pieces of work.
         """
         self._powers.start()
-        self._powers.sweep(FIRST_SWEEPS)
+        for sweeps in FIRST_SWEEPS:
+            self._powers.sweep(sweeps)
+            self._powers.renew_shadows(self.depth)
         no_walls = np.zeros(self.field.shape, bool)
         self._weigh()
         for _ in range(rounds):
@@ -247,16 +251,15 @@ class JointEstimate:
     def _explained(self) -> BoolArray:
         """Whether reliable cells explain at least half of each echo's power."""
         log_odds = cell_log_odds(self.evidence, self.field.shape)
-        self._powers.expect((log_odds > RELIABLE).ravel())
-        index, bins, inside = self._echo_bins()
+        expected = self._powers.expected_of((log_odds > RELIABLE).ravel())
+        index, bins, inside = self._echo_bins
         rows = self.pings[index]
         noise = self.looks.numbers[rows, NOISE]
-        share = (self.expected[index, bins] - noise) / np.maximum(
-            self.looks.power[rows, bins], 1e-12
-        )
+        share = (expected[index, bins] - noise) / np.maximum(self.looks.power[rows, bins], 1e-12)
         explained: BoolArray = inside & (share > 0.5)
         return explained
 
+    @cached_property
     def _echo_bins(self) -> tuple[NDArray[np.int64], NDArray[np.int64], BoolArray]:
         """Ping and range bin of each echo, and whether it is within its ping's bins."""
         index = np.repeat(np.arange(len(self.pings)), np.diff(self.echoes.start))
@@ -287,7 +290,7 @@ class JointEstimate:
 
     def _take_out_smooth_things(self) -> None:
         """Let the echoes of smooth things say nothing of cells."""
-        _, bins, inside = self._echo_bins()
+        _, bins, inside = self._echo_bins
         for ping, echo in self._smooth_echoes():
             if inside[echo]:
                 first = max(0, bins[echo] - MIRROR_BINS)
@@ -318,7 +321,7 @@ class JointEstimate:
         occupied[rows[kept], columns[kept]] = True
         filled = drawn(lines, self.field.shape) | drawn(mirrors, self.field.shape)
         filled |= drawn_columns(self.columns, self.field)
-        stood = self._away_m() < STOOD_M
+        stood = self._away_m < STOOD_M
         occupied, filled = occupied & ~stood, filled & ~stood
         return Walls(occupied, filled, lines if len(lines) else NO_LINES, mirrors)
 
@@ -343,7 +346,7 @@ class JointEstimate:
         self.response = learn_response(self.looks, self.pings, field, left, listening, surfaces)
         proven = self._proven(occupied, left) >= self._proofs
         numbers = self.looks.numbers[self.pings]
-        away_m = self._away_m()
+        away_m = self._away_m
         wanted = (away_m < numbers[:, GREATEST_RANGE].max()) & ~occupied
         stood = (away_m < STOOD_M) & ~occupied
         belief = cell_log_odds(self.evidence, field.shape)
@@ -355,21 +358,24 @@ class JointEstimate:
         refuted, unknown = (
             (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
         )
-        free = np.zeros(field.shape, bool)
+        free, worst = np.zeros(field.shape, bool), np.zeros(field.shape, np.float32)
+        changed = np.ones(len(self.pings), bool)
         for turn in range(FREE_ROUNDS):
-            worst = refute_all_surfaces(
-                self.looks, self.pings, field, left, listening, self.response.log_silent, wanted
-            )
+            refute_all_surfaces(
+                self.looks, self.pings, field, left, listening, self.response.log_silent, wanted,
+                changed, worst,
+            )  # fmt: skip
             free = (wanted & ((worst < refuted) | proven) & ~closed) | stood
             if turn < FREE_ROUNDS - 1:
                 # What was not refuted while all was open is not when less is.
                 wanted &= free | proven | closed
                 belief = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown))
-                left = cast_all_rays(
-                    self.looks, self.pings, field, optical_depth(belief, FREE_OPACITY)
-                )
+                depth, before = optical_depth(belief, FREE_OPACITY), left
+                left = cast_all_rays(self.looks, self.pings, field, depth)
+                changed = (left != before).any(axis=(1, 2))
         return free
 
+    @cached_property
     def _away_m(self) -> FloatArray:
         """Distance of each cell from where robots stood."""
         # Whoever only looks at recordings need not wait for it.
@@ -388,7 +394,7 @@ class JointEstimate:
     def _with_smooth_things(self) -> NDArray[np.float32]:
         """Expected powers, with what smooth things return."""
         expected = self.expected.copy()
-        _, bins, inside = self._echo_bins()
+        _, bins, inside = self._echo_bins
         for ping, echo in self._smooth_echoes():
             if inside[echo]:
                 around = slice(max(0, bins[echo] - MIRROR_BINS), bins[echo] + MIRROR_BINS + 1)

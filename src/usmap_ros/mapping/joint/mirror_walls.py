@@ -154,15 +154,13 @@ def _candidates(
     flat = votes.ravel()
     order = np.argsort(-flat, kind="stable")[:MOST_CANDIDATES]
     kept: list[tuple[int, int]] = []
+    is_near = np.zeros(votes.shape, bool)
     for place in order[flat[order] >= LEAST_HITS]:
         direction, step = divmod(int(place), votes.shape[1])
-        is_near = any(
-            abs((direction - other + DIRECTIONS / 2) % DIRECTIONS - DIRECTIONS / 2) <= 1
-            and abs(step - at) <= 2
-            for other, at in kept[-MOST_TRIES:]
-        )
-        if not is_near:
+        if not is_near[direction, step]:
             kept.append((direction, step))
+            around = np.arange(direction - 1, direction + 2) % DIRECTIONS
+            is_near[around, max(0, step - 2) : step + 3] = True
         if len(kept) == MOST_TRIES:
             break
     return [(f * 2.0 * math.pi / DIRECTIONS, k * STEP_M - reach_m) for f, k in kept]
@@ -220,36 +218,41 @@ def _fitted(
         numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)
     )
     ranges_m = echoes.range_m[heard]
-    if _misfit(ranges_m - across_m) > POINT_SHARE * min(
-        _misfit(_centred(ranges_m - np.hypot(across_m, feet_m - place)))
-        for place in np.linspace(feet_m.min(), feet_m.max(), 25)
-    ):
+    points_m = np.linspace(feet_m.min(), feet_m.max(), 25)[:, np.newaxis]
+    off_points_m = ranges_m - np.hypot(across_m, feet_m - points_m)
+    off_points_m -= np.median(off_points_m, axis=1, keepdims=True)
+    if _misfits(ranges_m - across_m) > POINT_SHARE * _misfits(off_points_m).min():
         return None
-    following = np.mean(
-        [
-            count_between(echoes, ping, across + FOLLOWING_M[0], across + FOLLOWING_M[1])
-            for ping, across in zip(own, across_m, strict=True)
-        ]
-    )
+    begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
+    following = counts_between(echoes, own, begin_m, end_m).mean()
     return MirrorWall(
         normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
         own.copy(), heard.copy(), float(following),
     )  # fmt: skip
 
 
-def _centred(values: FloatArray) -> FloatArray:
-    return values - np.median(values)
-
-
-def _misfit(residuals_m: FloatArray) -> float:
-    """Sum of squares, each no more than that of 2 cm."""
-    return float(np.minimum(residuals_m**2, 4e-4).sum())
+def _misfits(residuals_m: FloatArray) -> FloatArray:
+    """Sum of squares, each no more than that of 2 cm, over the last axis."""
+    sums: FloatArray = np.minimum(residuals_m**2, 4e-4).sum(axis=-1)
+    return sums
 
 
 def count_between(echoes: Echoes, ping: int, near_m: float, far_m: float) -> int:
     """Echoes of a ping from a stretch of ranges."""
     ranges_m = echoes.range_m[echoes.start[ping] : echoes.start[ping + 1]]
     return int(np.count_nonzero((ranges_m > near_m) & (ranges_m < far_m)))
+
+
+def counts_between(
+    echoes: Echoes, pings: NDArray[np.int64], near_m: FloatArray, far_m: FloatArray
+) -> NDArray[np.int64]:
+    """Echoes of some pings, each from a stretch of ranges."""
+    first, count = echoes.start[pings], np.diff(echoes.start)[pings]
+    of = np.repeat(np.arange(len(pings)), count)
+    place = np.arange(len(of)) + np.repeat(first - np.cumsum(count) + count, count)
+    ranges_m = echoes.range_m[place]
+    inside = (ranges_m > near_m[of]) & (ranges_m < far_m[of])
+    return np.bincount(of[inside], minlength=len(pings))
 
 
 @compiled

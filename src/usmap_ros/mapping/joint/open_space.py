@@ -8,26 +8,30 @@ view: many looks from one side say no more than `MOST_A_SECTOR`.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import GREATEST_RANGE, Field, X, Y
-from usmap_ros.mapping.joint.ray_casting import WHOLE
+from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.response import (
+    FIRST_DB,
     INCIDENCES,
+    LOUDNESSES,
     OWN_CELLS,
+    STEP_DB,
     Listening,
     incidence_class,
-    loudness_step,
     sounded,
     step_before,
 )
 from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.ping_bins import ECHO
+from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS
 from usmap_ros.mapping.superposition.window import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import atan2_32, exp32, log32
 from usmap_ros.processes.threads import for_each
 
 #: Orientations that a surface may have, and sectors of directions of view.
@@ -49,8 +53,38 @@ OPEN_CELLS = 1.5
 PROVING_SHARE, PROVING_SOUND, PROVEN_CELLS = 0.6, 0.3, 1.8
 
 
+class _Nearby(NamedTuple):
+    """Pings that may sound a block of cells, and those of them that sound one cell: float32 arrays.
+
+    Parameters
+    ----------
+    number, ping : (pings,) int64 arrays
+        Which pings, and their rows of the looks.
+    numbers : (12, pings) array
+        x and y of the middle of the block from each, and of its axis; axis times rise; squares of
+        the rise, of the cosine of the half angle, with its sign, and of the least and greatest
+        range; cosine and sine of the heading; absorption.
+    which : (pings,) int64 array
+        Those that sound the cell, of the former.
+    x, y, distance, ahead, loudness, off : (pings,) float32 arrays
+        Where the cell is from them, how far, and the cosine of its angle off the axis; power that
+        an object of power 1 would return but for the beam; angle off the heading.
+    """
+
+    number: NDArray[np.int64]
+    ping: NDArray[np.int64]
+    numbers: NDArray[np.float32]
+    which: NDArray[np.int64]
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    distance: NDArray[np.float32]
+    ahead: NDArray[np.float32]
+    loudness: NDArray[np.float32]
+    off: NDArray[np.float32]
+
+
 @compiled
-def refute_surfaces(  # noqa: C901, PLR0912, PLR0915
+def refute_surfaces(  # noqa: PLR0913, PLR0917
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -58,7 +92,9 @@ def refute_surfaces(  # noqa: C901, PLR0912, PLR0915
     listening: Listening,
     log_silent: FloatArray,
     wanted: BoolArray,
-) -> NDArray[np.float32]:
+    changed: BoolArray,
+    worst: NDArray[np.float32],
+) -> None:
     """Log-likelihood ratio of what was heard, with a surface to without, by the worst orientation.
 
     Parameters
@@ -69,85 +105,187 @@ def refute_surfaces(  # noqa: C901, PLR0912, PLR0915
         Logarithm of P(silent | surface).
     wanted : (rows, columns) bool array
         Cells that are asked for.
-
-    Returns
-    -------
+    changed : (pings,) bool array
+        Whether a ping says something else than the last time.
     worst : (rows, columns) float32 array
-        Of the orientation that is refuted least; 0 where nothing is known.
+        Of the orientation that is refuted least, 0 where nothing is known; set where it changes.
     """
-    worst = np.zeros((field.rows, field.columns), np.float32)
-    said, near = np.zeros((ORIENTATIONS, SECTORS)), np.empty(len(pings), np.int64)
-    # Class of incidence of a direction of view in degrees, for each orientation.
-    classes = np.empty((180, ORIENTATIONS), np.int64)
+    said = np.empty((SECTORS, ORIENTATIONS), np.float32)
+    classes, silence = _classes(), _silence(log_silent)
+    most = len(pings)
+    near = _Nearby(
+        np.empty(most, np.int64), np.empty(most, np.int64), np.empty((12, most), np.float32),
+        np.empty(most, np.int64),
+        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
+        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
+    )  # fmt: skip
+    for bottom in range(0, field.rows, BLOCK):
+        for start in range(0, field.columns, BLOCK):
+            end, right = min(bottom + BLOCK, field.rows), min(start + BLOCK, field.columns)
+            if not wanted[bottom:end, start:right].any():
+                continue
+            around, is_new = _find_near(looks, pings, field, bottom, start, changed, near)
+            if not is_new:
+                continue
+            for row in range(bottom, end):
+                for column in range(start, right):
+                    if not wanted[row, column]:
+                        continue
+                    count = _sound(field, row, column, around, near)
+                    said[:] = 0.0
+                    _add_said(looks, field, left, listening, silence, classes, count, near, said)
+                    worst[row, column] = _least_refuted(said)
+
+
+@inlined
+def _classes() -> NDArray[np.int32]:
+    """Class of incidence of a direction of view in degrees, for each orientation."""
+    classes = np.empty((180, ORIENTATIONS), np.int32)
     for degrees in range(180):
         for orientation in range(ORIENTATIONS):
             off = degrees + 0.5 - orientation * 180.0 / ORIENTATIONS
             off = abs(off - 180.0 * math.floor(off / 180.0 + 0.5))
             classes[degrees, orientation] = incidence_class(off)
-    # Of silence, for each share of the sound that gets there.
-    quiet = np.empty((SHARES + 1, log_silent.shape[0], INCIDENCES))
+    return classes
+
+
+@inlined
+def _silence(log_silent: FloatArray) -> NDArray[np.float32]:
+    """P(silent | surface), and its logarithm, by the share of the sound that gets there."""
+    loudnesses = log_silent.shape[0]
+    silence = np.empty((SHARES + 1, loudnesses, 2, INCIDENCES), np.float32)
     for share in range(SHARES + 1):
-        for loud in range(log_silent.shape[0]):
+        for loud in range(loudnesses):
             for incidence in range(INCIDENCES):
                 answers = 1.0 - math.exp(log_silent[loud, incidence])
-                quiet[share, loud, incidence] = math.log(1.0 - answers * share / SHARES)
-    ratios = np.empty(INCIDENCES)
-    res = field.resolution_m
-    for bottom in range(0, field.rows, BLOCK):
-        for start in range(0, field.columns, BLOCK):
-            middle_x = (field.first_column + start + 0.5 * BLOCK) * res
-            middle_y = (field.first_row + bottom + 0.5 * BLOCK) * res
-            count, radius = 0, 0.75 * BLOCK * res
-            for index in range(len(pings)):
-                numbers = looks.numbers[pings[index]]
-                x, y = middle_x - numbers[0], middle_y - numbers[1]
-                far = numbers[GREATEST_RANGE] + radius
-                behind = numbers[8] > 0.0 and numbers[2] * x + numbers[3] * y < -radius
-                if x * x + y * y < far * far and not behind:
-                    near[count] = index
-                    count += 1
-            for row in range(bottom, min(bottom + BLOCK, field.rows)):
-                for column in range(start, min(start + BLOCK, field.columns)):
-                    if not wanted[row, column]:
-                        continue
-                    said[:] = 0.0
-                    for k in range(count):
-                        index = near[k]
-                        ping = pings[index]
-                        loudness, x, y, b, ray, distance = sounded(looks, ping, field, row, column)
-                        loudness /= listening.limit[index, b]
-                        if loudness <= LEAST_LOUDNESS:
-                            continue
-                        step = step_before(looks, ping, distance - OPEN_CELLS * res)
-                        sound = left[index, ray, step] / WHOLE
-                        if sound < LEAST_SOUND:
-                            continue
-                        said_here = quiet[int(sound * SHARES + 0.5), loudness_step(loudness)]
-                        if listening.heard[index, b]:
-                            chance = max(CLUTTER, listening.chance[index, b])
-                            for incidence in range(INCIDENCES):
-                                answers = 1.0 - math.exp(said_here[incidence]) * (1.0 - chance)
-                                ratios[incidence] = math.log(answers / chance)
-                        else:
-                            ratios[:] = said_here
-                        view_deg = math.atan2(y, x) * 180.0 / math.pi + 360.0
-                        sector = int(view_deg * SECTORS / 360.0) % SECTORS
-                        view = int(view_deg) % 180
-                        for orientation in range(ORIENTATIONS):
-                            said[orientation, sector] += ratios[classes[view, orientation]]
-                    least_refuted = -1e9
-                    for orientation in range(ORIENTATIONS):
-                        total = 0.0
-                        for sector in range(SECTORS):
-                            total += max(
-                                -MOST_A_SECTOR, min(MOST_A_SECTOR, said[orientation, sector])
-                            )
-                        least_refuted = max(least_refuted, total)
-                    worst[row, column] = least_refuted
-    return worst
+                silence[share, loud, 0, incidence] = 1.0 - answers * share / SHARES
+                silence[share, loud, 1, incidence] = math.log(1.0 - answers * share / SHARES)
+    return silence
 
 
-def refute_all_surfaces(
+@inlined
+def _find_near(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    field: Field,
+    bottom: int,
+    start: int,
+    changed: BoolArray,
+    near: _Nearby,
+) -> tuple[int, bool]:
+    """Set the pings that may sound a block; returns how many there are, and if any has changed."""
+    count, radius, is_new = 0, 0.75 * BLOCK * field.resolution_m, False
+    middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
+    middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
+    for index in range(len(pings)):
+        numbers = looks.numbers[pings[index]]
+        x, y = middle_x - numbers[0], middle_y - numbers[1]
+        far = numbers[GREATEST_RANGE] + radius
+        behind = numbers[8] > 0.0 and numbers[2] * x + numbers[3] * y < -radius
+        if x * x + y * y >= far * far or behind:
+            continue
+        near.number[count], near.ping[count] = index, pings[index]
+        is_new = is_new or changed[index]
+        # From the middle of the block, so that little is lost in single precision.
+        near.numbers[0, count], near.numbers[1, count] = x, y
+        near.numbers[2, count], near.numbers[3, count] = numbers[2], numbers[3]
+        near.numbers[4, count] = numbers[4] * numbers[5]
+        near.numbers[5, count] = numbers[5] * numbers[5]
+        near.numbers[6, count] = numbers[8] * abs(numbers[8])
+        near.numbers[7, count] = numbers[9] * numbers[9]
+        near.numbers[8, count] = numbers[GREATEST_RANGE] * numbers[GREATEST_RANGE]
+        near.numbers[9, count] = math.cos(numbers[6])
+        near.numbers[10, count] = math.sin(numbers[6])
+        near.numbers[11, count] = -numbers[11]
+        count += 1
+    return count, is_new
+
+
+@inlined
+def _sound(field: Field, row: int, column: int, around: int, near: _Nearby) -> int:
+    """Set how pings sound a cell; returns how many do.  The same as `response.sounded`."""
+    beside = np.float32((column % BLOCK + 0.5 - 0.5 * BLOCK) * field.resolution_m)
+    above = np.float32((row % BLOCK + 0.5 - 0.5 * BLOCK) * field.resolution_m)
+    numbers, count = near.numbers, 0
+    for k in range(around):
+        x, y = numbers[0, k] + beside, numbers[1, k] + above
+        squared = x * x + y * y + numbers[5, k]
+        ahead = numbers[2, k] * x + numbers[3, k] * y + numbers[4, k]
+        near.which[count], near.x[count], near.y[count] = k, x, y
+        near.distance[count], near.ahead[count] = np.sqrt(squared), ahead
+        is_inside = (squared > numbers[7, k]) & (squared < numbers[8, k])
+        count += is_inside & (ahead * abs(ahead) > squared * numbers[6, k])
+    for place in range(count):
+        k, x, y = near.which[place], near.x[place], near.y[place]
+        distance = near.distance[place]
+        decay = exp32(numbers[11, k] * distance) / distance**4
+        near.loudness[place], near.ahead[place] = decay, near.ahead[place] / distance
+        cosine, sine = numbers[9, k], numbers[10, k]
+        near.off[place] = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+    return count
+
+
+@inlined
+def _add_said(  # noqa: PLR0913, PLR0917
+    looks: Looks,
+    field: Field,
+    left: NDArray[np.uint8],
+    listening: Listening,
+    silence: NDArray[np.float32],
+    classes: NDArray[np.int32],
+    count: int,
+    near: _Nearby,
+    said: NDArray[np.float32],
+) -> None:
+    """Add what pings say of surfaces in a cell, by direction of view and orientation."""
+    one, clutter, open_m = np.float32(1.0), np.float32(CLUTTER), OPEN_CELLS * field.resolution_m
+    for place in range(count):
+        index = near.number[near.which[place]]
+        ping, distance, off = near.ping[near.which[place]], near.distance[place], near.off[place]
+        b = int((distance - looks.numbers[ping, 9]) / looks.numbers[ping, 13])
+        if b >= looks.bins[ping]:
+            continue
+        entry = int((1.0 - near.ahead[place]) / (1.0 - looks.numbers[ping, 8]) * GAIN_STEPS)
+        gain = looks.power_gain[ping, min(max(entry, 0), GAIN_STEPS)]
+        loudness = gain * near.loudness[place] / listening.limit[index, b]
+        if loudness <= LEAST_LOUDNESS:
+            continue
+        half = looks.numbers[ping, 7]
+        ray = min(max(int((off + half) * RAYS / (2.0 * half)), 0), RAYS - 1)
+        step = int((distance - open_m) * STEPS / looks.numbers[ping, GREATEST_RANGE])
+        sound = left[index, ray, min(max(step, 0), STEPS - 1)] * np.float32(1.0 / WHOLE)
+        if sound < LEAST_SOUND:
+            continue
+        decibels = np.float32(10.0 / math.log(10.0)) * log32(loudness)
+        loud = min(LOUDNESSES - 1, max(0, int((decibels - FIRST_DB) / STEP_DB)))
+        share = int(sound * SHARES + 0.5)
+        turns = (off + looks.numbers[ping, 6]) / (2.0 * math.pi)
+        turns -= math.floor(turns)
+        sector, view = min(int(turns * SECTORS), SECTORS - 1), int(turns * 360.0) % 180
+        if not listening.heard[index, b]:
+            for orientation in range(ORIENTATIONS):
+                incidence = classes[view, orientation]
+                said[sector, orientation] += silence[share, loud, 1, incidence]
+            continue
+        chance = max(clutter, listening.chance[index, b])
+        for orientation in range(ORIENTATIONS):
+            silent = silence[share, loud, 0, classes[view, orientation]] * (one - chance)
+            said[sector, orientation] += log32((one - silent) / chance)
+
+
+@inlined
+def _least_refuted(said: NDArray[np.float32]) -> float:
+    """What is said of the orientation that is refuted least, each sector within its bounds."""
+    most, least_refuted = np.float32(MOST_A_SECTOR), np.float32(-1e9)
+    for orientation in range(ORIENTATIONS):
+        total = np.float32(0.0)
+        for sector in range(SECTORS):
+            total += max(-most, min(most, said[sector, orientation]))
+        least_refuted = max(least_refuted, total)
+    return float(least_refuted)
+
+
+def refute_all_surfaces(  # noqa: PLR0913, PLR0917
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -155,16 +293,17 @@ def refute_all_surfaces(
     listening: Listening,
     log_silent: FloatArray,
     wanted: BoolArray,
-) -> NDArray[np.float32]:
+    changed: BoolArray,
+    worst: NDArray[np.float32],
+) -> None:
     """The same as `refute_surfaces`, with as many threads as there are cores."""
-    return np.concatenate(
-        for_each(
-            lambda band: refute_surfaces(
-                looks, pings, band[1], left, listening, log_silent, wanted[band[0]]
-            ),
-            field.bands(BAND),
-        )
-    )
+    for_each(
+        lambda band: refute_surfaces(
+            looks, pings, band[1], left, listening, log_silent, wanted[band[0]], changed,
+            worst[band[0]],
+        ),
+        field.bands(BAND),
+    )  # fmt: skip
 
 
 @compiled

@@ -147,23 +147,18 @@ class Powers:
                 first += more
             update_powers(self._power, first)
 
-    def expect(self, among: BoolArray | None = None) -> None:
-        """Set what is expected of all pings.
+    def expected_of(self, among: BoolArray) -> NDArray[np.float32]:
+        """What would be expected of all pings if some cells were all there is.
 
         Parameters
         ----------
-        among : (cells,) bool array, optional
-            Cells that count; without it all do.
+        among : (cells,) bool array
+            Those.
         """
-        power = self._power
-        if among is not None:
-            power = np.where(among[self._scatterers.cell], power, np.float32(0.0))
-
-        def expect(group: _Group) -> None:
-            expected = self.expected[group.which]
-            expect_powers(self._looks, self._pings[group.which], group.heard, power, expected)
-
-        for_each(expect, self._groups)
+        power = np.where(among[self._scatterers.cell], self._power, np.float32(0.0))
+        expected = np.ones_like(self.expected)
+        self._expect(power, expected)
+        return expected
 
     def weigh(self, forgetting: float, weights: NDArray[np.float32] | None = None) -> CellEvidence:
         """Evidence of all cells.
@@ -176,7 +171,7 @@ class Powers:
             How much each ping says, if not what it counts.
         """
         weights = self._weights if weights is None else weights
-        self.expect()
+        self._expect(self._power, self.expected)
         cells = cells_of(self._scatterers.cell, self._field)
         said = for_each(
             lambda group: weigh_pings(
@@ -192,6 +187,15 @@ class Powers:
                 self._field, forgetting, evidence,
             )  # fmt: skip
         return evidence
+
+    def _expect(self, power: NDArray[np.float32], expected: NDArray[np.float32]) -> None:
+        """Set what is expected of all pings."""
+
+        def expect(group: _Group) -> None:
+            pings, own = self._pings[group.which], expected[group.which]
+            expect_powers(self._looks, pings, group.heard, power, own)
+
+        for_each(expect, self._groups)
 
     def _begin(self, scatterers: Scatterers) -> None:
         """Project scatterers, all of one power, without shadows."""

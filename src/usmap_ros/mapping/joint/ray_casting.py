@@ -53,6 +53,9 @@ def cast_rays(
         exp(-optical depth) up to sample k, at range k / STEPS of the greatest, times `WHOLE`.
     """
     left = np.zeros((len(pings), RAYS, STEPS), np.uint8)
+    if not depth.any():
+        left[:] = WHOLE
+        return left
     res = field.resolution_m
     for index in range(len(pings)):
         numbers = looks.numbers[pings[index]]

@@ -69,12 +69,9 @@ class Method:
 #: The product with one of its parts taken out, to see what each is worth.
 ABLATIONS = {
     "no_occlusion": Method("ours, nothing hides anything", {"mapping.occlusion": False}),
-    "no_revisits": Method("ours, no ping weighed again", {"mapping.revisits": 0}),
     "no_forgetting": Method("ours, nothing forgotten", {"mapping.forgetting": 0.0}),
-    "no_proof": Method("ours, silence trusted everywhere", {"mapping.silence_trust_m": 100.0}),
-    "no_walls": Method(
-        "ours, gaps in walls left open", {"mapping.wall_gap_m": 0.0, "mapping.bridged_gap_m": 0.0}
-    ),
+    "no_proof": Method("ours, free by silence alone", {"mapping.proof_rays": 1000.0}),
+    "no_walls": Method("ours, gaps in walls left open", {"mapping.wall_gap_m": 0.0}),
     "no_covariance": Method("ours, poses' covariance ignored", trusted_axes=(0, 1, 5)),
     "no_heading": Method("ours, headings taken to be exact", trusted_axes=(5,)),
 }

@@ -15,8 +15,8 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE, TiledGrid
-from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.mapping.yardsticks.additive import AdditiveFusion
 from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
 from usmap_ros.numerics.geometry import Pose
@@ -26,7 +26,7 @@ from usmap_ros.pings.cone import EchoCone
 QUICK = settings(max_examples=40)
 #: Each example is a map or two.
 FEW = settings(max_examples=5)
-KINDS = [SuperpositionFusion, AdditiveFusion]
+KINDS = [JointFusion, AdditiveFusion]
 PULSE = Pulse(PulseShape.HANN_BURST, 50e3, 3e-4)
 #: Just short of, at and beyond a right angle the cone is no longer convex.
 half_angles = st.one_of(
@@ -164,7 +164,7 @@ def test_a_footprint_holds_exactly_the_cells_in_beam_and_range(
 @FEW
 @given(
     st.lists(cones(), min_size=1, max_size=3),
-    st.sampled_from([SuperpositionFusion, AdditiveFusion]),
+    st.sampled_from([JointFusion, AdditiveFusion]),
 )
 def test_any_valid_cone_leaves_a_map_of_finite_numbers_between_the_clamps(
     views: list[EchoCone], kind: type[Fusion]
@@ -193,7 +193,7 @@ def test_robots_in_areas_of_their_own_may_come_in_any_order(
 ) -> None:
     """What a revisit takes back and deals again must not depend on what others did meanwhile."""
     first, *others = (
-        fused(SuperpositionFusion(MappingParameters()), list(order))
+        fused(JointFusion(MappingParameters()), list(order))
         for order in permutations(views)
     )
     for other in others:
@@ -233,7 +233,7 @@ def test_moving_everything_by_whole_cells_moves_the_map(
             x_m + shift[0] * resolution_m, y_m + shift[1] * resolution_m, cone.pose.yaw_rad
         )
         shifted = EchoCone(**{**vars(cone), "pose": pose})
-        maps.append(fused(SuperpositionFusion(parameters), [shifted]))
+        maps.append(fused(JointFusion(parameters), [shifted]))
     assume(maps[0].geometry.shape != (1, 1))
     assert maps[1].geometry.shape == maps[0].geometry.shape
     moved = np.subtract(maps[1].geometry.origin_m, maps[0].geometry.origin_m) / resolution_m

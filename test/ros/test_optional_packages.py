@@ -207,7 +207,7 @@ def test_whole_maps_are_rare_where_updates_are_enough(
     times_s = iter(range(100))
     publisher = MapPublisher(None, True, whole_period_s=5.0, clock=lambda: next(times_s))
     # Each new ping changes what it sees, and not the extent of the map.
-    by_ping = PipelineParameters(mapping=MappingParameters(method="superposition"))
+    by_ping = PipelineParameters(mapping=MappingParameters(method="additive"))
     pipeline = Pipeline(by_ping)
     for _, cone in cones[:12]:
         pipeline.fuse(cone)

@@ -157,13 +157,23 @@ class MappingParameters(ParameterGroup):
     """How cones become a map."""
 
     renamed: ClassVar[Mapping[str, str]] = {"audibility": "detection_probability"}
+    #: Methods that have a use for a parameter, where others have none.
+    used_by: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **dict.fromkeys(
+            ("occlusion", "opacity", "forgetting", "proof_rays", "wall_gap_m", "window"),
+            ("joint",),
+        ),
+        "fluctuation": ("joint", "additive"),
+        "detection_probability": ("joint", "additive"),
+        "observed_exposure": ("additive", "range_only"),
+    }
 
-    method: Literal["joint", "superposition", "additive", "range_only"] = quantity(
+    method: Literal["joint", "additive", "range_only"] = quantity(
         "joint",
         "How pings become a map: all pings of the window explained together whenever a map is asked"
-        " for, with walls and free space by how the place answers; echoes explained by the powers"
-        " of cells, ping by ping; each echo's evidence added to every cell of its ring; or, to"
-        " compare with, what nav2's model of range sensors makes of each first echo.",
+        " for, with walls and free space by how the place answers; or, to compare with, each echo's"
+        " evidence added to every cell of its ring, or what nav2's model of range sensors makes of"
+        " each first echo.",
     )
     resolution_m: float = quantity(0.05, "Side of a map cell.", "m", ge=0.005, le=2.0)
     most_cells: int = quantity(
@@ -200,21 +210,6 @@ class MappingParameters(ParameterGroup):
         ge=0.0,
         le=10.0,
     )
-    evidence_threshold: float = quantity(
-        16.0,
-        "Log-likelihood ratio at which a cell is as likely occupied as free.",
-        ge=0.0,
-        le=100.0,
-    )
-    evidence_slope: float = quantity(
-        0.5, "Log-odds for each unit of log-likelihood ratio.", gt=0.0, le=10.0
-    )
-    most_evidence_a_bin: float = quantity(
-        8.0, "Bound of what a single echo or silence can say of a cell.", gt=0.0, le=100.0
-    )
-    most_evidence: float = quantity(
-        100.0, "Bound of what all pings together can say of a cell.", gt=0.0, le=1e4
-    )
     forgetting: float = quantity(
         0.08,
         "Share of what speaks for a cell that is forgotten with every ping that contradicts it.",
@@ -227,43 +222,20 @@ class MappingParameters(ParameterGroup):
         gt=0.0,
         le=1e3,
     )
-    silence_trust_m: float = quantity(
-        0.15,
-        "Way through unproven cells over which trust in silence falls by 1/e.",
-        "m",
-        gt=0.0,
-        le=100.0,
-    )
     wall_gap_m: float = quantity(
         0.5,
-        "Widest gap in a straight run of believed cells that counts as wall, by the joint method;"
-        " 0: no runs are looked for.",
+        "Widest gap in a straight run of believed cells that counts as wall; 0: no runs are looked"
+        " for.",
         "m",
         ge=0.0,
         le=2.0,
     )
-    bridged_gap_m: float = quantity(
-        0.2,
-        "Widest gap between any two believed cells that counts as wall, where no runs are looked"
-        " for: by superposition, and in maps of few pings; 0: none.",
-        "m",
-        ge=0.0,
-        le=1.0,
-    )
     window: int = quantity(
         3000,
-        "Recent pings that are explained together (joint), or whose evidence is weighed again as"
-        " the map changes (superposition); what earlier ones said stays. Of pings from one place"
-        " the joint method keeps the newest few.",
+        "Recent pings that are explained together; what earlier ones said stays. Of pings from one"
+        " place the newest few are kept.",
         ge=1,
         le=100_000,
-    )
-    revisits: int = quantity(
-        4,
-        "Earlier pings weighed again with each new one; half as many where the window is full and"
-        " the map explains the new one.",
-        ge=0,
-        le=1000,
     )
     observed_exposure: float = quantity(
         1.0,
@@ -272,6 +244,15 @@ class MappingParameters(ParameterGroup):
         gt=0.0,
         le=100.0,
     )
+
+
+    @model_validator(mode="after")
+    def _all_that_is_set_is_used(self) -> MappingParameters:
+        for name, methods in self.used_by.items():
+            is_set = getattr(self, name) != type(self).model_fields[name].default
+            if is_set and self.method not in methods:
+                raise ValueError(f"{name}: method {self.method} has no use for it")
+        return self
 
 
 class PipelineParameters(ParameterGroup):

@@ -15,7 +15,6 @@ from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.wall_files import load_walls
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.fusion import JointFusion
-from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.mapping.yardsticks.additive import AdditiveFusion
 from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
 from usmap_ros.parameters import PipelineParameters
@@ -33,7 +32,6 @@ logger = logging.getLogger(__name__)
 #: Ways of fusing, by the name that the parameter ``method`` has for them.
 FUSIONS: dict[str, type[Fusion]] = {
     "joint": JointFusion,
-    "superposition": SuperpositionFusion,
     "additive": AdditiveFusion,
     "range_only": RangeSensorFusion,
 }

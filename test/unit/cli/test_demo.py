@@ -1,7 +1,6 @@
 """The demo, on the scenario that is shipped for it."""
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,15 +13,9 @@ from usmap_ros.io.bag_reader import BagReader
 
 @pytest.mark.slow
 def test_the_demo_does_the_main_job(usmap: Callable[..., Any], tmp_path: Path) -> None:
-    before = os.times()
     done = usmap("demo", "-o", "demo", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    # Half a minute on an idle machine: processor time counts, because this one may be busy.
-    after = os.times()
-    own_s = after.user - before.user + after.system - before.system
-    workers_s = after.children_user - before.children_user
-    assert own_s + workers_s < 100.0
 
     folder = tmp_path / "demo"
     for name in ("bag", "map.yaml", "map.npz", "truth.yaml", "map.png", "ping.png", "map.gif"):

@@ -49,7 +49,7 @@ IDLE = {
         "'--jobs': is up to the cluster's workers",
     ),
     "a method in two ways": (
-        (*MAP, "--method", "additive", "--set", "mapping.method=superposition"),
+        (*MAP, "--method", "additive", "--set", "mapping.method=joint"),
         "'--method': mapping.method is set by --set as well",
     ),
     "cells in two ways": (

@@ -7,7 +7,7 @@ import pytest
 
 from usmap_ros.grids import NORMAL
 from usmap_ros.mapping.normals import surface_normals
-from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
+from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -75,9 +75,9 @@ def test_nothing_believed_gives_no_normals() -> None:
 
 
 @pytest.fixture(scope="module")
-def wall(cone_of_objects: Callable[..., EchoCone]) -> SuperpositionFusion:
+def wall(cone_of_objects: Callable[..., EchoCone]) -> JointFusion:
     """Give a map of a short dense row of scatterers at x = 1.5 m, heard from the left."""
-    fusion = SuperpositionFusion(MappingParameters())
+    fusion = JointFusion(MappingParameters())
     row = [(1.525, y_m, 0.5) for y_m in np.arange(-0.275, 0.3, 0.05)]
     for number, y_m in enumerate(np.linspace(-1.4, 1.4, 15)):
         yaw_rad = float(np.arctan2(-y_m, 1.5))
@@ -88,7 +88,7 @@ def wall(cone_of_objects: Callable[..., EchoCone]) -> SuperpositionFusion:
     return fusion
 
 
-def test_the_map_of_a_wall_tells_which_way_it_faces(wall: SuperpositionFusion) -> None:
+def test_the_map_of_a_wall_tells_which_way_it_faces(wall: JointFusion) -> None:
     occupancy = wall.occupancy_map()
     normal_rad = occupancy.layers[NORMAL]
     assert normal_rad.dtype == np.float32
@@ -99,9 +99,9 @@ def test_the_map_of_a_wall_tells_which_way_it_faces(wall: SuperpositionFusion) -
     assert np.cos(normal_rad[known] - np.pi).min() > np.cos(np.radians(30.0))
 
 
-def test_a_resumed_map_still_knows_which_way_its_walls_face(wall: SuperpositionFusion) -> None:
+def test_a_resumed_map_still_knows_which_way_its_walls_face(wall: JointFusion) -> None:
     before = wall.occupancy_map()
-    resumed = SuperpositionFusion(MappingParameters())
+    resumed = JointFusion(MappingParameters())
     resumed.resume(before)
     after = resumed.occupancy_map()
     assert after.geometry == before.geometry

@@ -8,7 +8,7 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 
 
-def pipeline_with_pings(method: str = "superposition") -> usmap_ros.Pipeline:
+def pipeline_with_pings(method: str = "joint") -> usmap_ros.Pipeline:
     mapping = MappingParameters(method=method)
     pipeline = usmap_ros.Pipeline(PipelineParameters(mapping=mapping))
     for x_m, y_m in [(0.0, 0.0), (0.5, 0.2), (1.0, -0.4), (1.2, 0.5), (1.5, 1.2)]:

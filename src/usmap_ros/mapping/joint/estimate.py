@@ -166,6 +166,8 @@ class JointEstimate:
         self._first_only = np.zeros(len(pings), bool) if first_only is None else first_only
         self._standing = np.zeros(field.shape, bool) if standing is None else standing
         self._powers = Powers(looks, pings, weights, field)
+        numbers = looks.numbers[pings]
+        self._stood = field.cells_within(numbers[:, X], numbers[:, Y], STOOD_M)
         self.evidence: CellEvidence = no_evidence(field)
         self.depth = np.zeros(field.shape, np.float32)
         self._hiding: FloatArray = np.zeros(field.shape)
@@ -321,8 +323,7 @@ class JointEstimate:
         occupied[rows[kept], columns[kept]] = True
         filled = drawn(lines, self.field.shape) | drawn(mirrors, self.field.shape)
         filled |= drawn_columns(self.columns, self.field)
-        stood = self._away_m < STOOD_M
-        occupied, filled = occupied & ~stood, filled & ~stood
+        occupied, filled = occupied & ~self._stood, filled & ~self._stood
         return Walls(occupied, filled, lines if len(lines) else NO_LINES, mirrors)
 
     # ------------------------------------------------------------------ free space
@@ -348,7 +349,7 @@ class JointEstimate:
         numbers = self.looks.numbers[self.pings]
         away_m = self._away_m
         wanted = (away_m < numbers[:, GREATEST_RANGE].max()) & ~occupied
-        stood = (away_m < STOOD_M) & ~occupied
+        stood = self._stood & ~occupied
         belief = cell_log_odds(self.evidence, field.shape)
         suspected = (belief > SUSPECTED) & ~occupied
         closed = suspected | beyond_ends(walls.all_lines, occupied, GOING_ON_M / field.resolution_m)

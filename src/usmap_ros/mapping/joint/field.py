@@ -70,6 +70,22 @@ class Field(NamedTuple):
         mask[rows[inside], columns[inside]] = True
         return mask
 
+    def cells_within(
+        self, x_m: NDArray[np.float64], y_m: NDArray[np.float64], radius_m: float
+    ) -> BoolArray:
+        """Mask of the cells whose centres lie within a radius of any of some places."""
+        mask = np.zeros(self.shape, bool)
+        res = self.resolution_m
+        columns, rows = (np.floor(at_m / res).astype(np.int64) for at_m in (x_m, y_m))
+        reach = int(np.ceil(radius_m / res))
+        for up, right in np.ndindex(2 * reach + 1, 2 * reach + 1):
+            row, column = rows + up - reach, columns + right - reach
+            near = np.hypot((column + 0.5) * res - x_m, (row + 0.5) * res - y_m) < radius_m
+            row, column = row[near] - self.first_row, column[near] - self.first_column
+            inside = (row >= 0) & (column >= 0) & (row < self.rows) & (column < self.columns)
+            mask[row[inside], column[inside]] = True
+        return mask
+
 
 def field_around(looks: Looks, rows: NDArray[np.int64], resolution_m: float) -> Field:
     """The least rectangle that holds all that some pings may reach.

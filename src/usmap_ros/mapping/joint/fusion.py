@@ -11,7 +11,6 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.survey import Survey, copied
-from usmap_ros.mapping.superposition.fusion import FEW_PINGS, SuperpositionFusion
 from usmap_ros.mapping.superposition.ping_bins import look_of
 from usmap_ros.mapping.superposition.window import BY_BIN
 from usmap_ros.numerics.special import logit
@@ -27,8 +26,7 @@ class JointFusion(Fusion):
 
     A ping is only kept when it comes; the map is worked out when somebody asks for it, from all
     pings at once and from the start.  So it depends on the pings alone: not on how often it was
-    looked at, and but for the order of sums not on the order of robots.  While there are few
-    pings, every cell is weighed that may have returned an echo (`superposition.first_pings`).
+    looked at, and but for the order of sums not on the order of robots.
 
     Parameters
     ----------
@@ -114,21 +112,7 @@ class JointFusion(Fusion):
 
     def snapshot(self) -> Callable[[], OccupancyMap]:
         """What makes the map as it is now, in its own time and in any thread."""
-        if self._are_few:
-            return self._weighed_alone().snapshot()
         return self._surveyed().occupancy_map
-
-    @property
-    def _are_few(self) -> bool:
-        return self._earlier is None and len(self._kept) <= FEW_PINGS
-
-    def _weighed_alone(self) -> SuperpositionFusion:
-        """Few pings, with every cell weighed that may have returned an echo."""
-        fusion = SuperpositionFusion(self.parameters)
-        for cone, source in self._kept.cones():
-            fusion.fuse(cone, source)
-        fusion.frame_id, fusion.stamp_ns = self.frame_id, self.stamp_ns
-        return fusion
 
     def _surveyed(self) -> Survey:
         """The survey of today's pings, which is worked out when it is asked."""

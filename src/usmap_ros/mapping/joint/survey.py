@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.export import LEAST_NEWS
 from usmap_ros.mapping.extent import check_size
-from usmap_ros.mapping.joint.estimate import JointEstimate, Walls
+from usmap_ros.mapping.joint.estimate import SHOWN, JointEstimate, Walls
 from usmap_ros.mapping.joint.field import Field, field_around
+from usmap_ros.mapping.joint.first_pings import first_log_odds
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds, over_block
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.superposition.layers import undecided
-from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.special import logistic, logit
 from usmap_ros.parameters import MappingParameters
 
@@ -42,11 +43,14 @@ class Area:
         What stands.
     free : (rows, columns) bool array
         Free cells.
+    belief : (rows, columns) array
+        Log-odds that each cell holds or touches a surface.
     """
 
     estimate: JointEstimate
     walls: Walls
     free: BoolArray
+    belief: FloatArray
 
     @property
     def field(self) -> Field:
@@ -122,7 +126,16 @@ class Survey:
             first_only=pings.first_only,
         )  # fmt: skip
         walls = estimate.estimate(self._more_rounds)
-        return Area(estimate, walls, estimate.free_space(walls))
+        belief = None
+        if self._earlier is None:
+            belief = first_log_odds(map(pings.looks.at, pings.rows), field, parameters)
+        if belief is None:
+            belief = cell_log_odds(estimate.evidence, field.shape)
+            return Area(estimate, walls, estimate.free_space(walls), belief)
+        no_lines = np.zeros((0, 5))
+        walls = Walls(belief > SHOWN, np.zeros(field.shape, bool), no_lines, no_lines)
+        free = estimate.free_space(walls) & (belief == NOTHING)
+        return Area(estimate, walls, free, belief)
 
     def _standing(self, field: Field) -> BoolArray | None:
         """Cells of a field that were occupied before."""
@@ -145,9 +158,7 @@ class Survey:
             if known.any()
         ]
         if self._earlier is not None:
-            told = self._earlier.observed | (
-                np.abs(self._earlier.log_odds - logit(self._parameters.prior)) >= LEAST_NEWS
-            )
+            told = _told(self._earlier, self._parameters)
             if told.any():
                 left, bottom = self._earlier.geometry.first_cell
                 corners.append(_bounds(bottom, left, told))
@@ -188,13 +199,13 @@ class Survey:
             row - first_row : end_row - first_row, column - first_column : end_column - first_column
         ]
         shown, free = area.walls.shown[part], area.free[part]
-        belief = cell_log_odds(area.estimate.evidence, area.field.shape)[part]
+        belief = area.belief[part]
         vacant = min(FREE_LOG_ODDS, logit(self._parameters.prior) + FREE_EVIDENCE)
         decided = np.where(shown, np.maximum(belief, OCCUPIED_LOG_ODDS), vacant)
         least, greatest = self._parameters.least_log_odds, self._parameters.greatest_log_odds
         log_odds, observed = occupancy.log_odds[place], occupancy.observed[place]
         suspected = (belief > NOTHING) & ~shown & ~free & ~observed
-        log_odds[suspected] = np.clip(belief, least, 0.0)[suspected]
+        log_odds[suspected] = np.clip(belief, least, SHOWN)[suspected]
         log_odds[shown | free] = np.clip(decided, least, greatest)[shown | free]
         observed |= shown | free
         heard = area.estimate.evidence.heard.reshape(area.field.shape)[part]
@@ -233,11 +244,22 @@ def _put_earlier(
 
 def _known(area: Area, parameters: MappingParameters) -> BoolArray:
     """Cells of which anything is to be said."""
-    belief = cell_log_odds(area.estimate.evidence, area.field.shape)
-    news = np.clip(belief, parameters.least_log_odds, 0.0) - logit(parameters.prior)
+    belief = area.belief
+    news = np.clip(belief, parameters.least_log_odds, SHOWN) - logit(parameters.prior)
     suspected = (belief > NOTHING) & (np.abs(news) >= LEAST_NEWS)
-    known: BoolArray = area.walls.shown | area.free | suspected
+    undecided = area.estimate.evidence.heard.reshape(area.field.shape) > 0.0
+    known: BoolArray = area.walls.shown | area.free | suspected | undecided
     return known
+
+
+def _told(earlier: OccupancyMap, parameters: MappingParameters) -> BoolArray:
+    """Cells of an earlier map of which anything was said."""
+    news = np.abs(earlier.log_odds - logit(parameters.prior)) >= LEAST_NEWS
+    told: BoolArray = earlier.observed | news
+    for name in (LOOKS_COS, LOOKS_SIN):
+        if name in earlier.layers:
+            told |= earlier.layers[name] != 0.0
+    return told
 
 
 def _bounds(first_row: int, first_column: int, known: BoolArray) -> tuple[int, int, int, int]:

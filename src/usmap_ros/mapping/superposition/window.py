@@ -42,6 +42,10 @@ class Looks(NamedTuple):
     bearing: NDArray[np.float32]
     bearing_weight: NDArray[np.float32]
 
+    def at(self, row: int) -> Look:
+        """One of them."""
+        return _look_in(self, row)
+
 
 def look_in_row(looks: Looks, row: int) -> Look:
     """One of several looks."""

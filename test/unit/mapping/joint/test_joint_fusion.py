@@ -230,12 +230,3 @@ def test_nothing_behind_a_wall_is_called_free(cone_of_objects: MakeCone) -> None
     x_m, y_m = left_m + (columns + 0.5) * step_m, bottom_m + (rows + 0.5) * step_m
     assert np.count_nonzero(y_m < 1.4) > 300
     assert not np.any((y_m > 1.65) & (x_m > 0.2) & (x_m < 2.1))
-
-
-def test_few_pings_are_mapped_as_by_superposition(views: list[EchoCone]) -> None:
-    from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
-
-    few = SuperpositionFusion(MappingParameters())
-    for cone in views[:4]:
-        few.fuse(cone)
-    assert_same(fused(views[:4]).occupancy_map(), few.occupancy_map())

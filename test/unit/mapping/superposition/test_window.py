@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.superposition.fusion import SuperpositionFusion
 from usmap_ros.mapping.superposition.ping_bins import Look, look_of
 from usmap_ros.mapping.superposition.window import FIRST_ROWS, NUMBERS, Window
 from usmap_ros.parameters import MappingParameters
@@ -69,16 +68,3 @@ def test_the_newest_can_be_let_go(make_cone: MakeCone) -> None:
     assert [look.x_m for look in window] == [0.1]
     with pytest.raises(IndexError):
         window[1]
-
-
-def test_a_full_window_that_explains_a_ping_is_visited_half_as_often(
-    make_cone: MakeCone, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    visits: list[int] = []
-    fusion = SuperpositionFusion(MappingParameters(window=30, revisits=6))
-    monkeypatch.setattr(fusion, "_visit", visits.append)
-    for _ in range(35):
-        fusion.fuse(make_cone())
-    assert visits[-7:] == [6] + [3] * 6  # nothing was heard, so nothing is left to explain
-    fusion.fuse(make_cone(1.3))
-    assert visits[-1] == 6

@@ -1,0 +1,305 @@
+"""The first pings: every cell weighed that may have returned an echo, without picking any.
+
+Powers that explain what was heard are many while pings are few, and where the search for them ends
+depends on where it starts.  So the odds of cells come from a simpler model then, in which each
+quarter of a cell holds an object or none.  An echo has one source: its likelihood is a noisy-OR of
+all quarters on its ring, each with the density of the echo's power if it came from there, given
+what the other pings heard of it.  Belief propagation between echoes and quarters gives the odds.
+
+References
+----------
+.. [1] Pearl, "Probabilistic Reasoning in Intelligent Systems" (1988), section 4.3: noisy-OR.
+.. [2] Thrun, "Learning occupancy grid maps with forward sensor models", Autonomous Robots 15
+   (2003) 111-127: explaining readings together, rather than cell by cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.kept_pings import STEP_M, STEP_RAD
+from usmap_ros.mapping.joint.log_odds import NOTHING, OWN_SHARE, over_block
+from usmap_ros.mapping.joint.projection import MOST_BLUR_BINS
+from usmap_ros.mapping.superposition.cells import QUARTERS
+from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS, SILENCE, UNJUDGED, Look
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.special import logistic, logit
+from usmap_ros.parameters import MappingParameters
+
+#: From so few places, pings are explained in this way; those from one place are one look.
+FEW_PLACES = 6
+#: Quarters, times pings, that are compared at the most.
+MOST_PAIRS = 200_000
+#: Silence against a cell outweighs an echo for it when it is so many times as frequent.
+SILENCE_COUNTS = 0.4
+#: Density, per unit of the logarithm of power, of echoes that come from nowhere.
+CLUTTER_DENSITY = 3e-3
+#: Rounds of belief propagation, and the share of its last message that each keeps.
+ROUNDS, DAMPING = 15, 0.3
+#: Powers that an object may have, and how many standard deviations about the median they span.
+POWER_STEPS, POWER_SPREAD = 80, 3.2
+#: Bounds of likelihoods: of an echo's power, and of silence.
+LEAST_LOG_DENSITY, LEAST_SILENCE = -12.0, 0.0025
+
+
+class Heard(NamedTuple):
+    """What each ping has of places that may have returned an echo; (pings, places) arrays.
+
+    Parameters
+    ----------
+    kind : uint8 array
+        ECHO, SILENCE or UNJUDGED.
+    bin : int64 array
+        Range bin of the echo, or of the middle of the place.
+    level : float64 array
+        Power of the echo, or below which one may have gone unreported.
+    variance : float64 array
+        Of the logarithm of the echo's power.
+    weight : float64 array
+        Power that would return if the place scattered with power 1.
+    fit : float64 array
+        How well it fits a measured bearing.
+    """
+
+    kind: NDArray[np.uint8]
+    bin: IndexArray
+    level: FloatArray
+    variance: FloatArray
+    weight: FloatArray
+    fit: FloatArray
+
+
+def first_log_odds(
+    looks: Iterable[Look], field: Field, parameters: MappingParameters
+) -> FloatArray | None:
+    """Log-odds of the cells that may have returned any echo of a few pings.
+
+    Parameters
+    ----------
+    looks : iterable of Look
+        The pings, in bins of range; of those from one place only the last is looked at.
+    field : Field
+        The cells.
+    parameters : MappingParameters
+        What is known of objects beforehand.
+
+    Returns
+    -------
+    log_odds : (rows, columns) array or None
+        `NOTHING` where nothing is suspected; None if pings, or cells to suspect, are too many.
+    """
+    last = {_place(look): look for look in looks}
+    if len(last) > FEW_PLACES:
+        return None
+    few = list(last.values())
+    suspected = np.flatnonzero(_suspects(few, field, parameters))
+    if len(suspected) * QUARTERS * len(few) > MOST_PAIRS:
+        return None
+    x_m, y_m = _quarters(suspected, field)
+    heard = hear(few, x_m, y_m, 0.5 * field.resolution_m, parameters.fluctuation)
+    density, prior = densities(heard, parameters), logit(parameters.prior / QUARTERS)
+    odds = weigh_sources(heard, density, parameters.detection_probability, prior)
+    vacancy = np.zeros(field.shape)
+    vacancy.ravel()[suspected] = -np.logaddexp(0.0, odds).reshape(-1, QUARTERS).sum(axis=1)
+    # What is certain of a block of nine counts for the cells that hold a fair share of it.
+    is_minor = np.expm1(vacancy) > OWN_SHARE * np.expm1(over_block(vacancy, np.minimum))
+    block = np.where(is_minor, vacancy, over_block(vacancy, np.add))
+    log_odds = np.log(np.maximum(-np.expm1(block), 1e-30)) - block
+    is_acquitted = (vacancy == 0.0) | (log_odds <= logit(parameters.prior))
+    return np.where(is_acquitted, NOTHING, log_odds)
+
+
+def _place(look: Look) -> tuple[int, int, int]:
+    """Where a ping looks from, in steps."""
+    return (
+        round(look.x_m / STEP_M), round(look.y_m / STEP_M), round(look.heading_rad / STEP_RAD)
+    )  # fmt: skip
+
+
+def _suspects(looks: list[Look], field: Field, parameters: MappingParameters) -> BoolArray:
+    """Cells for which more echoes speak than silence speaks against."""
+    row, column = np.divmod(np.arange(field.rows * field.columns), field.columns)
+    x_m = (field.first_column + column + 0.5) * field.resolution_m
+    y_m = (field.first_row + row + 0.5) * field.resolution_m
+    heard = hear(looks, x_m, y_m, field.resolution_m, parameters.fluctuation)
+    is_loud = heard.weight * parameters.reflectivity**2 > heard.level
+    against = (heard.kind == SILENCE) & is_loud
+    votes = np.sum((heard.kind == ECHO) - SILENCE_COUNTS * against, axis=0)
+    suspected: BoolArray = votes > 0.0
+    return suspected
+
+
+def _quarters(cells: IndexArray, field: Field) -> tuple[FloatArray, FloatArray]:
+    """Centres of the quarters of some cells, m, those of a cell one behind the other."""
+    row, column = np.divmod(np.repeat(cells, QUARTERS), field.columns)
+    part = np.tile(np.arange(QUARTERS), len(cells))
+    right, up = np.where(part & 1, 0.75, 0.25), np.where(part & 2, 0.75, 0.25)
+    x_m = (field.first_column + column + right) * field.resolution_m
+    y_m = (field.first_row + row + up) * field.resolution_m
+    return x_m, y_m
+
+
+def hear(
+    looks: list[Look], x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
+) -> Heard:
+    """What some pings have of square places.
+
+    Parameters
+    ----------
+    looks : list of Look
+        The pings.
+    x_m, y_m : (places,) arrays
+        Centres of the places.
+    side_m : float
+        Length of their sides.
+    fluctuation : float
+        Standard deviation of ln amplitude from look to look.
+    """
+    each = [_heard_by(look, x_m, y_m, side_m, fluctuation) for look in looks]
+    return Heard(*(np.array(values) for values in zip(*each, strict=True)))
+
+
+def _heard_by(
+    look: Look, x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
+) -> tuple[NDArray[np.generic], ...]:
+    """What one ping has of places: a row of each field of `Heard`."""
+    x, y = x_m - look.x_m, y_m - look.y_m
+    distance = np.sqrt(x * x + y * y + look.rise_m**2)
+    cosine = (look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m) / distance
+    is_inside = (
+        (distance > look.least_range_m)
+        & (distance < look.greatest_range_m)
+        & (cosine > look.cos_half_angle)
+    )
+    entry = (1.0 - cosine) / (1.0 - look.cos_half_angle) * GAIN_STEPS
+    gain = np.interp(entry, np.arange(GAIN_STEPS + 1), look.power_gain)
+    weight = np.maximum(gain * np.exp(-look.absorption_per_m * distance) / distance**4, 1e-12)
+    middle = (distance - look.least_range_m) / look.bin_m
+    depth = 0.5 * side_m / look.bin_m * (np.abs(x) + np.abs(y)) / distance
+    spread = np.sqrt(depth**2 + 3.0 * (look.range_std_m / look.bin_m) ** 2)
+    spread = np.maximum(np.minimum(spread, MOST_BLUR_BINS), depth)
+    echo = _nearest_echo(look, middle - spread, middle + spread)
+    is_heard = is_inside & (echo >= 0)
+    at = np.where(is_heard, echo, np.clip(middle, 0, len(look.kind) - 1).astype(np.int64))
+    kind = np.where(is_inside, look.kind[at], UNJUDGED).astype(np.uint8)
+    power = np.maximum(look.power[at], look.noise).astype(np.float64)
+    level = np.where(is_heard, np.maximum(power - look.noise, 0.25 * power), look.limit[at])
+    variance = 4.0 * fluctuation**2 + 2.0 * look.noise / power
+    heading = np.arctan2(y, x) - look.heading_rad
+    off = (heading + np.pi) % (2.0 * np.pi) - np.pi - look.bearing[at]
+    fit = np.where(is_heard, np.exp(-look.bearing_weight[at] * off**2), 1.0)
+    return kind, at, level, variance, weight, fit
+
+
+def _nearest_echo(look: Look, low: FloatArray, high: FloatArray) -> IndexArray:
+    """Range bin of the echo nearest to the middle of each stretch of bins; -1 if there is none."""
+    echoes = np.flatnonzero(look.kind == ECHO)
+    if not len(echoes):
+        return np.full(len(low), -1)
+    middle = 0.5 * (low + high)
+    after = np.searchsorted(echoes + 0.5, middle)
+    before, after = np.maximum(after - 1, 0), np.minimum(after, len(echoes) - 1)
+    is_before = middle - (echoes[before] + 0.5) < echoes[after] + 0.5 - middle
+    nearest = echoes[np.where(is_before, before, after)]
+    is_within = (nearest >= np.floor(low)) & (nearest <= np.floor(high))
+    return np.where(is_within, nearest, -1)
+
+
+def densities(heard: Heard, parameters: MappingParameters) -> FloatArray:
+    """Density of what each ping has of each place, given what the other pings have of it.
+
+    That is averaged over the powers that an object may have, lognormal about the median.
+
+    Parameters
+    ----------
+    heard : Heard
+        What the pings have of the places.
+    parameters : MappingParameters
+        What is known of objects beforehand.
+
+    Returns
+    -------
+    density : (pings, places) array
+        Of an echo's power if it came from there, or probability of silence.
+    """
+    off = np.linspace(-POWER_SPREAD, POWER_SPREAD, POWER_STEPS)
+    spread = 2.0 * parameters.reflectivity_spread
+    log_power = 2.0 * np.log(parameters.reflectivity) + spread * off
+    density = np.ones(heard.kind.shape)
+    # One place is one column: in batches, for each has a table of pings and powers.
+    for batch in np.array_split(np.arange(heard.kind.shape[1]), 1 + heard.kind.size // 20_000):
+        here = Heard(*(values[:, batch] for values in heard))
+        likely = _log_likelihood(here, log_power)
+        total = (-0.5 * off**2)[:, np.newaxis] + likely.sum(axis=0)
+        for index, log_density in enumerate(likely):
+            others = total - log_density
+            others = np.exp(others - others.max(axis=0))
+            mean = (others * np.exp(log_density)).sum(axis=0) / others.sum(axis=0)
+            density[index, batch] = mean * here.fit[index]
+    return density
+
+
+def _log_likelihood(heard: Heard, log_power: FloatArray) -> FloatArray:
+    """Logarithm of the likelihood of what was heard; (pings, powers, places).
+
+    Parameters
+    ----------
+    heard : Heard
+        What the pings have of the places.
+    log_power : (powers,) array
+        Powers that an object may have.
+    """
+    kind, _, level, variance, weight, _ = (values[:, np.newaxis] for values in heard)
+    best = np.log(np.maximum(level, 1e-30) / weight)
+    off = best - log_power[:, np.newaxis]
+    echo = -0.5 * np.log(2.0 * np.pi * variance) - 0.5 * off**2 / variance
+    silence = np.log(np.maximum(-np.expm1(-np.exp(off)), LEAST_SILENCE))
+    is_silent = kind == SILENCE
+    likely: FloatArray = np.where(
+        kind == ECHO, np.maximum(echo, LEAST_LOG_DENSITY), np.where(is_silent, silence, 0.0)
+    )
+    return likely
+
+
+def weigh_sources(
+    heard: Heard, density: FloatArray, detection_probability: float, prior_log_odds: float
+) -> FloatArray:
+    """Log-odds of places, by belief propagation between them and the echoes.
+
+    Parameters
+    ----------
+    heard : Heard
+        What the pings have of the places.
+    density : (pings, places) array
+        By `densities`.
+    detection_probability : float
+        Probability that an object that is loud enough is heard.
+    prior_log_odds : float
+        Of a place.
+
+    Returns
+    -------
+    log_odds : (places,) array
+        That each holds an object.
+    """
+    log_odds = np.full(heard.kind.shape[1], prior_log_odds)
+    messages = np.zeros(heard.kind.shape)
+    missed = 1.0 - detection_probability
+    for _ in range(ROUNDS):
+        for index, at in enumerate(heard.bin):
+            is_echo = heard.kind[index] == ECHO
+            cavity = logistic(log_odds - messages[index])
+            share = np.where(is_echo, cavity * density[index], 0.0)
+            explained = CLUTTER_DENSITY + np.bincount(at, share)
+            rest = np.where(is_echo, np.maximum(explained[at] - share, CLUTTER_DENSITY), 1.0)
+            message = np.log(detection_probability * density[index] / rest + missed)
+            message[heard.kind[index] == UNJUDGED] = 0.0
+            message = DAMPING * messages[index] + (1.0 - DAMPING) * message
+            log_odds += message - messages[index]
+            messages[index] = message
+    return log_odds

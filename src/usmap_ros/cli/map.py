@@ -55,7 +55,7 @@ def map_bags(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Short for --set mapping.method=NAME: superposition, additive, or range_only to"
+            help="Short for --set mapping.method=NAME: joint, additive, or range_only to"
             " see what a sensor that measures ranges only would make of the same pings.",
             autocompletion=_methods,
         ),

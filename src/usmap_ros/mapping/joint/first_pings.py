@@ -93,9 +93,11 @@ def first_log_odds(
     log_odds : (rows, columns) array or None
         `NOTHING` where nothing is suspected; None if pings, or cells to suspect, are too many.
     """
-    last = {_place(look): look for look in looks}
-    if len(last) > FEW_PLACES:
-        return None
+    last: dict[tuple[int, int, int], Look] = {}
+    for look in looks:
+        last[_place(look)] = look
+        if len(last) > FEW_PLACES:
+            return None
     few = list(last.values())
     suspected = np.flatnonzero(_suspects(few, field, parameters))
     if len(suspected) * QUARTERS * len(few) > MOST_PAIRS:

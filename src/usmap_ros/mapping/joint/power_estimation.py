@@ -1,6 +1,6 @@
 """Power estimation: what every quarter of a cell scatters, likeliest by all pings together.
 
-The forward model is that of `usmap_ros.mapping.superposition.powers`: range bin b of a ping should
+The forward model is that of `docs/mapping.md`: range bin b of a ping should
 return λ_b = noise + Σ w_qb v_q, and what it returns is exponentially distributed about λ.  Of a
 silent bin only a limit is known, and its power counts as expected below that.  The multiplicative
 update v ← v · Σ w y/λ² / Σ w/λ climbs to the greatest likelihood ([1]_, with exponent 1: converged

@@ -60,7 +60,7 @@ OF_MAPS: dict[str, set[str]] = {
 }
 NOT_OF_MAPS = {
     "llvmlite", "matplotlib", "mcap", "numba", "rclpy", "rosbags", "scipy",
-    "usmap_ros.mapping.superposition", "usmap_ros.reconstruction", "usmap_ros.simulation",
+    "usmap_ros.mapping.joint", "usmap_ros.reconstruction", "usmap_ros.simulation",
 }  # fmt: skip
 
 

@@ -15,8 +15,8 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE, TiledGrid
+from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.yardsticks.additive import AdditiveFusion
 from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
 from usmap_ros.numerics.geometry import Pose
@@ -193,8 +193,7 @@ def test_robots_in_areas_of_their_own_may_come_in_any_order(
 ) -> None:
     """What a revisit takes back and deals again must not depend on what others did meanwhile."""
     first, *others = (
-        fused(JointFusion(MappingParameters()), list(order))
-        for order in permutations(views)
+        fused(JointFusion(MappingParameters()), list(order)) for order in permutations(views)
     )
     for other in others:
         assert other.geometry == first.geometry

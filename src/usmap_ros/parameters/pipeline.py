@@ -245,7 +245,6 @@ class MappingParameters(ParameterGroup):
         le=100.0,
     )
 
-
     @model_validator(mode="after")
     def _all_that_is_set_is_used(self) -> MappingParameters:
         for name, methods in self.used_by.items():

@@ -70,15 +70,8 @@ def reconstruct_chirps() -> None:
     Pipeline().reconstruct(hear([(1.5, 0.2)], transducer=replace(TRANSDUCER, pulse=chirp)))
 
 
-def map_few_pings() -> None:
-    """Map a ping by itself."""
-    from usmap_ros.simulation.points import TRANSDUCER
-
-    _mapped(TRANSDUCER, 1)[0].occupancy_map()
-
-
-def map_many_pings() -> None:
-    """Map many pings together, and compare robots."""
+def map_pings() -> None:
+    """Map pings together, and compare robots."""
     from usmap_ros.simulation.points import TRANSDUCER
 
     pipeline, cones = _mapped(TRANSDUCER)
@@ -105,14 +98,12 @@ def refine_odometry() -> None:
     refine_poses([("/robot/echo", cone) for cone in _mapped(TRANSDUCER)[1]], insists=True)
 
 
-#: What is compiled at the same time, by what has it compiled.  With two cores many pings come when
-#: the first is done, and find most of what few need, too.
+#: What is compiled at the same time, by what has it compiled.
 SESSION: dict[str, Callable[[], None]] = {
     reconstruct_all_kinds.__name__: reconstruct_all_kinds,
-    map_few_pings.__name__: map_few_pings,
-    map_many_pings.__name__: map_many_pings,
+    map_pings.__name__: map_pings,
 }
-#: The same with what few need.
+#: The same with what is rarely needed.
 ALL = {
     **SESSION,
     reconstruct_chirps.__name__: reconstruct_chirps,
@@ -243,10 +234,10 @@ def main(parent: str, name: str) -> None:
     sys.exit(_failure(ALL[name]))
 
 
-def _mapped(transducer: Transducer, count: int = 10) -> tuple[Pipeline, list[EchoCone]]:
+def _mapped(transducer: Transducer) -> tuple[Pipeline, list[EchoCone]]:
     """A pipeline with a map of some cones, and these."""
     pipeline = Pipeline()
-    cones = [_cone_from(0.1 * number, transducer) for number in range(count)]
+    cones = [_cone_from(0.1 * number, transducer) for number in range(10)]
     for cone in cones:
         pipeline.fuse(cone)
     return pipeline, cones

@@ -110,9 +110,7 @@ def test_the_map_has_the_frame_and_the_newest_stamp_of_its_cones(
 def test_log_odds_stay_between_the_clamps_however_often_it_is_told(
     kind: type[Fusion], cone_of_objects: MakeCone
 ) -> None:
-    parameters = MappingParameters(
-        prior=0.1, least_log_odds=-3.0, greatest_log_odds=1.5
-    )
+    parameters = MappingParameters(prior=0.1, least_log_odds=-3.0, greatest_log_odds=1.5)
     occupancy = fused(kind(parameters), [cone_of_objects(*OBJECTS)] * 60)
     log_odds = occupancy.log_odds[occupancy.observed]
     assert log_odds.min() == pytest.approx(-3.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import NORMAL
-from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, NOISE, Field, X, Y
 from usmap_ros.mapping.joint.projection import Projection
-from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, UNJUDGED
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import exp32, log32
 

@@ -51,8 +51,8 @@ from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.response import NO_NORMAL, Response, learn_response, listen
 from usmap_ros.mapping.joint.round_columns import RoundColumn, drawn_columns, round_columns
 from usmap_ros.mapping.joint.surface_lines import surface_lines
-from usmap_ros.mapping.superposition.ping_bins import UNJUDGED
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import UNJUDGED
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Sweeps before anything hides anything, after each of which what has no power goes; rounds of

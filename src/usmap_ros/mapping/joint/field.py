@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.grids import GridGeometry
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray
 
+#: What stands in a cell is placed to half its side: quarters of a cell.
+QUARTERS = 4
 #: Columns of `Looks.numbers`: position, heading, half angle, and range limits.
 X, Y, HEADING, HALF_ANGLE, LEAST_RANGE, GREATEST_RANGE = 0, 1, 6, 7, 9, 10
 #: Width of a range bin, and power of the receiver's noise.

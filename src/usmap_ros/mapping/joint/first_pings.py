@@ -16,17 +16,16 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.field import QUARTERS, Field
 from usmap_ros.mapping.joint.kept_pings import STEP_M, STEP_RAD
 from usmap_ros.mapping.joint.log_odds import NOTHING, OWN_SHARE, over_block
 from usmap_ros.mapping.joint.projection import MOST_BLUR_BINS
-from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS, SILENCE, UNJUDGED, Look
+from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE, UNJUDGED, Look
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.numerics.special import logistic, logit
 from usmap_ros.parameters import MappingParameters
@@ -72,6 +71,11 @@ class Heard(NamedTuple):
     variance: FloatArray
     weight: FloatArray
     fit: FloatArray
+
+    def of(self, places: IndexArray) -> Heard:
+        """The same of some places."""
+        parts: list[NDArray[Any]] = [values[:, places] for values in self]
+        return Heard(*parts)
 
 
 def first_log_odds(
@@ -163,12 +167,13 @@ def hear(
         Standard deviation of ln amplitude from look to look.
     """
     each = [_heard_by(look, x_m, y_m, side_m, fluctuation) for look in looks]
-    return Heard(*(np.array(values) for values in zip(*each, strict=True)))
+    rows: list[NDArray[Any]] = [np.array(values) for values in zip(*each, strict=True)]
+    return Heard(*rows)
 
 
 def _heard_by(
     look: Look, x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
-) -> tuple[NDArray[np.generic], ...]:
+) -> tuple[NDArray[Any], ...]:
     """What one ping has of places: a row of each field of `Heard`."""
     x, y = x_m - look.x_m, y_m - look.y_m
     distance = np.sqrt(x * x + y * y + look.rise_m**2)
@@ -235,7 +240,7 @@ def densities(heard: Heard, parameters: MappingParameters) -> FloatArray:
     density = np.ones(heard.kind.shape)
     # One place is one column: in batches, for each has a table of pings and powers.
     for batch in np.array_split(np.arange(heard.kind.shape[1]), 1 + heard.kind.size // 20_000):
-        here = Heard(*(values[:, batch] for values in heard))
+        here = heard.of(batch)
         likely = _log_likelihood(here, log_power)
         total = (-0.5 * off**2)[:, np.newaxis] + likely.sum(axis=0)
         for index, log_density in enumerate(likely):

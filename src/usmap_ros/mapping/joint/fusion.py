@@ -11,8 +11,8 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.survey import Survey, copied
-from usmap_ros.mapping.superposition.ping_bins import look_of
-from usmap_ros.mapping.superposition.window import BY_BIN
+from usmap_ros.mapping.looks import BY_BIN
+from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.mirror_walls import Echoes
-from usmap_ros.mapping.superposition.ping_bins import look_of
-from usmap_ros.mapping.superposition.window import Looks, Window
+from usmap_ros.mapping.looks import Looks, stacked
+from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -150,21 +150,18 @@ class KeptPings:
         """
         kept = self._cones if among is None else [self._cones[index] for index in among]
         kept = sorted(kept, key=lambda each: (each[0].stamp_ns, *each[2]))
-        window = Window()
         first_only = report_first_only(cone for cone, *_ in self._cones)
         kept = [
             (first_return(cone) if cone.child_frame_id in first_only else cone, source, place)
             for cone, source, place in kept
         ]
-        for cone, source, _ in kept:
-            window.append(look_of(cone, self._parameters), source)
         ranges_m = [np.asarray(cone.ranges_m, np.float64) for cone, *_ in kept]
         amplitudes = [np.asarray(cone.amplitudes, np.float64) for cone, *_ in kept]
         start = np.concatenate([[0], np.cumsum([len(ranges) for ranges in ranges_m])])
         weights = [self.trust.get(source, 1.0) / self._at[place] for _, source, place in kept]
         return Pings(
-            window.looks,
-            np.array([window.row(index) for index in range(len(kept))], np.int64),
+            stacked([look_of(cone, self._parameters) for cone, *_ in kept]),
+            np.arange(len(kept)),
             np.array(weights, np.float32),
             Echoes(start.astype(np.int64), np.concatenate(ranges_m), np.concatenate(amplitudes)),
             np.array([cone.child_frame_id in first_only for cone, *_ in kept], bool),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.estimate import JointEstimate
-from usmap_ros.mapping.joint.field import HEADING, NOISE, X, Y, field_around
+from usmap_ros.mapping.joint.field import HEADING, NOISE, QUARTERS, X, Y, field_around
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.log_odds import hiding, judged, optical_depth
 from usmap_ros.mapping.joint.power_estimation import expect_powers
@@ -24,9 +24,8 @@ from usmap_ros.mapping.joint.projection import (
     project,
 )
 from usmap_ros.mapping.joint.ray_casting import cast_rays
-from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.ping_bins import Look
-from usmap_ros.mapping.superposition.window import Looks, look_in_row
+from usmap_ros.mapping.looks import Looks, look_in_row
+from usmap_ros.mapping.ping_bins import Look
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

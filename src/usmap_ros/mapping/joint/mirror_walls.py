@@ -26,8 +26,8 @@ from usmap_ros.mapping.joint.field import (
     X,
     Y,
 )
-from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import GREATEST_RANGE, Field, X, Y
+from usmap_ros.mapping.joint.field import GREATEST_RANGE, QUARTERS, Field, X, Y
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.response import (
     FIRST_DB,
@@ -26,9 +26,8 @@ from usmap_ros.mapping.joint.response import (
     sounded,
     step_before,
 )
-from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import atan2_32, exp32, log32

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import NOISE, Field
 from usmap_ros.mapping.joint.projection import Projection
-from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS, SILENCE
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.processes.threads import for_each
 

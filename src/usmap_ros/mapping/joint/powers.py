@@ -19,7 +19,7 @@ from usmap_ros.mapping.joint.cell_evidence import (
     no_evidence,
     weigh_pings,
 )
-from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.field import QUARTERS, Field
 from usmap_ros.mapping.joint.power_estimation import (
     FIRST_POWER,
     candidates,
@@ -38,8 +38,7 @@ from usmap_ros.mapping.joint.projection import (
     project,
 )
 from usmap_ros.mapping.joint.ray_casting import cast_rays
-from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.processes.threads import for_each
 

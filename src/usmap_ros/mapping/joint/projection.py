@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import NOISE, Field, X, Y
+from usmap_ros.mapping.joint.field import NOISE, QUARTERS, Field, X, Y
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import atan2_32, exp32
 

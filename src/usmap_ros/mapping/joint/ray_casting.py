@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import GREATEST_RANGE, HALF_ANGLE, HEADING, Field
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.processes.threads import for_each
 

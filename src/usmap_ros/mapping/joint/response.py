@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.superposition.ping_bins import ECHO, GAIN_STEPS
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, HALF_ANGLE, HEADING, Field, X, Y
 from usmap_ros.mapping.joint.mirror_walls import Echoes, count_between
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.superposition.ping_bins import GAIN_STEPS, SILENCE
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import GAIN_STEPS, SILENCE
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 

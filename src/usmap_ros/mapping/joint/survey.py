@@ -17,10 +17,10 @@ from usmap_ros.mapping.joint.field import Field, field_around
 from usmap_ros.mapping.joint.first_pings import first_log_odds
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds, over_block
+from usmap_ros.mapping.looks import look_in_row
 from usmap_ros.mapping.normals import surface_normals
-from usmap_ros.mapping.superposition.layers import undecided
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.special import logistic, logit
+from usmap_ros.numerics.special import entropy, logistic, logit
 from usmap_ros.parameters import MappingParameters
 
 #: Log-odds of free cells, or so much below the prior where that is less: maps are merged by what
@@ -128,7 +128,9 @@ class Survey:
         walls = estimate.estimate(self._more_rounds)
         belief = None
         if self._earlier is None:
-            belief = first_log_odds(map(pings.looks.at, pings.rows), field, parameters)
+            belief = first_log_odds(
+                (look_in_row(pings.looks, row) for row in pings.rows), field, parameters
+            )
         if belief is None:
             belief = cell_log_odds(estimate.evidence, field.shape)
             return Area(estimate, walls, estimate.free_space(walls), belief)
@@ -302,3 +304,27 @@ def _layers(
         LOOKS_COS: np.where(heard > 0.0, axis_cos / weight, 0.0).astype(np.float32),
         LOOKS_SIN: np.where(heard > 0.0, axis_sin / weight, 0.0).astype(np.float32),
     }
+
+
+def undecided(explained: NDArray[np.float32], belief: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How undecided it is what cells hold: the entropy, in bits, of its being something.
+
+    A block of nine cells that explains its echoes holds their source, and one whose echoes
+    others explain does not.  What lies between is undecided, unless evidence has
+    decided it: the cells of a wall share their echoes, and stand there all the same.
+
+    Parameters
+    ----------
+    explained : (rows, columns) float32 array
+        Mean share of each cell and its neighbours in the echoes that may have come from there.
+    belief : (rows, columns) float32 array
+        Greatest probability by the evidence of each cell and its neighbours.
+    """
+    probability = np.clip(np.maximum(explained, belief), 0.0, 1.0)
+    bits = np.zeros_like(probability)
+    # Nothing is suspected in most cells of a map, and logarithms take long.
+    in_doubt = (probability > 0.0) & (probability < 1.0)
+    likely = probability[in_doubt].astype(np.float64)
+    nats = entropy(likely) + entropy(1.0 - likely)
+    bits[in_doubt] = np.clip(nats / np.log(2.0), 0.0, 1.0)
+    return bits

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.mapping.joint.leave_one_out import TURNS_RAD, Expected
-from usmap_ros.mapping.superposition.ping_bins import (
+from usmap_ros.mapping.ping_bins import (
     ECHO,
     NOISE_BELOW_LIMIT,
     SILENCE,

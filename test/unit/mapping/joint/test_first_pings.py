@@ -10,7 +10,7 @@ from usmap_ros.mapping.joint import first_pings
 from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.first_pings import Heard, first_log_odds, weigh_sources
 from usmap_ros.mapping.joint.log_odds import NOTHING
-from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE, UNJUDGED, look_of
+from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED, look_of
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -106,9 +106,7 @@ def test_too_many_sources_are_not_weighed(
 def test_odds_are_those_of_all_cases_counted() -> None:
     """One echo and two quarters: there is no circle, so belief propagation is exact."""
     prior, detection_probability, density = 0.1, 0.95, np.array([[0.6, 0.2]])
-    log_odds = weigh_sources(
-        heard(ECHO, 2), density, detection_probability, float(logit(prior))
-    )
+    log_odds = weigh_sources(heard(ECHO, 2), density, detection_probability, float(logit(prior)))
     for own, other in ((0, 1), (1, 0)):
         rest = first_pings.CLUTTER_DENSITY + prior * density[0, other]
         ratio = detection_probability * density[0, own] / rest + 1.0 - detection_probability

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import NOISE, Field, field_around
+from usmap_ros.mapping.joint.field import NOISE, QUARTERS, Field, field_around
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.power_estimation import (
     FIRST_POWER,
@@ -15,8 +15,7 @@ from usmap_ros.mapping.joint.power_estimation import (
     update_powers,
 )
 from usmap_ros.mapping.joint.projection import Projection, Scatterers, project
-from usmap_ros.mapping.superposition.cells import QUARTERS
-from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE
+from usmap_ros.mapping.ping_bins import ECHO, SILENCE
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 

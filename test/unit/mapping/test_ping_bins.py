@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.mapping.superposition.ping_bins import (
+from usmap_ros.mapping.ping_bins import (
     DEAF_AMPLITUDE,
     ECHO,
     GAIN_STEPS,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, NOISE, Field, X, Y
+from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, NOISE, RANGE_STD, Field, X, Y
 from usmap_ros.mapping.joint.projection import Projection
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED
@@ -380,6 +380,10 @@ def _compare(  # noqa: PLR0913, PLR0917
     """
     noise, least = np.float32(looks.numbers[ping, NOISE]), np.float32(LEAST_SHARE)
     most, nothing = np.float32(MOST_A_BIN), np.float32(0.0)
+    # One echo that is missed is missed in several bins: where ranges are uncertain, that is one
+    # piece of news, for it may have come from beside them.
+    is_blurred = looks.numbers[ping, RANGE_STD] > looks.numbers[ping, BIN_M]
+    lowest = -most if is_blurred else -most * np.float32(CELL_BINS)
     for entry in range(count):
         total, share, asked = np.float32(0.0), np.float32(0.0), np.float32(0.0)
         for place in range(parts.length[entry]):
@@ -399,7 +403,8 @@ def _compare(  # noqa: PLR0913, PLR0917
             else:
                 ratio = silent[b] - _log_silent(looks.limit[ping, b], without)
             total += min(max(ratio, -most), most)
-        ratios[start + entry], said.share[start + entry] = total, share
+        ratios[start + entry] = max(total, lowest)
+        said.share[start + entry] = share
         said.asked[start + entry] = asked
 
 

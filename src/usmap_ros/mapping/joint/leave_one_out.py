@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -78,7 +77,7 @@ class LeaveOneOutMap:
         between: Callable[[], None] = lambda: None,
     ) -> None:
         self._parameters, self._between = parameters, between
-        kept = _kept(cones, parameters)
+        kept = kept_pings(cones, parameters)
         sources = [robot for _, robot in kept.cones()]
         self._areas = [
             _Area(kept.pings(group), [sources[index] for index in group], parameters, between)
@@ -99,10 +98,11 @@ class LeaveOneOutMap:
         """
         found: dict[str, list[Expected]] = {}
         for robot in cones if of is None else of:
-            pings = _kept({robot: cones[robot]}, self._parameters).pings()
-            ahead = self._levels(pings, pings.looks, robot)
+            pings = kept_pings({robot: cones[robot]}, self._parameters).pings()
+            ahead = self.levels(pings.rows, pings.looks, [robot])
             turned = [
-                self._levels(pings, _turned(pings.looks, by_rad), robot) for by_rad in TURNS_RAD
+                self.levels(pings.rows, turned_looks(pings.looks, by_rad), [robot])
+                for by_rad in TURNS_RAD
             ]
             found[robot] = []
             for index, row in enumerate(pings.rows.tolist()):
@@ -112,15 +112,25 @@ class LeaveOneOutMap:
                 found[robot].append(Expected(look, ahead[index, bins], others))
         return found
 
-    def _levels(self, pings: Pings, looks: Looks, robot: str) -> FloatArray:
-        """Expected power of each range bin of some pings, (pings, bins), by all but a robot."""
-        noise = looks.numbers[pings.rows, NOISE, np.newaxis]
+    def levels(self, rows: NDArray[np.int64], looks: Looks, without: Collection[str]) -> FloatArray:
+        """Expected power of each range bin of some pings, (pings, bins).
+
+        Parameters
+        ----------
+        rows : (pings,) integer array
+            Which looks.
+        looks : Looks
+            The pings.
+        without : collection of str
+            Robots whose word does not count.
+        """
+        noise = looks.numbers[rows, NOISE, np.newaxis]
         levels = np.repeat(noise, looks.kind.shape[1], axis=1)
         for area in self._areas:
             self._between()
-            inside = area.may_reach(looks, pings.rows)
+            inside = area.may_reach(looks, rows)
             if inside.any():
-                heard = area.expect(looks, pings.rows[inside], robot)
+                heard = area.expect(looks, rows[inside], frozenset(without))
                 levels[inside] += heard - noise[inside]
         return levels
 
@@ -155,7 +165,7 @@ class _Area:
             between()
             own = np.array([source == robot for source in sources], bool)
             self._evidence[robot] = self._estimate.evidence_of(own)
-        self._believed: dict[str, _Believed] = {}
+        self._believed: dict[frozenset[str], _Believed] = {}
 
     def may_reach(self, looks: Looks, rows: NDArray[np.int64]) -> BoolArray:
         """Whether pings may hear of the area."""
@@ -167,11 +177,11 @@ class _Area:
         )
         return is_beside & is_before
 
-    def expect(self, looks: Looks, rows: NDArray[np.int64], robot: str) -> FloatArray:
-        """Expected power of each range bin of some pings, by what all but one robot say."""
-        if robot not in self._believed:
-            self._believed[robot] = self._without(robot)
-        scatterers, power, depth = self._believed[robot]
+    def expect(self, looks: Looks, rows: NDArray[np.int64], without: frozenset[str]) -> FloatArray:
+        """Expected power of each range bin of some pings, by what all but some robots say."""
+        if without not in self._believed:
+            self._believed[without] = self._without(without)
+        scatterers, power, depth = self._believed[without]
         expected = np.ones((len(rows), looks.kind.shape[1]), np.float32)
         pairs = project(looks, rows, self._field, scatterers)
         heard = empty_rows(int(pairs.start[-1]) + 1, np.zeros_like(pairs.start))
@@ -181,11 +191,11 @@ class _Area:
         expect_powers(looks, rows, heard, power, expected)
         return expected.astype(float)
 
-    def _without(self, robot: str) -> _Believed:
+    def _without(self, robots: frozenset[str]) -> _Believed:
         """What others' evidence speaks for."""
         others, shape = no_evidence(self._field), self._field.shape
         for other, said in self._evidence.items():
-            if other != robot:
+            if other not in robots:
                 others.own[:] += said.own
                 others.block[:] += said.block
         seen = np.repeat((judged(others, shape) > SEEN).ravel(), QUARTERS)
@@ -196,8 +206,16 @@ class _Area:
         return _Believed(scatterers, self._estimate.power[quarters], depth)
 
 
-def _kept(cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParameters) -> KeptPings:
-    """Pings as an estimate takes them, in the order of their stamps."""
+def kept_pings(cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParameters) -> KeptPings:
+    """Robots' pings as an estimate takes them, in the order of their stamps.
+
+    Parameters
+    ----------
+    cones : mapping of str to sequence of EchoCone
+        Of each robot.
+    parameters : MappingParameters
+        Of the model.
+    """
     kept = KeptPings(parameters)
     together = [(cone, robot) for robot, own in cones.items() for cone in own]
     for cone, robot in sorted(together, key=lambda each: (each[0].stamp_ns, each[1])):
@@ -205,9 +223,9 @@ def _kept(cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParameters
     return kept
 
 
-def _turned(looks: Looks, by_rad: float) -> Looks:
-    """The same if the robot faced elsewhere."""
-    numbers, cosine, sine = looks.numbers.copy(), math.cos(by_rad), math.sin(by_rad)
+def turned_looks(looks: Looks, by_rad: float | FloatArray) -> Looks:
+    """The same if the robot faced elsewhere, by one angle or by one for each row."""
+    numbers, cosine, sine = looks.numbers.copy(), np.cos(by_rad), np.sin(by_rad)
     x, y = looks.numbers[:, AXIS_X], looks.numbers[:, AXIS_Y]
     numbers[:, AXIS_X], numbers[:, AXIS_Y] = cosine * x - sine * y, sine * x + cosine * y
     numbers[:, HEADING] += by_rad

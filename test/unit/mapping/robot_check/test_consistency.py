@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.robot_check.agreement import Agreement
-from usmap_ros.mapping.robot_check.comparison import finding_of
+from usmap_ros.mapping.robot_check.comparison import RobotComparison, finding_of
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.numerics.geometry import Pose
@@ -250,3 +250,19 @@ def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
 
     assert found.verdict == "deaf"
     assert "1 of 22 expected echoes" in found.reason
+
+
+def test_one_that_is_misplaced_is_told_what_would_make_it_fit() -> None:
+    """A mount that is mirrored: it faces 80 degrees from where it says."""
+    pings = [
+        (topic, displaced(cone, -1.4, (0.0, 0.0)) if topic == LIAR else cone)
+        for topic, cone in cones(11)
+    ]
+    chosen = {t: [cone for topic, cone in pings if topic == t] for t in dict(pings)}
+    comparison = RobotComparison(MappingParameters(), chosen, lambda: None)
+    comparison.screen()
+
+    found = comparison.displaced()
+
+    assert named(found) == {LIAR: "misplaced"}
+    assert "if it faces +80° from there" in found[LIAR].reason

@@ -66,6 +66,8 @@ class KeptPings:
         self._parameters = parameters
         self._cones: list[tuple[EchoCone, str, Place]] = []
         self._at: dict[Place, int] = {}
+        # Sensors that report the first thing only, as far as that was asked since pings changed.
+        self._first_only: set[str] | None = None
         #: How much each source's pings count, where that is less than wholly: 0 to 1.
         self.trust: dict[str, float] = {}
 
@@ -85,6 +87,7 @@ class KeptPings:
             oldest = next(i for i, kept in enumerate(self._cones) if kept[2] == place)
             self._remove(oldest)
         self._cones.append((cone, source, place))
+        self._first_only = None
 
     def copy(self) -> KeptPings:
         """The same pings; neither changes with the other."""
@@ -150,7 +153,9 @@ class KeptPings:
         """
         kept = self._cones if among is None else [self._cones[index] for index in among]
         kept = sorted(kept, key=lambda each: (each[0].stamp_ns, *each[2]))
-        first_only = report_first_only(cone for cone, *_ in self._cones)
+        if self._first_only is None:
+            self._first_only = report_first_only(cone for cone, *_ in self._cones)
+        first_only = self._first_only
         kept = [
             (first_return(cone) if cone.child_frame_id in first_only else cone, source, place)
             for cone, source, place in kept
@@ -169,6 +174,7 @@ class KeptPings:
 
     def _remove(self, index: int) -> None:
         _, _, place = self._cones.pop(index)
+        self._first_only = None
         self._at[place] -= 1
         if not self._at[place]:
             del self._at[place]

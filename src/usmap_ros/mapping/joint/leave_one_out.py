@@ -187,7 +187,7 @@ class _Area:
         heard = empty_rows(int(pairs.start[-1]) + 1, np.zeros_like(pairs.start))
         left = cast_rays(looks, rows, self._field, depth)
         every = np.arange(len(power), dtype=np.int32)
-        cast_shadows(pairs, every, left, faintest_weights(looks, rows), heard)
+        cast_shadows(pairs, every, power, left, faintest_weights(looks, rows), heard)
         expect_powers(looks, rows, heard, power, expected)
         return expected.astype(float)
 

@@ -124,7 +124,7 @@ class Powers:
             if heard is rows:
                 heard = empty_rows(int(rows.start[-1]) + 1, np.zeros_like(rows.start))
             left = cast_rays(self._looks, self._pings[which], self._field, depth)
-            cast_shadows(rows, number, left, self._faintest[which], heard)
+            cast_shadows(rows, number, self._power, left, self._faintest[which], heard)
             return _Group(which, rows, heard)
 
         self._groups = for_each(renewed, self._groups)

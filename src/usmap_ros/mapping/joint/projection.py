@@ -24,6 +24,8 @@ from usmap_ros.numerics.elementary import atan2_32, exp32
 OWN_DEPTH_CELLS = 3.0
 #: What would not reach this share of the noise, with `LOUD_POWER`, is left out.
 LEAST_SHARE, LOUD_POWER = 0.01, 0.3
+#: Until rays are cast again, no power is expected to rise to more than so many times what it is.
+MOST_RISE = 10.0
 #: Range bins to either side over which a scatterer is blurred at the most.
 MOST_BLUR_BINS = 6.0
 #: The part of a cell that is all of it: quarters are 0 to 3.
@@ -122,6 +124,7 @@ def empty_rows(size: int, start: NDArray[np.int64]) -> Projection:
 def cast_shadows(
     rows: Projection,
     number: NDArray[np.int32],
+    power: NDArray[np.float32],
     left: NDArray[np.uint8],
     faintest: NDArray[np.float32],
     heard: Projection,
@@ -134,6 +137,8 @@ def cast_shadows(
         Of all scatterers; those that are no more are left out of it, too, from now on.
     number : (scatterers,) int32 array
         Which each is from now on; -1: it is no more.
+    power : (scatterers,) float32 array
+        Of each that there is from now on.
     left : (pings, RAYS, STEPS) uint8 array
         By `usmap_ros.mapping.joint.ray_casting.cast_rays`.
     faintest : (pings,) float32 array
@@ -157,7 +162,8 @@ def cast_shadows(
             weight *= left[index, ray, step] * np.float32(1.0 / WHOLE)
             heard.scatterer[count], heard.weight[count] = scatterer, weight
             heard.low[count], heard.high[count], heard.heard[count] = low, high, is_heard
-            count += weight >= faintest[index]
+            loud = min(power[scatterer] * np.float32(MOST_RISE / LOUD_POWER), np.float32(1.0))
+            count += weight * loud >= faintest[index]
         begin, rows.start[index + 1], heard.start[index + 1] = end, kept, count
 
 

@@ -70,3 +70,17 @@ def test_a_copy_stays_as_it_is(kept: KeptPings, make_cone: MakeCone) -> None:
 def test_no_pings_are_no_islands(kept: KeptPings) -> None:
     assert kept.islands() == []
     assert kept.memory_bytes == 0
+
+
+def test_a_sensor_that_begins_to_report_more_than_the_first_thing_is_believed(
+    kept: KeptPings, make_cone: MakeCone
+) -> None:
+    for number in range(40):
+        kept.add(make_cone(1.0, x_m=0.1 * number, stamp_ns=number), "robot")
+    assert kept.pings().first_only.all()
+    for number in range(40, 60):
+        kept.add(make_cone(1.0, 1.5, x_m=0.1 * number, stamp_ns=number), "robot")
+    assert not kept.pings().first_only.any()
+    kept.drop_newest()
+    kept.drop_oldest(30)
+    assert not kept.pings([0]).first_only.any()

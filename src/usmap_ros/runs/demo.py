@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -31,7 +32,7 @@ from usmap_ros.simulation import Scenario, record
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
 #: Frames of the animation: each is a map that explains all pings so far from the start.
-FRAMES = 16
+FRAMES = 10
 #: The ping that is drawn has the fewest echoes from so many on, to show how each comes about.
 LEAST_ECHOES = 3
 
@@ -145,12 +146,15 @@ class _Observer:
             if self._order is None or order < self._order:
                 self.clearest, self._order = (topic, cone.stamp_ns), order
             self._seen += 1
-            # Evenly spread, the last one on the last ping.
-            if self._seen * FRAMES // self._pings > (self._seen - 1) * FRAMES // self._pings:
+            if self._frames_by(self._seen) > self._frames_by(self._seen - 1):
                 self._snapshot(cone.stamp_ns)
             step()
 
         return on_cone
+
+    def _frames_by(self, pings: int) -> int:
+        """Frames up to a ping: dense first, when most changes, and the last one on the last ping."""
+        return math.floor(FRAMES * math.sqrt(pings / self._pings))
 
     def _snapshot(self, stamp_ns: int) -> None:
         behind = {topic: len(path) for topic, path in self.paths.positions_m.items()}

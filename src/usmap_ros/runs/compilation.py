@@ -41,7 +41,7 @@ from usmap_ros.runs.pipeline import Pipeline
 #: What is said of it.
 ONCE = "Compiling the inner loops, once on this machine (some 30 s)"
 EACH_TIME = (
-    "Compiling the inner loops (some 60 s), as at each start: no folder to keep them in can be"
+    "Compiling the inner loops (some 40 s), as at each start: no folder to keep them in can be"
     " written; NUMBA_CACHE_DIR can name one"
 )
 SLOW = "the inner loops run as Python, some eighty times slower"

@@ -153,7 +153,7 @@ class _Observer:
         return on_cone
 
     def _frames_by(self, pings: int) -> int:
-        """Frames up to a ping: dense first, when most changes, and the last one on the last ping."""
+        """Frames up to a ping: dense at first, when most changes; the last one on the last ping."""
         return math.floor(FRAMES * math.sqrt(pings / self._pings))
 
     def _snapshot(self, stamp_ns: int) -> None:

@@ -22,7 +22,7 @@ import multiprocessing, sys, time
 from usmap_ros.cli import main
 from usmap_ros.runs.pipeline import Pipeline
 
-def stuck(self, cone):
+def stuck(self, cone, source=""):
     print(*(child.pid for child in multiprocessing.active_children()), flush=True)
     time.sleep(3600.0)
 

@@ -55,6 +55,9 @@ POINT_SHARE, LEAST_PLACES = 0.6, 4
 FOLLOWING_M, MOST_FOLLOWING = (0.05, 0.6), 3.2
 #: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
 LEAST_SHARE = 0.6
+#: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share
+#: of all hits that the most of those have (chance: 0.1 to 0.23), and how many hits.
+ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE = 0.1, 0.33, 15
 #: Refinement of a direction at the most, rad.
 MOST_TURN = 0.05
 
@@ -89,6 +92,8 @@ class MirrorWall:
         That heard it, and their echoes of it.
     following : float
         Echoes that follow within `FOLLOWING_M`, on the mean.
+    log_mirror : float
+        Logarithm of its amplitude reflectivity.
     """
 
     normal_rad: float
@@ -98,6 +103,11 @@ class MirrorWall:
     pings: NDArray[np.int64]
     echoes: NDArray[np.int64]
     following: float
+    log_mirror: float
+
+    def bearing_from(self, x_m: float, y_m: float) -> float:
+        """Direction in which a place hears it, rad: the same one everywhere."""
+        return self.normal_rad
 
     def line(self, field: Field) -> FloatArray:
         """The wall on a field, its cells half a cell behind its face."""
@@ -138,6 +148,10 @@ def mirror_walls(
     hits = np.array([len(wall.echoes) for wall in found])
     are_mirrors = np.array([wall.following < MOST_FOLLOWING for wall in found], bool)
     if not found or hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
+        return []
+    logs = np.array([wall.log_mirror for wall in found])
+    alike = (np.abs(logs - logs[:, np.newaxis]) < ALIKE) & are_mirrors
+    if (alike @ hits).max() < max(LEAST_ALIKE * hits.sum(), LEAST_HITS_ALIKE):
         return []
     return [wall for wall, is_mirror in zip(found, are_mirrors, strict=True) if is_mirror]
 
@@ -204,7 +218,7 @@ def _fitted(
     """The wall near a candidate, if it is one."""
     hit_pings, hit_echoes = (np.empty(len(pings), np.int64) for _ in range(2))
     feet_m = np.empty(len(pings))
-    score, hits, normal_rad, distance_m, deviation = _fit(
+    score, hits, normal_rad, distance_m, log_mirror, deviation = _fit(
         looks, pings, echoes, is_open, normal_rad, distance_m, hit_pings, hit_echoes, feet_m
     )
     if score < LEAST_SCORE or hits < LEAST_HITS or deviation > MOST_DEVIATION:
@@ -227,7 +241,7 @@ def _fitted(
     following = counts_between(echoes, own, begin_m, end_m).mean()
     return MirrorWall(
         normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
-        own.copy(), heard.copy(), float(following),
+        own.copy(), heard.copy(), float(following), float(log_mirror),
     )  # fmt: skip
 
 
@@ -266,7 +280,7 @@ def _fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
     hit_pings: NDArray[np.int64],
     hit_echoes: NDArray[np.int64],
     feet_m: FloatArray,
-) -> tuple[float, int, float, float, float]:
+) -> tuple[float, int, float, float, float, float]:
     """Refine a candidate twice by the hits of its best stretch.
 
     Returns
@@ -277,8 +291,8 @@ def _fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
         How many of `hit_pings`, `hit_echoes` and `feet_m` are set.
     normal_rad, distance_m : float
         Refined.
-    deviation : float
-        Median deviation of the logarithm of the reflectivity.
+    log_mirror, deviation : float
+        Logarithm of the reflectivity: its median, and the median deviation from that.
     """
     count = len(pings)
     along, score_of = np.empty(count), np.empty(count)
@@ -339,7 +353,7 @@ def _fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
                 chosen[hits] = log_mirror[at]
                 hits += 1
         if hits < 3:
-            return 0.0, 0, normal_rad, distance_m, 9.0
+            return 0.0, 0, normal_rad, distance_m, 0.0, 9.0
         if turn == len(TOLERANCES_M) - 1:
             break
         t_, tt_, r_, tr_ = 0.0, 0.0, 0.0, 0.0
@@ -356,5 +370,6 @@ def _fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
         slope = min(max(slope, -MOST_TURN), MOST_TURN)
         distance_m += (r_ - slope * t_) / hits
         normal_rad += slope
-    deviation = np.median(np.abs(chosen[:hits] - np.median(chosen[:hits])))
-    return best, hits, normal_rad, distance_m, deviation
+    usual = np.median(chosen[:hits])
+    deviation = np.median(np.abs(chosen[:hits] - usual))
+    return best, hits, normal_rad, distance_m, usual, deviation

@@ -36,7 +36,7 @@ from usmap_ros.processes.threads import for_each
 #: Orientations that a surface may have, and sectors of directions of view.
 ORIENTATIONS, SECTORS = 16, 12
 #: Bound of what all looks from one sector say, and chance of an echo from nowhere.
-MOST_A_SECTOR, CLUTTER = 3.0, 0.05
+MOST_A_SECTOR, CLUTTER = 2.4, 0.05
 #: Looks through which so little of the sound gets, or as faint as this, say nothing.
 LEAST_SOUND, LEAST_LOUDNESS = 0.03, 0.005
 #: Steps of the share of sound that gets to a cell.

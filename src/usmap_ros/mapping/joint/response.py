@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.field import NOISE, Field
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS
@@ -40,6 +40,9 @@ LEAST_SILENT, MOST_SILENT = 0.05, 1.0 - 1e-4
 #: Diffuseness below which grazing silence says nothing of surfaces, and above which as much as
 #: silence at 10 to 20 degrees, to a power.
 SMOOTH, ROUGH, GRAZING_POWER = 0.45, 0.7, 0.8
+#: An echo is explained by what is expected to return such a share of its power, and then was to
+#: be heard, whatever else stands there, with this probability.
+EXPLAINED_SHARE, MOST_EXPLAINED = 0.7, 0.8
 #: Silence that is hardly less likely with a surface than this says nothing; below, all it says.
 MUTE, TELLING = 0.65, 0.4
 #: Looks that diffuseness is learnt from at least, and the share of cells on no line at which a
@@ -156,7 +159,7 @@ def listen(
     looks, pings
         The pings.
     expected : (pings, bins) float32 array
-        λ.
+        Power that what is believed returns: an echo that it explains says nothing of other things.
     reach : int
         Bins to either side that belong to one.
     """
@@ -169,13 +172,18 @@ def listen(
             floor = min(floor, looks.limit[ping, b])
         for b in range(bins):
             first, end = max(0, b - reach), min(bins, b + reach + 1)
-            quiet, logs = 1.0, 0.0
+            quiet, logs, explained = 1.0, 0.0, 1.0
             for near in range(first, end):
                 if looks.kind[ping, near] == ECHO:
                     heard[index, b] = 1
+                    returned = expected[index, near] - looks.numbers[ping, NOISE]
+                    explained = min(explained, returned / max(looks.power[ping, near], 1e-12))
                 quiet *= 1.0 - math.exp(-looks.limit[ping, near] / expected[index, near])
                 logs += math.log(looks.limit[ping, near])
             chance[index, b] = 1.0 - quiet
+            if heard[index, b]:
+                share = min(MOST_EXPLAINED, explained / EXPLAINED_SHARE)
+                chance[index, b] = max(1.0 - quiet, share)
             limit[index, b] = floor if heard[index, b] else math.exp(logs / (end - first))
     return Listening(heard, chance, limit)
 

@@ -3,7 +3,8 @@
 A column of radius R about c returns one echo to each ping that looks at it, from range |c - p| - R:
 another point of its surface each time, so that no cell of it explains many pings.  Echoes that no
 reliable cell explains vote for centres, for some radii; hits from many directions count for a
-column, and silence where one would have been loud against it.
+column, the more the nearer they are to where they should be and the fewer other echoes are around,
+and silence where one would have been loud counts against it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, HALF_ANGLE, HEADING, Field, X, Y
+from usmap_ros.mapping.joint.log_odds import over_block
 from usmap_ros.mapping.joint.mirror_walls import Echoes, count_between
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.looks import Looks
@@ -27,13 +29,19 @@ RADII_M = np.array([0.08, 0.12, 0.16, 0.2, 0.25, 0.32])
 #: An echo is a column's if it is so near to where it should be.
 TOLERANCE_M = 0.03
 #: Candidates that are looked at, and columns that are found, at the most.
-MOST_TRIES, MOST_COLUMNS = 400, 60
-#: Least hits, least share of hits among the pings that would have heard it, and how far the
-#: directions of the hits must spread: least eigenvalue of the mean of u uᵀ.
-LEAST_HITS, LEAST_HIT_SHARE, LEAST_SPREAD = 12, 0.75, 0.12
-#: Largest standard deviation of the ranges, m (chance alone has 0.017); least hits over one and
-#: the echoes that crowd around each within a reach, m: among many, chance fits anything.
-MOST_DEVIATION_M, LEAST_HITS_IN_CROWD, CROWD_M = 0.0125, 6.0, 0.4
+MOST_TRIES, MOST_COLUMNS = 600, 60
+#: Hits that a column has, and hits that one is suspected by; how far the directions of hits must
+#: spread for the first: least eigenvalue of the mean of u uᵀ.
+LEAST_HITS, SUSPECT_HITS, LEAST_SPREAD = 12, 6, 0.1
+#: A column is heard by such a share of the pings that should hear it; its ranges scatter so much,
+#: m, but for the share of those that are something else's.
+HIT_SHARE, RANGE_STD_M, STRAY_SHARE = 0.9, 0.006, 0.1
+#: Log-likelihood ratio of a column to chance, among the echoes that crowd around within a reach,
+#: m: in all, and on the mean of its hits, times the spread of directions; least radius, m, for
+#: corners and poles fit as well, but are points.
+LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT, CROWD_M, LEAST_RADIUS_M = 55.0, 0.16, 0.4, 0.1
+#: In all, and on the mean of its hits, at which a column is suspected, from wherever it was heard.
+SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
 #: Amplitude reflectivity of the faintest column that a silent ping counts against, how much louder
 #: than what would have been reported it would be, and share of the sound that must get there.
 FAINTEST, LOUD, CLEAR_SHARE = 0.3, 1.3, 0.6
@@ -51,6 +59,8 @@ class RoundColumn:
         Its middle and radius.
     pings, echoes : (hits,) integer arrays
         That heard it, and their echoes of it.
+    is_certain : bool
+        Whether it was heard often enough, and from enough directions, to be shown.
     """
 
     x_m: float
@@ -58,6 +68,11 @@ class RoundColumn:
     radius_m: float
     pings: NDArray[np.int64]
     echoes: NDArray[np.int64]
+    is_certain: bool
+
+    def bearing_from(self, x_m: float, y_m: float) -> float:
+        """Direction in which a place hears it, rad."""
+        return math.atan2(self.y_m - y_m, self.x_m - x_m)
 
 
 def round_columns(
@@ -68,7 +83,7 @@ def round_columns(
     field: Field,
     left: NDArray[np.uint8],
 ) -> list[RoundColumn]:
-    """Columns that explain echoes which nothing else does.
+    """Columns that explain echoes which nothing else does, suspected ones among them.
 
     Parameters
     ----------
@@ -87,12 +102,13 @@ def round_columns(
     """
     is_open, found = ~is_explained, list[RoundColumn]()
     candidates = []
+    telling = _telling(echoes)
     for radius_m in RADII_M:
-        votes = np.zeros(field.shape, np.int32)
-        _vote(looks, pings, echoes, is_open, field, radius_m, votes)
-        rows, columns = np.nonzero(votes >= LEAST_HITS)
+        votes = np.zeros(field.shape, np.float32)
+        _vote(looks, pings, echoes, is_open, telling, field, radius_m, votes)
+        rows, columns = np.nonzero((votes >= SUSPECT_LOG_RATIO) & (votes >= over_block(votes)))
         candidates += [
-            (int(votes[row, column]), row, column, radius_m)
+            (float(votes[row, column]), row, column, radius_m)
             for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
         ]
     candidates.sort(key=lambda candidate: -candidate[0])
@@ -129,6 +145,18 @@ def drawn_columns(columns: list[RoundColumn], field: Field) -> BoolArray:
     return mask
 
 
+def discs(columns: list[RoundColumn], field: Field) -> BoolArray:
+    """Cells that columns cover, and those beside them."""
+    x_m = (field.first_column + np.arange(field.columns) + 0.5) * field.resolution_m
+    y_m = (field.first_row + np.arange(field.rows) + 0.5) * field.resolution_m
+    mask = np.zeros(field.shape, bool)
+    for column in columns:
+        away_m = np.hypot(x_m[np.newaxis] - column.x_m, y_m[:, np.newaxis] - column.y_m)
+        covered: BoolArray = away_m < column.radius_m + field.resolution_m
+        mask |= covered
+    return mask
+
+
 def _fitted(
     looks: Looks,
     pings: NDArray[np.int64],
@@ -146,36 +174,82 @@ def _fitted(
         looks, pings, echoes, is_open, left, place, 2.0 * TOLERANCE_M, hit_pings, hit_echoes
     )
     for _ in range(3):
-        if hits < LEAST_HITS:
+        if hits < SUSPECT_HITS:
             return None
         _refine(looks.numbers[pings[hit_pings[:hits]]], echoes.range_m[hit_echoes[:hits]], place)
         hits, misses = _look_at(
             looks, pings, echoes, is_open, left, place, TOLERANCE_M, hit_pings, hit_echoes
         )
-    if hits < LEAST_HITS or hits < LEAST_HIT_SHARE * (hits + misses):
+    if hits < SUSPECT_HITS:
         return None
     numbers = looks.numbers[pings[hit_pings[:hits]]]
     directions = place[:2] - numbers[:, [X, Y]]
+    across_m = np.hypot(*directions.T) - place[2]
     directions /= np.linalg.norm(directions, axis=1)[:, np.newaxis]
     spread = np.linalg.eigvalsh(directions.T @ directions / hits)[0]
     away_m = np.hypot(*(looks.numbers[pings][:, [X, Y]] - place[:2]).T).min()
-    if spread < LEAST_SPREAD or away_m < place[2] + CLEARANCE_M:
+    if not LEAST_RADIUS_M < place[2] < away_m - CLEARANCE_M:
         return None
-    across_m = np.hypot(*(place[:2] - numbers[:, [X, Y]]).T) - place[2]
-    if np.std(echoes.range_m[hit_echoes[:hits]] - across_m) > MOST_DEVIATION_M:
-        return None
-    crowd = np.mean(
-        [
-            count_between(echoes, ping, across - CROWD_M, across + CROWD_M) - 1
-            for ping, across in zip(hit_pings[:hits], across_m, strict=True)
-        ]
-    )
-    if hits < LEAST_HITS_IN_CROWD * (1.0 + crowd):
+    crowd = [
+        count_between(echoes, ping, across - CROWD_M, across + CROWD_M) - 1
+        for ping, across in zip(hit_pings[:hits], across_m, strict=True)
+    ]
+    off_m = echoes.range_m[hit_echoes[:hits]] - across_m
+    log_ratio = _log_ratio(off_m, np.array(crowd), misses)
+    is_certain = hits >= LEAST_HITS and spread >= LEAST_SPREAD
+    is_certain &= log_ratio >= max(LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT / spread * hits)
+    if not is_certain and log_ratio < max(SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits):
         return None
     return RoundColumn(
         float(place[0]), float(place[1]), float(place[2]),
-        hit_pings[:hits].copy(), hit_echoes[:hits].copy(),
+        hit_pings[:hits].copy(), hit_echoes[:hits].copy(), bool(is_certain),
     )  # fmt: skip
+
+
+def _echoes_per_m(crowd: NDArray[np.int64]) -> FloatArray:
+    """How dense echoes are around one, beside which there are so many within `CROWD_M`."""
+    density: FloatArray = (crowd.astype(np.float64) + 0.5) / (2.0 * CROWD_M)
+    return density
+
+
+def _telling(echoes: Echoes) -> FloatArray:
+    """Log-likelihood ratio of a hit just where it should be, for each echo."""
+    crowd = np.zeros(len(echoes.range_m), np.int64)
+    _count_around(echoes, crowd)
+    peak = HIT_SHARE * (1.0 - STRAY_SHARE) / (RANGE_STD_M * math.sqrt(2.0 * math.pi))
+    telling: FloatArray = np.log(np.maximum(peak / _echoes_per_m(crowd), 1.0))
+    return telling
+
+
+@compiled
+def _count_around(echoes: Echoes, crowd: NDArray[np.int64]) -> None:
+    """Set how many other echoes of the same ping are within `CROWD_M` of each."""
+    for ping in range(len(echoes.start) - 1):
+        for echo in range(echoes.start[ping], echoes.start[ping + 1]):
+            for other in range(echoes.start[ping], echoes.start[ping + 1]):
+                if other != echo and abs(echoes.range_m[other] - echoes.range_m[echo]) < CROWD_M:
+                    crowd[echo] += 1
+
+
+def _log_ratio(off_m: FloatArray, crowd: NDArray[np.int64], misses: int) -> float:
+    """Log-likelihood ratio of what was heard, with a column to with echoes of anything there.
+
+    Parameters
+    ----------
+    off_m : (hits,) array
+        Distance of each hit from where the column's echo should be.
+    crowd : (hits,) integer array
+        Other echoes of the ping within `CROWD_M` of it.
+    misses : int
+        Pings that should have heard the column but did not.
+    """
+    echoes_per_m = _echoes_per_m(crowd)
+    normal = np.exp(-0.5 * (off_m / RANGE_STD_M) ** 2) / (RANGE_STD_M * math.sqrt(2.0 * math.pi))
+    stray = 1.0 / (2.0 * TOLERANCE_M)
+    of_column = HIT_SHARE * ((1.0 - STRAY_SHARE) * normal + STRAY_SHARE * stray)
+    silent = math.exp(-2.0 * TOLERANCE_M * float(echoes_per_m.mean()))
+    missed = misses * math.log((1.0 - HIT_SHARE) / silent)
+    return float(np.log(of_column / echoes_per_m).sum() + missed)
 
 
 def _refine(numbers: FloatArray, ranges_m: FloatArray, place: FloatArray) -> None:
@@ -196,11 +270,15 @@ def _vote(
     pings: NDArray[np.int64],
     echoes: Echoes,
     is_open: BoolArray,
+    telling: FloatArray,
     field: Field,
     radius_m: float,
-    votes: NDArray[np.int32],
+    votes: NDArray[np.float32],
 ) -> None:
-    """Count, for each centre, the pings with an open echo that a column there would return."""
+    """Add up, for each centre, how telling the open echoes are that a column there would return.
+
+    Of each ping the first one counts.
+    """
     last = np.full((field.rows, field.columns), -1, np.int32)
     res = field.resolution_m
     for index in range(len(pings)):
@@ -220,7 +298,7 @@ def _vote(
                     continue
                 if last[row, column] != index:
                     last[row, column] = index
-                    votes[row, column] += 1
+                    votes[row, column] += telling[echo]
 
 
 @compiled

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.export import LEAST_NEWS
 from usmap_ros.mapping.extent import check_size
-from usmap_ros.mapping.joint.estimate import SHOWN, JointEstimate, Walls
+from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.field import Field, field_around
 from usmap_ros.mapping.joint.first_pings import first_log_odds
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds, over_block
+from usmap_ros.mapping.joint.walls import SHOWN, Walls
 from usmap_ros.mapping.looks import look_in_row
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.numerics.arrays import BoolArray, FloatArray

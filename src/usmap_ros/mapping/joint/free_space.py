@@ -1,0 +1,190 @@
+"""Free space of an area, by what stands and by how its surfaces answer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.cell_evidence import CellEvidence
+from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, Field, X, Y
+from usmap_ros.mapping.joint.lines import (
+    BEGIN,
+    END,
+    NORMAL_X,
+    NORMAL_Y,
+    beyond_ends,
+    points_on,
+)
+from usmap_ros.mapping.joint.log_odds import cell_log_odds, judged, optical_depth, over_block
+from usmap_ros.mapping.joint.open_space import prove_open, refute_all_surfaces
+from usmap_ros.mapping.joint.powers import Powers
+from usmap_ros.mapping.joint.ray_casting import cast_all_rays
+from usmap_ros.mapping.joint.response import (
+    NO_NORMAL,
+    Listening,
+    Response,
+    learn_response,
+    listen,
+)
+from usmap_ros.mapping.joint.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.walls import Walls
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Log-odds from which on a cell that is not shown is not free either.
+SUSPECTED = -0.5
+#: Rounds of free space; optical depth of what is occupied, of what may be, and opacity.
+FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
+#: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
+#: them: among lone things, and among walls.
+LONE, WALLED = (-1.3, 0.02), (-2.5, 0.1)
+#: The first among mirrors, each of which is heard from one side only.
+MIRRORED = -2.3
+#: Share of occupied cells on lines at which a place is one of walls.
+WALLED_SHARE = 0.3
+#: Walls may go on beyond their ends so far, m.
+GOING_ON_M = 0.2
+#: Range bins, in cells, to either side of a cell's that belong to it.
+LISTENING_CELLS = 0.75
+
+
+class FreeSpace:
+    """What is free among walls, by pings.
+
+    Parameters
+    ----------
+    looks : Looks
+        Pings.
+    pings : (pings,) integer array
+        Rows of those that count.
+    weights : (pings,) float32 array
+        How much each counts.
+    field : Field
+        The cells.
+    standing, stood : (rows, columns) bool arrays
+        Cells that are known to be occupied from before, and where robots stood.
+    proofs : float
+        Pings whose sound must have come back through a cell, to prove that it is free.
+    """
+
+    def __init__(
+        self,
+        looks: Looks,
+        pings: NDArray[np.int64],
+        weights: NDArray[np.float32],
+        field: Field,
+        standing: BoolArray,
+        stood: BoolArray,
+        proofs: float,
+    ) -> None:
+        self._looks, self._pings, self._weights, self._field = looks, pings, weights, field
+        self._standing, self._stood, self._proofs = standing, stood, proofs
+
+    def find(
+        self, walls: Walls, smooth: SmoothThings, powers: Powers, evidence: CellEvidence
+    ) -> tuple[BoolArray, Response]:
+        """Cells that are free, and how the place answers.
+
+        Parameters
+        ----------
+        walls, smooth
+            What stands.
+        powers, evidence
+            Of its cells.
+        """
+        field, occupied = self._field, walls.shown
+        hides = occupied | self._standing
+        listening = self._listening(walls, smooth, powers)
+        left = self._left(np.where(hides, OCCUPIED, 0.0))
+        surfaces, on_lines = self._surfaces(walls, evidence)
+        response = learn_response(self._looks, self._pings, field, left, listening, surfaces)
+        proven = self._proven(occupied, left, powers, smooth) >= self._proofs
+        stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
+        closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
+        closed |= smooth.suspected()
+        closed |= beyond_ends(walls.all_lines, occupied, GOING_ON_M / field.resolution_m)
+        refuted, unknown = _thresholds(occupied, on_lines, bool(smooth.mirrors))
+        free, worst = np.zeros(field.shape, bool), np.zeros(field.shape, np.float32)
+        changed = np.ones(len(self._pings), bool)
+        for turn in range(FREE_ROUNDS):
+            refute_all_surfaces(
+                self._looks, self._pings, field, left, listening, response.log_silent, wanted,
+                changed, worst,
+            )  # fmt: skip
+            free = (wanted & ((worst < refuted) | proven) & ~closed) | stood
+            if turn < FREE_ROUNDS - 1:
+                # What was not refuted while all was open is not when less is.
+                wanted &= free | proven | closed
+                before = left
+                left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown)))
+                changed = (left != before).any(axis=(1, 2))
+        return free, response
+
+    def _left(self, belief: FloatArray) -> NDArray[np.uint8]:
+        """How much of the sound is left along rays, by what may hold it back."""
+        depth = optical_depth(belief, FREE_OPACITY)
+        return cast_all_rays(self._looks, self._pings, self._field, depth)
+
+    def _in_reach(self) -> BoolArray:
+        """Cells that a ping may reach."""
+        # Whoever only looks at recordings need not wait for it.
+        from scipy.ndimage import distance_transform_edt
+
+        numbers = self._looks.numbers[self._pings]
+        away_m: FloatArray = self._field.resolution_m * distance_transform_edt(
+            ~self._field.cells_at(numbers[:, X], numbers[:, Y])
+        )
+        in_reach: BoolArray = away_m < numbers[:, GREATEST_RANGE].max()
+        return in_reach
+
+    def _listening(self, walls: Walls, smooth: SmoothThings, powers: Powers) -> Listening:
+        """What was heard, and was to be heard by what stands.
+
+        What is not shown counts for nothing: else an unsure wall would explain its own echoes.
+        """
+        expected = powers.expected_of(over_block(walls.shown).ravel())
+        bin_m = float(np.median(self._looks.numbers[self._pings, BIN_M]))
+        reach = max(1, round(LISTENING_CELLS * self._field.resolution_m / bin_m))
+        return listen(smooth.put_back(expected), self._pings, expected, reach)
+
+    def _surfaces(self, walls: Walls, evidence: CellEvidence) -> tuple[FloatArray, BoolArray]:
+        """Row, column and normal of what stands; and cells near lines."""
+        found, near = [], np.zeros(self._field.shape, bool)
+        row_count, column_count = self._field.shape
+        for line in walls.all_lines:
+            rows, columns = points_on(line, line[BEGIN], line[END])
+            normal = float(np.arctan2(line[NORMAL_Y], line[NORMAL_X]))
+            for row, column in dict.fromkeys(zip(rows.tolist(), columns.tolist(), strict=True)):
+                if 1 <= row < row_count - 1 and 1 <= column < column_count - 1:
+                    found.append((row, column, normal))
+                    near[row - 1 : row + 2, column - 1 : column + 2] = True
+        strength = judged(evidence, self._field.shape)
+        peaks = walls.occupied & ~near & (strength >= over_block(strength))
+        found += [(row, column, NO_NORMAL) for row, column in np.argwhere(peaks)]
+        return np.array(found, dtype=float).reshape(-1, 3), near
+
+    def _proven(
+        self,
+        occupied: BoolArray,
+        left: NDArray[np.uint8],
+        powers: Powers,
+        smooth: SmoothThings,
+    ) -> NDArray[np.float32]:
+        """Pings whose sound is known to have passed each cell."""
+        proven = np.zeros(self._field.shape, np.float32)
+        prove_open(
+            self._looks, self._pings, self._field, left, powers.expected, powers.power, occupied,
+            proven, self._weights,
+        )  # fmt: skip
+        smooth.trace_open(proven, self._weights)
+        return proven
+
+
+def _thresholds(occupied: BoolArray, on_lines: BoolArray, has_mirrors: bool) -> tuple[float, float]:
+    """Log-likelihood ratio at which a cell is refuted, and belief that unknown cells hide."""
+    share = int(np.count_nonzero(occupied & on_lines)) / max(1, int(np.count_nonzero(occupied)))
+    walled = min(share / WALLED_SHARE, 1.0)
+    refuted, unknown = (
+        (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
+    )
+    return max(refuted, MIRRORED) if has_mirrors else refuted, unknown

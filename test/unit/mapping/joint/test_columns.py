@@ -1,0 +1,87 @@
+"""Round columns, which answer each view from their nearest point, and what explained echoes say."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.joint.field import NOISE, field_around
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.joint.response import MOST_EXPLAINED, listen
+from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, round_columns
+from usmap_ros.mapping.ping_bins import ECHO
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Where a column stands, and its radius, m.
+X_M, Y_M, RADIUS_M = 0.42, -0.13, 0.2
+
+
+def pings_around(
+    make_cone: Callable[..., EchoCone],
+    first_rad: float,
+    last_rad: float,
+    count: int,
+    error_m: float,
+) -> list[EchoCone]:
+    """Pings that look at the column, each with its echo and errors of its range."""
+    cones, rng = [], np.random.default_rng(5)
+    for number, bearing_rad in enumerate(np.linspace(first_rad, last_rad, count)):
+        away_m = 1.1 + 0.3 * math.sin(2.3 * number)
+        x_m, y_m = X_M + away_m * math.cos(bearing_rad), Y_M + away_m * math.sin(bearing_rad)
+        echo = away_m - RADIUS_M + error_m * rng.uniform(-1.0, 1.0), 0.15
+        yaw_rad = bearing_rad + math.pi
+        cones.append(make_cone(echo, stamp_ns=number, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
+    return cones
+
+
+def columns_of(cones: list[EchoCone]) -> list[RoundColumn]:
+    kept = KeptPings(MappingParameters())
+    for cone in cones:
+        kept.add(cone, "robot")
+    looks, rows, _, echoes = kept.pings()[:4]
+    field = field_around(looks, rows, 0.05)
+    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    is_explained = np.zeros(len(echoes.range_m), bool)
+    return round_columns(looks, rows, echoes, is_explained, field, left)
+
+
+def test_a_column_is_found_from_around(make_cone: Callable[..., EchoCone]) -> None:
+    (column,) = columns_of(pings_around(make_cone, 0.0, 4.0, 24, 0.003))
+    assert column.is_certain
+    found = column.x_m, column.y_m, column.radius_m
+    assert found == pytest.approx((X_M, Y_M, RADIUS_M), abs=0.02)
+
+
+def test_a_column_heard_from_one_side_is_suspected(make_cone: Callable[..., EchoCone]) -> None:
+    found = columns_of(pings_around(make_cone, 0.0, 0.8, 9, 0.002))
+    assert found
+    assert not any(column.is_certain for column in found)
+
+
+def test_echoes_that_scatter_are_no_column(make_cone: Callable[..., EchoCone]) -> None:
+    found = columns_of(pings_around(make_cone, 0.0, 4.0, 24, 0.1))
+    assert not any(column.is_certain for column in found)
+
+
+def test_a_column_covers_its_disc(views: list[EchoCone]) -> None:
+    kept = KeptPings(MappingParameters())
+    kept.add(views[0], "robot")
+    looks, rows = kept.pings()[:2]
+    none = np.zeros(0, np.int64)
+    field = field_around(looks, rows, 0.05)
+    mask = discs([RoundColumn(X_M, Y_M, RADIUS_M, none, none, False)], field)
+    assert np.count_nonzero(mask) * 0.05**2 == pytest.approx(math.pi * 0.25**2, rel=0.1)
+
+
+def test_an_explained_echo_was_to_be_heard(views: list[EchoCone]) -> None:
+    kept = KeptPings(MappingParameters())
+    kept.add(views[0], "robot")
+    looks, rows = kept.pings()[:2]
+    noise = np.full(looks.kind[rows].shape, looks.numbers[rows[0], NOISE], np.float32)
+    is_echo = looks.kind[rows] == ECHO
+    explained = np.where(is_echo, noise + looks.power[rows], noise)
+    assert listen(looks, rows, noise, 2).chance[is_echo].max() < 0.5
+    assert listen(looks, rows, explained, 2).chance[is_echo].min() >= np.float32(MOST_EXPLAINED)

@@ -26,8 +26,8 @@ from usmap_ros.mapping.joint.field import (
 )
 from usmap_ros.mapping.joint.kept_pings import Pings
 from usmap_ros.mapping.joint.leave_one_out import turned_looks
-from usmap_ros.mapping.superposition.ping_bins import ECHO, SILENCE
-from usmap_ros.mapping.superposition.window import Looks
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, SILENCE
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.pings.cone import EchoCone
 

@@ -238,7 +238,7 @@ def _fitted(
     if _misfits(ranges_m - across_m) > POINT_SHARE * _misfits(off_points_m).min():
         return None
     begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
-    following = counts_between(echoes, own, begin_m, end_m).mean()
+    following = count_between(echoes, own, begin_m, end_m).mean()
     return MirrorWall(
         normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
         own.copy(), heard.copy(), float(following), float(log_mirror),
@@ -251,13 +251,7 @@ def _misfits(residuals_m: FloatArray) -> FloatArray:
     return sums
 
 
-def count_between(echoes: Echoes, ping: int, near_m: float, far_m: float) -> int:
-    """Echoes of a ping from a stretch of ranges."""
-    ranges_m = echoes.range_m[echoes.start[ping] : echoes.start[ping + 1]]
-    return int(np.count_nonzero((ranges_m > near_m) & (ranges_m < far_m)))
-
-
-def counts_between(
+def count_between(
     echoes: Echoes, pings: NDArray[np.int64], near_m: FloatArray, far_m: FloatArray
 ) -> NDArray[np.int64]:
     """Echoes of some pings, each from a stretch of ranges."""

@@ -190,12 +190,9 @@ def _fitted(
     away_m = np.hypot(*(looks.numbers[pings][:, [X, Y]] - place[:2]).T).min()
     if not LEAST_RADIUS_M < place[2] < away_m - CLEARANCE_M:
         return None
-    crowd = [
-        count_between(echoes, ping, across - CROWD_M, across + CROWD_M) - 1
-        for ping, across in zip(hit_pings[:hits], across_m, strict=True)
-    ]
+    crowd = count_between(echoes, hit_pings[:hits], across_m - CROWD_M, across_m + CROWD_M) - 1
     off_m = echoes.range_m[hit_echoes[:hits]] - across_m
-    log_ratio = _log_ratio(off_m, np.array(crowd), misses)
+    log_ratio = _log_ratio(off_m, crowd, misses)
     is_certain = hits >= LEAST_HITS and spread >= LEAST_SPREAD
     is_certain &= log_ratio >= max(LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT / spread * hits)
     if not is_certain and log_ratio < max(SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits):

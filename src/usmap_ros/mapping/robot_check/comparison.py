@@ -117,6 +117,9 @@ class RobotComparison:
             # A turn that the others' map confirms, though they agree less than with it.
             surest = max(turned, key=lambda topic: apart[topic][0].turn_certainty or 0.0)
             return {surest: verdicts[surest]}
+        if named and len(self._cones) <= LEAST_ROBOTS_LEFT:
+            # Of two, the one that is right may fit the other's map the worse.
+            named = {t: verdicts.get(t, Finding("unknown", {})) for t in self._cones}
         return {topic: _or_its_rivals(topic, named) for topic in named}
 
     def _agreement_without(self, topic: str) -> tuple[Agreement, list[Agreement]]:
@@ -193,7 +196,8 @@ def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:
     finding = named[topic]
     if not rivals:
         return finding
-    reason = f"contradicted: {finding.reason.partition(': ')[2]}; or {rivals} is {finding.verdict}"
+    own = finding.reason.partition(": ")[2] or "it may be misplaced"
+    reason = f"contradicted: {own}; or {rivals} is misplaced"
     return replace(finding, verdict="contradicted", reason=reason)
 
 

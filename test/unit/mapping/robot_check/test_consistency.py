@@ -190,9 +190,12 @@ def test_one_that_is_misplaced_in_a_room_is_named(
     assert named(findings(pings)) == {LIAR: "misplaced"}
 
 
-def test_of_two_that_contradict_each_other_nobody_is_accused() -> None:
+@pytest.mark.parametrize(("by_m", "turned_rad"), [((0.2, -0.25), 0.0), ((0.0, 0.0), -1.4)])
+def test_of_two_that_contradict_each_other_nobody_is_accused(
+    by_m: tuple[float, float], turned_rad: float
+) -> None:
     pings = [
-        (topic, displaced(cone, 0.0) if topic == LIAR else cone)
+        (topic, displaced(cone, turned_rad, by_m) if topic == LIAR else cone)
         for topic, cone in cones(11)
         if topic != "/robot3/echo"
     ]

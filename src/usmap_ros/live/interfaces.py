@@ -175,6 +175,13 @@ MAP_UPDATES = Topic(
     "The part of the map that has changed, while its extent has not.",
     "publish_updates is true and map_msgs is installed",
 )
+TRAJECTORIES = Topic(
+    "~/trajectories",
+    "nav_msgs/msg/Path",
+    LATCHED,
+    "One for each robot, ~/trajectories/ROBOT: where it was at its pings, corrected.",
+    "poses are corrected",
+)
 CLOCK = Topic(
     "/clock",
     "rosgraph_msgs/msg/Clock",
@@ -222,6 +229,7 @@ MAP_FUSION = NodeInterface(
         MAP_AMBIGUITY,
         MAP_METADATA,
         MAP_UPDATES,
+        TRAJECTORIES,
         DIAGNOSTICS,
     ),
     subscribes=(CONE,),

@@ -15,12 +15,13 @@ from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.live.fair_shares import FairShares
+from usmap_ros.live.live_poses import LivePoses
 from usmap_ros.live.ordering import StampOrder
 from usmap_ros.mapping.common_frame import CommonFrame
 from usmap_ros.mapping.far_off import FarOff, FarOffError, Ping
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
-from usmap_ros.parameters import MappingParameters, PipelineParameters
+from usmap_ros.parameters import MappingParameters, PipelineParameters, PoseParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.repeats import SeenPings
 from usmap_ros.runs.pipeline import Pipeline
@@ -73,9 +74,13 @@ class LiveFusion:
         Seconds of a clock that never runs backwards.
     on_set_apart : callable
         Told how many pings were set apart, and why, when that is known only after they came.
+    poses : PoseParameters
+        Which poses are mapped with.
 
     Attributes
     ----------
+    poses : LivePoses
+        What corrects poses that drift.
     version : int
         Rises with every change of the map.
     generation : int
@@ -90,8 +95,11 @@ class LiveFusion:
         frame_id: str = "",
         clock: Callable[[], float] = time.monotonic,
         on_set_apart: Callable[[int, str], None] = lambda count, cause: None,
+        poses: PoseParameters = PoseParameters(),  # noqa: B008 - it cannot be changed
     ) -> None:
-        self._parameters = PipelineParameters(mapping=parameters)
+        self._parameters = PipelineParameters(mapping=parameters, poses=poses)
+        self.poses = LivePoses(self._parameters, frame_id)
+        self._stated_frame = frame_id
         self._pipeline = Pipeline(self._parameters)
         self._frame, self._far = CommonFrame(frame_id), FarOff(parameters)
         self._clock, self._on_set_apart = clock, on_set_apart
@@ -170,7 +178,7 @@ class LiveFusion:
         self._check_reach(cone)
         self._seen.add(cone)
         was_decided = self._frame.is_decided
-        if self._frame.add(topic, cone):
+        if self._frame.add(topic, cone) or (was_decided and self.poses.takes(cone)):
             self._push(topic, cone)
         elif was_decided:
             raise MalformedMessageError(
@@ -178,6 +186,10 @@ class LiveFusion:
             )
         if not was_decided:
             self._decide_on_frame()
+
+    def takes(self, cone: EchoCone) -> bool:
+        """Whether a ping is in the map's frame, or in one that may be joined to it."""
+        return cone.frame_id == self.frame_id or self.poses.takes(cone)
 
     def _push(self, topic: str, cone: EchoCone) -> None:
         now_s = self._clock()
@@ -195,7 +207,7 @@ class LiveFusion:
             self._tell_apart(lost, "are not in the frame of most robots", "; the map begins anew")
         if self._frame.is_decided:
             held = self._frame.take_held()
-            fitting = [ping for ping in held if ping[1].frame_id == self.frame_id]
+            fitting = [ping for ping in held if self.takes(ping[1])]
             for topic, cone in fitting:
                 self._push(topic, cone)
             self._tell_apart(len(held) - len(fitting), "are in other frames")
@@ -224,11 +236,16 @@ class LiveFusion:
                 return None
             topic, received = released
             came_s = received.at_s
-            self._sort_out(topic, received.cone)
+            if received.cone.frame_id == self.frame_id:
+                self._sort_out(topic, received.cone)
+            else:
+                self._ready.append((topic, received.cone))
         with self._map_lock:
             topic, cone = self._ready.popleft()
-            self._pipeline.fuse(cone, topic)
-            self._consistency.add(topic, cone)
+            if cone.frame_id == self.frame_id:
+                self._pipeline.fuse(cone, topic)
+                self._consistency.add(topic, cone)
+            self.poses.add(topic, cone)
             self.version += 1
             self._pings += 1
         self._shares.spend(topic, cone, self._clock())
@@ -262,8 +279,11 @@ class LiveFusion:
     def occupancy_map(self) -> OccupancyMap:
         """The map so far; cones are fused while it is made."""
         with self._map_lock:
-            make = self._pipeline.fusion.snapshot()
-        return make()
+            make = self.poses.snapshot() or self._pipeline.fusion.snapshot()
+        occupancy = make()
+        with self._map_lock:
+            self.poses.retire()
+        return occupancy
 
     def findings(self, between: Callable[[], None]) -> dict[str, Finding]:
         """Judge the robots by the pings of late, and let suspects count for nothing.
@@ -290,6 +310,7 @@ class LiveFusion:
             return
         with self._map_lock:
             self._consistency.forget(names)
+            self.poses.leave_out(lambda topic: is_of(topic, names))
             if self._pipeline.fusion.leave_out(lambda topic: is_of(topic, names)):
                 self.version += 1
 
@@ -307,6 +328,7 @@ class LiveFusion:
             raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self.frame_id}'")
         with self._map_lock:
             self._pipeline.resume(occupancy)
+            self.poses.resume(occupancy)
             self._frame = CommonFrame(self._pipeline.fusion.frame_id or self.frame_id)
             if self._pipeline.resumed is not None:
                 self._far.cover(self._pipeline.resumed)
@@ -336,6 +358,7 @@ class LiveFusion:
         """Forget the map, under its lock."""
         self._pipeline = Pipeline(self._parameters)
         self._pipeline.fusion.frame_id = self.frame_id
+        self.poses = LivePoses(self._parameters, self._stated_frame)
         self._consistency = Consistency(self._parameters.mapping)
         self._ready.clear()
         self._pings = 0

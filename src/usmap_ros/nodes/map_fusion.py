@@ -29,7 +29,7 @@ from usmap_ros.parameters.nodes import MapFusionParameters
 _BEGUN_AFTER = 0.75
 _COUNTED = (
     "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "paused", "failed",
-    "left out", "elsewhere", "set apart", "published",
+    "left out", "elsewhere", "set apart", "jumped", "published",
 )  # fmt: skip
 
 
@@ -60,6 +60,7 @@ class MapFusion(LifecycleNode):
         self.health.watch(self._slowness)
         self.health.watch(self._suspected_robots)
         self.health.tell("robots", lambda: self.session.check.summary() if self.session else "")
+        self.health.tell("poses", self._states)
         self.health.tell(WAITING, lambda: self.session.fusion.waiting if self.session else 0)
         self.health.tell(ROOM, lambda: self.parameters.value.queue_depth)
         self._transforms = Transforms(
@@ -159,6 +160,10 @@ class MapFusion(LifecycleNode):
         """Whether it falls behind, the wait that is asked for left aside."""
         now = self.parameters.value
         return self.health.slowness(now.order_wait_s + now.latency_limit_s)
+
+    def _states(self) -> str:
+        """Which robots' poses are corrected, and whether they are joined or alone."""
+        return self.session.fusion.poses.latest.states() if self.session else ""
 
     def _suspected_robots(self) -> Remark | None:
         """Which robots contradict the others."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame
@@ -61,7 +61,10 @@ class Corrected:
 
 
 def correct_poses(
-    pings: Sequence[Ping], parameters: PipelineParameters, frame_id: str = ""
+    pings: Sequence[Ping],
+    parameters: PipelineParameters,
+    frame_id: str = "",
+    known: Mapping[str, PoseKind] | None = None,
 ) -> Corrected:
     """Refine poses that drift, and join robots that state no relation between their frames.
 
@@ -73,9 +76,12 @@ def correct_poses(
         ``poses`` says what is wanted; the others are of the maps that robots are joined by.
     frame_id : str
         The map's frame; empty: the one that robots share, or `joining.WORLD`.
+    known : mapping of str to PoseKind, optional
+        What is known of the poses of some robots.
     """
     wanted, world = parameters.poses, frame_id or _shared_frame(pings) or WORLD
     kinds = kinds_of(pings, insists=wanted.use == "refined")
+    kinds |= {robot: kind for robot, kind in (known or {}).items() if robot in kinds}
     told = with_starts(pings, wanted.starts(), world)
     if wanted.use == "told":
         return Corrected(told)

@@ -26,6 +26,8 @@ from usmap_ros.runs.set_apart import SetApart, in_one_place
 
 #: The frame of robots that share none, once they are joined (REP 105).
 WORLD = "map"
+#: Of fewer pings nobody asks what they show.
+_LEAST_PINGS = 20
 #: How far a match may be off: x, y (m) and yaw (rad), standard deviations.
 _OFF = np.array([0.1, 0.1, 0.03])
 #: The same of poses that a user states.
@@ -184,7 +186,8 @@ def _surest(
 ) -> tuple[tuple[str, str], Match] | None:
     """The pair of frames, the one that stays first, of which it is surest how they relate."""
     # Of frames that several robots share, nobody asks how they relate.
-    ranked = sorted(frames, key=lambda name: (is_own_frame(name), -len(frames[name].rows)))
+    enough = [name for name, frame in frames.items() if len(frame.rows) >= _LEAST_PINGS]
+    ranked = sorted(enough, key=lambda name: (is_own_frame(name), -len(frames[name].rows)))
     best: tuple[tuple[str, str], Match] | None = None
     for pair in combinations(ranked, 2):
         if not is_own_frame(pair[1]):

@@ -56,10 +56,7 @@ class PoseRun:
             return
         stream = iter(pings)
         held: list[Ping] = []
-        drifts = wanted.use != "auto"
-        if not drifts:
-            drifts = _drifts(stream, held)
-        if not drifts:
+        if wanted.use == "auto" and not drifts(stream, held):
             yield from held
             yield from stream
             return
@@ -68,10 +65,13 @@ class PoseRun:
 
     def _refined(self, held: list[Ping]) -> list[Ping]:
         from usmap_ros.runs.correction import correct_poses
+        from usmap_ros.runs.restarts import Restarts
 
         if not held:
             return []
-        done = correct_poses(held, self.parameters, self.frame_id)
+        restarts = Restarts()
+        lives = [restarts.renamed(ping) for ping in held]
+        done = correct_poses(lives, self.parameters, self.frame_id)
         self.robots = {robot: one.summary() for robot, one in done.robots.items()}
         for topic, cone in held:
             x_m, y_m, _ = map(float, cone.pose.position_m)
@@ -100,7 +100,7 @@ class _Watch:
         return kind if kind is not PoseKind.ABSOLUTE or is_settled else None
 
 
-def _drifts(stream: Iterator[Ping], held: list[Ping]) -> bool:
+def drifts(stream: Iterator[Ping], held: list[Ping]) -> bool:
     """Whether any robot drifts; pings that had to be looked at for it go into `held`."""
     watched: dict[str, _Watch] = {}
     settled: dict[str, PoseKind] = {}

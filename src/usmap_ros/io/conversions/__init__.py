@@ -24,6 +24,7 @@ from usmap_ros.io.conversions.grid import (
 from usmap_ros.io.conversions.odometry import (
     odometry_from_message,
     odometry_to_message,
+    path_to_message,
     transform_from_message,
     transform_to_message,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "noise_from_cdr",
     "odometry_from_message",
     "odometry_to_message",
+    "path_to_message",
     "points_from_message",
     "points_to_message",
     "range_from_message",

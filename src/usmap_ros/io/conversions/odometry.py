@@ -14,6 +14,7 @@ from usmap_ros.io.conversions.common import (
     stamp_from_header,
 )
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.trajectory import Trajectory
 
 
 def odometry_from_message(message: Any) -> tuple[Pose, int]:
@@ -76,6 +77,24 @@ def transform_to_message(
             translation=_vector(types, x, y, z),
             rotation=types.message_class("geometry_msgs/msg/Quaternion")(x=qx, y=qy, z=qz, w=qw),
         ),
+    )
+
+
+def path_to_message(path: Trajectory, frame_id: str, types: MessageTypes) -> Any:
+    """``nav_msgs/Path`` of a trajectory."""
+    stamped_class = types.message_class("geometry_msgs/msg/PoseStamped")
+    poses = [
+        stamped_class(
+            header=header_to_message(stamp_ns, frame_id, types),
+            pose=pose_to_message(Pose(position_m, orientation), types).pose,
+        )
+        for stamp_ns, position_m, orientation in zip(
+            path.stamps_ns.tolist(), path.positions_m, path.orientations, strict=True
+        )
+    ]
+    newest_ns = int(path.stamps_ns[-1]) if len(path) else 0
+    return types.message_class("nav_msgs/msg/Path")(
+        header=header_to_message(newest_ns, frame_id, types), poses=poses
     )
 
 

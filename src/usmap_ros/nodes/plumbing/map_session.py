@@ -14,6 +14,7 @@ from usmap_ros.live.health import Health
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.far_off import FarOffError
 from usmap_ros.mapping.robot_check.consistency import is_of
+from usmap_ros.nodes.plumbing.corrected_poses import CorrectedPoses
 from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
 from usmap_ros.nodes.plumbing.frames import Transforms
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
@@ -81,6 +82,7 @@ class MapSession:
             now.queue_depth,
             now.frame_id,
             on_set_apart=lambda count, cause: health.problem("set apart", cause, number=count),
+            poses=now.poses,
         )
         self._checkpoint = Checkpoint(now.checkpoint_path)
         if now.resume and self._checkpoint.restore(self.fusion):
@@ -92,6 +94,7 @@ class MapSession:
         self._health = health
         self._foreign_cones = ForeignCones(transforms, health, self._hand_over, self._hold)
         self._publisher = MapPublisher(node, now.publish_updates, now.whole_map_period_s)
+        self._corrected = CorrectedPoses(node, transforms, health)
         self._published_version = self._generation = 0
         self._noted = dict.fromkeys(_LOSSES, 0)
         self._without = frozenset[str]()
@@ -109,6 +112,7 @@ class MapSession:
         self._worker.stop()
         self._bringer.stop()
         self._keep()
+        self._corrected.destroy()
         self._publisher.destroy()
 
     def take_over_parameters(self) -> None:
@@ -144,7 +148,8 @@ class MapSession:
             self._health.problem("malformed", f"{topic}: {error}")
             return
         frame_id = self.fusion.frame_id
-        if frame_id in ("", cone.frame_id):
+        # Of a frame that is corrected here, TF says what was said here.
+        if frame_id in ("", cone.frame_id) or cone.frame_id in self.fusion.poses.own_frames:
             self._hand_over(topic, cone)
         else:
             wait_s = self._parameters.value.transform_wait_s
@@ -177,8 +182,8 @@ class MapSession:
             self._health.problem("malformed", f"{topic}: {error}")
 
     def _hold(self, topic: str, cone: EchoCone) -> bool:
-        """Have a say to whoever is in another frame, as long as the map's is not decided."""
-        if self.fusion.is_frame_decided:
+        """Have a say to whoever is in another frame that may be joined, or become the map's."""
+        if self.fusion.is_frame_decided and not self.fusion.takes(cone):
             return False
         self._hand_over(topic, cone)
         return True
@@ -265,6 +270,7 @@ class MapSession:
             occupancy = self.fusion.occupancy_map()
             if occupancy.frame_id and has_changed:
                 self._publisher.publish(occupancy)
+                self._corrected.update(self.fusion.poses.latest)
                 self._health.count("published")
             elif occupancy.frame_id:
                 self._publisher.complete(occupancy)

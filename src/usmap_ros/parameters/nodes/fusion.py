@@ -14,6 +14,7 @@ from usmap_ros.parameters.nodes.common import (
     topic_globs,
 )
 from usmap_ros.parameters.pipeline import MappingParameters
+from usmap_ros.parameters.poses import PoseParameters
 from usmap_ros.parameters.reception import Numbers
 
 
@@ -32,6 +33,7 @@ class MapFusionParameters(NodeParameters):
             "cone_topics",
             "frame_id",
             "mapping",
+            "poses",
             "publish_updates",
             "resume",
             "whole_map_period_s",
@@ -107,6 +109,7 @@ class MapFusionParameters(NodeParameters):
     resume: bool = quantity(True, "Whether to start from the checkpoint, if there is one.")
     save_path: str = quantity("usmap_map", "Folder that the service save_map writes into.")
     mapping: MappingParameters = MappingParameters()
+    poses: PoseParameters = PoseParameters()
 
     _are_globs = field_validator("topic_pattern")(check_globs)
 

@@ -1,0 +1,250 @@
+"""Corrected poses of pings as they come: worked out when a map is asked for, as offline."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from usmap_ros.errors import MalformedMessageError
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
+from usmap_ros.mapping.far_off import Ping
+from usmap_ros.mapping.joint.survey import copied
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import Pose, on_base
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trajectory import Trajectory
+from usmap_ros.runs.correction import Corrected, correct_poses
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.poses import drifts
+from usmap_ros.runs.restarts import Restarts, first_name
+from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
+
+#: Share of the window that goes at once when it is full; what it said stays in the map.
+RETIRED_SHARE = 4
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """Where a robot was found to be at a ping, from which its odometry goes on.
+
+    Parameters
+    ----------
+    told, found : Pose
+        As it was told, and as it was corrected.
+    frame_id : str
+        The frame that it was found in.
+    """
+
+    told: Pose
+    found: Pose
+    frame_id: str
+
+    def moved(self, ping: Ping) -> Ping:
+        """A later ping of the robot, as uncertain as the anchor and the way since then."""
+        topic, cone = ping
+        way = self.told.inverse().compose(Pose(cone.pose.position_m, cone.pose.orientation))
+        pose = on_base(self.found, way)
+        # What the way from the anchor cost, in the frame that it was found in.
+        until_then = on_base(self.told, way).covariance
+        turn = self.found.compose(self.told.inverse())
+        cost = replace(way, covariance=cone.pose.covariance - until_then)
+        covariance = pose.covariance + turn.compose(cost).covariance
+        moved = Pose(pose.position_m, pose.orientation, covariance)
+        return topic, replace(cone, frame_id=self.frame_id, pose=moved)
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where robots were found to be.
+
+    Parameters
+    ----------
+    corrected : Corrected
+        Their pings.
+    frame_id : str
+        The map's frame.
+    frames : dict
+        x, y (m) and yaw (rad) of the frame of each robot's odometry in the map's, by its name.
+    """
+
+    corrected: Corrected
+    frame_id: str
+    frames: dict[str, FloatArray]
+
+    def trajectories(self) -> dict[str, Trajectory]:
+        """The way of each robot, or rather of its first transducer."""
+        topics: dict[str, str] = {}
+        poses: dict[str, list[tuple[int, Pose]]] = {}
+        for topic, cone in self.corrected.pings:
+            robot = robot_of(topic, cone)
+            if topics.setdefault(robot, topic) == topic:
+                poses.setdefault(robot, []).append((cone.stamp_ns, cone.pose))
+        return {robot: Trajectory.of_poses(stamped) for robot, stamped in poses.items()}
+
+    def states(self) -> str:
+        """Which robots share the map's frame, in one line."""
+        return ", ".join(
+            f"{robot} {one.state if one.frame_id == self.frame_id else 'alone'}"
+            for robot, one in self.corrected.robots.items()
+        )
+
+
+def locate(told: Sequence[Ping], corrected: Corrected, frame_id: str) -> Located:
+    """Where frames of odometry are in the map by the newest ping of each that is in it."""
+    frames: dict[str, FloatArray] = {}
+    for (_, before), (_, after) in zip(told, corrected.pings, strict=True):
+        if is_own_frame(before.frame_id) and after.frame_id == frame_id != before.frame_id:
+            place = after.pose.compose(before.pose.inverse())
+            frames[first_name(before.frame_id)] = np.array([*place.position_m[:2], place.yaw_rad])
+    return Located(corrected, frame_id, frames)
+
+
+class LivePoses:
+    """Pings as told, and the map of them with corrected poses; for one thread at a time to add to.
+
+    Parameters
+    ----------
+    parameters : PipelineParameters
+        ``poses`` says which poses are wanted.
+    frame_id : str
+        The map's frame; empty: the one that most robots share.
+
+    Attributes
+    ----------
+    own_frames : set of str
+        Frames of odometry that pings were kept in.
+    latest : Located
+        Where robots are by the newest map.
+    """
+
+    def __init__(self, parameters: PipelineParameters, frame_id: str = "") -> None:
+        self._parameters, self._frame_id = parameters, frame_id
+        self._lock = threading.Lock()
+        self._told: list[Ping] = []
+        self._restarts = Restarts()
+        self._anchors: dict[str, Anchor] = {}
+        self._kinds: dict[str, PoseKind] = {}
+        self._earlier: OccupancyMap | None = None
+        self._drifts = False
+        # Rises with every ping, and when others than the newest change.
+        self._version = self._generation = 0
+        self._made: _Made | None = None
+        self.own_frames: set[str] = set()
+        self.latest = Located(Corrected([]), "", {})
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether any poses may have to be corrected."""
+        return self._parameters.poses.use != "told" or bool(self._parameters.poses.starts())
+
+    def takes(self, cone: EchoCone) -> bool:
+        """Whether a ping in another frame than the map's may be joined to it later."""
+        return self.is_wanted and is_own_frame(cone.frame_id)
+
+    def add(self, topic: str, cone: EchoCone) -> None:
+        """Keep a ping."""
+        if self.is_wanted:
+            self._told.append(self._restarts.renamed((topic, cone)))
+            self._version += 1
+            if is_own_frame(cone.frame_id):
+                self.own_frames.add(cone.frame_id)
+
+    def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
+        """Forget the pings of some topics; how many there were."""
+        before = len(self._told)
+        self._told = [ping for ping in self._told if not is_left_out(ping[0])]
+        self._version, self._generation = self._version + 1, self._generation + 1
+        return before - len(self._told)
+
+    def resume(self, occupancy: OccupancyMap) -> None:
+        """Start from an earlier map."""
+        self._earlier = occupancy
+        self._version, self._generation = self._version + 1, self._generation + 1
+
+    def snapshot(self) -> Callable[[], OccupancyMap] | None:
+        """What makes the map as it is now, in any thread; None where poses are right as told."""
+        if not self._must_correct():
+            return None
+        pings, anchors = list(self._told), self._anchors
+        state = self._version, self._generation
+        return lambda: self._map(pings, anchors, *state)
+
+    def _must_correct(self) -> bool:
+        wanted = self._parameters.poses
+        if not self.is_wanted or not self._told:
+            return False
+        self._drifts = self._drifts or wanted.use != "auto" or drifts(iter(self._told), [])
+        return self._drifts
+
+    def _map(
+        self, told: list[Ping], anchors: dict[str, Anchor], version: int, generation: int
+    ) -> OccupancyMap:
+        with self._lock:
+            if self._made is None or self._made.version < version:
+                pipeline = Pipeline(self._parameters)
+                pipeline.fusion.frame_id = self._frame_id
+                if self._earlier is not None:
+                    pipeline.resume(self._earlier)
+                frame_id = pipeline.fusion.frame_id
+                pings = [_anchored(ping, anchors) for ping in told]
+                done = correct_poses(pings, self._parameters, frame_id, self._kinds)
+                for topic, cone in pings_of_one_map(done.pings, pipeline, SetApart()):
+                    # What is wrong with a ping was said when it came.
+                    with suppress(MalformedMessageError):
+                        pipeline.fuse(cone, topic)
+                occupancy = pipeline.occupancy_map()
+                self._made = _Made(version, generation, occupancy, done)
+                self.latest = locate(told, done, occupancy.frame_id)
+            return copied(self._made.occupancy)
+
+    def retire(self) -> None:
+        """Let the oldest pings go if there are too many, and what they said stay.
+
+        Those that are left go on from where their robots were found to be.  While a map is made,
+        it is left to the next time.
+        """
+        window = self._parameters.mapping.window
+        if len(self._told) <= window or not self._lock.acquire(blocking=False):
+            return
+        try:
+            made = self._made
+            if made is None or made.generation != self._generation:
+                return
+            count = len(self._told) - window + window // RETIRED_SHARE
+            self._earlier = made.occupancy
+            self._kinds = {robot: one.kind for robot, one in made.corrected.robots.items()}
+            self._anchors = self._anchors | self._anchors_from(made.corrected.pings, count)
+            self._told = self._told[count:]
+            self._generation += 1
+        finally:
+            self._lock.release()
+
+    def _anchors_from(self, found: list[Ping], first: int) -> dict[str, Anchor]:
+        """Where robots that drift were found to be at their first pings that are kept."""
+        anchors: dict[str, Anchor] = {}
+        for (topic, told), (_, one) in zip(self._told[first:], found[first:], strict=False):
+            robot = robot_of(topic, told)
+            if self._kinds.get(robot) is not PoseKind.ABSOLUTE:
+                anchors.setdefault(robot, Anchor(told.pose, one.pose, one.frame_id))
+        return anchors
+
+
+class _Made(NamedTuple):
+    """A map, of which pings it is, and with which poses."""
+
+    version: int
+    generation: int
+    occupancy: OccupancyMap
+    corrected: Corrected
+
+
+def _anchored(ping: Ping, anchors: dict[str, Anchor]) -> Ping:
+    anchor = anchors.get(robot_of(*ping))
+    return anchor.moved(ping) if anchor else ping

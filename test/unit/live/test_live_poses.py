@@ -1,0 +1,151 @@
+"""Poses that are corrected as pings come: by the same means as offline."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pings_among_poles import Ping, circle, cone, heard, poles
+
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.live.live_fusion import LiveFusion
+from usmap_ros.live.live_poses import Anchor
+from usmap_ros.localisation.planar import between
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import MappingParameters, PipelineParameters, PoseParameters
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.poses import PoseRun
+from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
+
+START = np.array([1.0, 2.0, 0.5])
+
+
+def drifting(count: int = 60, growth: float = 1e-4) -> list[Ping]:
+    """Pings on a circle whose odometry takes ways to be longer than they are."""
+    made = []
+    for number, real in enumerate(circle(count)):
+        known = np.diag([1e-6, 1e-6, 1e-6]) + growth * number * np.diag([1.0, 1.0, 0.1])
+        off_m = 0.002 * number * bool(growth)
+        pose = Pose.planar(real[0] + off_m, real[1], real[2], planar_covariance=known)
+        one = cone(pose, heard(Pose.planar(*real), poles()), 250_000_000 * number + 1)
+        made.append(("/robot1/echo", one))
+    return made
+
+
+def live(pings: list[Ping], window: int = 3000, **poses: Any) -> LiveFusion:
+    """A fusion that all of them went into, with a look at the map now and then."""
+    fusion = LiveFusion(MappingParameters(window=window), 0.0, 1000, poses=PoseParameters(**poses))
+    for number, (topic, one) in enumerate(pings):
+        fusion.receive(topic, one)
+        fusion.fuse_next()
+        if number % 30 == 29:
+            fusion.occupancy_map()
+    while fusion.fuse_next() is not None:
+        pass
+    return fusion
+
+
+def offline(pings: list[Ping], **poses: Any) -> OccupancyMap:
+    parameters = PipelineParameters.model_validate({"poses": poses})
+    pipeline = Pipeline(parameters)
+    corrected = PoseRun(parameters).corrected(pings)
+    for topic, one in pings_of_one_map(corrected, pipeline, SetApart()):
+        pipeline.fuse(one, topic)
+    return pipeline.occupancy_map()
+
+
+def same(one: OccupancyMap, other: OccupancyMap) -> None:
+    assert (one.frame_id, one.geometry) == (other.frame_id, other.geometry)
+    np.testing.assert_array_equal(one.log_odds, other.log_odds)
+    np.testing.assert_array_equal(one.observed, other.observed)
+
+
+def test_the_map_of_a_robot_that_drifts_is_that_of_offline() -> None:
+    pings = drifting()
+    fusion = live(pings)
+    same(fusion.occupancy_map(), offline(pings))
+    told = live(pings, use="told").occupancy_map()
+    assert not np.array_equal(told.log_odds, fusion.occupancy_map().log_odds)
+    assert len(fusion.poses.latest.trajectories()["robot1"]) == len(pings)
+
+
+def test_absolute_poses_cost_nothing() -> None:
+    fusion = live(drifting(growth=0.0))
+    assert fusion.poses.snapshot() is None
+    assert fusion.poses.latest.states() == ""
+    same(fusion.occupancy_map(), offline(drifting(growth=0.0)))
+
+
+def in_own_frames() -> list[Ping]:
+    """Two robots, the frame of whose odometry begins elsewhere; too few pings to join them."""
+    made = []
+    for robot in (1, 2):
+        for topic, one in drifting(60, 0.0)[:18]:
+            told = between(START * robot, np.array([*one.pose.position_m[:2], one.pose.yaw_rad]))
+            moved = replace(
+                one,
+                pose=Pose.planar(*map(float, told)),
+                frame_id=f"robot{robot}/odom",
+                child_frame_id=f"robot{robot}/sonar",
+                stamp_ns=one.stamp_ns + robot,
+            )
+            made.append((topic.replace("1", str(robot)), moved))
+    return sorted(made, key=lambda ping: ping[1].stamp_ns)
+
+
+def test_robots_in_frames_of_their_own_are_kept_until_they_are_joined() -> None:
+    pings = in_own_frames()
+    apart = live(pings)
+    assert apart.occupancy_map().frame_id == "robot1/odom"
+    assert apart.poses.latest.states() == "robot1 alone, robot2 alone"
+    assert apart.poses.latest.frames == {}
+    starts = [f"robot{n} {' '.join(map(str, START * n))}" for n in (1, 2)]
+    joined = live(pings, initial_poses=starts)
+    same(joined.occupancy_map(), offline(pings, initial_poses=starts))
+    located = joined.poses.latest
+    assert located.frame_id == "map"
+    assert located.states() == "robot1 joined, robot2 joined"
+    for robot in (1, 2):
+        np.testing.assert_allclose(located.frames[f"robot{robot}/odom"], START * robot, atol=0.1)
+
+
+def test_what_old_pings_said_stays_and_robots_go_on_from_there() -> None:
+    pings = drifting(100)
+    fusion, whole = live(pings, window=60), live(pings)
+    occupancy, everywhere = fusion.occupancy_map(), whole.occupancy_map()
+    corrected = fusion.poses.latest.corrected.pings
+    # No more than the window and what came between two looks.
+    assert 40 <= len(corrected) <= 85
+    all_of_them = whole.poses.latest.corrected.pings[-len(corrected) :]
+    for (_, one), (_, other) in zip(corrected, all_of_them, strict=True):
+        assert one.stamp_ns == other.stamp_ns
+        assert np.hypot(*(one.pose.position_m - other.pose.position_m)[:2]) < 0.1
+    assert occupancy.observed.sum() > 0.8 * everywhere.observed.sum()
+
+
+def test_who_is_left_out_is_forgotten() -> None:
+    fusion = live(drifting())
+    assert fusion.occupancy_map().observed.any()
+    fusion.leave_out(["/robot1/echo"])
+    assert not fusion.occupancy_map().observed.any()
+
+
+def test_a_reset_forgets_pings() -> None:
+    fusion = live(drifting())
+    fusion.reset()
+    assert not fusion.occupancy_map().observed.any()
+    assert fusion.poses.latest.frames == {}
+
+
+def test_a_ping_goes_on_from_an_anchor_by_what_its_odometry_added() -> None:
+    first = Pose.planar(1.0, 0.0, 0.0, planar_covariance=np.diag([0.04, 0.04, 0.0]))
+    later = Pose.planar(3.0, 0.0, 0.0, planar_covariance=np.diag([0.05, 0.06, 0.01]))
+    found = Pose.planar(5.0, 5.0, np.pi / 2, planar_covariance=np.diag([0.001, 0.002, 0.003]))
+    _, moved = Anchor(first, found, "map").moved(("/robot1/echo", cone(later, frame_id="odom")))
+    assert moved.frame_id == "map"
+    np.testing.assert_allclose(moved.pose.position_m[:2], [5.0, 7.0], atol=1e-9)
+    assert moved.pose.yaw_rad == pytest.approx(np.pi / 2)
+    # What the way added, turned; the anchor's own; and its heading over 2 m.
+    variances = np.diagonal(moved.pose.planar_covariance)
+    expected = [0.02 + 0.001 + 4.0 * 0.003, 0.01 + 0.002, 0.01 + 0.003]
+    np.testing.assert_allclose(variances, expected, atol=1e-9)

@@ -350,7 +350,7 @@ def _add_blocks(
 
 
 @inlined
-def _compare(  # noqa: PLR0913, PLR0917
+def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     ping: int,
     levels: NDArray[np.float32],
@@ -409,7 +409,7 @@ def _compare(  # noqa: PLR0913, PLR0917
 
 
 @inlined
-def _name_cells(  # noqa: PLR0913, PLR0917
+def _name_cells(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     ping: int,
     field: Field,

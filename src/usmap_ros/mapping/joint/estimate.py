@@ -70,7 +70,7 @@ class JointEstimate:
         what they hear.
     """
 
-    def __init__(  # noqa: PLR0913, PLR0917
+    def __init__(  # noqa: PLR0913, PLR0917 - all that an estimate is made from
         self,
         looks: Looks,
         pings: NDArray[np.int64],

@@ -264,7 +264,7 @@ def count_between(
 
 
 @compiled
-def _fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917
+def _fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 - a kernel is one loop
     looks: Looks,
     pings: NDArray[np.int64],
     echoes: Echoes,

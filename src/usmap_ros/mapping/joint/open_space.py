@@ -83,7 +83,7 @@ class _Nearby(NamedTuple):
 
 
 @compiled
-def refute_surfaces(  # noqa: PLR0913, PLR0917
+def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -225,7 +225,7 @@ def _sound(field: Field, row: int, column: int, around: int, near: _Nearby) -> i
 
 
 @inlined
-def _add_said(  # noqa: PLR0913, PLR0917
+def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     field: Field,
     left: NDArray[np.uint8],
@@ -284,7 +284,7 @@ def _least_refuted(said: NDArray[np.float32]) -> float:
     return float(least_refuted)
 
 
-def refute_all_surfaces(  # noqa: PLR0913, PLR0917
+def refute_all_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -306,7 +306,7 @@ def refute_all_surfaces(  # noqa: PLR0913, PLR0917
 
 
 @compiled
-def prove_open(  # noqa: C901, PLR0913, PLR0917
+def prove_open(  # noqa: C901, PLR0913, PLR0917 - a kernel is one loop over arrays
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
@@ -384,7 +384,7 @@ def prove_open(  # noqa: C901, PLR0913, PLR0917
 
 
 @compiled
-def trace_open(  # noqa: PLR0913, PLR0917
+def trace_open(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     x_m: float,
     y_m: float,
     angle_rad: float,

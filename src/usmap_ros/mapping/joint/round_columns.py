@@ -299,7 +299,7 @@ def _vote(
 
 
 @compiled
-def _look_at(  # noqa: PLR0913, PLR0917
+def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     pings: NDArray[np.int64],
     echoes: Echoes,

@@ -54,7 +54,7 @@ def surface_lines(
 
 
 @compiled
-def _find_runs(  # noqa: C901, PLR0912, PLR0915
+def _find_runs(  # noqa: C901, PLR0912, PLR0915 - a kernel is one loop
     places: NDArray[np.float64],
     weights: NDArray[np.float64],
     gap: float,

@@ -79,7 +79,7 @@ class WaitSetInbox(Inbox):
         try:
             self._wait({})
             attrgetter(*_OF_SUBSCRIPTIONS)(rclpy_implementation.Subscription)
-        except Exception:
+        except Exception:  # Whatever it is: what was made goes, and it is raised on.
             node.destroy_guard_condition(self._bell)
             raise
         self._patience_s = None

@@ -33,8 +33,11 @@ SQUARE, OBLIQUE = slice(1, 3), slice(4, 6)
 CLEAR_SHARE = 0.7
 #: Before a surface, sound must be left up to so many cells before its middle.
 OWN_CELLS = 3.0
-#: Beside a surface, where it is looked how often silence is, m; and what a table begins with.
-BESIDE_M, PSEUDO_COUNT = 0.3, 2.0
+#: Beside a surface, where it is looked how often silence is, m.
+BESIDE_M = 0.3
+#: What each class of a table begins with, and what the one class of lone things does, of which
+#: those that are found answer better than those that are not.
+PSEUDO_COUNT, LONE_PSEUDO_COUNT = 2.0, 9.0
 #: Bounds of P(silent | surface).
 LEAST_SILENT, MOST_SILENT = 0.05, 1.0 - 1e-4
 #: Diffuseness below which grazing silence says nothing of surfaces, and above which as much as
@@ -262,7 +265,13 @@ def learn_response(
     counts = np.zeros((3, LOUDNESSES, INCIDENCES))
     _tally(looks, pings, field, left, listening, surfaces, counts)
     silent, _, beside = 3.0 * uniform_filter1d(counts, 3, axis=1, mode="nearest")
-    table = np.minimum(1.0, (silent + PSEUDO_COUNT) / (beside + PSEUDO_COUNT))
+    pseudo = PSEUDO_COUNT
+    if _are_lone(surfaces):
+        # What faces nowhere answers alike at any incidence: all that is heard of it is one class.
+        sums = (each.sum(axis=1, keepdims=True) for each in (silent, beside))
+        silent, beside = (np.repeat(each, INCIDENCES, axis=1) for each in sums)
+        pseudo = LONE_PSEUDO_COUNT
+    table = np.minimum(1.0, (silent + pseudo) / (beside + pseudo))
     # What is louder, or struck more squarely, is not more often silent.
     table = np.maximum.accumulate(np.minimum.accumulate(table, axis=0), axis=1)
     table = np.clip(table, LEAST_SILENT, MOST_SILENT)
@@ -277,8 +286,13 @@ def _diffuseness(table: FloatArray, counts: FloatArray, surfaces: FloatArray) ->
         answers = 1.0 - table
         square = (looks * answers[:, SQUARE].mean(axis=1)).sum()
         return float((looks * answers[:, OBLIQUE].mean(axis=1)).sum() / max(square, 1e-9))
+    return float(_are_lone(surfaces))
+
+
+def _are_lone(surfaces: FloatArray) -> bool:
+    """Whether most surfaces are on no line."""
     has_no_line = surfaces[:, 2] == NO_NORMAL
-    return 1.0 if len(surfaces) and has_no_line.mean() > LONE_SHARE else 0.0
+    return len(surfaces) > 0 and bool(has_no_line.mean() > LONE_SHARE)
 
 
 def _trusted(table: FloatArray, diffuseness: float) -> FloatArray:

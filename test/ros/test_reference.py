@@ -30,6 +30,8 @@ CLASSES = {
     "map_fusion": MapFusion,
     "serial_driver": SerialDriver,
 }
+#: Published when there is what they tell of.
+LATE = ("map_updates", "~/trajectories")
 OF_EVERY_NODE = {"/rosout", "/parameter_events"}
 LIFECYCLE = "lifecycle_msgs/"
 PARAMETERS = "rcl_interfaces/"
@@ -78,7 +80,7 @@ def test_live_nodes_have_the_topics_of_the_reference(
     node = start(interface)
     name, peer = node.get_name(), live.peer
     declared = {(node.resolve_topic_name(t.name), t.message_type) for t in interface.publishes
-                if t.name not in ("map_updates", "~/trajectories")}  # fmt: skip
+                if t.name not in LATE}  # fmt: skip
     if interface.name == "bag_replay":
         declared.add(("/robot1/echo", "usmap_msgs/msg/EchoTrace"))
     if interface.is_managed:
@@ -122,7 +124,7 @@ def test_live_publishers_have_the_qos_of_the_reference(
 ) -> None:
     node = start(interface)
     for topic in interface.publishes:
-        if topic.name == "map_updates":
+        if topic.name in LATE:
             continue
         name = node.resolve_topic_name(topic.name)
         (info,) = live.until(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,7 @@ from usmap_ros.mapping.joint.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.special import running_maximum
 
 #: Log-odds from which on a cell that is not shown is not free either.
 SUSPECTED = -0.5
@@ -126,16 +129,11 @@ class FreeSpace:
         return cast_all_rays(self._looks, self._pings, self._field, depth)
 
     def _in_reach(self) -> BoolArray:
-        """Cells that a ping may reach."""
-        # Whoever only looks at recordings need not wait for it.
-        from scipy.ndimage import distance_transform_edt
-
+        """Cells that a ping may reach, and some in the corners around."""
         numbers = self._looks.numbers[self._pings]
-        away_m: FloatArray = self._field.resolution_m * distance_transform_edt(
-            ~self._field.cells_at(numbers[:, X], numbers[:, Y])
-        )
-        in_reach: BoolArray = away_m < numbers[:, GREATEST_RANGE].max()
-        return in_reach
+        stood = self._field.cells_at(numbers[:, X], numbers[:, Y])
+        width = 2 * math.ceil(numbers[:, GREATEST_RANGE].max() / self._field.resolution_m) + 1
+        return running_maximum(running_maximum(stood, width).T, width).T
 
     def _listening(self, walls: Walls, smooth: SmoothThings, powers: Powers) -> Listening:
         """What was heard, and was to be heard by what stands.

@@ -45,6 +45,8 @@ SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
 #: Amplitude reflectivity of the faintest column that a silent ping counts against, how much louder
 #: than what would have been reported it would be, and share of the sound that must get there.
 FAINTEST, LOUD, CLEAR_SHARE = 0.3, 1.3, 0.6
+#: Steps of Gauss and Newton to the point that hits of a column are compared with.
+POINT_STEPS = 5
 #: No surface is nearer to a robot's path than this.
 CLEARANCE_M = 0.05
 
@@ -195,12 +197,28 @@ def _fitted(
     log_ratio = _log_ratio(off_m, crowd, misses)
     is_certain = hits >= LEAST_HITS and spread >= LEAST_SPREAD
     is_certain &= log_ratio >= max(LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT / spread * hits)
+    off_point_m = _off_point(numbers, echoes.range_m[hit_echoes[:hits]], place)
+    is_certain &= log_ratio > _log_ratio(off_point_m, crowd, misses)
     if not is_certain and log_ratio < max(SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits):
         return None
     return RoundColumn(
         float(place[0]), float(place[1]), float(place[2]),
         hit_pings[:hits].copy(), hit_echoes[:hits].copy(), bool(is_certain),
     )  # fmt: skip
+
+
+def _off_point(numbers: FloatArray, ranges_m: FloatArray, place: FloatArray) -> FloatArray:
+    """How far ranges are off those to the point that fits them best, near a column's surface, m."""
+    offsets = place[:2] - numbers[:, [X, Y]]
+    towards = (offsets / np.hypot(*offsets.T)[:, np.newaxis]).mean(axis=0)
+    point = place[:2] - place[2] * towards
+    for _ in range(POINT_STEPS):
+        offsets = point - numbers[:, [X, Y]]
+        distances = np.hypot(*offsets.T)
+        step, *_ = np.linalg.lstsq(offsets / distances[:, np.newaxis], ranges_m - distances, None)
+        point = point + step
+    off_m: FloatArray = ranges_m - np.hypot(*(point - numbers[:, [X, Y]]).T)
+    return off_m
 
 
 def _echoes_per_m(crowd: NDArray[np.int64]) -> FloatArray:

@@ -25,13 +25,14 @@ def pings_around(
     last_rad: float,
     count: int,
     error_m: float,
+    radius_m: float = RADIUS_M,
 ) -> list[EchoCone]:
     """Pings that look at the column, each with its echo and errors of its range."""
     cones, rng = [], np.random.default_rng(5)
     for number, bearing_rad in enumerate(np.linspace(first_rad, last_rad, count)):
         away_m = 1.1 + 0.3 * math.sin(2.3 * number)
         x_m, y_m = X_M + away_m * math.cos(bearing_rad), Y_M + away_m * math.sin(bearing_rad)
-        echo = away_m - RADIUS_M + error_m * rng.uniform(-1.0, 1.0), 0.15
+        echo = away_m - radius_m + error_m * rng.uniform(-1.0, 1.0), 0.15
         yaw_rad = bearing_rad + math.pi
         cones.append(make_cone(echo, stamp_ns=number, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
     return cones
@@ -59,6 +60,13 @@ def test_a_column_heard_from_one_side_is_suspected(make_cone: Callable[..., Echo
     found = columns_of(pings_around(make_cone, 0.0, 0.8, 9, 0.002))
     assert found
     assert not any(column.is_certain for column in found)
+
+
+def test_a_pole_is_no_column(make_cone: Callable[..., EchoCone]) -> None:
+    """Heard from a quarter of the way around, it nearly fits columns behind it."""
+    for last_rad in (0.8, 1.6, 4.0):
+        found = columns_of(pings_around(make_cone, 0.0, last_rad, 24, 0.003, radius_m=0.0))
+        assert not any(column.is_certain for column in found)
 
 
 def test_echoes_that_scatter_are_no_column(make_cone: Callable[..., EchoCone]) -> None:

@@ -17,6 +17,8 @@ DIRECTIONS = 120
 #: A run has so many cells (by their probability), so many different ones along it, such a length
 #: and density.
 LEAST_WEIGHT, LEAST_CELLS, LEAST_LENGTH_CELLS, LEAST_DENSITY = 4.0, 5, 6.0, 0.35
+#: Share of a run that its widest gap may take: two things side by side are no wall.
+MOST_GAP_SHARE = 0.4
 MOST_LINES = 200
 #: Cells within this distance of a line are on it.
 ON_LINE_CELLS = 1.3
@@ -130,13 +132,15 @@ def _find_runs(  # noqa: C901, PLR0912, PLR0915 - a kernel is one loop
             while end + 1 < found and along[order[end + 1]] - along[order[end]] <= gap:
                 end += 1
             length = along[order[end]] - along[order[begin]]
-            weight, distinct, last = 0.0, 0, -1e9
+            weight, distinct, last, widest = 0.0, 0, -1e9, 0.0
             for k in range(begin, end + 1):
                 weight += weights[members[order[k]]]
+                if k > begin:
+                    widest = max(widest, along[order[k]] - along[order[k - 1]])
                 if round(along[order[k]]) != last:
                     distinct, last = distinct + 1, round(along[order[k]])
             is_run = weight >= LEAST_WEIGHT and distinct >= LEAST_CELLS
-            is_run = is_run and length >= LEAST_LENGTH_CELLS
+            is_run = is_run and length >= LEAST_LENGTH_CELLS and widest <= MOST_GAP_SHARE * length
             if is_run and distinct / (length + 1.0) >= LEAST_DENSITY and count < len(lines):
                 any_run = True
                 lines[count, 0], lines[count, 1], lines[count, 2] = nx, ny, distance

@@ -248,6 +248,9 @@ class LiveFusion:
             self.poses.add(topic, cone)
             self.version += 1
             self._pings += 1
+        if self.poses.is_full:
+            # Nobody looks at maps; what the oldest pings said has to stay in one.
+            self.occupancy_map()
         self._shares.spend(topic, cone, self._clock())
         return Fused(topic, self._clock() - came_s)
 
@@ -280,9 +283,10 @@ class LiveFusion:
         """The map so far; cones are fused while it is made."""
         with self._map_lock:
             make = self.poses.snapshot() or self._pipeline.fusion.snapshot()
+            generation = self.poses.generation
         occupancy = make()
         with self._map_lock:
-            self.poses.retire()
+            self.poses.retire(occupancy, generation)
         return occupancy
 
     def findings(self, between: Callable[[], None]) -> dict[str, Finding]:

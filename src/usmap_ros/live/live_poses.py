@@ -14,6 +14,7 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.mapping.far_off import Ping
+from usmap_ros.mapping.joint.fusion import RETIRED_SHARE
 from usmap_ros.mapping.joint.survey import copied
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose, on_base
@@ -22,12 +23,9 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trajectory import Trajectory
 from usmap_ros.runs.correction import Corrected, correct_poses
 from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.runs.poses import drifts
+from usmap_ros.runs.poses import DriftWatch
 from usmap_ros.runs.restarts import Restarts, first_name
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
-
-#: Share of the window that goes at once when it is full; what it said stays in the map.
-RETIRED_SHARE = 4
 
 
 @dataclass(frozen=True)
@@ -122,6 +120,8 @@ class LivePoses:
         Frames of odometry that pings were kept in.
     latest : Located
         Where robots are by the newest map.
+    generation : int
+        Rises when other pings than the newest change.
     """
 
     def __init__(self, parameters: PipelineParameters, frame_id: str = "") -> None:
@@ -132,9 +132,10 @@ class LivePoses:
         self._anchors: dict[str, Anchor] = {}
         self._kinds: dict[str, PoseKind] = {}
         self._earlier: OccupancyMap | None = None
-        self._drifts = False
-        # Rises with every ping, and when others than the newest change.
-        self._version = self._generation = 0
+        self._watch = DriftWatch(parameters.poses.use != "auto")
+        # Rises with every ping.
+        self._version = 0
+        self.generation = 0
         self._made: _Made | None = None
         self.own_frames: set[str] = set()
         self.latest = Located(Corrected([]), "", {})
@@ -144,6 +145,12 @@ class LivePoses:
         """Whether any poses may have to be corrected."""
         return self._parameters.poses.use != "told" or bool(self._parameters.poses.starts())
 
+    @property
+    def is_full(self) -> bool:
+        """Whether so many pings are kept that a map has to be made, for the oldest to go."""
+        window = self._parameters.mapping.window
+        return len(self._told) > window + window // RETIRED_SHARE
+
     def takes(self, cone: EchoCone) -> bool:
         """Whether a ping in another frame than the map's may be joined to it later."""
         return self.is_wanted and is_own_frame(cone.frame_id)
@@ -152,6 +159,7 @@ class LivePoses:
         """Keep a ping."""
         if self.is_wanted:
             self._told.append(self._restarts.renamed((topic, cone)))
+            self._watch.add(self._told[-1])
             self._version += 1
             if is_own_frame(cone.frame_id):
                 self.own_frames.add(cone.frame_id)
@@ -160,28 +168,24 @@ class LivePoses:
         """Forget the pings of some topics; how many there were."""
         before = len(self._told)
         self._told = [ping for ping in self._told if not is_left_out(ping[0])]
-        self._version, self._generation = self._version + 1, self._generation + 1
+        self._version, self.generation = self._version + 1, self.generation + 1
         return before - len(self._told)
 
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from an earlier map."""
         self._earlier = occupancy
-        self._version, self._generation = self._version + 1, self._generation + 1
+        self._version, self.generation = self._version + 1, self.generation + 1
 
     def snapshot(self) -> Callable[[], OccupancyMap] | None:
         """What makes the map as it is now, in any thread; None where poses are right as told."""
         if not self._must_correct():
             return None
         pings, anchors = list(self._told), self._anchors
-        state = self._version, self._generation
+        state = self._version, self.generation
         return lambda: self._map(pings, anchors, *state)
 
     def _must_correct(self) -> bool:
-        wanted = self._parameters.poses
-        if not self.is_wanted or not self._told:
-            return False
-        self._drifts = self._drifts or wanted.use != "auto" or drifts(iter(self._told), [])
-        return self._drifts
+        return self.is_wanted and bool(self._told) and self._watch.drifts
 
     def _map(
         self, told: list[Ping], anchors: dict[str, Anchor], version: int, generation: int
@@ -204,25 +208,32 @@ class LivePoses:
                 self.latest = locate(told, done, occupancy.frame_id)
             return copied(self._made.occupancy)
 
-    def retire(self) -> None:
+    def retire(self, occupancy: OccupancyMap, generation: int) -> None:
         """Let the oldest pings go if there are too many, and what they said stay.
 
         Those that are left go on from where their robots were found to be.  While a map is made,
         it is left to the next time.
+
+        Parameters
+        ----------
+        occupancy : OccupancyMap
+            The map of all pings so far, which others may change.
+        generation : int
+            What it was when the map's pings were taken.
         """
         window = self._parameters.mapping.window
         if len(self._told) <= window or not self._lock.acquire(blocking=False):
             return
         try:
-            made = self._made
-            if made is None or made.generation != self._generation:
+            made, count = self._made, len(self._told) - window + window // RETIRED_SHARE
+            if (made.generation if made else generation) != self.generation:
                 return
-            count = len(self._told) - window + window // RETIRED_SHARE
-            self._earlier = made.occupancy
-            self._kinds = {robot: one.kind for robot, one in made.corrected.robots.items()}
-            self._anchors = self._anchors | self._anchors_from(made.corrected.pings, count)
+            self._earlier = made.occupancy if made else copied(occupancy)
+            if made:
+                self._kinds = {robot: one.kind for robot, one in made.corrected.robots.items()}
+                self._anchors = self._anchors | self._anchors_from(made.corrected.pings, count)
             self._told = self._told[count:]
-            self._generation += 1
+            self.generation += 1
         finally:
             self._lock.release()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -47,8 +48,8 @@ class PoseRun:
     def corrected(self, pings: Iterable[Ping]) -> Iterator[Ping]:
         """Pings with the poses that they are to be mapped with.
 
-        All pings are held back until the last one is there if some robot drifts; and until it is
-        known whether one does.
+        Pings are held back until it is known whether their robots drift; and until the last one
+        is there if one does.
         """
         wanted = self.parameters.poses
         if wanted.use == "told" and not wanted.starts():
@@ -56,27 +57,75 @@ class PoseRun:
             return
         stream = iter(pings)
         held: list[Ping] = []
-        if wanted.use == "auto" and not drifts(stream, held):
+        # What is mapped as it was told, and may still help to find where a late robot is.
+        done: deque[Ping] = deque(maxlen=self.parameters.mapping.window)
+        watch = DriftWatch(wanted.use != "auto")
+        for ping in stream:
+            held.append(ping)
+            watch.add(ping)
+            if watch.drifts:
+                break
+            if watch.is_settled:
+                yield from held
+                done.extend(held)
+                held.clear()
+        if not watch.drifts:
             yield from held
-            yield from stream
             return
         held.extend(stream)
-        yield from self._refined(held)
+        if held:
+            yield from self._refined(held, list(done))
 
-    def _refined(self, held: list[Ping]) -> list[Ping]:
+    def _refined(self, held: list[Ping], done: list[Ping]) -> list[Ping]:
+        """Those that were held, corrected beside those that were mapped as told before them."""
         from usmap_ros.runs.correction import correct_poses
         from usmap_ros.runs.restarts import Restarts
 
-        if not held:
-            return []
         restarts = Restarts()
-        lives = [restarts.renamed(ping) for ping in held]
-        done = correct_poses(lives, self.parameters, self.frame_id)
-        self.robots = {robot: one.summary() for robot, one in done.robots.items()}
+        lives = [restarts.renamed(ping) for ping in (*done, *held)]
+        corrected = correct_poses(lives, self.parameters, self.frame_id)
+        self.robots = {robot: one.summary() for robot, one in corrected.robots.items()}
         for topic, cone in held:
             x_m, y_m, _ = map(float, cone.pose.position_m)
             self.told.add(topic, x_m, y_m, Beam.of(cone), cone.stamp_ns)
-        return done.pings
+        return corrected.pings[len(done) :]
+
+
+class DriftWatch:
+    """Whether any robot drifts, as far as the pings so far tell.
+
+    Parameters
+    ----------
+    is_known : bool
+        That a user said so.
+
+    Attributes
+    ----------
+    drifts : bool
+        Whether one does.
+    """
+
+    def __init__(self, is_known: bool = False) -> None:
+        self.drifts = is_known
+        # Robots of which it is not known yet; and those that do not.
+        self._watched: dict[str, _Watch] = {}
+        self._settled: set[str] = set()
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether it is known of every robot so far."""
+        return self.drifts or not self._watched
+
+    def add(self, ping: Ping) -> None:
+        """Look at another ping."""
+        robot = robot_of(*ping)
+        if self.drifts or robot in self._settled:
+            return
+        kind = self._watched.setdefault(robot, _Watch()).add(ping[1])
+        if kind is PoseKind.ABSOLUTE:
+            self._settled.add(robot)
+            del self._watched[robot]
+        self.drifts = kind not in (None, PoseKind.ABSOLUTE)
 
 
 class _Watch:
@@ -98,22 +147,3 @@ class _Watch:
             kind = pose_kind(self.cones)
         is_settled = self.way_m >= _WAY_M or len(self.cones) >= _PINGS
         return kind if kind is not PoseKind.ABSOLUTE or is_settled else None
-
-
-def drifts(stream: Iterator[Ping], held: list[Ping]) -> bool:
-    """Whether any robot drifts; pings that had to be looked at for it go into `held`."""
-    watched: dict[str, _Watch] = {}
-    settled: dict[str, PoseKind] = {}
-    for topic, cone in stream:
-        held.append((topic, cone))
-        robot = robot_of(topic, cone)
-        if robot in settled:
-            if watched.keys() <= settled.keys():
-                return False
-            continue
-        kind = watched.setdefault(robot, _Watch()).add(cone)
-        if kind is PoseKind.ABSOLUTE:
-            settled[robot] = kind
-        elif kind is not None:
-            return True
-    return False

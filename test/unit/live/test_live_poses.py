@@ -32,13 +32,13 @@ def drifting(count: int = 60, growth: float = 1e-4) -> list[Ping]:
     return made
 
 
-def live(pings: list[Ping], window: int = 3000, **poses: Any) -> LiveFusion:
+def live(pings: list[Ping], window: int = 3000, looks_every: int = 30, **poses: Any) -> LiveFusion:
     """A fusion that all of them went into, with a look at the map now and then."""
     fusion = LiveFusion(MappingParameters(window=window), 0.0, 1000, poses=PoseParameters(**poses))
     for number, (topic, one) in enumerate(pings):
         fusion.receive(topic, one)
         fusion.fuse_next()
-        if number % 30 == 29:
+        if number % looks_every == looks_every - 1:
             fusion.occupancy_map()
     while fusion.fuse_next() is not None:
         pass
@@ -121,6 +121,58 @@ def test_what_old_pings_said_stays_and_robots_go_on_from_there() -> None:
         assert one.stamp_ns == other.stamp_ns
         assert np.hypot(*(one.pose.position_m - other.pose.position_m)[:2]) < 0.1
     assert occupancy.observed.sum() > 0.8 * everywhere.observed.sum()
+
+
+@pytest.mark.parametrize("growth", [0.0, 1e-4])
+@pytest.mark.parametrize("looks_every", [30, 1000])
+def test_pings_do_not_grow_without_end(growth: float, looks_every: int) -> None:
+    """Neither where poses are right, nor where nobody looks at a map."""
+    pings = drifting(120, growth)
+    fusion = live(pings, window=40, looks_every=looks_every)
+    assert not fusion.poses.is_full
+    newest = live(pings[-50:], looks_every=1000).occupancy_map()
+    assert fusion.occupancy_map().observed.sum() > newest.observed.sum()
+
+
+def with_a_late_robot() -> tuple[list[Ping], list[Ping]]:
+    """Pings of a robot that knows where it is, and of one that does not and comes later."""
+    steady = drifting(60, 0.0)
+    late = [
+        (
+            "/robot2/echo",
+            replace(
+                one,
+                stamp_ns=one.stamp_ns + steady[-1][1].stamp_ns,
+                child_frame_id="robot2/sonar",
+            ),
+        )
+        for _, one in drifting(40)
+    ]
+    return steady, late
+
+
+def test_a_robot_that_comes_late_and_drifts_is_noticed() -> None:
+    steady, late = with_a_late_robot()
+    fusion = live(steady)
+    assert fusion.poses.snapshot() is None
+    before = fusion.occupancy_map()
+    fusion = live(steady + late, window=40, looks_every=1000)
+    assert fusion.poses.snapshot() is not None
+    assert fusion.occupancy_map().observed.sum() > 0.8 * before.observed.sum()
+
+
+def test_a_robot_that_comes_late_and_drifts_is_corrected_offline() -> None:
+    steady, late = with_a_late_robot()
+    run = PoseRun(PipelineParameters())
+    corrected = list(run.corrected(steady + late))
+    assert [one.stamp_ns for _, one in corrected] == [one.stamp_ns for _, one in steady + late]
+    for (_, told), (_, found) in zip(steady, corrected, strict=False):
+        assert found.pose is told.pose
+    assert run.robots["robot2"]["poses"] == "odometry"
+    truth = circle(40)
+    for (_, told), (_, found), real in list(zip(late, corrected[60:], truth, strict=True))[20:]:
+        off_m = np.hypot(*(found.pose.position_m[:2] - real[:2]))
+        assert off_m < np.hypot(*(told.pose.position_m[:2] - real[:2]))
 
 
 def test_who_is_left_out_is_forgotten() -> None:

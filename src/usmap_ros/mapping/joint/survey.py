@@ -16,6 +16,7 @@ from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.field import Field, field_around
 from usmap_ros.mapping.joint.first_pings import first_log_odds
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
+from usmap_ros.mapping.joint.lines import NO_LINES
 from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds, over_block
 from usmap_ros.mapping.joint.walls import SHOWN, Walls
 from usmap_ros.mapping.looks import look_in_row
@@ -135,8 +136,7 @@ class Survey:
         if belief is None:
             belief = cell_log_odds(estimate.evidence, field.shape)
             return Area(estimate, walls, estimate.free_space(walls), belief)
-        no_lines = np.zeros((0, 5))
-        walls = Walls(belief > SHOWN, np.zeros(field.shape, bool), no_lines, no_lines)
+        walls = Walls(belief > SHOWN, np.zeros(field.shape, bool), NO_LINES, NO_LINES)
         free = estimate.free_space(walls) & (belief == NOTHING)
         return Area(estimate, walls, free, belief)
 

@@ -12,11 +12,10 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from usmap_ros.mapping.joint.kept_pings import STEP_M, STEP_RAD
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.pings.cone import EchoCone
 
-#: A robot looks from another place once it has moved or turned so far.
-STEP_M, STEP_RAD = 0.02, math.radians(2.0)
 #: Places that are needed to tell that nothing is heard anywhere, and pings with echoes to tell how
 #: loud the loudest are: of three robots, 60 pings each, 30 rooms.
 LEAST_PLACES, LEAST_LOUDEST = 20, 12

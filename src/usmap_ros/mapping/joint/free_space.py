@@ -18,7 +18,7 @@ from usmap_ros.mapping.joint.lines import (
     points_on,
 )
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, judged, optical_depth, over_block
-from usmap_ros.mapping.joint.open_space import prove_open, refute_all_surfaces
+from usmap_ros.mapping.joint.open_space import BAND, prove_open, refute_surfaces
 from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.response import (
@@ -33,6 +33,7 @@ from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.special import running_maximum
+from usmap_ros.processes.threads import for_each
 
 #: Log-odds from which on a cell that is not shown is not free either.
 SUSPECTED = -0.5
@@ -109,11 +110,18 @@ class FreeSpace:
         refuted, unknown = _thresholds(occupied, on_lines, bool(smooth.mirrors))
         free, worst = np.zeros(field.shape, bool), np.zeros(field.shape, np.float32)
         changed = np.ones(len(self._pings), bool)
-        for turn in range(FREE_ROUNDS):
-            refute_all_surfaces(
-                self._looks, self._pings, field, left, listening, response.log_silent, wanted,
-                changed, worst,
+
+        def refute(left: NDArray[np.uint8], changed: BoolArray) -> None:
+            for_each(
+                lambda band: refute_surfaces(
+                    self._looks, self._pings, band[1], left, listening, response.log_silent,
+                    wanted[band[0]], changed, worst[band[0]],
+                ),
+                field.bands(BAND),
             )  # fmt: skip
+
+        for turn in range(FREE_ROUNDS):
+            refute(left, changed)
             free = (wanted & ((worst < refuted) | proven) & ~closed) | stood
             if turn < FREE_ROUNDS - 1:
                 # What was not refuted while all was open is not when less is.

@@ -31,7 +31,6 @@ from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import atan2_32, exp32, log32
-from usmap_ros.processes.threads import for_each
 
 #: Orientations that a surface may have, and sectors of directions of view.
 ORIENTATIONS, SECTORS = 16, 12
@@ -282,27 +281,6 @@ def _least_refuted(said: NDArray[np.float32]) -> float:
             total += max(-most, min(most, said[sector, orientation]))
         least_refuted = max(least_refuted, total)
     return float(least_refuted)
-
-
-def refute_all_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
-    pings: NDArray[np.int64],
-    field: Field,
-    left: NDArray[np.uint8],
-    listening: Listening,
-    log_silent: FloatArray,
-    wanted: BoolArray,
-    changed: BoolArray,
-    worst: NDArray[np.float32],
-) -> None:
-    """The same as `refute_surfaces`, with as many threads as there are cores."""
-    for_each(
-        lambda band: refute_surfaces(
-            looks, pings, band[1], left, listening, log_silent, wanted[band[0]], changed,
-            worst[band[0]],
-        ),
-        field.bands(BAND),
-    )  # fmt: skip
 
 
 @compiled

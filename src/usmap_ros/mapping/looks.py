@@ -41,30 +41,13 @@ class Looks(NamedTuple):
 
 def look_in_row(looks: Looks, row: int) -> Look:
     """One of several looks."""
-    numbers, bins = looks.numbers[row], looks.bins[row]
+    bins = looks.bins[row]
+    by_bin = {name: getattr(looks, name)[row, :bins] for name in BY_BIN}
     return Look(
-        x_m=numbers[0],
-        y_m=numbers[1],
-        axis_x=numbers[2],
-        axis_y=numbers[3],
-        axis_z=numbers[4],
-        rise_m=numbers[5],
-        heading_rad=numbers[6],
-        half_angle_rad=numbers[7],
-        cos_half_angle=numbers[8],
-        least_range_m=numbers[9],
-        greatest_range_m=numbers[10],
-        absorption_per_m=numbers[11],
-        range_std_m=numbers[12],
-        bin_m=numbers[13],
-        noise=numbers[14],
+        **dict(zip(NUMBERS, looks.numbers[row].tolist(), strict=True)),
+        **by_bin,
         power_gain=looks.power_gain[row],
-        kind=looks.kind[row, :bins],
-        power=looks.power[row, :bins],
         next_echo=looks.next_echo[row, : bins + 1],
-        limit=looks.limit[row, :bins],
-        bearing=looks.bearing[row, :bins],
-        bearing_weight=looks.bearing_weight[row, :bins],
     )
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
+from usmap_ros.mapping.joint.echoes import Echoes
 from usmap_ros.mapping.joint.field import NOISE, Field, X, Y
 from usmap_ros.mapping.joint.free_space import FreeSpace
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_depth
-from usmap_ros.mapping.joint.mirror_walls import Echoes
 from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.response import Response
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
@@ -109,7 +109,8 @@ class JointEstimate:
             Beyond `ROUNDS`.
         """
         self.estimate_powers(ROUNDS + more_rounds)
-        self._smooth.find(self._explained(), self.depth)
+        index, _, _ = self._smooth.echo_bins
+        self._smooth.find(self._explained(), ~self._first_only[index], self.depth)
         self._smooth.take_out()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled

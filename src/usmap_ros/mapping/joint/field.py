@@ -15,6 +15,8 @@ from usmap_ros.numerics.arrays import BoolArray
 QUARTERS = 4
 #: Columns of `Looks.numbers`: position, heading, half angle, and range limits.
 X, Y, HEADING, HALF_ANGLE, LEAST_RANGE, GREATEST_RANGE = 0, 1, 6, 7, 9, 10
+#: Share of the power that air takes, per metre of range (there and back), as an exponent.
+ABSORPTION = 11
 #: Width of a range bin, and power of the receiver's noise.
 BIN_M, NOISE = 13, 14
 #: Standard deviation of ranges, m, by the pose's covariance and what nobody states.

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.echoes import Echoes, count_between
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, HALF_ANGLE, HEADING, Field, X, Y
 from usmap_ros.mapping.joint.log_odds import over_block
-from usmap_ros.mapping.joint.mirror_walls import Echoes, count_between
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import GAIN_STEPS, SILENCE

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.echoes import Echoes
 from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, RANGE_STD, Field, X, Y
-from usmap_ros.mapping.joint.mirror_walls import Echoes, MirrorWall, mirror_walls
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls
 from usmap_ros.mapping.joint.open_space import trace_open
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, drawn_columns, round_columns
+from usmap_ros.mapping.joint.wall_ends import WallEnds
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -59,27 +61,33 @@ class SmoothThings:
         """Ping and range bin of each echo, and whether it is within its ping's bins."""
         return self._ping, self._bin, self._inside
 
-    def find(self, is_explained: BoolArray, depth: NDArray[np.float32]) -> None:
+    def find(
+        self, is_explained: BoolArray, is_usable: BoolArray, depth: NDArray[np.float32]
+    ) -> None:
         """Find mirrors, and round columns, by echoes that nothing else explains.
 
         Parameters
         ----------
         is_explained : (echoes,) bool array
             Whether reliable cells explain an echo.
+        is_usable : (echoes,) bool array
+            Whether a mirror may explain an echo.
         depth : (rows, columns) float32 array
             Optical depth of cells.
         """
         looks, pings, echoes = self._looks, self._pings, self._echoes
-        self.mirrors = mirror_walls(looks, pings, echoes, is_explained)
+        left = cast_all_rays(looks, pings, self._field, depth)
+        found = mirror_walls(looks, pings, echoes, is_explained, is_usable)
         is_explained = is_explained.copy()
-        for wall in self.mirrors:
+        for wall in found:
             is_explained[wall.echoes] = True
         # What scatters as much as its radius may be is no circle.
         is_explained |= looks.numbers[pings, RANGE_STD][self._ping] > MOST_RANGE_STD_M
-        left = cast_all_rays(looks, pings, self._field, depth)
         columns = round_columns(looks, pings, echoes, is_explained, self._field, left)
         self.columns = [column for column in columns if column.is_certain]
         self._suspected = [column for column in columns if not column.is_certain]
+        ends = WallEnds(looks, pings, echoes, left, found, self.columns)
+        self.mirrors = ends.extended()
 
     def take_out(self) -> None:
         """Let the echoes of smooth things say nothing of cells."""

@@ -18,7 +18,8 @@ def mirrors_of(cones: list[EchoCone]) -> list[MirrorWall]:
     for cone in cones:
         kept.add(cone, "robot")
     looks, rows, _, echoes = kept.pings()[:4]
-    return mirror_walls(looks, rows, echoes, np.zeros(len(echoes.range_m), bool))
+    explained = np.zeros(len(echoes.range_m), bool)
+    return mirror_walls(looks, rows, echoes, explained, ~explained)
 
 
 def test_a_mirror_is_where_its_echoes_are_square_to_it(
@@ -50,7 +51,8 @@ def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> Non
     for cone in mirror_pings:
         kept.add(cone, "robot")
     looks, rows, _, echoes = kept.pings()[:4]
-    assert mirror_walls(looks, rows, echoes, np.ones(len(echoes.range_m), bool)) == []
+    explained = np.ones(len(echoes.range_m), bool)
+    assert mirror_walls(looks, rows, echoes, explained, explained) == []
 
 
 def test_a_mirror_is_drawn_where_it_stands(mirror_pings: list[EchoCone], mirror_m: float) -> None:
@@ -63,3 +65,28 @@ def test_a_mirror_is_drawn_where_it_stands(mirror_pings: list[EchoCone], mirror_
     assert len(np.unique(rows)) <= 3
     assert np.abs(y_m - mirror_m).max() < 0.11
     assert len(rows) > 35
+
+
+def test_air_takes_from_far_echoes_and_not_from_the_mirror(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    attenuation_db_m, mirror, cones = 1.6, 0.5, []
+    for number in range(40):
+        across_m = 0.6 + 0.07 * number
+        level = mirror * 10.0 ** (-2.0 * attenuation_db_m * across_m / 20.0) / (2.0 * across_m)
+        # Of a sensor that hears one thing only, loudness says nothing.
+        other = across_m + 0.7 + 0.3 * math.sin(7.0 * number), 0.02
+        pose = {"x_m": 0.05 * number, "y_m": -across_m, "yaw_rad": 0.5 * math.pi}
+        cones.append(
+            make_cone(
+                (across_m, level),
+                other,
+                stamp_ns=number,
+                attenuation_db_m=attenuation_db_m,
+                max_range_m=5.0,
+                **pose,
+            )
+        )
+    (wall,) = mirrors_of(cones)
+    assert len(wall.echoes) == len(cones)
+    assert math.exp(wall.log_mirror) == pytest.approx(mirror, rel=0.02)

@@ -1,0 +1,38 @@
+"""Echoes of all pings, one behind the other."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.numerics.arrays import FloatArray
+
+
+class Echoes(NamedTuple):
+    """Echoes of all pings.
+
+    Parameters
+    ----------
+    start : (pings + 1,) int64 array
+        First of each ping, and the end.
+    range_m, amplitude : (echoes,) float64 arrays
+        Of each.
+    """
+
+    start: NDArray[np.int64]
+    range_m: FloatArray
+    amplitude: FloatArray
+
+
+def count_between(
+    echoes: Echoes, pings: NDArray[np.int64], near_m: FloatArray, far_m: FloatArray
+) -> NDArray[np.int64]:
+    """Echoes of some pings, each from a stretch of ranges."""
+    first, count = echoes.start[pings], np.diff(echoes.start)[pings]
+    of = np.repeat(np.arange(len(pings)), count)
+    place = np.arange(len(of)) + np.repeat(first - np.cumsum(count) + count, count)
+    ranges_m = echoes.range_m[place]
+    inside = (ranges_m > near_m[of]) & (ranges_m < far_m[of])
+    return np.bincount(of[inside], minlength=len(pings))

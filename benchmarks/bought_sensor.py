@@ -22,6 +22,7 @@ from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, record
 from usmap_ros.simulation.models.transducers import (
     ConverterModel,
+    OwnEchoModel,
     PulseModel,
     ReceiverModel,
     ResonanceModel,
@@ -41,7 +42,7 @@ def ideal() -> TransducerModel:
 
 
 def bought(quality: float) -> TransducerModel:
-    """Two resonances that ring, a converter that clips, and its own pulse in its ears."""
+    """Two resonances that ring, a converter that clips, its own pulse and its mount in its ears."""
     resonances = [
         ResonanceModel(frequency_hz=frequency_hz, quality=quality)
         for frequency_hz in (40e3, 40.5e3)
@@ -56,6 +57,10 @@ def bought(quality: float) -> TransducerModel:
             noise_std=NOISE_STD,
             converter=ConverterModel(bits=12, full_scale=1.0),
             ring_down=RingDownModel(amplitude=5.0, decay_s=2e-4),
+            own_echoes=[
+                OwnEchoModel(delay_s=delay_s, amplitude=amplitude)
+                for delay_s, amplitude in ((2.1e-3, 0.3), (3.3e-3, 0.1))
+            ],
         ),
     )
 

@@ -9,7 +9,7 @@ import pytest
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 
-from usmap_ros.calibration import fitness
+from usmap_ros.calibration import receiver_survey
 from usmap_ros.io.conversions import cone_from_cdr, points_from_message, trace_to_cdr
 from usmap_ros.io.conversions.common import header_to_message
 from usmap_ros.live.health import Level
@@ -173,7 +173,7 @@ def test_an_error_in_the_worker_ends_the_node(
 def test_pulse_that_is_not_the_stated_one_is_a_warning(
     live: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fitness, "_KEPT", 15)
+    monkeypatch.setattr(receiver_survey, "_KEPT", 15)
     scenario = Scenario.load(AS_REAL).model_copy(update={"duration_s": 4.0})
     node = live.add(ConeReconstructor, queue_depth=1000)
     echo = live.publisher(ECHO, "/echo")
@@ -181,6 +181,6 @@ def test_pulse_that_is_not_the_stated_one_is_a_warning(
     for number, trace in enumerate(pinged):
         echo.publish(trace_to_cdr(trace))
         live.until(lambda n=number: node.health.total("received") > n)
-    live.until(lambda: "pulse: echo: the stated pulse leaves" in node.health.report().message)
+    live.until(lambda: "receiver: echo: the stated pulse leaves" in node.health.report().message)
     assert node.health.report().level is Level.WARN
     assert "usmap calibrate" in node.health.report().message

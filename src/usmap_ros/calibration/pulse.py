@@ -108,14 +108,15 @@ def measure_pulse(
         return None
     aligned = _aligned(snippets, max(2, round(pulse.length_s * rate_hz)))
     fine_hz = _FINER * rate_hz
-    stated = _misfit_of(pulse, aligned, fine_hz)
+    # What is farther beside it in every ping, as it is while a robot stands, is not the pulse.
+    template = _trimmed(aligned.template, fine_hz, pulse)
+    stated = _misfit_of(pulse, template, fine_hz)
     residual = float(np.median(aligned.misfits))
     is_better = (
         stated > _STATED_MISFIT and residual < _MEASURED_MISFIT and residual < _IMPROVEMENT * stated
     )
     if not is_better:
         return MeasuredPulse(PulseParameters(), residual, stated, _LEAST_ERROR, len(snippets))
-    template = _trimmed(aligned.template, fine_hz, pulse)
     told_pulse = PulseParameters(
         kind="measured",
         template_rate_hz=float(fine_hz),
@@ -256,12 +257,12 @@ def _finer(signals: Signal) -> Signal:
     return finer
 
 
-def _misfit_of(pulse: Pulse, aligned: _Aligned, rate_hz: float) -> float:
+def _misfit_of(pulse: Pulse, template: Signal, rate_hz: float) -> float:
     """Norm of what a pulse, placed and scaled best, leaves of the template, relative to it."""
     time_s = np.arange(int(np.ceil(pulse.length_s * rate_hz)) + 1) / rate_hz
     shape = np.asarray(pulse.envelope(time_s), dtype=np.complex128)
-    overlap = np.abs(np.correlate(aligned.template, shape, mode="full")).max()
-    alike = overlap / (np.linalg.norm(shape) * np.linalg.norm(aligned.template))
+    overlap = np.abs(np.correlate(template, shape, mode="full")).max()
+    alike = overlap / (np.linalg.norm(shape) * np.linalg.norm(template))
     return float(np.sqrt(max(0.0, 1.0 - alike**2)))
 
 

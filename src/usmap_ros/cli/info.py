@@ -21,7 +21,7 @@ def info(
     as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
 ) -> None:
     """Tell what is in a bag: robots, pings, duration, encodings, extent."""
-    from usmap_ros.calibration.fitness import PulseSurvey
+    from usmap_ros.calibration.receiver_survey import ReceiverSurvey
     from usmap_ros.io.bag_info import describe_bag
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.pings.trace import EchoTrace
@@ -35,7 +35,7 @@ def info(
         console.compile_loops()
         pipeline = Pipeline()
         survey = AmplitudeSurvey(pipeline)
-        pulses = PulseSurvey(pipeline.parameters.reconstruction)
+        pulses = ReceiverSurvey(pipeline.parameters.reconstruction)
 
         def listen(topic: str, ping: EchoTrace | EchoCone) -> None:
             survey.add(topic, ping)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 
-from usmap_ros.calibration.fitness import PulseSurvey
+from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import (
     array_from_cdr,
@@ -50,6 +50,9 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.soundings import SoundingCollector, TransducerArrays
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.runs.pipeline import Pipeline
+
+#: How often a receiver is judged: once its pulse can be told, and once its robot has moved.
+_JUDGEMENTS = 2
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,7 @@ class ConeReconstructor(Node):
         )
         self.health.watch(lambda: self.health.silence("no trace has come on echo"))
         self.health.watch(lambda: self.health.slowness(self.parameters.value.latency_limit_s))
-        self.health.watch(self._look_at_pulses)
+        self.health.watch(self._look_at_receivers)
         self._types = RosMessageTypes()
         self._arrays = TransducerArrays()
         self._collector: SoundingCollector[_Job] = SoundingCollector()
@@ -151,23 +154,27 @@ class ConeReconstructor(Node):
     def _renew_pipeline(self) -> None:
         parameters = PipelineParameters(reconstruction=self.parameters.value.reconstruction)
         self._pipeline = Pipeline(parameters)
-        self._pulses = PulseSurvey(parameters.reconstruction)
-        self._pulse_problems: dict[str, str] = {}
+        self._receivers = ReceiverSurvey(parameters.reconstruction)
+        self._receiver_problems: dict[str, str] = {}
+        # How many of `_JUDGEMENTS` there were, by topic.
+        self._judged: dict[str, int] = {}
 
     def _survey(self, topic: str, trace: EchoTrace) -> None:
-        """Judge the stated pulse, once, by the first traces of a transducer; learn a better one."""
-        if topic in self._pulse_problems:
+        """Judge the receiver by the first traces of a transducer: its pulse, then its ringing."""
+        judged = self._judged.get(topic, 0)
+        if judged == _JUDGEMENTS:
             return
-        self._pulses.add(topic, trace)
-        if self._pulses.is_full(topic):
+        self._receivers.add(topic, trace)
+        is_known = [self._receivers.is_full(topic), self._receivers.has_moved(topic)]
+        if is_known[0] and sum(is_known) > judged:
             # Judged, whatever comes of it.
-            self._pulse_problems[topic] = ""
-            self._pulse_problems[topic] = self._pulses.problem(topic)
-            self._pipeline.learn_pulses(self._pulses, topic)
+            self._judged[topic] = sum(is_known)
+            self._receiver_problems[topic] = self._receivers.problem(topic)
+            self._pipeline.learn_reception(self._receivers, topic)
 
-    def _look_at_pulses(self) -> Remark | None:
-        found = [f"{topic}: {said}" for topic, said in self._pulse_problems.items() if said]
-        return Remark(Level.WARN, f"pulse: {'; '.join(found)}") if found else None
+    def _look_at_receivers(self) -> Remark | None:
+        found = [f"{topic}: {said}" for topic, said in self._receiver_problems.items() if said]
+        return Remark(Level.WARN, f"receiver: {'; '.join(found)}") if found else None
 
     def _receive(self, outputs: _Outputs, payload: bytes) -> None:
         self.health.work("received")

@@ -116,6 +116,11 @@ class RingingParameters(ParameterGroup):
         "m",
     )
     amplitudes: Numbers = quantity([0.0], "How loud, one for each; 0: nothing is heard.")
+    learn: bool = quantity(
+        True,
+        "Whether it is looked for in the first traces of each transducer that moves, where nothing"
+        " is stated.",
+    )
 
     @model_validator(mode="after")
     def _has_pairs(self) -> RingingParameters:

@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from usmap_ros.calibration.fitness import PULSES_OF, PulseSurvey
+from usmap_ros.calibration.receiver_survey import SURVEYED, ReceiverSurvey
 from usmap_ros.errors import BagError, MalformedMessageError, MapFileError, MapSizeError, UsmapError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import load_map
+from usmap_ros.io.message_types import ECHO_TRACE
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
@@ -144,7 +145,7 @@ def map_bag(
     scales = AmplitudeScales()
     workers = workers or Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
-    learn_pulses(bag, pipeline)
+    learn_reception(bag, pipeline)
     wanted = _wanted(recorded_cones(bag, workers), without, left_out)
     for topic, cone in pings_of_one_map(run.poses.corrected(wanted), pipeline, apart):
         try:
@@ -177,14 +178,19 @@ def _poses(pipeline: Pipeline) -> PoseRun:
     return PoseRun(pipeline.parameters, pipeline.fusion.frame_id)
 
 
-def learn_pulses(bag: BagReader, pipeline: Pipeline) -> None:
-    """Let a pipeline know the pulses of a recording's transducers, where they are not as stated."""
-    survey = PulseSurvey(pipeline.parameters.reconstruction)
-    for topic, trace in bag.first_traces(PULSES_OF):
+def learn_reception(bag: BagReader, pipeline: Pipeline) -> None:
+    """Let a pipeline know what a recording's receivers are, where they are not as stated."""
+    survey = ReceiverSurvey(pipeline.parameters.reconstruction)
+    waiting = {one.name for one in bag.topics if one.message_type == ECHO_TRACE and one.count}
+    for topic, trace in bag.first_traces(SURVEYED):
         survey.add(topic, trace)
+        if survey.is_full(topic) and survey.has_moved(topic):
+            waiting.discard(topic)
+            if not waiting:
+                break
     for topic, problem in survey.problems().items():
         logger.warning("%s: %s", topic, problem)
-        pipeline.learn_pulses(survey, topic)
+        pipeline.learn_reception(survey, topic)
 
 
 def _wanted(pings: Iterable[Ping], without: Collection[str], left_out: set[str]) -> Iterator[Ping]:

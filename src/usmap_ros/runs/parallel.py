@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usmap_ros.bounds import LEAST_PROCESSES, PROCESSES_PER_CORE
-from usmap_ros.calibration.learnt import LearntPulses
+from usmap_ros.calibration.learnt import LearntReception
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.stretch import Skip, TraceStretch
@@ -115,7 +115,7 @@ class StretchCones:
 
 
 def stretch_cones(
-    stretch: TraceStretch, levels: Sequence[float], pulses: LearntPulses
+    stretch: TraceStretch, levels: Sequence[float], pulses: LearntReception
 ) -> StretchCones:
     """Read and reconstruct a stretch of a recording.
 
@@ -125,7 +125,7 @@ def stretch_cones(
         Where the traces lie that are to be reconstructed.
     levels : sequence of float
         Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
-    pulses : LearntPulses
+    pulses : LearntReception
         How each trace is reconstructed.
     """
     skipped: list[tuple[str, MalformedMessageError]] = []
@@ -163,7 +163,7 @@ def cones_of(
 
 
 def _cones(
-    traces: Iterable[RecordedTrace], pulses: LearntPulses, skip: Skip
+    traces: Iterable[RecordedTrace], pulses: LearntReception, skip: Skip
 ) -> Iterator[tuple[str, EchoCone]]:
     for sounding in soundings(traces):
         pinged = [trace for _, trace in sounding]

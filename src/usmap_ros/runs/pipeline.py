@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from usmap_ros.bounds import MAX_REACHED_CELLS
-from usmap_ros.calibration.fitness import PulseSurvey
-from usmap_ros.calibration.learnt import LearntPulses
+from usmap_ros.calibration.learnt import LearntReception
+from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.wall_files import load_walls
@@ -54,7 +54,7 @@ class Pipeline:
         The map, with its frame and stamp.
     noise : SharedNoise
         What is known of the noise of transducers that state none.
-    pulses : LearntPulses
+    pulses : LearntReception
         How traces are reconstructed, by what was learnt of their transducers.
     resumed : GridGeometry or None
         Where the cells of the map lie that it started from, if there was one.
@@ -72,7 +72,7 @@ class Pipeline:
         self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
         self.noise = SharedNoise(self.parameters.reconstruction)
         self.resumed: GridGeometry | None = None
-        self.pulses = LearntPulses(self.parameters.reconstruction)
+        self.pulses = LearntReception(self.parameters.reconstruction)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
         """Return the echoes in a trace, and how loud an unheard one might have been.
@@ -84,7 +84,7 @@ class Pipeline:
         """
         return reconstruct(self.noise.with_noise(trace), self.pulses.of([trace])).cone
 
-    def learn_pulses(self, survey: PulseSurvey, topic: str) -> None:
+    def learn_reception(self, survey: ReceiverSurvey, topic: str) -> None:
         """Reconstruct by the pulse that a survey has learnt of a topic, if any, from now on."""
         self.pulses = self.pulses.with_those_of(survey, topic)
 

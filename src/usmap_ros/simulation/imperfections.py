@@ -71,6 +71,8 @@ class Imperfections:
         Until then after the start of emission the receiver is silent.
     muting : Muting or None
         Whether it stops listening.
+    own_echoes : tuple of (float, float)
+        Delay (s) and amplitude of what casing and mount return of every ping.
     """
 
     gain: float = 1.0
@@ -79,6 +81,7 @@ class Imperfections:
     ring_down: RingDown | None = None
     blanking_s: float = 0.0
     muting: Muting | None = None
+    own_echoes: tuple[tuple[float, float], ...] = ()
 
     def ringing(
         self, times_s: FloatArray, duration_s: float, carrier_hz: float, encoding: Encoding

@@ -136,7 +136,7 @@ class Receiver:
         rng : numpy.random.Generator
             For the noise.
         emits : bool
-            Whether its own transmitter sent it, and can be heard ringing.
+            Whether its own transmitter sent it, and can be heard ringing and in its mount.
 
         Returns
         -------
@@ -146,6 +146,9 @@ class Receiver:
         noise_std = self.noise_std / np.sqrt(2.0)
         sampling = Sampling(self.sample_rate_hz, self.start_delay_s, count)
         late_s, carrier_hz = self.imperfections.latency_s, pulse.carrier_hz
+        if emits and self.imperfections.own_echoes:
+            delays_s, amplitudes = np.array(self.imperfections.own_echoes).T
+            arrivals = [*arrivals, Arrivals(pulse, delays_s, amplitudes)]
         if late_s:
             arrivals = [replace(one, delays_s=one.delays_s + late_s) for one in arrivals]
         if self.encoding is Encoding.RAW:

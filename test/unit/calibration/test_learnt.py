@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from usmap_ros.calibration.fitness import PulseSurvey
-from usmap_ros.calibration.learnt import LearntPulses
+from usmap_ros.calibration.learnt import LearntReception
+from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import PipelineParameters, PulseParameters, ReconstructionParameters
@@ -94,20 +94,46 @@ def test_processes_know_what_was_learnt(bag: Path) -> None:
     np.testing.assert_array_equal(other.occupancy_map().log_odds, pipeline.occupancy_map().log_odds)
 
 
-def test_what_is_set_by_hand_stays(traces: Traces) -> None:
-    survey = PulseSurvey(ReconstructionParameters())
+def learnt(traces: Traces, stated: ReconstructionParameters) -> LearntReception:
+    survey = ReceiverSurvey(stated)
     for topic, trace in traces:
         survey.add(topic, trace)
+    return LearntReception(stated).with_those_of(survey, "/robot1/echo")
+
+
+def test_what_is_set_by_hand_stays(traces: Traces) -> None:
     chosen = ReconstructionParameters(exclusion=0.35, model_error=0.3)
-    known = LearntPulses(chosen).with_those_of(survey, "/robot1/echo").of([traces[0][1]])
+    known = learnt(traces, chosen).of([traces[0][1]])
     assert (known.exclusion, known.model_error) == (0.35, 0.3)
     assert known.pulse.kind == "measured"
-    usual = LearntPulses(ReconstructionParameters())
-    assert usual.with_those_of(survey, "/robot1/echo").of([traces[0][1]]).exclusion < 0.35
+    usual = learnt(traces, ReconstructionParameters())
+    assert usual.of([traces[0][1]]).exclusion < 0.35
     # Of several pulses in the air, which it would be is not known.
-    assert usual.with_those_of(survey, "/robot1/echo").of([traces[0][1]] * 2) == usual.stated
+    assert usual.of([traces[0][1]] * 2) == usual.stated
     insisting = ReconstructionParameters(pulse=PulseParameters(learn=False))
-    assert LearntPulses(insisting).with_those_of(survey, "/robot1/echo").learnt == {}
+    assert learnt(traces, insisting).of([traces[0][1]]).pulse == insisting.pulse
+
+
+def test_two_objects_before_a_robot_that_stands_are_no_pulse() -> None:
+    content = {
+        "seed": 4,
+        "duration_s": 9.0,
+        "world": {
+            "points": [
+                {"x_m": 1.5, "y_m": 0.0, "reflectivity": 1.0},
+                {"x_m": 1.65, "y_m": 0.0, "reflectivity": 0.9},
+            ]
+        },
+        "robots": [
+            {
+                "name": "robot1",
+                "motion": {"kind": "waypoints", "waypoints_m": [[0.0, 0.0]], "speed_m_s": 0.0},
+                "transducers": [{}],
+            }
+        ],
+    }
+    heard = list(simulate(Scenario.from_mapping(content, "standing")))
+    assert learnt(heard, ReconstructionParameters()).learnt == {}
 
 
 @pytest.mark.parametrize("name", ["poles", "floor", "room"])
@@ -116,16 +142,16 @@ def test_a_pulse_that_is_as_stated_is_not_replaced(
 ) -> None:
     path = request.config.rootpath / f"config/scenarios/{name}.yaml"
     scenario = Scenario.load(path).model_copy(update={"duration_s": 4.0})
-    survey, pipeline = PulseSurvey(ReconstructionParameters()), Pipeline()
+    survey, pipeline = ReceiverSurvey(ReconstructionParameters()), Pipeline()
     for topic, trace in simulate(scenario):
         survey.add(topic, trace)
     for topic in {robot.name: f"/{robot.name}/echo" for robot in scenario.robots}.values():
-        pipeline.learn_pulses(survey, topic)
+        pipeline.learn_reception(survey, topic)
     assert pipeline.pulses.learnt == {}
 
 
 def test_live_it_is_learnt_after_some_pings(traces: Traces) -> None:
-    pipeline, survey = Pipeline(), PulseSurvey(ReconstructionParameters())
+    pipeline, survey = Pipeline(), ReceiverSurvey(ReconstructionParameters())
 
     def echoes() -> int:
         return sum(len(pipeline.reconstruct(trace).ranges_m) for _, trace in traces[:10])
@@ -135,5 +161,5 @@ def test_live_it_is_learnt_after_some_pings(traces: Traces) -> None:
         survey.add(topic, trace)
         if survey.is_full(topic):
             break
-    pipeline.learn_pulses(survey, "/robot1/echo")
+    pipeline.learn_reception(survey, "/robot1/echo")
     assert echoes() < 0.5 * before

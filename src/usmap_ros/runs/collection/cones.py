@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usmap_ros.calibration.learnt import LearntPulses
+from usmap_ros.calibration.learnt import LearntReception
 from usmap_ros.errors import BagError
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.bag_reader import BagReader
@@ -26,7 +26,7 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.runs.collection.code_state import PACKAGE, reconstruction_state
-from usmap_ros.runs.offline import learn_pulses, nothing_usable, recorded_cones
+from usmap_ros.runs.offline import learn_reception, nothing_usable, recorded_cones
 from usmap_ros.runs.parallel import Reconstructors, stretch_cones
 from usmap_ros.runs.pipeline import Pipeline
 
@@ -69,14 +69,14 @@ class Divided:
     stretches : list of (path, TraceStretch, list of float)
         Where cones are to be written, of which traces, and levels of noise of those that state
         none.
-    pulses : LearntPulses
+    pulses : LearntReception
         How they are reconstructed.
     """
 
     name: Path
     begun: Cones
     stretches: list[tuple[Path, TraceStretch, list[float]]]
-    pulses: LearntPulses
+    pulses: LearntReception
 
 
 def find_recordings(places: Sequence[Path], besides: Path) -> list[Path]:
@@ -137,7 +137,7 @@ def cones_of_recording(
         # What had to be unpacked lies in a folder of this process.
         is_long = bag.trace_count > length and not bag.is_unpacked
         pipeline = Pipeline(parameters)
-        learn_pulses(bag, pipeline)
+        learn_reception(bag, pipeline)
         stretches = list(_stretches(bag, pipeline.noise, name, length)) if is_long else []
         workers = Reconstructors(pipeline)
         cones = bag.range_cones() if is_long else recorded_cones(bag, workers)
@@ -160,7 +160,7 @@ def _stretches(
 
 
 def cones_of_stretch(
-    name: Path, stretch: TraceStretch, levels: list[float], pulses: LearntPulses
+    name: Path, stretch: TraceStretch, levels: list[float], pulses: LearntReception
 ) -> Cones:
     """Reconstruct a stretch of a recording into a file, unless that was done before.
 

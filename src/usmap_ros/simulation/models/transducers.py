@@ -182,6 +182,13 @@ class RingDownModel(ParameterGroup):
     decay_s: float = quantity(..., "Time in which it falls to 1/e afterwards.", "s", gt=0.0, le=1.0)
 
 
+class OwnEchoModel(ParameterGroup):
+    """What the sensor's own casing, or its mount, returns of every ping."""
+
+    delay_s: float = quantity(..., "After the start of emission.", "s", gt=0.0, le=1.0)
+    amplitude: float = quantity(..., "Of it; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6)
+
+
 class MutingModel(ParameterGroup):
     """A receiver that stops listening once it has detected something."""
 
@@ -224,6 +231,9 @@ class ReceiverModel(ParameterGroup):
     )
     ring_down: RingDownModel | None = quantity(None, "None: the transmitter is not heard.")
     muting: MutingModel | None = quantity(None, "None: it listens to the end.")
+    own_echoes: list[OwnEchoModel] = quantity(
+        [], "What casing and mount return of every ping.", max_length=32
+    )
 
     def imperfections(self) -> Imperfections:
         """What it does beside receiving."""
@@ -235,6 +245,7 @@ class ReceiverModel(ParameterGroup):
             ring_down=None if ring is None else RingDown(ring.amplitude, ring.decay_s),
             blanking_s=self.blanking_s,
             muting=None if mute is None else Muting(mute.threshold, mute.hold_s, mute.from_s),
+            own_echoes=tuple((one.delay_s, one.amplitude) for one in self.own_echoes),
         )
 
     def build(self) -> Receiver:

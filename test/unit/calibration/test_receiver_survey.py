@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from usmap_ros.calibration.fitness import PulseSurvey
+from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.parameters import PulseParameters, ReconstructionParameters
 from usmap_ros.simulation import Scenario, simulate
 
@@ -14,7 +14,7 @@ STATED = ReconstructionParameters()
 
 def problems(name: str, parameters: ReconstructionParameters = STATED) -> dict[str, str]:
     scenario = Scenario.load(SCENARIOS / f"{name}.yaml").model_copy(update={"duration_s": 4.0})
-    survey = PulseSurvey(parameters)
+    survey = ReceiverSurvey(parameters)
     for topic, trace in simulate(scenario):
         survey.add(topic, trace)
     return survey.problems()

@@ -1,0 +1,155 @@
+"""Whether a receiver hears what its traces state, and nothing of itself; and what it is if not.
+
+A person who buys a transducer does not know its pulse: its resonances round the burst off and ring
+for longer than it lasts, and every echo seems to be many.  A recording's own loud echoes tell.
+Nor does anybody know what its casing and its mount return to it: what is in every ping, tells.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+from usmap_ros.calibration.pulse import MeasuredPulse, measure_pulse
+from usmap_ros.calibration.ringing import Ringing, ringing_of
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.trace import EchoTrace
+
+#: Every so manyth trace of a topic is kept, so many at most, and of no more bytes than this.
+_EVERY, _KEPT, _KEPT_BYTES = 2, 40, 4_000_000
+#: So many more are kept that were sent so far apart from one another, m.
+_APART_M = 0.05
+#: Traces of a topic, the first ones, after which no more are wanted, though a robot still stands.
+SURVEYED = 1000
+#: Greatest share of a learnt pulse's length by which two echoes must be apart: it rings for long,
+#: and its beginning tells them.
+_RINGING_EXCLUSION = 0.2
+
+
+class ReceiverSurvey:
+    """Judges the stated pulse by some of the traces of each topic, and looks for ringing.
+
+    Those of a robot that stands show the same in every ping; once it has moved, traces from places
+    apart are judged.
+
+    Parameters
+    ----------
+    parameters : ReconstructionParameters
+        What is known of the traces; what is stated there is not judged.
+    """
+
+    def __init__(self, parameters: ReconstructionParameters) -> None:
+        self._parameters = parameters
+        ringing = parameters.ringing
+        self._judges_pulse = parameters.pulse.kind == "stated"
+        self._finds_ringing = ringing.learn and not any(ringing.amplitudes)
+        self._seen: defaultdict[str, int] = defaultdict(int)
+        self._first: defaultdict[str, list[EchoTrace]] = defaultdict(list)
+        self._apart: defaultdict[str, list[EchoTrace]] = defaultdict(list)
+        # With how many traces from places apart it was judged.
+        self._learnt: dict[str, tuple[int, MeasuredPulse | None, Ringing | None]] = {}
+
+    def add(self, topic: str, trace: EchoTrace) -> None:
+        """Take a trace into account, or leave it out if others before it are enough."""
+        number = self._seen[topic]
+        self._seen[topic] += 1
+        first, apart = self._first[topic], self._apart[topic]
+        most = min(_KEPT, _KEPT_BYTES // max(trace.samples.nbytes, 1))
+        if self._judges_pulse and number % _EVERY == 0 and len(first) < most:
+            first.append(trace)
+        is_wanted = self._judges_pulse or self._finds_ringing
+        if is_wanted and len(apart) < most and _is_apart(trace, apart):
+            apart.append(trace)
+
+    def is_full(self, topic: str) -> bool:
+        """Whether traces of a topic are enough to judge its pulse."""
+        return self._seen[topic] >= _EVERY * _KEPT
+
+    def has_moved(self, topic: str) -> bool:
+        """Whether they come from places enough, so that no more are wanted."""
+        return len(self._apart[topic]) >= _KEPT or not (self._judges_pulse or self._finds_ringing)
+
+    def transducers(self, topic: str) -> set[str]:
+        """Frames of the transducers whose traces of a topic were taken into account."""
+        return {trace.child_frame_id for trace in (*self._first[topic], *self._apart[topic])}
+
+    def known(self, topic: str) -> ReconstructionParameters | None:
+        """Parameters for the transducers of one topic; None if nothing was learnt of them."""
+        known = self._parameters
+        measured, ringing = self._judged(topic)
+        if measured is not None and known.pulse.learn:
+            known = _with_pulse(known, measured)
+        if ringing is not None:
+            known = known.model_copy(update={"ringing": ringing.parameters})
+        return None if known is self._parameters else known
+
+    def _judged(self, topic: str) -> tuple[MeasuredPulse | None, Ringing | None]:
+        """The pulse, if it explains echoes much better than the stated one, and the ringing."""
+        apart = self._apart[topic]
+        judged, pulse, ringing = self._learnt.get(topic, (-1, None, None))
+        if judged < len(apart):
+            known = self._parameters
+            pulse = self._measured(apart if self.has_moved(topic) else self._first[topic])
+            if pulse is not None and known.pulse.learn:
+                known = _with_pulse(known, pulse)
+            ringing = ringing_of(apart, known) if self._finds_ringing else None
+            self._learnt[topic] = len(apart), pulse, ringing
+        return pulse, ringing
+
+    def _measured(self, traces: list[EchoTrace]) -> MeasuredPulse | None:
+        measured = measure_pulse(traces, self._parameters) if self._judges_pulse else None
+        return measured if measured is not None and measured.is_known else None
+
+    def problems(self) -> dict[str, str]:
+        """What is wrong, by topic, in one line; topics of which nothing is are left out."""
+        found = {topic: self.problem(topic) for topic in sorted(self._seen)}
+        return {topic: problem for topic, problem in found.items() if problem}
+
+    def problem(self, topic: str) -> str:
+        """What is wrong with the receiver of one topic; empty if nothing is."""
+        measured, ringing = self._judged(topic)
+        said = []
+        if measured is not None:
+            said.append(_said_of_pulse(measured, is_learnt=self._parameters.pulse.learn))
+        if ringing is not None:
+            where = ", ".join(f"{range_m:.2f}" for range_m in ringing.ranges_m)
+            said.append(
+                f"it hears itself in every ping, {where} m away, and no such echo is taken for an"
+                " object (reconstruction.ringing.learn)"
+            )
+        return "; ".join(said)
+
+
+def _is_apart(trace: EchoTrace, others: list[EchoTrace]) -> bool:
+    here_m = trace.pose.position_m[:2]
+    return all(np.hypot(*(here_m - one.pose.position_m[:2])) > _APART_M for one in others)
+
+
+def _said_of_pulse(measured: MeasuredPulse, *, is_learnt: bool) -> str:
+    if is_learnt:
+        return (
+            f"the stated pulse leaves {measured.stated_residual:.2f} of an echo; one learnt"
+            f" from {measured.echoes} echoes leaves {measured.residual:.2f} and is used instead"
+            " (reconstruction.pulse.learn)"
+        )
+    return (
+        f"the stated pulse leaves {measured.stated_residual:.2f} of an echo, a measured"
+        f" one {measured.residual:.2f}: echoes are found that are none; usmap calibrate"
+        " measures the pulse (reconstruction.pulse)"
+    )
+
+
+def _with_pulse(
+    parameters: ReconstructionParameters, measured: MeasuredPulse
+) -> ReconstructionParameters:
+    exclusion = parameters.exclusion
+    if "exclusion" not in parameters.model_fields_set:
+        exclusion = min(exclusion, _RINGING_EXCLUSION)
+    return parameters.model_copy(
+        update={
+            "pulse": measured.parameters,
+            "model_error": max(parameters.model_error, measured.own_error),
+            "exclusion": exclusion,
+        }
+    )

@@ -29,6 +29,7 @@ from usmap_ros.mapping.joint.response import (
     listen,
 )
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.usual_directions import log_priors
 from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -42,8 +43,8 @@ FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
 #: them: among lone things, and among walls.
 LONE, WALLED = (-1.3, 0.02), (-2.5, 0.1)
-#: The first among mirrors, each of which is heard from one side only.
-MIRRORED = -2.3
+#: The first at the least and the other at the most among mirrors, heard from one side only.
+MIRRORED = (-2.0, 0.05)
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
 #: Walls may go on beyond their ends so far, m.
@@ -109,12 +110,12 @@ class FreeSpace:
         closed |= beyond_ends(walls.all_lines, occupied, GOING_ON_M / field.resolution_m)
         refuted, unknown = _thresholds(occupied, on_lines, bool(smooth.mirrors))
         free, worst = np.zeros(field.shape, bool), np.zeros(field.shape, np.float32)
-        changed = np.ones(len(self._pings), bool)
+        changed, kinds = np.ones(len(self._pings), bool), log_priors(smooth.mirrors)
 
         def refute(left: NDArray[np.uint8], changed: BoolArray) -> None:
             for_each(
                 lambda band: refute_surfaces(
-                    self._looks, self._pings, band[1], left, listening, response.log_silent,
+                    self._looks, self._pings, band[1], left, listening, response.log_silent, kinds,
                     wanted[band[0]], changed, worst[band[0]],
                 ),
                 field.bands(BAND),
@@ -193,4 +194,6 @@ def _thresholds(occupied: BoolArray, on_lines: BoolArray, has_mirrors: bool) -> 
     refuted, unknown = (
         (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
     )
-    return max(refuted, MIRRORED) if has_mirrors else refuted, unknown
+    if has_mirrors:
+        return max(refuted, MIRRORED[0]), min(unknown, MIRRORED[1])
+    return refuted, unknown

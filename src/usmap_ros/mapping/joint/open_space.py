@@ -34,6 +34,9 @@ from usmap_ros.numerics.elementary import atan2_32, exp32, log32
 
 #: Orientations that a surface may have, and sectors of directions of view.
 ORIENTATIONS, SECTORS = 16, 12
+#: Kinds of surfaces that are asked for: of each orientation, and round ones, which answer every
+#: view as flat ones answer a square one, but fainter by so many steps of loudness.
+KINDS, FAINTER = ORIENTATIONS + 1, 4
 #: Bound of what all looks from one sector say, and chance of an echo from nowhere.
 MOST_A_SECTOR, CLUTTER = 2.4, 0.05
 #: Looks through which so little of the sound gets, or as faint as this, say nothing.
@@ -89,6 +92,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     left: NDArray[np.uint8],
     listening: Listening,
     log_silent: FloatArray,
+    kinds: FloatArray,
     wanted: BoolArray,
     changed: BoolArray,
     worst: NDArray[np.float32],
@@ -101,6 +105,8 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         The pings, and what they heard.
     log_silent : (LOUDNESSES, INCIDENCES) array
         Logarithm of P(silent | surface).
+    kinds : (KINDS, 2) array
+        By `usmap_ros.mapping.joint.usual_directions.log_priors`.
     wanted : (rows, columns) bool array
         Cells that are asked for.
     changed : (pings,) bool array
@@ -108,8 +114,8 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     worst : (rows, columns) float32 array
         Of the orientation that is refuted least, 0 where nothing is known; set where it changes.
     """
-    said = np.empty((SECTORS, ORIENTATIONS), np.float32)
-    classes, silence = _classes(), _silence(log_silent)
+    said = np.empty((SECTORS, KINDS), np.float32)
+    classes, silence = _classes(kinds), _silence(log_silent)
     most = len(pings)
     near = _Nearby(
         np.empty(most, np.int64), np.empty(most, np.int64), np.empty((12, most), np.float32),
@@ -132,16 +138,16 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                     count = _sound(field, row, column, around, near)
                     said[:] = 0.0
                     _add_said(looks, field, left, listening, silence, classes, count, near, said)
-                    worst[row, column] = _least_refuted(said)
+                    worst[row, column] = _least_refuted(said, kinds)
 
 
 @inlined
-def _classes() -> NDArray[np.int32]:
+def _classes(kinds: FloatArray) -> NDArray[np.int32]:
     """Class of incidence of a direction of view in degrees, for each orientation."""
     classes = np.empty((180, ORIENTATIONS), np.int32)
     for degrees in range(180):
         for orientation in range(ORIENTATIONS):
-            off = degrees + 0.5 - orientation * 180.0 / ORIENTATIONS
+            off = degrees + 0.5 - kinds[orientation, 0] * 180.0 / math.pi
             off = abs(off - 180.0 * math.floor(off / 180.0 + 0.5))
             classes[degrees, orientation] = incidence_class(off)
     return classes
@@ -256,7 +262,7 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             continue
         decibels = np.float32(10.0 / math.log(10.0)) * log32(loudness)
         loud = min(LOUDNESSES - 1, max(0, int((decibels - FIRST_DB) / STEP_DB)))
-        share = int(sound * SHARES + 0.5)
+        share, faint = int(sound * SHARES + 0.5), max(0, loud - FAINTER)
         turns = (off + looks.numbers[ping, 6]) / (2.0 * math.pi)
         turns -= math.floor(turns)
         sector, view = min(int(turns * SECTORS), SECTORS - 1), int(turns * 360.0) % 180
@@ -264,21 +270,24 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             for orientation in range(ORIENTATIONS):
                 incidence = classes[view, orientation]
                 said[sector, orientation] += silence[share, loud, 1, incidence]
+            said[sector, ORIENTATIONS] += silence[share, faint, 1, 0]
             continue
         chance = max(clutter, listening.chance[index, b])
         for orientation in range(ORIENTATIONS):
             silent = silence[share, loud, 0, classes[view, orientation]] * (one - chance)
             said[sector, orientation] += log32((one - silent) / chance)
+        silent = silence[share, faint, 0, 0] * (one - chance)
+        said[sector, ORIENTATIONS] += log32((one - silent) / chance)
 
 
 @inlined
-def _least_refuted(said: NDArray[np.float32]) -> float:
-    """What is said of the orientation that is refuted least, each sector within its bounds."""
+def _least_refuted(said: NDArray[np.float32], kinds: FloatArray) -> float:
+    """What is said of the kind that is refuted least, each sector within its bounds."""
     most, least_refuted = np.float32(MOST_A_SECTOR), np.float32(-1e9)
-    for orientation in range(ORIENTATIONS):
-        total = np.float32(0.0)
+    for kind in range(KINDS):
+        total = np.float32(kinds[kind, 1])
         for sector in range(SECTORS):
-            total += max(-most, min(most, said[sector, orientation]))
+            total += max(-most, min(most, said[sector, kind]))
         least_refuted = max(least_refuted, total)
     return float(least_refuted)
 

@@ -24,6 +24,8 @@ MOST_RANGE_STD_M = 0.01
 AROUND_BINS = 2
 #: Power that smooth things return, over what would have been reported.
 LOUD = 100.0
+#: Pings that one counts for as a proof that its way is open: its loudness is that of the thing.
+PROOFS = 2.0
 #: The way to a smooth thing is proven to be open up to so many cells before it.
 PROVEN_CELLS = 1.5
 
@@ -139,7 +141,7 @@ class SmoothThings:
                 way_m = self._echoes.range_m[echo] - PROVEN_CELLS * self._field.resolution_m
                 trace_open(
                     x_m, y_m, thing.bearing_from(x_m, y_m), way_m, self._field, ping, last, proven,
-                    weights[ping],
+                    PROOFS * weights[ping],
                 )  # fmt: skip
 
     def _things(self) -> list[MirrorWall | RoundColumn]:

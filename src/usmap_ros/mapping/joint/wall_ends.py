@@ -31,13 +31,13 @@ from usmap_ros.mapping.joint.mirror_fits import LOOKING_SHARE
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.round_columns import RoundColumn
+from usmap_ros.mapping.joint.usual_directions import face_usually
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Longest stretch that is added to an end, m: of walls that are parallel or square to such a share
-#: of all that was heard of walls, by the sine of twice the angle, and of others.
-MOST_ADDED_M, MOST_UNUSUAL_M, SQUARE, USUAL_SHARE = 6.0, 1.0, 0.1, 0.3
+#: Longest stretch that is added to an end, m: of walls that face as many others do, and of others.
+MOST_ADDED_M, MOST_UNUSUAL_M = 6.0, 1.0
 #: Walls meet if their directions differ by more than this, rad; and are one if by less, and so
 #: little apart, m.
 MEETING_RAD, ALIKE_RAD, ALIKE_M = 0.5, 0.06, 0.06
@@ -86,7 +86,7 @@ class WallEnds:
     def extended(self) -> list[MirrorWall]:
         """The walls, each as far as it goes: the shortest stretches are added first."""
         walls, closed = list(self._walls), set[tuple[int, bool]]()
-        most_m = np.where(self._is_usual(), MOST_ADDED_M, MOST_UNUSUAL_M)
+        most_m = np.where(face_usually(self._walls), MOST_ADDED_M, MOST_UNUSUAL_M)
         corners = [
             corner
             for one, other in combinations(range(len(walls)), 2)
@@ -111,14 +111,6 @@ class WallEnds:
                     walls[wall] = replace(walls[wall], begin_m=begin_m, end_m=end_m)
                     closed.add((wall, side))
         return walls
-
-    def _is_usual(self) -> BoolArray:
-        """Whether each wall is parallel or square to many of the others."""
-        normals = np.array([wall.normal_rad for wall in self._walls])
-        hits = np.array([len(wall.echoes) for wall in self._walls])
-        turned = np.sin(2.0 * (normals - normals[:, np.newaxis]))
-        usual: BoolArray = (np.abs(turned) < SQUARE) @ hits > USUAL_SHARE * hits.sum()
-        return usual
 
     def _corner(self, one: int, other: int) -> tuple[tuple[int, float], tuple[int, float]] | None:
         """Where along each two walls meet: at a corner, or between two stretches of one wall."""

@@ -1,0 +1,68 @@
+"""Directions in which the walls of a place face: mostly parallel, or square to one another."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall
+from usmap_ros.mapping.joint.open_space import KINDS, ORIENTATIONS
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Walls are parallel or square to each other up to this sine of twice the angle.
+SQUARE = 0.1
+#: They face usual directions if such a share of all that was heard of walls does.
+USUAL_SHARE = 0.3
+#: Hits that speak for walls in directions in which none was heard.
+PSEUDO_HITS = 1.0
+#: What counts for an orientation is this near to it, by the sine of twice the angle.
+NEAR = math.sin(math.pi / ORIENTATIONS)
+#: Of what is never looked for.
+NEVER = -1e3
+
+
+def face_usually(walls: list[MirrorWall]) -> BoolArray:
+    """Whether each wall is parallel or square to many of the others."""
+    alike, hits = _alike(walls)
+    usual: BoolArray = alike @ hits > USUAL_SHARE * hits.sum()
+    return usual
+
+
+def log_priors(walls: list[MirrorWall]) -> FloatArray:
+    """Orientations that are asked for in each cell, and how much rarer surfaces like these are.
+
+    Parameters
+    ----------
+    walls : list of MirrorWall
+        All that are known. Where there are none, surfaces may face anywhere, and are heard from
+        any side; where there are, orientations are counted from that of most, and something
+        round that answers every view, as smooth walls answer square ones, is asked for as well.
+
+    Returns
+    -------
+    kinds : (KINDS, 2) array
+        Direction of the normal, rad, and logarithm of how often such surfaces are found, over that
+        of the most usual ones.
+    """
+    kinds = np.zeros((KINDS, 2))
+    kinds[:ORIENTATIONS, 0] = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
+    if not walls:
+        kinds[ORIENTATIONS:, 1] = NEVER
+        return kinds
+    normals = np.array([wall.normal_rad for wall in walls])
+    alike, hits = _alike(walls)
+    most = int(np.argmax(alike @ hits))
+    turns = np.where(alike[most], hits, 0.0) @ np.exp(4j * (normals - normals[most]))
+    kinds[:ORIENTATIONS, 0] += normals[most] + 0.25 * np.angle(turns)
+    off = np.abs(np.sin(2.0 * (kinds[:ORIENTATIONS, :1] - normals)))
+    heard = (off < NEAR) @ hits + PSEUDO_HITS
+    kinds[:ORIENTATIONS, 1] = np.log(heard / heard.max())
+    return kinds
+
+
+def _alike(walls: list[MirrorWall]) -> tuple[BoolArray, FloatArray]:
+    """Whether walls are parallel or square, two by two, and how often each was heard."""
+    normals = np.array([wall.normal_rad for wall in walls])
+    hits = np.array([len(wall.echoes) for wall in walls], float)
+    return np.abs(np.sin(2.0 * (normals - normals[:, np.newaxis]))) < SQUARE, hits

@@ -1,0 +1,48 @@
+"""Directions in which the walls of a place face."""
+
+import math
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall
+from usmap_ros.mapping.joint.open_space import ORIENTATIONS
+from usmap_ros.mapping.joint.usual_directions import face_usually, log_priors
+
+
+def wall(normal_rad: float, hits: int) -> MirrorWall:
+    """Make a wall that was heard so often."""
+    heard = np.arange(hits)
+    return MirrorWall(normal_rad, 2.0, 0.0, 1.0, heard, heard, 0.0, -0.7)
+
+
+ROOM = [wall(0.3, 40), wall(0.3 + 0.5 * math.pi, 30), wall(0.31 - math.pi, 20), wall(1.1, 6)]
+
+
+def test_walls_that_are_square_to_most_face_usually() -> None:
+    assert face_usually(ROOM).tolist() == [True, True, True, False]
+
+
+def test_surfaces_that_face_as_most_walls_do_are_the_likeliest() -> None:
+    kinds = log_priors(ROOM)[:ORIENTATIONS]
+    likeliest = kinds[kinds[:, 1] == 0.0][:, 0]
+    # Along and across; the three walls agree on 0.302.
+    assert np.sin(2.0 * (likeliest - 0.302)) == pytest.approx(0.0, abs=5e-3)
+    assert len(likeliest) == 2
+
+
+def test_others_are_the_likelier_the_more_of_them_were_heard() -> None:
+    kinds = log_priors(ROOM)[:ORIENTATIONS]
+    oblique = kinds[np.argmin(np.abs(np.sin(kinds[:, 0] - 1.1))), 1]
+    assert oblique == pytest.approx(math.log(7.0 / 91.0))
+    assert kinds[:, 1].min() == pytest.approx(math.log(1.0 / 91.0))
+
+
+def test_without_mirrors_surfaces_face_anywhere_and_none_is_round() -> None:
+    kinds = log_priors([])
+    assert not kinds[:ORIENTATIONS, 1].any()
+    assert (kinds[ORIENTATIONS:, 1] < -100.0).all()
+
+
+def test_with_mirrors_round_things_are_as_likely_as_any() -> None:
+    assert log_priors(ROOM)[ORIENTATIONS:, 1].tolist() == [0.0]

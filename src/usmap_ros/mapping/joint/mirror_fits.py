@@ -25,8 +25,8 @@ from usmap_ros.numerics.compiled import compiled, inlined
 
 #: Directions of normals that are voted for, and width of a step of ρ, m.
 DIRECTIONS, STEP_M = 180, 0.025
-#: Places with most votes, and candidates among them, at the most; votes of one at the least.
-MOST_CANDIDATES, MOST_TRIES, LEAST_HITS = 6000, 600, 6
+#: Places with most votes, and candidates among them, at the most.
+MOST_CANDIDATES, MOST_TRIES = 6000, 600
 #: Share of the half angle within which the foot must be, for votes and for looks.
 VOTING_SHARE, LOOKING_SHARE = 0.9, 0.93
 #: An echo is a wall's if it is so near to where it should be: first, and after refinement.
@@ -46,6 +46,7 @@ def candidates(
     echoes: Echoes,
     is_open: BoolArray,
     mirrors: tuple[float, float],
+    least_votes: int,
 ) -> list[tuple[float, float]]:
     """Normals and distances of lines with most votes, the best first, none twice.
 
@@ -57,6 +58,8 @@ def candidates(
         Those that may vote.
     mirrors : (least, most)
         Amplitude reflectivities that a mirror may have.
+    least_votes : int
+        That a candidate has.
     """
     numbers = looks.numbers[pings]
     reach_m = float(1.5 * np.abs(numbers[:, :2]).max() + numbers[:, GREATEST_RANGE].max() + 1.0)
@@ -67,7 +70,7 @@ def candidates(
     order = np.argsort(-flat, kind="stable")[:MOST_CANDIDATES]
     kept: list[tuple[int, int]] = []
     is_near = np.zeros(votes.shape, bool)
-    for place in order[flat[order] >= LEAST_HITS]:
+    for place in order[flat[order] >= least_votes]:
         direction, step = divmod(int(place), votes.shape[1])
         if not is_near[direction, step]:
             kept.append((direction, step))

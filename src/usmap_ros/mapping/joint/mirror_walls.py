@@ -10,14 +10,15 @@ follow: a mirror is followed by few.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.echoes import Echoes, count_between
 from usmap_ros.mapping.joint.field import Field, X, Y
-from usmap_ros.mapping.joint.mirror_fits import LEAST_HITS, candidates, fit
+from usmap_ros.mapping.joint.mirror_fits import candidates, fit
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -25,12 +26,11 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 LEAST_MIRROR, MOST_MIRROR = 0.25, 1.6
 #: Mirrors that are found at the most.
 MOST_WALLS = 60
-#: Least score and stretch, m, of one; largest median deviation of the logarithm of reflectivity
-#: from its median.
-LEAST_SCORE, LEAST_STRETCH_M, MOST_DEVIATION = 5.0, 0.3, 0.45
+#: Largest median deviation of the logarithm of one's reflectivity from its median.
+MOST_DEVIATION = 0.45
 #: A point would explain the ranges nearly as well: residuals of the wall over those of the best
-#: point, from which on it is not a wall; and places, a decimetre apart, that feet must have.
-POINT_SHARE, LEAST_PLACES = 0.6, 4
+#: point, from which on it is not a wall.
+POINT_SHARE = 0.6
 #: Stretch behind an echo in which others of a rough wall would follow, m, and how many on the
 #: mean a mirror may have there.
 FOLLOWING_M, MOST_FOLLOWING = (0.05, 0.6), 3.2
@@ -43,6 +43,37 @@ ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE = 0.1, 0.33, 15
 BAND = 0.4
 #: A wall is another one's double if it is so near to it, m, and as parallel.
 DOUBLE_M, DOUBLE_COSINE = 0.2, 0.9
+#: Walls are parallel or square to each other up to this sine of twice the angle; they face usual
+#: directions if such a share of all that was heard of walls does.
+SQUARE, USUAL_SHARE = 0.1, 0.3
+#: Walls no longer than this, m, whose direction is off a usual one by less than this, rad, have
+#: that: their feet are too close together to tell.
+SHORT_M, UNSURE_RAD = 2.0, 0.03
+
+
+class Bar(NamedTuple):
+    """What a wall must have.
+
+    Parameters
+    ----------
+    hits : int
+        Pings that heard it.
+    score : float
+        Hits less loud misses.
+    places : int
+        A decimetre apart, that feet have.
+    stretch_m : float
+        In which they are.
+    """
+
+    hits: int
+    score: float
+    places: int
+    stretch_m: float
+
+
+#: Of any wall, and of one that faces as the others of the place do.
+ANY, USUAL = Bar(6, 5.0, 4, 0.3), Bar(4, 3.5, 3, 0.2)
 
 
 @dataclass(frozen=True)
@@ -111,7 +142,7 @@ def mirror_walls(
     is_usable : (echoes,) bool array
         Whether a mirror may explain an echo.
     """
-    found = _found(looks, pings, echoes, ~is_explained, (LEAST_MIRROR, MOST_MIRROR))
+    found = _found(looks, pings, echoes, ~is_explained, (LEAST_MIRROR, MOST_MIRROR), ANY)
     hits = np.array([len(wall.echoes) for wall in found])
     are_mirrors = np.array([wall.following < MOST_FOLLOWING for wall in found], bool)
     if not found or hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
@@ -123,7 +154,62 @@ def mirror_walls(
         return []
     usual = float(np.average(logs[alike[most]], weights=hits[alike[most]]))
     band = math.exp(usual - BAND), math.exp(usual + BAND)
-    return _without_doubles(_found(looks, pings, echoes, is_usable, band))
+    walls = _without_doubles(_found(looks, pings, echoes, is_usable, band, ANY))
+    is_left = is_usable.copy()
+    for wall in walls:
+        is_left[wall.echoes] = False
+    more = _found(looks, pings, echoes, is_left, band, USUAL)
+    faces_usually = face_usually(more, walls)
+    walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
+    return _squared(_without_doubles(walls), looks.numbers[pings][:, [X, Y]], echoes)
+
+
+def face_usually(walls: list[MirrorWall], among: list[MirrorWall]) -> BoolArray:
+    """Whether each of some walls is parallel or square to many of others."""
+    hits = np.array([len(wall.echoes) for wall in among], float)
+    usual: BoolArray = _square(walls, among) @ hits > USUAL_SHARE * hits.sum()
+    return usual
+
+
+def usual_direction(walls: list[MirrorWall]) -> float:
+    """Direction, rad, that most was heard of walls that are parallel or square to."""
+    hits = np.array([len(wall.echoes) for wall in walls], float)
+    square = _square(walls, walls)
+    most = int(np.argmax(square @ hits))
+    turns_rad = np.array([wall.normal_rad - walls[most].normal_rad for wall in walls])
+    mean = np.where(square[most], hits, 0.0) @ np.exp(4j * turns_rad)
+    return float(walls[most].normal_rad + 0.25 * np.angle(mean))
+
+
+def _square(walls: list[MirrorWall], others: list[MirrorWall]) -> BoolArray:
+    """Whether walls are parallel or square to others, a row for each of the first."""
+    normals, across = (np.array([wall.normal_rad for wall in some]) for some in (walls, others))
+    square: BoolArray = np.abs(np.sin(2.0 * (normals[:, np.newaxis] - across))) < SQUARE
+    return square
+
+
+def _squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> list[MirrorWall]:
+    """Walls, the short ones turned to a usual direction that is near."""
+    if not walls:
+        return []
+    direction, quarter = usual_direction(walls), 0.5 * math.pi
+    squared = list[MirrorWall]()
+    for wall in walls:
+        turn = (direction - wall.normal_rad + 0.5 * quarter) % quarter - 0.5 * quarter
+        if wall.end_m - wall.begin_m < SHORT_M and abs(turn) < UNSURE_RAD:
+            normal_rad, heard_from_m = wall.normal_rad + turn, places_m[wall.pings]
+            cosine, sine = math.cos(normal_rad), math.sin(normal_rad)
+            distances_m = heard_from_m @ (cosine, sine) + echoes.range_m[wall.echoes]
+            feet_m = heard_from_m @ (-sine, cosine)
+            wall = replace(  # noqa: PLW2901 - the same wall, turned
+                wall,
+                normal_rad=normal_rad,
+                distance_m=float(np.median(distances_m)),
+                begin_m=float(feet_m.min()),
+                end_m=float(feet_m.max()),
+            )
+        squared.append(wall)
+    return squared
 
 
 def _found(
@@ -132,17 +218,20 @@ def _found(
     echoes: Echoes,
     is_open: BoolArray,
     mirrors: tuple[float, float],
+    bar: Bar,
 ) -> list[MirrorWall]:
     """Mirrors that explain echoes, of reflectivities between two."""
     is_open = is_open.copy()
     found: list[MirrorWall] = []
-    for normal_rad, distance_m in candidates(looks, pings, echoes, is_open, mirrors):
-        wall = _fitted(looks, pings, echoes, is_open, mirrors, normal_rad, distance_m)
+    for normal_rad, distance_m in candidates(looks, pings, echoes, is_open, mirrors, bar.hits):
+        wall = _fitted(looks, pings, echoes, is_open, mirrors, bar, normal_rad, distance_m)
         while wall is not None and len(found) < MOST_WALLS:
             found.append(wall)
             is_open[wall.echoes] = False
             # Farther along the same line there may be more of it.
-            wall = _fitted(looks, pings, echoes, is_open, mirrors, wall.normal_rad, wall.distance_m)
+            wall = _fitted(
+                looks, pings, echoes, is_open, mirrors, bar, wall.normal_rad, wall.distance_m
+            )
     return found
 
 
@@ -176,6 +265,7 @@ def _fitted(
     echoes: Echoes,
     is_open: BoolArray,
     mirrors: tuple[float, float],
+    bar: Bar,
     normal_rad: float,
     distance_m: float,
 ) -> MirrorWall | None:
@@ -194,11 +284,11 @@ def _fitted(
         hit_echoes,
         feet_m,
     )
-    if score < LEAST_SCORE or hits < LEAST_HITS or deviation > MOST_DEVIATION:
+    if score < bar.score or hits < bar.hits or deviation > MOST_DEVIATION:
         return None
     own, heard, feet_m = hit_pings[:hits], hit_echoes[:hits], feet_m[:hits]
     low_m, high_m = np.percentile(feet_m, [5, 95])
-    if high_m - low_m < LEAST_STRETCH_M or len(np.unique(np.round(feet_m / 0.1))) < LEAST_PLACES:
+    if high_m - low_m < bar.stretch_m or len(np.unique(np.round(feet_m / 0.1))) < bar.places:
         return None
     numbers = looks.numbers[pings[own]]
     across_m = distance_m - (

@@ -6,27 +6,16 @@ import math
 
 import numpy as np
 
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall, usual_direction
 from usmap_ros.mapping.joint.open_space import KINDS, ORIENTATIONS
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import FloatArray
 
-#: Walls are parallel or square to each other up to this sine of twice the angle.
-SQUARE = 0.1
-#: They face usual directions if such a share of all that was heard of walls does.
-USUAL_SHARE = 0.3
 #: Hits that speak for walls in directions in which none was heard.
 PSEUDO_HITS = 1.0
 #: What counts for an orientation is this near to it, by the sine of twice the angle.
 NEAR = math.sin(math.pi / ORIENTATIONS)
 #: Of what is never looked for.
 NEVER = -1e3
-
-
-def face_usually(walls: list[MirrorWall]) -> BoolArray:
-    """Whether each wall is parallel or square to many of the others."""
-    alike, hits = _alike(walls)
-    usual: BoolArray = alike @ hits > USUAL_SHARE * hits.sum()
-    return usual
 
 
 def log_priors(walls: list[MirrorWall]) -> FloatArray:
@@ -51,18 +40,9 @@ def log_priors(walls: list[MirrorWall]) -> FloatArray:
         kinds[ORIENTATIONS:, 1] = NEVER
         return kinds
     normals = np.array([wall.normal_rad for wall in walls])
-    alike, hits = _alike(walls)
-    most = int(np.argmax(alike @ hits))
-    turns = np.where(alike[most], hits, 0.0) @ np.exp(4j * (normals - normals[most]))
-    kinds[:ORIENTATIONS, 0] += normals[most] + 0.25 * np.angle(turns)
+    hits = np.array([len(wall.echoes) for wall in walls])
+    kinds[:ORIENTATIONS, 0] += usual_direction(walls)
     off = np.abs(np.sin(2.0 * (kinds[:ORIENTATIONS, :1] - normals)))
     heard = (off < NEAR) @ hits + PSEUDO_HITS
     kinds[:ORIENTATIONS, 1] = np.log(heard / heard.max())
     return kinds
-
-
-def _alike(walls: list[MirrorWall]) -> tuple[BoolArray, FloatArray]:
-    """Whether walls are parallel or square, two by two, and how often each was heard."""
-    normals = np.array([wall.normal_rad for wall in walls])
-    hits = np.array([len(wall.echoes) for wall in walls], float)
-    return np.abs(np.sin(2.0 * (normals - normals[:, np.newaxis]))) < SQUARE, hits

@@ -28,10 +28,9 @@ from usmap_ros.mapping.joint.field import (
     Y,
 )
 from usmap_ros.mapping.joint.mirror_fits import LOOKING_SHARE
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.round_columns import RoundColumn
-from usmap_ros.mapping.joint.usual_directions import face_usually
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -86,7 +85,7 @@ class WallEnds:
     def extended(self) -> list[MirrorWall]:
         """The walls, each as far as it goes: the shortest stretches are added first."""
         walls, closed = list(self._walls), set[tuple[int, bool]]()
-        most_m = np.where(face_usually(self._walls), MOST_ADDED_M, MOST_UNUSUAL_M)
+        most_m = np.where(face_usually(self._walls, self._walls), MOST_ADDED_M, MOST_UNUSUAL_M)
         corners = [
             corner
             for one, other in combinations(range(len(walls)), 2)
@@ -123,7 +122,8 @@ class WallEnds:
         if math.cos(turn) < math.cos(ALIKE_RAD):
             return None
         between = 0.5 * (max(first.begin_m, second.begin_m) + min(first.end_m, second.end_m))
-        if abs(first.distance_m - second.distance_m - between * math.sin(turn)) > ALIKE_M:
+        apart_m = second.distance_m - first.distance_m - between * math.sin(turn)
+        if abs(apart_m) > ALIKE_M:
             return None
         return (one, between), (other, between)
 

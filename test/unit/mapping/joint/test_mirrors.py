@@ -90,3 +90,20 @@ def test_air_takes_from_far_echoes_and_not_from_the_mirror(
     (wall,) = mirrors_of(cones)
     assert len(wall.echoes) == len(cones)
     assert math.exp(wall.log_mirror) == pytest.approx(mirror, rel=0.02)
+
+
+def test_a_short_wall_is_square_to_long_ones(
+    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone], mirror_m: float
+) -> None:
+    # Seven places in half a metre, of which the ranges would have it 1.1 degrees off.
+    short = [
+        make_cone((1.0 - 0.02 * 0.08 * k, 0.45), x_m=1.5, y_m=-2.0 + 0.08 * k, stamp_ns=100 + k)
+        for k in range(7)
+    ]
+    wall = mirrors_of([*mirror_pings, *short])[1]
+    assert math.cos(wall.normal_rad) == pytest.approx(1.0, abs=2e-5)
+    # Its middle stays where it was heard.
+    cosine, sine = math.cos(wall.normal_rad), math.sin(wall.normal_rad)
+    along_m = 0.5 * (wall.begin_m + wall.end_m)
+    x_m, y_m = wall.distance_m * cosine - along_m * sine, wall.distance_m * sine + along_m * cosine
+    assert (x_m, y_m) == pytest.approx((2.5 - 0.02 * 0.24, -1.76), abs=0.01)

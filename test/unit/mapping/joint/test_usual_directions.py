@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
 from usmap_ros.mapping.joint.open_space import ORIENTATIONS
-from usmap_ros.mapping.joint.usual_directions import face_usually, log_priors
+from usmap_ros.mapping.joint.usual_directions import log_priors
 
 
 def wall(normal_rad: float, hits: int) -> MirrorWall:
@@ -20,7 +20,7 @@ ROOM = [wall(0.3, 40), wall(0.3 + 0.5 * math.pi, 30), wall(0.31 - math.pi, 20), 
 
 
 def test_walls_that_are_square_to_most_face_usually() -> None:
-    assert face_usually(ROOM).tolist() == [True, True, True, False]
+    assert face_usually(ROOM, ROOM).tolist() == [True, True, True, False]
 
 
 def test_surfaces_that_face_as_most_walls_do_are_the_likeliest() -> None:

@@ -84,6 +84,23 @@ def test_silence_where_a_wall_would_have_been_struck_squarely_ends_it(
     assert -north.begin_m == pytest.approx(0.95, abs=0.06)
 
 
+def test_stretches_of_one_wall_are_one(walking: list[EchoCone], ping: Ping) -> None:
+    # Farther west along the northern wall, which was not heard in between.
+    west = [ping(-2.0 - 0.05 * k, 1.5 + 0.1 * math.sin(k), NORTH) for k in range(20)]
+    north = [wall for wall in walls_of([*walking, *west]) if abs(wall.distance_m - NORTH_M) < 0.1]
+    eastern, western = sorted(north, key=lambda wall: wall.begin_m)
+    assert eastern.end_m == pytest.approx(western.begin_m)
+
+
+def test_a_faint_wall_is_believed_where_it_faces_as_others_do(
+    walking: list[EchoCone], ping: Ping
+) -> None:
+    few = [ping(0.1 * k, 1.4, NORTH) for k in range(5)]
+    east = [cone for cone in walking if cone.pose.position_m[0] > 2.0]
+    assert len(walls_of([*east, *few])) == 2
+    assert walls_of(few) == []
+
+
 def test_sound_that_came_back_through_a_gap_keeps_it_open(
     walking: list[EchoCone], make_cone: Callable[..., EchoCone]
 ) -> None:

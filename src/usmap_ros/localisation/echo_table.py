@@ -71,6 +71,12 @@ def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> Echoes:
     return Echoes(whose.astype(np.int64), *others)
 
 
+def of_rows(echoes: Echoes, rows: NDArray[np.intp]) -> Echoes:
+    """Some of the echoes."""
+    whose, *others = (np.asarray(column[rows], float) for column in echoes)
+    return Echoes(whose.astype(np.int64), *others)
+
+
 def _telling(cone: EchoCone) -> NDArray[np.intp]:
     """Rows of the echoes that count."""
     ranges_m = cone.ranges_m.astype(float)

@@ -7,19 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usmap_ros.localisation.equations import covariances
 from usmap_ros.localisation.planar import wrapped
 from usmap_ros.localisation.smoother import Smoother
+from usmap_ros.localisation.walls import Walls, find_walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Ways to begin: knots by which a robot's own map lags behind it, whether all is adjusted on the
-#: way, and rounds of improvement afterwards; the first way alone where walls answer.
-_WAYS = ((1, True, 1), (6, False, 4), (3, False, 4), (1, True, 4))
+#: way, and rounds of improvement afterwards.
+_WAYS = ((6, False, 4), (3, False, 4), (1, True, 4))
 #: Share of echoes from places that pings share, from which on it is points that answer: of any
 #: pings, and of those that hear so few echoes each.
 _POINTS, _LONE_POINTS, _FEW = 0.33, 0.2, 2.05
-#: Weight of an echo, over the square of that share: of walls and of points.  What walls return
-#: comes from other places at each look, and tells less of poses than its number.
-_OF_WALLS, _OF_POINTS = 1.8, 6.0
+#: Weight of an echo of points, over the square of that share.
+_OF_POINTS = 6.0
+#: How far walls may seem to be off, m, one after the other; steps for each before the last one.
+_WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
+#: Knots that are added at once on the way along walls; rounds at its end before the last one.
+_STRETCH, _AT_THE_END = 7, 3
 #: Blur, m: of a match while robots go, of matches of a round, and of the field in the end.
 _FOLLOWED_M, _MATCHED_M, _FINAL_M = (0.08, 0.067, 0.053, 0.04), (0.12, 0.06), 0.05
 #: Steps of a robot that look at all that was heard so far.
@@ -69,17 +74,50 @@ def search(start: Smoother) -> Found | None:
         told.map(_FINAL_M)
     shared = told.shared()
     few = len(start.echoes.ping) < _FEW * len(start.poses)
-    are_points = shared > (_LONE_POINTS if few else _POINTS)
+    if shared <= (_LONE_POINTS if few else _POINTS):
+        return _along_walls(start)
     for one in (start, told):
-        one.trust((_OF_POINTS if are_points else _OF_WALLS) * shared**2)
+        one.trust(_OF_POINTS * shared**2)
     least = told.log_posterior(_FINAL_M)
     ends = []
-    for lag, jointly, rounds in _WAYS[1:] if are_points else _WAYS[:1]:
+    for lag, jointly, rounds in _WAYS:
         one = copy.deepcopy(start)
         _follow(one, lag, jointly=jointly)
         ends.append((_improve(one, rounds), one))
     ends = [(gained, one) for gained, one in ends if gained > least]
     return _average(ends) if ends else None
+
+
+def _along_walls(smoother: Smoother) -> Found | None:
+    """Go along with all robots, and adjust what was gone so far to the walls that it shows."""
+    sigma_m, longest = _WALLS_M[-1], max(map(len, smoother.knots))
+    smoother.active[:] = True
+    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, sigma_m)
+    least = smoother.log_posterior_of(walls, sigma_m)
+    stretches = -(-longest // _STRETCH)
+    for number in range(1, stretches + 1):
+        last = longest * number // stretches
+        for robot, first in smoother.first.items():
+            rows = smoother.tracks[robot].rows
+            smoother.active[rows] = smoother.knot[rows] - first < last
+        for blur_m in _WALLS_M:
+            _adjust_to_walls(smoother, blur_m)
+        for robot in smoother.first:
+            smoother.predict(robot, min(last, len(smoother.knots[robot]) - 1))
+        smoother.spread()
+    for _ in range(_AT_THE_END):
+        _adjust_to_walls(smoother, sigma_m)
+    walls, factor = _adjust_to_walls(smoother, sigma_m)
+    if smoother.log_posterior_of(walls, sigma_m) <= least:
+        return None
+    return _of_pings(smoother, covariances(factor, smoother.knot_count))
+
+
+def _adjust_to_walls(smoother: Smoother, sigma_m: float) -> tuple[Walls, tuple[FloatArray, bool]]:
+    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, sigma_m)
+    for _ in range(_WALL_STEPS):
+        walls, _ = smoother.adjust_to(walls, sigma_m)
+    return smoother.adjust_to(walls, sigma_m)
 
 
 def _follow(smoother: Smoother, lag: int, *, jointly: bool) -> None:
@@ -229,10 +267,15 @@ def _at_pings(smoother: Smoother) -> Found:
         smoother.map(_FINAL_M)
     at_knots = smoother.adjust(_FINAL_M)
     _set_knots(smoother, kept)
-    covariances = np.full((len(smoother.poses), 3, 3), np.nan)
+    return _of_pings(smoother, at_knots)
+
+
+def _of_pings(smoother: Smoother, at_knots: FloatArray) -> Found:
+    """The poses as they are, with covariances between those of the knots."""
+    known = np.full((len(smoother.poses), 3, 3), np.nan)
     for number, first in smoother.first.items():
         rows = smoother.tracks[number].rows
         before, share = smoother.knot[rows], smoother.share[rows][:, np.newaxis, np.newaxis]
         after = np.minimum(before + 1, first + len(smoother.knots[number]) - 1)
-        covariances[rows] = (1.0 - share) * at_knots[before] + share * at_knots[after]
-    return Found(smoother.poses.copy(), covariances)
+        known[rows] = (1.0 - share) * at_knots[before] + share * at_knots[after]
+    return Found(smoother.poses.copy(), known)

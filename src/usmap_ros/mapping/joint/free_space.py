@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, Field, X, Y
+from usmap_ros.mapping.joint.going_on import go_on
 from usmap_ros.mapping.joint.lines import (
     BEGIN,
     END,
     NORMAL_X,
     NORMAL_Y,
-    beyond_ends,
+    drawn,
     points_on,
 )
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, judged, optical_depth, over_block
@@ -47,8 +50,8 @@ LONE, WALLED = (-1.3, 0.02), (-2.5, 0.1)
 MIRRORED = (-2.0, 0.05)
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
-#: Walls may go on beyond their ends so far, m.
-GOING_ON_M = 0.2
+#: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
+FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
 #: Range bins, in cells, to either side of a cell's that belong to it.
 LISTENING_CELLS = 0.75
 
@@ -87,8 +90,8 @@ class FreeSpace:
 
     def find(
         self, walls: Walls, smooth: SmoothThings, powers: Powers, evidence: CellEvidence
-    ) -> tuple[BoolArray, Response]:
-        """Cells that are free, and how the place answers.
+    ) -> tuple[Walls, BoolArray, Response]:
+        """What stands, with what continues it; cells that are free; and how the place answers.
 
         Parameters
         ----------
@@ -107,7 +110,6 @@ class FreeSpace:
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         closed |= smooth.suspected()
-        closed |= beyond_ends(walls.all_lines, occupied, GOING_ON_M / field.resolution_m)
         refuted, unknown = _thresholds(occupied, on_lines, bool(smooth.mirrors))
         free, worst = np.zeros(field.shape, bool), np.zeros(field.shape, np.float32)
         changed, kinds = np.ones(len(self._pings), bool), log_priors(smooth.mirrors)
@@ -123,6 +125,12 @@ class FreeSpace:
 
         for turn in range(FREE_ROUNDS):
             refute(left, changed)
+            if turn == 0:
+                walls, may_be = self._going_on(walls, worst, proven | stood)
+                closed |= may_be
+                occupied, hides = walls.shown, walls.shown | self._standing
+                wanted &= ~occupied
+                stood &= ~occupied
             free = (wanted & ((worst < refuted) | proven) & ~closed) | stood
             if turn < FREE_ROUNDS - 1:
                 # What was not refuted while all was open is not when less is.
@@ -130,7 +138,30 @@ class FreeSpace:
                 before = left
                 left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown)))
                 changed = (left != before).any(axis=(1, 2))
-        return free, response
+        return walls, connected(free, stood | (free & proven), occupied), response
+
+    def _going_on(
+        self, walls: Walls, worst: NDArray[np.float32], is_open: BoolArray
+    ) -> tuple[Walls, BoolArray]:
+        """Walls with what continues them, and cells that they may go on in.
+
+        Parameters
+        ----------
+        walls : Walls
+            What stands.
+        worst : (rows, columns) float32 array
+            Log-likelihood ratio of a surface in each cell.
+        is_open : (rows, columns) bool array
+            Cells that are known to be open.
+        """
+        said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
+        # What is said among mirrors is said of them, which have been followed in their own way.
+        followed_m = BESIDE_MIRRORS_M if len(walls.mirrors) else FOLLOWED_M
+        most_cells = followed_m / self._field.resolution_m
+        lines, may_be = go_on(walls.lines, walls.shown, said, most_cells)
+        _, more = go_on(walls.mirrors, walls.shown, said, most_cells)
+        filled = walls.filled | (drawn(lines, self._field.shape) & ~self._stood)
+        return replace(walls, filled=filled, lines=lines), may_be | more
 
     def _left(self, belief: FloatArray) -> NDArray[np.uint8]:
         """How much of the sound is left along rays, by what may hold it back."""
@@ -185,6 +216,28 @@ class FreeSpace:
         )  # fmt: skip
         smooth.trace_open(proven, self._weights)
         return proven
+
+
+def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolArray:
+    """Free cells that are connected with what is known to be open, or nearly so.
+
+    Sound gets to each free cell through open ones.  Where none of them lead there, it has come
+    through something that was not heard.
+
+    Parameters
+    ----------
+    free : (rows, columns) bool array
+        Cells that seem to be free.
+    is_open : (rows, columns) bool array
+        Those of them where a robot stood, or sound came back through.
+    occupied : (rows, columns) bool array
+        What stands, and leads nowhere.
+    """
+    regions, count = label(over_block(free) & ~occupied)
+    leads = np.zeros(count + 1, bool)
+    leads[regions[is_open]] = True
+    connected: BoolArray = free & leads[regions]
+    return connected
 
 
 def _thresholds(occupied: BoolArray, on_lines: BoolArray, has_mirrors: bool) -> tuple[float, float]:

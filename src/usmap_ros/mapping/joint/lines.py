@@ -46,32 +46,6 @@ def off_line(
     return across, along
 
 
-def beyond_ends(lines: NDArray[np.float64], occupied: BoolArray, reach_cells: float) -> BoolArray:
-    """Cells where walls may go on: around what continues a line, up to the next thing.
-
-    Parameters
-    ----------
-    lines : (lines, 5) array
-        Walls.
-    occupied : (rows, columns) bool array
-        What is known to stand.
-    reach_cells : float
-        How far beyond its ends a line may go on.
-    """
-    mask, (row_count, column_count) = np.zeros_like(occupied), occupied.shape
-    for line in lines:
-        for place, sign in ((line[BEGIN], -1.0), (line[END], 1.0)):
-            for beyond in np.arange(0.0, reach_cells, _STEP):
-                at = place + sign * beyond
-                (row,), (column,) = (values[:1] for values in points_on(line, at, at))
-                if not (0 <= row < row_count and 0 <= column < column_count):
-                    break
-                if beyond > 1.5 and occupied[row, column]:
-                    break
-                mask[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
-    return mask & ~occupied
-
-
 def without_doubles(lines: NDArray[np.float64]) -> NDArray[np.float64]:
     """Lines but for those close beside a heavier one: echoes of a wall that are told from others.
 

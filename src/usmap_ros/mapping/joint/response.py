@@ -42,7 +42,7 @@ PSEUDO_COUNT, LONE_PSEUDO_COUNT = 2.0, 9.0
 LEAST_SILENT, MOST_SILENT = 0.05, 1.0 - 1e-4
 #: Diffuseness below which grazing silence says nothing of surfaces, and above which as much as
 #: silence at 10 to 20 degrees, to a power.
-SMOOTH, ROUGH, GRAZING_POWER = 0.45, 0.7, 0.8
+SMOOTH, ROUGH, GRAZING_POWER = 0.38, 0.5, 0.8
 #: An echo is explained by what is expected to return such a share of its power, and then was to
 #: be heard, whatever else stands there, with this probability.
 EXPLAINED_SHARE, MOST_EXPLAINED = 0.7, 0.8

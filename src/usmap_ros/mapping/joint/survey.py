@@ -135,10 +135,10 @@ class Survey:
             )
         if belief is None:
             belief = cell_log_odds(estimate.evidence, field.shape)
-            return Area(estimate, walls, estimate.free_space(walls), belief)
+            return Area(estimate, *estimate.free_space(walls), belief)
         walls = Walls(belief > SHOWN, np.zeros(field.shape, bool), NO_LINES, NO_LINES)
-        free = estimate.free_space(walls) & (belief == NOTHING)
-        return Area(estimate, walls, free, belief)
+        walls, free = estimate.free_space(walls)
+        return Area(estimate, walls, free & (belief == NOTHING), belief)
 
     def _standing(self, field: Field) -> BoolArray | None:
         """Cells of a field that were occupied before."""

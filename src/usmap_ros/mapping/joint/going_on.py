@@ -1,0 +1,109 @@
+"""Where walls go on: cells that continue a line, as far as pings say that they do or may.
+
+Surfaces are seldom as short as what was heard well of them.  A cell that continues a line is wall
+where more speaks for a surface there than against it, and so are all up to the next thing if they
+are hardly contradicted; and it is not free unless it is refuted far more firmly than others are.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
+from usmap_ros.mapping.joint.log_odds import over_block
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Log-likelihood ratios of a surface: more speaks for it than against it; hardly anything
+#: contradicts it; nothing goes on there.
+HEARD, HARDLY, ENDS = 0.01, -2.0, -5.0
+#: Lines cross if the cosine of the angle between them is less; they end where they meet another
+#: one, or what continues it for so many cells; and if they have met another one so many cells
+#: before.
+CROSSING_COSINE, MEETING_CELLS, MET_CELLS = 0.9, 3.0, 8.0
+
+
+class GoingOn(NamedTuple):
+    """How lines go on.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        With what continues them, see `usmap_ros.mapping.joint.lines`.
+    may_be : (rows, columns) bool array
+        Cells in which they may go on.
+    """
+
+    lines: FloatArray
+    may_be: BoolArray
+
+
+def go_on(lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells: float) -> GoingOn:
+    """Follow lines beyond their ends.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        Walls.
+    occupied : (rows, columns) bool array
+        What is known to stand.
+    least : (rows, columns) array
+        Log-likelihood ratio of a surface in each cell or beside it, however it may face.
+    most_cells : float
+        How far they are followed.
+    """
+    longer, may_be, stands = lines.copy(), np.zeros_like(occupied), over_block(occupied)
+    for number, line in enumerate(lines):
+        crossings = _crossings(line, lines)
+        for end, sign in ((BEGIN, -1.0), (END, 1.0)):
+            ahead = sign * (crossings - line[end])
+            first = ahead[ahead > -MET_CELLS].min(initial=most_cells)
+            rows, columns = _beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
+            if len(rows) == 0:
+                continue
+            said, is_solid = least[rows, columns], stands[rows, columns]
+            # Beside the first there is the end itself.
+            is_solid[0] = occupied[rows[0], columns[0]]
+            is_solid[-1] |= first < most_cells
+            bridged = np.flatnonzero(is_solid[: _leading(is_solid | (said >= HARDLY))])
+            grown = int(bridged[-1]) + 1 if len(bridged) else 0
+            grown += _leading((is_solid | (said > HEARD))[grown:])
+            longer[number, end] += sign * grown
+            open_end = _leading(is_solid | (said >= ENDS))
+            for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
+                may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
+    return GoingOn(longer, may_be & ~occupied)
+
+
+def _crossings(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:
+    """Where along a line others cross it, that reach there or nearly so."""
+    cosine = lines[:, NORMAL_X] * line[NORMAL_X] + lines[:, NORMAL_Y] * line[NORMAL_Y]
+    sine = lines[:, NORMAL_Y] * line[NORMAL_X] - lines[:, NORMAL_X] * line[NORMAL_Y]
+    crosses = np.abs(cosine) < CROSSING_COSINE
+    others, cosine, sine = lines[crosses], cosine[crosses], sine[crosses]
+    along = (others[:, DISTANCE] - cosine * line[DISTANCE]) / sine
+    theirs = (cosine * others[:, DISTANCE] - line[DISTANCE]) / sine
+    reached = (theirs > others[:, BEGIN] - MEETING_CELLS) & (
+        theirs < others[:, END] + MEETING_CELLS
+    )
+    met: FloatArray = along[reached]
+    return met
+
+
+def _beyond(
+    line: NDArray[np.float64], end: float, sign: float, most: float, shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the cells beyond an end of a line, as far as the field goes."""
+    along = end + sign * np.arange(1.0, most + 0.5)
+    columns = np.rint(line[NORMAL_X] * line[DISTANCE] - line[NORMAL_Y] * along).astype(np.int64)
+    rows = np.rint(line[NORMAL_Y] * line[DISTANCE] + line[NORMAL_X] * along).astype(np.int64)
+    inside = (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
+    count = _leading(inside)
+    return rows[:count], columns[:count]
+
+
+def _leading(true: BoolArray) -> int:
+    """How many are true before the first that is not."""
+    return int(np.argmin(true)) if not true.all() else len(true)

@@ -1,0 +1,52 @@
+"""Walls go on as far as pings say so, and where they may go on nothing is free."""
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.joint.going_on import ENDS, GoingOn, go_on
+from usmap_ros.mapping.joint.lines import BEGIN, END, drawn
+from usmap_ros.numerics.arrays import FloatArray
+
+#: A wall along row 10 from column 20 to 30, and one along column 45: of the tangent (-ny, nx).
+ALONG_ROW = np.array([0.0, 1.0, 10.0, -30.0, -20.0])
+ALONG_COLUMN = np.array([1.0, 0.0, 45.0, 0.0, 18.0])
+SHAPE = (20, 60)
+
+
+def followed(lines: list[FloatArray], said: float) -> GoingOn:
+    """How lines go on where pings say the same of all cells but those that are known."""
+    occupied = drawn(np.array(lines), SHAPE)
+    least = np.where(occupied, -np.inf, said)
+    return go_on(np.array(lines), occupied, least, 12.0)
+
+
+def test_a_wall_goes_on_where_more_speaks_for_it() -> None:
+    going = followed([ALONG_ROW], 0.5)
+    assert going.lines[0, [BEGIN, END]] == pytest.approx([-42.0, -8.0])
+
+
+def test_what_is_contradicted_is_no_wall_but_may_be_one() -> None:
+    going = followed([ALONG_ROW], 0.5 * ENDS)
+    assert going.lines[0] == pytest.approx(ALONG_ROW)
+    assert going.may_be[10, 31:43].all()
+    assert not going.may_be[10, 44:].any()
+
+
+def test_what_is_refuted_firmly_may_be_no_wall() -> None:
+    assert not followed([ALONG_ROW], 1.1 * ENDS).may_be.any()
+
+
+@pytest.mark.parametrize("said", [0.5, -1.0])
+def test_a_wall_ends_where_it_meets_another(said: float) -> None:
+    """Be it heard up to there, or hardly contradicted."""
+    across = ALONG_COLUMN.copy()
+    across[2] = 36.0
+    going = followed([ALONG_ROW, across], said)
+    assert going.lines[0, BEGIN] == pytest.approx(-36.0)
+
+
+def test_a_gap_that_is_contradicted_stays_open() -> None:
+    behind = ALONG_ROW.copy()
+    behind[[BEGIN, END]] = -50.0, -40.0
+    assert followed([ALONG_ROW, behind], -1.0).lines[0, BEGIN] < -39.0
+    assert followed([ALONG_ROW, behind], -3.0).lines[0, BEGIN] == pytest.approx(-30.0)

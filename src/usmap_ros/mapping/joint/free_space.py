@@ -21,7 +21,15 @@ from usmap_ros.mapping.joint.lines import (
     points_on,
 )
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, judged, optical_depth, over_block
-from usmap_ros.mapping.joint.open_space import BAND, prove_open, refute_surfaces
+from usmap_ros.mapping.joint.open_space import (
+    ACROSS,
+    ALONG,
+    BAND,
+    GROUPS,
+    ORIENTATIONS,
+    prove_open,
+    refute_surfaces,
+)
 from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.response import (
@@ -32,7 +40,7 @@ from usmap_ros.mapping.joint.response import (
     listen,
 )
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
-from usmap_ros.mapping.joint.usual_directions import log_priors
+from usmap_ros.mapping.joint.usual_directions import is_too_short, log_priors
 from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -48,6 +56,8 @@ FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 LONE, WALLED = (-1.3, 0.02), (-2.5, 0.1)
 #: The first at the least and the other at the most among mirrors, heard from one side only.
 MIRRORED = (-2.0, 0.05)
+#: Smooth walls are not shorter than this, m; what is round is asked for by itself.
+LEAST_WALL_M = 0.4
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
 #: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
@@ -111,7 +121,7 @@ class FreeSpace:
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         closed |= smooth.suspected()
         refuted, unknown = _thresholds(occupied, on_lines, bool(smooth.mirrors))
-        free, worst = np.zeros(field.shape, bool), np.zeros(field.shape, np.float32)
+        free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         changed, kinds = np.ones(len(self._pings), bool), log_priors(smooth.mirrors)
 
         def refute(left: NDArray[np.uint8], changed: BoolArray) -> None:
@@ -126,12 +136,15 @@ class FreeSpace:
         for turn in range(FREE_ROUNDS):
             refute(left, changed)
             if turn == 0:
-                walls, may_be = self._going_on(walls, worst, proven | stood)
+                walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
                 closed |= may_be
                 occupied, hides = walls.shown, walls.shown | self._standing
                 wanted &= ~occupied
                 stood &= ~occupied
-            free = (wanted & ((worst < refuted) | proven) & ~closed) | stood
+            is_refuted = (worst < refuted) | (proven | stood)[:, :, np.newaxis]
+            if smooth.mirrors:
+                self._close(is_refuted, kinds)
+            free = (wanted & is_refuted.all(axis=2) & ~closed) | stood
             if turn < FREE_ROUNDS - 1:
                 # What was not refuted while all was open is not when less is.
                 wanted &= free | proven | closed
@@ -162,6 +175,13 @@ class FreeSpace:
         _, more = go_on(walls.mirrors, walls.shown, said, most_cells)
         filled = walls.filled | (drawn(lines, self._field.shape) & ~self._stood)
         return replace(walls, filled=filled, lines=lines), may_be | more
+
+    def _close(self, is_refuted: BoolArray, kinds: FloatArray) -> None:
+        """Refute walls that face as most do where there is too little room for them."""
+        length_cells = round(LEAST_WALL_M / self._field.resolution_m)
+        for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
+            here = is_refuted[:, :, group]
+            here |= is_too_short(here, float(kinds[first, 0]), length_cells)
 
     def _left(self, belief: FloatArray) -> NDArray[np.uint8]:
         """How much of the sound is left along rays, by what may hold it back."""

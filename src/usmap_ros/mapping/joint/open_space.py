@@ -37,6 +37,8 @@ ORIENTATIONS, SECTORS = 16, 12
 #: Kinds of surfaces that are asked for: of each orientation, and round ones, which answer every
 #: view as flat ones answer a square one, but fainter by so many steps of loudness.
 KINDS, FAINTER = ORIENTATIONS + 1, 4
+#: Groups of kinds: walls along and across the usual direction, and all others.
+GROUPS, ALONG, ACROSS, OTHERS = 3, 0, 1, 2
 #: Bound of what all looks from one sector say, and chance of an echo from nowhere.
 MOST_A_SECTOR, CLUTTER = 2.4, 0.05
 #: Looks through which so little of the sound gets, or as faint as this, say nothing.
@@ -97,7 +99,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     changed: BoolArray,
     worst: NDArray[np.float32],
 ) -> None:
-    """Log-likelihood ratio of what was heard, with a surface to without, by the worst orientation.
+    """Log-likelihood ratio of what was heard, with a surface to without, by the worst kind.
 
     Parameters
     ----------
@@ -105,14 +107,15 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         The pings, and what they heard.
     log_silent : (LOUDNESSES, INCIDENCES) array
         Logarithm of P(silent | surface).
-    kinds : (KINDS, 2) array
+    kinds : (KINDS, 3) array
         By `usmap_ros.mapping.joint.usual_directions.log_priors`.
     wanted : (rows, columns) bool array
         Cells that are asked for.
     changed : (pings,) bool array
         Whether a ping says something else than the last time.
-    worst : (rows, columns) float32 array
-        Of the orientation that is refuted least, 0 where nothing is known; set where it changes.
+    worst : (rows, columns, GROUPS) float32 array
+        Of the kind of each group that is refuted least, 0 where nothing is known; set where it
+        changes.
     """
     said = np.empty((SECTORS, KINDS), np.float32)
     classes, silence = _classes(kinds), _silence(log_silent)
@@ -138,7 +141,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                     count = _sound(field, row, column, around, near)
                     said[:] = 0.0
                     _add_said(looks, field, left, listening, silence, classes, count, near, said)
-                    worst[row, column] = _least_refuted(said, kinds)
+                    _put_least_refuted(said, kinds, worst[row, column])
 
 
 @inlined
@@ -281,15 +284,17 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
 
 
 @inlined
-def _least_refuted(said: NDArray[np.float32], kinds: FloatArray) -> float:
-    """What is said of the kind that is refuted least, each sector within its bounds."""
-    most, least_refuted = np.float32(MOST_A_SECTOR), np.float32(-1e9)
+def _put_least_refuted(
+    said: NDArray[np.float32], kinds: FloatArray, worst: NDArray[np.float32]
+) -> None:
+    """Set what is said of the kind of each group that is refuted least, by bounded sectors."""
+    most = np.float32(MOST_A_SECTOR)
+    worst[:] = np.float32(-1e9)
     for kind in range(KINDS):
-        total = np.float32(kinds[kind, 1])
+        total, group = np.float32(kinds[kind, 1]), int(kinds[kind, 2])
         for sector in range(SECTORS):
             total += max(-most, min(most, said[sector, kind]))
-        least_refuted = max(least_refuted, total)
-    return float(least_refuted)
+        worst[group] = max(worst[group], total)
 
 
 @compiled

@@ -7,7 +7,7 @@ import pytest
 
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
 from usmap_ros.mapping.joint.open_space import ORIENTATIONS
-from usmap_ros.mapping.joint.usual_directions import log_priors
+from usmap_ros.mapping.joint.usual_directions import is_too_short, log_priors
 
 
 def wall(normal_rad: float, hits: int) -> MirrorWall:
@@ -46,3 +46,20 @@ def test_without_mirrors_surfaces_face_anywhere_and_none_is_round() -> None:
 
 def test_with_mirrors_round_things_are_as_likely_as_any() -> None:
     assert log_priors(ROOM)[ORIENTATIONS:, 1].tolist() == [0.0]
+
+
+@pytest.mark.parametrize("normal_rad", [0.0, 0.5 * math.pi])
+def test_a_wall_needs_its_length_between_what_is_refuted(normal_rad: float) -> None:
+    # Refuted but for a gap of five cells along a wall that faces the first way.
+    is_refuted = np.ones((20, 20), bool)
+    is_refuted[8:13, 10] = False
+    along = is_refuted if normal_rad == 0.0 else is_refuted.T
+    gap = ~along
+    assert is_too_short(along, normal_rad, 6)[gap].all()
+    assert not is_too_short(along, normal_rad, 5)[gap].any()
+
+
+def test_a_wall_may_stand_where_only_one_side_is_refuted() -> None:
+    is_refuted = np.zeros((20, 20), bool)
+    is_refuted[:8] = True
+    assert not is_too_short(is_refuted, 0.0, 8)[~is_refuted].any()

@@ -53,7 +53,7 @@ SUSPECTED = -0.5
 FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
 #: them: among lone things, and among walls.
-LONE, WALLED = (-1.3, 0.02), (-2.5, 0.1)
+LONE, WALLED = (-1.3, 0.02), (-2.5, 0.12)
 #: The first at the least and the other at the most among mirrors, heard from one side only.
 MIRRORED = (-2.0, 0.05)
 #: Smooth walls are not shorter than this, m; what is round is asked for by itself.

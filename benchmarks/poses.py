@@ -1,8 +1,10 @@
 """How far poses are off as odometry tells them, and as the echoes correct them.
 
 Three robots whose odometry drifts, in scenes drawn at random: ``python benchmarks/poses.py --seeds
-31 32 33``.  The maps that come of told, refined and true poses are compared with ``--maps``, which
-takes some minutes.
+31 32 33``.  NEES is the squared error of places over what the stated covariance makes one expect: 1
+if it is right.  The maps that come of told, refined and true poses are compared with ``--maps``,
+which takes some minutes: F1, known, leak and lost.  ``swarm`` are five robots with sensors that
+measure ranges only.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 import scenes
+from rangings import range_cones
 
 from usmap_ros.evaluation.scoring import score
 from usmap_ros.localisation import refine_poses
@@ -26,17 +29,34 @@ from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate, true_paths
 
 Ping = tuple[str, EchoCone]
-KINDS = ("poles", "rough_rooms", "smooth_rooms")
+KINDS = ("poles", "rough_rooms", "smooth_rooms", "flat_rough", "flat_smooth")
+#: Measures ranges only.
+SWARM = "swarm"
 
 
 def scenario(kind: str, seed: int, pings: int, speed_m_s: float) -> Scenario:
     """A scene in which three robots drift."""
-    content = scenes.scenario(kind, "plain", seed).model_dump()
+    is_swarm = kind == SWARM
+    content = scenes.scenario(kind, "ranges" if is_swarm else "plain", seed).model_dump()
     content["duration_s"] = pings / 10.0
     for robot in content["robots"]:
         robot |= {"odometry": {}, "pose_error": {}}
-        robot["motion"]["speed_m_s"] = speed_m_s
+        if not is_swarm:
+            robot["motion"]["speed_m_s"] = speed_m_s
     return Scenario.from_mapping(content, scenes.FLAT.parent / "drifting.yaml")
+
+
+def heard(scene: Scenario, kind: str) -> tuple[list[Ping], dict[tuple[str, int], Pose]]:
+    """What robots hear, with poses as told, and their true poses."""
+    pipeline = Pipeline()
+    told = [(topic, pipeline.reconstruct(trace)) for topic, trace in simulate(scene)]
+    true = places(true_paths(scene))
+    if kind != SWARM:
+        return told, true
+    # Ranges are read where the robots really are, and told from where they think they are.
+    reported = {(topic, one.stamp_ns): one.pose for topic, one in told}
+    exact = range_cones(scene)
+    return [(t, replace(one, pose=reported[t, one.stamp_ns])) for t, one in exact], true
 
 
 def places(paths: Mapping[str, Trajectory]) -> dict[tuple[str, int], Pose]:
@@ -57,14 +77,23 @@ def ate_m(pings: list[Ping], true: Mapping[tuple[str, int], Pose]) -> float:
 
 
 def map_score(scene: Scenario, pings: list[Ping]) -> str:
-    """F1 and known of the map that comes of pings."""
+    """F1, known, leak and lost of the map that comes of pings."""
     pipeline, paths = Pipeline(), RobotPaths()
     for topic, one in pings:
         pipeline.fuse(one)
         x_m, y_m, _ = map(float, one.pose.position_m)
         paths.add(topic, x_m, y_m, Beam.of(one), one.stamp_ns)
     found = score(pipeline.occupancy_map(), scene.truth_map(), paths.views())
-    return f"{found.f1:.2f} / {found.known:.2f}"
+    return f"{found.f1:.2f} / {found.known:.2f} / {found.leak:.3f} / {found.lost:.3f}"
+
+
+def nees(pings: list[Ping], true: Mapping[tuple[str, int], Pose]) -> float:
+    """Mean squared error of places, in units of what the stated covariance makes one expect."""
+    off_m = np.array(
+        [one.pose.position_m[:2] - true[topic, one.stamp_ns].position_m[:2] for topic, one in pings]
+    )
+    known = np.array([one.pose.planar_covariance[:2, :2] for _, one in pings]) + 1e-8 * np.eye(2)
+    return float(np.einsum("ni,nij,nj->n", off_m, np.linalg.inv(known), off_m).mean() / 2.0)
 
 
 def main() -> None:
@@ -76,20 +105,19 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=0.6)
     parser.add_argument("--maps", action="store_true", help="score maps, too")
     arguments = parser.parse_args()
-    more = ("told: F1 / known", "refined", "true") if arguments.maps else ()
-    columns = ("scene", "seed", "told", "refined", "ms a ping", *more)
+    more = ("told: F1 / known / leak / lost", "refined", "true") if arguments.maps else ()
+    columns = ("scene", "seed", "told", "refined", "NEES", "ms a ping", *more)
     print("| " + " | ".join(columns) + " |")
     print("|" + "---|" * len(columns))
     for kind in arguments.kinds:
         for seed in arguments.seeds:
-            scene, pipeline = scenario(kind, seed, arguments.pings, arguments.speed), Pipeline()
-            told = [(topic, pipeline.reconstruct(trace)) for topic, trace in simulate(scene)]
-            true = places(true_paths(scene))
+            scene = scenario(kind, seed, arguments.pings, arguments.speed)
+            told, true = heard(scene, kind)
             started_s = time.process_time()
             refined = refine_poses(told).pings
             cost_ms = (time.process_time() - started_s) / len(told) * 1e3
             row = [kind, str(seed), f"{ate_m(told, true):.3f}", f"{ate_m(refined, true):.3f}"]
-            row.append(f"{cost_ms:.1f}")
+            row += [f"{nees(refined, true):.1f}", f"{cost_ms:.1f}"]
             if arguments.maps:
                 exact = [(t, replace(one, pose=true[t, one.stamp_ns])) for t, one in told]
                 row += [map_score(scene, pings) for pings in (told, refined, exact)]

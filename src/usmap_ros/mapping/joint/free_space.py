@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, Field, X, Y
@@ -44,6 +43,7 @@ from usmap_ros.mapping.joint.usual_directions import is_too_short, log_priors
 from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled
 from usmap_ros.numerics.special import running_maximum
 from usmap_ros.processes.threads import for_each
 
@@ -122,7 +122,8 @@ class FreeSpace:
         closed |= smooth.suspected()
         refuted, unknown = _thresholds(occupied, on_lines, bool(smooth.mirrors))
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
-        changed, kinds = np.ones(len(self._pings), bool), log_priors(smooth.mirrors)
+        changed = np.ones(len(self._pings), bool)
+        kinds = log_priors(smooth.mirrors, len(smooth.columns) / max(1, len(walls.lines)))
 
         def refute(left: NDArray[np.uint8], changed: BoolArray) -> None:
             for_each(
@@ -253,10 +254,10 @@ def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolA
     occupied : (rows, columns) bool array
         What stands, and leads nowhere.
     """
-    regions, count = label(over_block(free) & ~occupied)
-    leads = np.zeros(count + 1, bool)
-    leads[regions[is_open]] = True
-    connected: BoolArray = free & leads[regions]
+    leads = over_block(free) & ~occupied
+    reached = is_open & leads
+    _flood(leads, reached)
+    connected: BoolArray = free & reached
     return connected
 
 
@@ -270,3 +271,28 @@ def _thresholds(occupied: BoolArray, on_lines: BoolArray, has_mirrors: bool) -> 
     if has_mirrors:
         return max(refuted, MIRRORED[0]), min(unknown, MIRRORED[1])
     return refuted, unknown
+
+
+@compiled
+def _flood(leads: BoolArray, reached: BoolArray) -> None:
+    """Reach whatever lies beside what is reached, if it leads anywhere."""
+    rows, columns = leads.shape
+    waiting = np.empty((rows * columns, 2), np.int64)
+    count = 0
+    for row in range(rows):
+        for column in range(columns):
+            if reached[row, column]:
+                waiting[count] = row, column
+                count += 1
+    while count > 0:
+        count -= 1
+        row, column = waiting[count]
+        for step in range(4):
+            beside_row = row + (step == 0) - (step == 1)
+            beside = column + (step == 2) - (step == 3)
+            if not (0 <= beside_row < rows and 0 <= beside < columns):
+                continue
+            if leads[beside_row, beside] and not reached[beside_row, beside]:
+                reached[beside_row, beside] = True
+                waiting[count] = beside_row, beside
+                count += 1

@@ -18,7 +18,7 @@ NEAR = math.sin(math.pi / ORIENTATIONS)
 NEVER = -1e3
 
 
-def log_priors(walls: list[MirrorWall]) -> FloatArray:
+def log_priors(walls: list[MirrorWall], columns_a_line: float = 0.0) -> FloatArray:
     """Orientations that are asked for in each cell, and how much rarer surfaces like these are.
 
     Parameters
@@ -27,6 +27,9 @@ def log_priors(walls: list[MirrorWall]) -> FloatArray:
         All that are known. Where there are none, surfaces may face anywhere, and are heard from
         any side; where there are, orientations are counted from that of most, and something
         round that answers every view, as smooth walls answer square ones, is asked for as well.
+    columns_a_line : float
+        Round columns that were found for each line of a wall: so often others may stand, where
+        there are no mirrors.
 
     Returns
     -------
@@ -38,7 +41,8 @@ def log_priors(walls: list[MirrorWall]) -> FloatArray:
     kinds[:, 2] = OTHERS
     kinds[:ORIENTATIONS, 0] = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
     if not walls:
-        kinds[ORIENTATIONS:, 1] = NEVER
+        is_round = min(1.0, columns_a_line)
+        kinds[ORIENTATIONS:, 1] = math.log(is_round) if is_round else NEVER
         return kinds
     normals = np.array([wall.normal_rad for wall in walls])
     hits = np.array([len(wall.echoes) for wall in walls])

@@ -44,6 +44,11 @@ def test_without_mirrors_surfaces_face_anywhere_and_none_is_round() -> None:
     assert (kinds[ORIENTATIONS:, 1] < -100.0).all()
 
 
+def test_where_columns_were_found_there_may_be_others() -> None:
+    for columns_a_line, prior in ((0.25, math.log(0.25)), (1.0, 0.0), (3.0, 0.0)):
+        assert log_priors([], columns_a_line)[ORIENTATIONS:, 1].tolist() == [prior]
+
+
 def test_with_mirrors_round_things_are_as_likely_as_any() -> None:
     assert log_priors(ROOM)[ORIENTATIONS:, 1].tolist() == [0.0]
 

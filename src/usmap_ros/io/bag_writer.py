@@ -159,8 +159,7 @@ class BagWriter:
 
     def finish(self) -> None:
         """Complete the file and write ``metadata.yaml``."""
-        # mcap gives this method no types.
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap gives it no types
         self._file.close()
         text = yaml.dump(self._metadata(), Dumper=_PlainDumper, sort_keys=False)
         write_atomically(self._folder / "metadata.yaml", text.encode())

@@ -97,8 +97,7 @@ class _BoundedLoader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Read a node, and count what it stands for."""
-        # PyYAML's stubs leave its parser untyped.
-        event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
+        event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]  # stubs have none
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise _refused(f"nests deeper than {MAX_DEPTH} groups", event.start_mark)

@@ -76,10 +76,8 @@ class ReceiverSurvey:
 
     def known(self, topic: str) -> ReconstructionParameters | None:
         """Parameters for the transducers of one topic; None if nothing was learnt of them."""
-        known = self._parameters
         measured, ringing = self._judged(topic)
-        if measured is not None and known.pulse.learn:
-            known = _with_pulse(known, measured)
+        known = _with_pulse(self._parameters, measured)
         if ringing is not None:
             known = known.model_copy(update={"ringing": ringing.parameters})
         return None if known is self._parameters else known
@@ -89,10 +87,8 @@ class ReceiverSurvey:
         apart = self._apart[topic]
         judged, pulse, ringing = self._learnt.get(topic, (-1, None, None))
         if judged < len(apart):
-            known = self._parameters
             pulse = self._measured(apart if self.has_moved(topic) else self._first[topic])
-            if pulse is not None and known.pulse.learn:
-                known = _with_pulse(known, pulse)
+            known = _with_pulse(self._parameters, pulse)
             ringing = ringing_of(apart, known) if self._finds_ringing else None
             self._learnt[topic] = len(apart), pulse, ringing
         return pulse, ringing
@@ -141,8 +137,11 @@ def _said_of_pulse(measured: MeasuredPulse, *, is_learnt: bool) -> str:
 
 
 def _with_pulse(
-    parameters: ReconstructionParameters, measured: MeasuredPulse
+    parameters: ReconstructionParameters, measured: MeasuredPulse | None
 ) -> ReconstructionParameters:
+    """Parameters with a pulse that was learnt, where there is one and it is wanted."""
+    if measured is None or not parameters.pulse.learn:
+        return parameters
     exclusion = parameters.exclusion
     if "exclusion" not in parameters.model_fields_set:
         exclusion = min(exclusion, _RINGING_EXCLUSION)

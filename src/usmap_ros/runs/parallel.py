@@ -95,7 +95,7 @@ class Reconstructors:
         levels = self._pipeline.noise.levels(stretch.traces_without_noise())
         # An open file cannot be sent.
         stretch.messages.close()
-        return executor.submit(stretch_cones, stretch, levels, self._pipeline.pulses)
+        return executor.submit(stretch_cones, stretch, levels, self._pipeline.reception)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class StretchCones:
 
 
 def stretch_cones(
-    stretch: TraceStretch, levels: Sequence[float], pulses: LearntReception
+    stretch: TraceStretch, levels: Sequence[float], reception: LearntReception
 ) -> StretchCones:
     """Read and reconstruct a stretch of a recording.
 
@@ -125,7 +125,7 @@ def stretch_cones(
         Where the traces lie that are to be reconstructed.
     levels : sequence of float
         Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
-    pulses : LearntReception
+    reception : LearntReception
         How each trace is reconstructed.
     """
     skipped: list[tuple[str, MalformedMessageError]] = []
@@ -139,7 +139,7 @@ def stretch_cones(
 
     try:
         traces = ((topic, with_noise(trace)) for topic, trace in stretch.traces(skip))
-        return StretchCones(list(_cones(traces, pulses, skip)), skipped)
+        return StretchCones(list(_cones(traces, reception, skip)), skipped)
     finally:
         stretch.messages.close()
 
@@ -159,15 +159,15 @@ def cones_of(
         Told of traces that cannot be reconstructed.
     """
     stated = ((topic, pipeline.noise.with_noise(trace)) for topic, trace in traces)
-    return _cones(stated, pipeline.pulses, skip)
+    return _cones(stated, pipeline.reception, skip)
 
 
 def _cones(
-    traces: Iterable[RecordedTrace], pulses: LearntReception, skip: Skip
+    traces: Iterable[RecordedTrace], reception: LearntReception, skip: Skip
 ) -> Iterator[tuple[str, EchoCone]]:
     for sounding in soundings(traces):
         pinged = [trace for _, trace in sounding]
-        found = reconstruct_sounding(pinged, pulses.of(pinged))
+        found = reconstruct_sounding(pinged, reception.of(pinged))
         for (topic, trace), one in zip(sounding, found, strict=True):
             if isinstance(one, MalformedMessageError):
                 skip(f"{topic} at {trace.stamp_ns / 1e9:.6f} s", one)

@@ -54,7 +54,7 @@ class Pipeline:
         The map, with its frame and stamp.
     noise : SharedNoise
         What is known of the noise of transducers that state none.
-    pulses : LearntReception
+    reception : LearntReception
         How traces are reconstructed, by what was learnt of their transducers.
     resumed : GridGeometry or None
         Where the cells of the map lie that it started from, if there was one.
@@ -72,7 +72,7 @@ class Pipeline:
         self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
         self.noise = SharedNoise(self.parameters.reconstruction)
         self.resumed: GridGeometry | None = None
-        self.pulses = LearntReception(self.parameters.reconstruction)
+        self.reception = LearntReception(self.parameters.reconstruction)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
         """Return the echoes in a trace, and how loud an unheard one might have been.
@@ -82,11 +82,11 @@ class Pipeline:
         MalformedMessageError
             If the trace cannot be reconstructed.
         """
-        return reconstruct(self.noise.with_noise(trace), self.pulses.of([trace])).cone
+        return reconstruct(self.noise.with_noise(trace), self.reception.of([trace])).cone
 
     def learn_reception(self, survey: ReceiverSurvey, topic: str) -> None:
         """Reconstruct by the pulse that a survey has learnt of a topic, if any, from now on."""
-        self.pulses = self.pulses.with_those_of(survey, topic)
+        self.reception = self.reception.with_those_of(survey, topic)
 
     def reconstruct_sounding(
         self, traces: Sequence[EchoTrace]
@@ -102,7 +102,7 @@ class Pipeline:
         with_noise = [self.noise.with_noise(trace) for trace in traces]
         return [
             found.cone if isinstance(found, Reconstruction) else found
-            for found in reconstruct_sounding(with_noise, self.pulses.of(with_noise))
+            for found in reconstruct_sounding(with_noise, self.reception.of(with_noise))
         ]
 
     def fuse(self, cone: EchoCone, source: str = "") -> None:

@@ -81,7 +81,7 @@ def test_one_object_is_one_echo_again(bag: Path, caplog: pytest.LogCaptureFixtur
     learnt, pipeline = mapped(bag, learn=True)
     assert "/robot1/echo: the stated pulse leaves" in caplog.text
     assert "is used instead" in caplog.text
-    assert list(pipeline.pulses.learnt) == ["robot1/sonar"]
+    assert list(pipeline.reception.learnt) == ["robot1/sonar"]
     assert as_stated > 2.0 * learnt
     assert learnt < 5.0
 
@@ -147,7 +147,7 @@ def test_a_pulse_that_is_as_stated_is_not_replaced(
         survey.add(topic, trace)
     for topic in {robot.name: f"/{robot.name}/echo" for robot in scenario.robots}.values():
         pipeline.learn_reception(survey, topic)
-    assert pipeline.pulses.learnt == {}
+    assert pipeline.reception.learnt == {}
 
 
 def test_live_it_is_learnt_after_some_pings(traces: Traces) -> None:

@@ -87,7 +87,7 @@ def test_a_recording_says_what_was_learnt(tmp_path: Path, caplog: pytest.LogCapt
     with BagReader([tmp_path / "bag"]) as bag:
         learn_reception(bag, pipeline)
     assert f"{TOPIC}: it hears itself in every ping, 0.31, 0.45 m away" in caplog.text
-    assert len(pipeline.pulses.of(moving[:1]).ringing.ranges_m) == 2
+    assert len(pipeline.reception.of(moving[:1]).ringing.ranges_m) == 2
 
 
 @pytest.mark.parametrize("name", ["poles", "floor", "room", "nav2_map"])

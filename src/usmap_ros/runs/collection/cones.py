@@ -69,14 +69,14 @@ class Divided:
     stretches : list of (path, TraceStretch, list of float)
         Where cones are to be written, of which traces, and levels of noise of those that state
         none.
-    pulses : LearntReception
+    reception : LearntReception
         How they are reconstructed.
     """
 
     name: Path
     begun: Cones
     stretches: list[tuple[Path, TraceStretch, list[float]]]
-    pulses: LearntReception
+    reception: LearntReception
 
 
 def find_recordings(places: Sequence[Path], besides: Path) -> list[Path]:
@@ -143,7 +143,7 @@ def cones_of_recording(
         cones = bag.range_cones() if is_long else recorded_cones(bag, workers)
         made = _write(name, cones, bag.skipped)
     if is_long:
-        return Divided(name, replace(made, warnings=warnings), stretches, pipeline.pulses)
+        return Divided(name, replace(made, warnings=warnings), stretches, pipeline.reception)
     if not made.paths:
         raise nothing_usable([recording], bag.skipped.by_field)
     return keep(name, replace(made, warnings=warnings))
@@ -160,7 +160,7 @@ def _stretches(
 
 
 def cones_of_stretch(
-    name: Path, stretch: TraceStretch, levels: list[float], pulses: LearntReception
+    name: Path, stretch: TraceStretch, levels: list[float], reception: LearntReception
 ) -> Cones:
     """Reconstruct a stretch of a recording into a file, unless that was done before.
 
@@ -172,7 +172,7 @@ def cones_of_stretch(
     if (kept := _kept(name)) is not None:
         return kept
     with _warnings() as warnings:
-        found = stretch_cones(stretch, levels, pulses)
+        found = stretch_cones(stretch, levels, reception)
         skipped = SkippedMessages()
         for source, error in found.skipped:
             skipped.add(source, error)

@@ -165,7 +165,9 @@ def _reconstructed(
     owners = [
         (number, place) for number in divided for place in range(len(divided[number].stretches))
     ]
-    work = [(*divided[number].stretches[place], divided[number].pulses) for number, place in owners]
+    work = [
+        (*divided[number].stretches[place], divided[number].reception) for number, place in owners
+    ]
     parts: dict[int, dict[int, Cones | Failure]] = {number: {} for number in divided}
     for done, made in results(executor, cones_of_stretch, work):
         number, place = owners[done]

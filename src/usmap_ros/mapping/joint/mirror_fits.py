@@ -7,28 +7,33 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.beams import (
+    LOOKING_SHARE,
+    WITHIN_GREATEST_M,
+    WITHIN_LEAST_M,
+    amplitude_gain,
+    off_axis,
+)
 from usmap_ros.mapping.joint.echoes import Echoes
 from usmap_ros.mapping.joint.field import (
     ABSORPTION,
     BIN_M,
     GREATEST_RANGE,
     HALF_ANGLE,
-    HEADING,
     LEAST_RANGE,
     X,
     Y,
 )
 from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.compiled import compiled
 
 #: Directions of normals that are voted for, and width of a step of ρ, m.
 DIRECTIONS, STEP_M = 180, 0.025
 #: Places with most votes, and candidates among them, at the most.
 MOST_CANDIDATES, MOST_TRIES = 6000, 600
-#: Share of the half angle within which the foot must be, for votes and for looks.
-VOTING_SHARE, LOOKING_SHARE = 0.9, 0.93
+#: Share of the half angle within which the foot must be for votes, and least gain of a beam.
+VOTING_SHARE, LEAST_GAIN = 0.9, 1e-3
 #: An echo is a wall's if it is so near to where it should be: first, and after refinement.
 TOLERANCES_M = (0.04, 0.03, 0.03)
 #: A silent ping counts as a miss if the faintest mirror would have been so many times as loud as
@@ -81,14 +86,6 @@ def candidates(
     return [(f * 2.0 * math.pi / DIRECTIONS, k * STEP_M - reach_m) for f, k in kept]
 
 
-@inlined
-def _gain(looks: Looks, ping: int, off_rad: float) -> float:
-    """Amplitude gain of a beam at an angle off its axis."""
-    half = looks.numbers[ping, HALF_ANGLE]
-    entry = int((1.0 - math.cos(off_rad)) / (1.0 - math.cos(half)) * GAIN_STEPS)
-    return max(math.sqrt(looks.power_gain[ping, min(max(entry, 0), GAIN_STEPS)]), 1e-3)
-
-
 @compiled
 def _vote(
     looks: Looks,
@@ -111,11 +108,10 @@ def _vote(
             level *= math.exp(0.5 * numbers[ABSORPTION] * range_m)
             for f in range(DIRECTIONS):
                 normal = f * 2.0 * math.pi / DIRECTIONS
-                off = normal - numbers[HEADING]
-                off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+                off = off_axis(looks, pings[index], normal)
                 if abs(off) > VOTING_SHARE * numbers[HALF_ANGLE]:
                     continue
-                gain = _gain(looks, pings[index], off)
+                gain = max(amplitude_gain(looks, pings[index], off), LEAST_GAIN)
                 if level < mirrors[0] * gain or level > mirrors[1] * gain:
                     continue
                 foot = numbers[X] * math.cos(normal) + numbers[Y] * math.sin(normal)
@@ -161,13 +157,13 @@ def fit(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 - a kernel is one loo
         for index in range(count):
             numbers = looks.numbers[pings[index]]
             across = distance_m - (numbers[X] * cosine + numbers[Y] * sine)
-            least, greatest = numbers[LEAST_RANGE] + 0.02, numbers[GREATEST_RANGE] - 0.05
-            off = normal_rad - numbers[HEADING]
-            off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+            least = numbers[LEAST_RANGE] + WITHIN_LEAST_M
+            greatest = numbers[GREATEST_RANGE] - WITHIN_GREATEST_M
+            off = off_axis(looks, pings[index], normal_rad)
             half = numbers[HALF_ANGLE]
             if across <= least or across >= greatest or abs(off) >= LOOKING_SHARE * half:
                 continue
-            gain = _gain(looks, pings[index], off)
+            gain = max(amplitude_gain(looks, pings[index], off), LEAST_GAIN)
             nearest, nearest_echo, mirror_of = TOLERANCES_M[turn], -1, 1.0
             for echo in range(echoes.start[index], echoes.start[index + 1]):
                 away = abs(echoes.range_m[echo] - across)

@@ -196,20 +196,24 @@ def _squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> l
     squared = list[MirrorWall]()
     for wall in walls:
         turn = (direction - wall.normal_rad + 0.5 * quarter) % quarter - 0.5 * quarter
-        if wall.end_m - wall.begin_m < SHORT_M and abs(turn) < UNSURE_RAD:
-            normal_rad, heard_from_m = wall.normal_rad + turn, places_m[wall.pings]
-            cosine, sine = math.cos(normal_rad), math.sin(normal_rad)
-            distances_m = heard_from_m @ (cosine, sine) + echoes.range_m[wall.echoes]
-            feet_m = heard_from_m @ (-sine, cosine)
-            wall = replace(  # noqa: PLW2901 - the same wall, turned
-                wall,
-                normal_rad=normal_rad,
-                distance_m=float(np.median(distances_m)),
-                begin_m=float(feet_m.min()),
-                end_m=float(feet_m.max()),
-            )
-        squared.append(wall)
+        is_unsure = wall.end_m - wall.begin_m < SHORT_M and abs(turn) < UNSURE_RAD
+        squared.append(_turned(wall, turn, places_m, echoes) if is_unsure else wall)
     return squared
+
+
+def _turned(wall: MirrorWall, turn: float, places_m: FloatArray, echoes: Echoes) -> MirrorWall:
+    """The wall that faces otherwise and fits its echoes best."""
+    normal_rad, heard_from_m = wall.normal_rad + turn, places_m[wall.pings]
+    cosine, sine = math.cos(normal_rad), math.sin(normal_rad)
+    distances_m = heard_from_m @ (cosine, sine) + echoes.range_m[wall.echoes]
+    feet_m = heard_from_m @ (-sine, cosine)
+    return replace(
+        wall,
+        normal_rad=normal_rad,
+        distance_m=float(np.median(distances_m)),
+        begin_m=float(feet_m.min()),
+        end_m=float(feet_m.max()),
+    )
 
 
 def _found(

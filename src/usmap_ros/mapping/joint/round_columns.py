@@ -15,12 +15,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.beams import (
+    LOOKING_SHARE,
+    WITHIN_GREATEST_M,
+    WITHIN_LEAST_M,
+    amplitude_gain,
+    off_axis,
+)
 from usmap_ros.mapping.joint.echoes import Echoes, count_between
-from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, HALF_ANGLE, HEADING, Field, X, Y
+from usmap_ros.mapping.joint.field import (
+    BIN_M,
+    GREATEST_RANGE,
+    HALF_ANGLE,
+    HEADING,
+    LEAST_RANGE,
+    Field,
+    X,
+    Y,
+)
 from usmap_ros.mapping.joint.log_odds import over_block
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import GAIN_STEPS, SILENCE
+from usmap_ros.mapping.ping_bins import SILENCE
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 
@@ -45,6 +61,8 @@ SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
 #: Amplitude reflectivity of the faintest column that a silent ping counts against, how much louder
 #: than what would have been reported it would be, and share of the sound that must get there.
 FAINTEST, LOUD, CLEAR_SHARE = 0.3, 1.3, 0.6
+#: Least amplitude gain of a beam.
+LEAST_GAIN = 1e-4
 #: Steps of Gauss and Newton to the point that hits of a column are compared with.
 POINT_STEPS = 5
 #: No surface is nearer to a robot's path than this.
@@ -336,12 +354,14 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         x, y = place[0] - numbers[X], place[1] - numbers[Y]
         distance = math.sqrt(x * x + y * y)
         across = distance - place[2]
-        if across <= numbers[9] + 0.02 or across >= numbers[GREATEST_RANGE] - 0.05:
+        least, greatest = (
+            numbers[LEAST_RANGE] + WITHIN_LEAST_M, numbers[GREATEST_RANGE] - WITHIN_GREATEST_M,
+        )  # fmt: skip
+        if across <= least or across >= greatest:
             continue
-        off = math.atan2(y, x) - numbers[HEADING]
-        off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+        off = off_axis(looks, ping, math.atan2(y, x))
         half = numbers[HALF_ANGLE]
-        if abs(off) >= 0.93 * half:
+        if abs(off) >= LOOKING_SHARE * half:
             continue
         ray = min(max(int((off + half) * RAYS / (2.0 * half)), 0), RAYS - 1)
         step = min(max(int((across - 0.15) * STEPS / numbers[GREATEST_RANGE]), 0), STEPS - 1)
@@ -360,9 +380,8 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         if any_echo:
             # Somebody else's echo covers it.
             continue
-        entry = int((1.0 - math.cos(off)) / (1.0 - math.cos(half)) * GAIN_STEPS)
-        gain = math.sqrt(max(looks.power_gain[ping, min(max(entry, 0), GAIN_STEPS)], 1e-8))
-        b = min(int((across - numbers[9]) / numbers[BIN_M]), looks.bins[ping] - 1)
+        gain = max(amplitude_gain(looks, ping, off), LEAST_GAIN)
+        b = min(int((across - numbers[LEAST_RANGE]) / numbers[BIN_M]), looks.bins[ping] - 1)
         limit = math.sqrt(looks.limit[ping, b])
         if looks.kind[ping, b] == SILENCE and FAINTEST * gain / across**2 > LOUD * limit:
             misses += 1

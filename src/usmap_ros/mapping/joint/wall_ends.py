@@ -16,6 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.beams import LOOKING_SHARE, WITHIN_GREATEST_M, WITHIN_LEAST_M
 from usmap_ros.mapping.joint.echoes import Echoes
 from usmap_ros.mapping.joint.field import (
     ABSORPTION,
@@ -27,7 +28,6 @@ from usmap_ros.mapping.joint.field import (
     X,
     Y,
 )
-from usmap_ros.mapping.joint.mirror_fits import LOOKING_SHARE
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.round_columns import RoundColumn
@@ -148,8 +148,10 @@ class WallEnds:
         numbers = self._numbers
         off = np.angle(np.exp(1j * (wall.normal_rad - numbers[:, HEADING])))
         half = numbers[:, HALF_ANGLE]
-        inside = (across > numbers[:, LEAST_RANGE] + 0.02) & (np.abs(off) < LOOKING_SHARE * half)
-        asked = np.flatnonzero(beside & inside & (across < numbers[:, GREATEST_RANGE] - 0.05))
+        inside = (across > numbers[:, LEAST_RANGE] + WITHIN_LEAST_M) & (
+            across < numbers[:, GREATEST_RANGE] - WITHIN_GREATEST_M
+        )
+        asked = np.flatnonzero(beside & inside & (np.abs(off) < LOOKING_SHARE * half))
         near = np.abs(self._echoes.range_m - across[self._echo_ping]) < TOLERANCE_M
         heard = np.bincount(self._echo_ping[near], minlength=len(across))[asked] > 0
         numbers, across, off, half = numbers[asked], across[asked], off[asked], half[asked]

@@ -15,6 +15,9 @@ from usmap_ros.numerics.arrays import BoolArray
 QUARTERS = 4
 #: Columns of `Looks.numbers`: position, heading, half angle, and range limits.
 X, Y, HEADING, HALF_ANGLE, LEAST_RANGE, GREATEST_RANGE = 0, 1, 6, 7, 9, 10
+#: Axis of the beam, a unit vector, cosine of half its angle, and how far above the transducer is
+#: what stands on the map.
+AXIS_X, AXIS_Y, AXIS_Z, COS_HALF_ANGLE, RISE = 2, 3, 4, 8, 5
 #: Share of the power that air takes, per metre of range (there and back), as an exponent.
 ABSORPTION = 11
 #: Width of a range bin, and power of the receiver's noise.

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.estimate import JointEstimate
-from usmap_ros.mapping.joint.field import HEADING, NOISE, QUARTERS, X, Y, field_around
+from usmap_ros.mapping.joint.field import (
+    AXIS_X,
+    AXIS_Y,
+    HEADING,
+    NOISE,
+    QUARTERS,
+    X,
+    Y,
+    field_around,
+)
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.log_odds import hiding, judged, optical_depth
 from usmap_ros.mapping.joint.power_estimation import expect_powers
@@ -35,8 +44,6 @@ SEEN = 8.0
 ROUNDS = 3
 #: Errors of heading that are looked for.
 TURNS_RAD = (-0.35, -0.2, -0.1, 0.1, 0.2, 0.35)
-#: Columns of `Looks.numbers` with the axis of a beam on the plane.
-AXIS_X, AXIS_Y = 2, 3
 
 
 class Expected(NamedTuple):

@@ -13,7 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import GREATEST_RANGE, QUARTERS, Field, X, Y
+from usmap_ros.mapping.joint.beams import is_beside
+from usmap_ros.mapping.joint.field import (
+    BIN_M,
+    GREATEST_RANGE,
+    LEAST_RANGE,
+    QUARTERS,
+    Field,
+    X,
+    Y,
+)
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.response import (
     FIRST_DB,
@@ -56,34 +65,44 @@ OPEN_CELLS = 1.5
 PROVING_SHARE, PROVING_SOUND, PROVEN_CELLS = 0.6, 0.3, 1.8
 
 
-class _Nearby(NamedTuple):
-    """Pings that may sound a block of cells, and those of them that sound one cell: float32 arrays.
+class _Seen(NamedTuple):
+    """Cells of a block that are asked for, and those of them that one ping sounds.
 
     Parameters
     ----------
-    number, ping : (pings,) int64 arrays
-        Which pings, and their rows of the looks.
-    numbers : (12, pings) array
-        x and y of the middle of the block from each, and of its axis; axis times rise; squares of
-        the rise, of the cosine of the half angle, with its sign, and of the least and greatest
-        range; cosine and sine of the heading; absorption.
-    which : (pings,) int64 array
-        Those that sound the cell, of the former.
-    x, y, distance, ahead, loudness, off : (pings,) float32 arrays
-        Where the cell is from them, how far, and the cosine of its angle off the axis; power that
-        an object of power 1 would return but for the beam; angle off the heading.
+    cell : (cells,) int64 array
+        Place in the block of each that is asked for.
+    right, up : (cells,) float32 arrays
+        Where each is, from the middle of the block, m.
+    which : (cells,) int64 array
+        Those that the ping sounds, of the former.
+    x, y, distance, ahead, loudness, sound : (cells,) float32 arrays
+        Where the cell is from it, how far, and the cosine of its angle off the axis; power that an
+        object of power 1 would return, over what would have been reported; share of the sound that
+        gets there.
+    bin, entry, ray, step, loud, share, sector, degrees : (cells,) int32 arrays
+        Range bin; places in the tables of gains and of rays; classes of loudness and of the share
+        of the sound; sector and direction of view.
     """
 
-    number: NDArray[np.int64]
-    ping: NDArray[np.int64]
-    numbers: NDArray[np.float32]
+    cell: NDArray[np.int64]
+    right: NDArray[np.float32]
+    up: NDArray[np.float32]
     which: NDArray[np.int64]
     x: NDArray[np.float32]
     y: NDArray[np.float32]
     distance: NDArray[np.float32]
     ahead: NDArray[np.float32]
     loudness: NDArray[np.float32]
-    off: NDArray[np.float32]
+    sound: NDArray[np.float32]
+    bin: NDArray[np.int32]
+    entry: NDArray[np.int32]
+    ray: NDArray[np.int32]
+    step: NDArray[np.int32]
+    loud: NDArray[np.int32]
+    share: NDArray[np.int32]
+    sector: NDArray[np.int32]
+    degrees: NDArray[np.int32]
 
 
 @compiled
@@ -117,31 +136,41 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         Of the kind of each group that is refuted least, 0 where nothing is known; set where it
         changes.
     """
-    said = np.empty((SECTORS, KINDS), np.float32)
-    classes, silence = _classes(kinds), _silence(log_silent)
-    most = len(pings)
-    near = _Nearby(
-        np.empty(most, np.int64), np.empty(most, np.int64), np.empty((12, most), np.float32),
-        np.empty(most, np.int64),
-        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
-        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
+    size = BLOCK * BLOCK
+    said = np.empty((size, SECTORS, KINDS), np.float32)
+    classes, silence, ways = _classes(kinds), _silence(log_silent), _ways(log_silent)
+    near = np.empty(len(pings), np.int64)
+    seen = _Seen(
+        np.empty(size, np.int64), np.empty(size, np.float32), np.empty(size, np.float32),
+        np.empty(size, np.int64),
+        np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32),
+        np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32),
+        np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.int32),
+        np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.int32),
+        np.empty(size, np.int32), np.empty(size, np.int32),
     )  # fmt: skip
     for bottom in range(0, field.rows, BLOCK):
         for start in range(0, field.columns, BLOCK):
-            end, right = min(bottom + BLOCK, field.rows), min(start + BLOCK, field.columns)
-            if not wanted[bottom:end, start:right].any():
+            cells = _find_wanted(wanted, bottom, start, field.resolution_m, seen)
+            if not cells:
                 continue
             around, is_new = _find_near(looks, pings, field, bottom, start, changed, near)
             if not is_new:
                 continue
-            for row in range(bottom, end):
-                for column in range(start, right):
-                    if not wanted[row, column]:
-                        continue
-                    count = _sound(field, row, column, around, near)
-                    said[:] = 0.0
-                    _add_said(looks, field, left, listening, silence, classes, count, near, said)
-                    _put_least_refuted(said, kinds, worst[row, column])
+            middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
+            middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
+            said[:cells] = 0.0
+            for place in range(around):
+                index = near[place]
+                # From the middle of the block, so that little is lost in single precision.
+                x_m = middle_x - looks.numbers[pings[index], X]
+                y_m = middle_y - looks.numbers[pings[index], Y]
+                count = _sound(looks, pings[index], field.resolution_m, x_m, y_m, cells, seen)
+                count = _hear(looks, pings[index], left[index], listening.limit[index], count, seen)
+                _add_said(index, listening, silence, classes, ways, count, seen, said)
+            for place in range(cells):
+                up, right = divmod(seen.cell[place], BLOCK)
+                _put_least_refuted(said[place], ways, kinds, worst[bottom + up, start + right])
 
 
 @inlined
@@ -171,6 +200,32 @@ def _silence(log_silent: FloatArray) -> NDArray[np.float32]:
 
 
 @inlined
+def _ways(log_silent: FloatArray) -> int:
+    """How many orientations differ: what answers alike at any incidence has only one."""
+    for loud in range(log_silent.shape[0]):
+        for incidence in range(1, INCIDENCES):
+            if log_silent[loud, incidence] != log_silent[loud, 0]:
+                return ORIENTATIONS
+    return 1
+
+
+@inlined
+def _find_wanted(
+    wanted: BoolArray, bottom: int, start: int, resolution_m: float, seen: _Seen
+) -> int:
+    """Set the cells of a block that are asked for; returns how many there are."""
+    cells = 0
+    for row in range(bottom, min(bottom + BLOCK, wanted.shape[0])):
+        for column in range(start, min(start + BLOCK, wanted.shape[1])):
+            if wanted[row, column]:
+                seen.cell[cells] = (row - bottom) * BLOCK + column - start
+                seen.right[cells] = (column - start + 0.5 - 0.5 * BLOCK) * resolution_m
+                seen.up[cells] = (row - bottom + 0.5 - 0.5 * BLOCK) * resolution_m
+                cells += 1
+    return cells
+
+
+@inlined
 def _find_near(
     looks: Looks,
     pings: NDArray[np.int64],
@@ -178,7 +233,7 @@ def _find_near(
     bottom: int,
     start: int,
     changed: BoolArray,
-    near: _Nearby,
+    near: NDArray[np.int64],
 ) -> tuple[int, bool]:
     """Set the pings that may sound a block; returns how many there are, and if any has changed."""
     count, radius, is_new = 0, 0.75 * BLOCK * field.resolution_m, False
@@ -186,114 +241,131 @@ def _find_near(
     middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
     for index in range(len(pings)):
         numbers = looks.numbers[pings[index]]
-        x, y = middle_x - numbers[0], middle_y - numbers[1]
+        x, y = middle_x - numbers[X], middle_y - numbers[Y]
         far = numbers[GREATEST_RANGE] + radius
-        behind = numbers[8] > 0.0 and numbers[2] * x + numbers[3] * y < -radius
-        if x * x + y * y >= far * far or behind:
+        if x * x + y * y >= far * far or is_beside(numbers, x, y, radius):
             continue
-        near.number[count], near.ping[count] = index, pings[index]
+        near[count] = index
         is_new = is_new or changed[index]
-        # From the middle of the block, so that little is lost in single precision.
-        near.numbers[0, count], near.numbers[1, count] = x, y
-        near.numbers[2, count], near.numbers[3, count] = numbers[2], numbers[3]
-        near.numbers[4, count] = numbers[4] * numbers[5]
-        near.numbers[5, count] = numbers[5] * numbers[5]
-        near.numbers[6, count] = numbers[8] * abs(numbers[8])
-        near.numbers[7, count] = numbers[9] * numbers[9]
-        near.numbers[8, count] = numbers[GREATEST_RANGE] * numbers[GREATEST_RANGE]
-        near.numbers[9, count] = math.cos(numbers[6])
-        near.numbers[10, count] = math.sin(numbers[6])
-        near.numbers[11, count] = -numbers[11]
         count += 1
     return count, is_new
 
 
 @inlined
-def _sound(field: Field, row: int, column: int, around: int, near: _Nearby) -> int:
-    """Set how pings sound a cell; returns how many do.  The same as `response.sounded`."""
-    beside = np.float32((column % BLOCK + 0.5 - 0.5 * BLOCK) * field.resolution_m)
-    above = np.float32((row % BLOCK + 0.5 - 0.5 * BLOCK) * field.resolution_m)
-    numbers, count = near.numbers, 0
-    for k in range(around):
-        x, y = numbers[0, k] + beside, numbers[1, k] + above
-        squared = x * x + y * y + numbers[5, k]
-        ahead = numbers[2, k] * x + numbers[3, k] * y + numbers[4, k]
-        near.which[count], near.x[count], near.y[count] = k, x, y
-        near.distance[count], near.ahead[count] = np.sqrt(squared), ahead
-        is_inside = (squared > numbers[7, k]) & (squared < numbers[8, k])
-        count += is_inside & (ahead * abs(ahead) > squared * numbers[6, k])
+def _sound(
+    looks: Looks, ping: int, resolution_m: float, x_m: float, y_m: float, cells: int, seen: _Seen
+) -> int:
+    """Set how a ping sounds cells; returns how many it does.  The same as `response.sounded`."""
+    numbers, count = looks.numbers[ping], 0
+    x0, y0, axis_x, axis_y = (
+        np.float32(x_m), np.float32(y_m), np.float32(numbers[2]), np.float32(numbers[3]),
+    )  # fmt: skip
+    up, risen = np.float32(numbers[4] * numbers[5]), np.float32(numbers[5] * numbers[5])
+    cos_half, least, greatest = numbers[8], numbers[LEAST_RANGE], numbers[GREATEST_RANGE]
+    wide, nearest = np.float32(cos_half * abs(cos_half)), np.float32(least * least)
+    farthest = np.float32(greatest * greatest)
+    for place in range(cells):
+        x, y = x0 + seen.right[place], y0 + seen.up[place]
+        squared = x * x + y * y + risen
+        ahead = axis_x * x + axis_y * y + up
+        seen.which[count], seen.x[count], seen.y[count] = place, x, y
+        seen.distance[count], seen.ahead[count] = squared, ahead
+        is_inside = (squared > nearest) & (squared < farthest)
+        count += is_inside & (ahead * abs(ahead) > squared * wide)
+    cosine, sine = np.float32(math.cos(numbers[6])), np.float32(math.sin(numbers[6]))
+    absorption, heading, half = np.float32(-numbers[11]), numbers[6], numbers[7]
+    open_m, per_bin = OPEN_CELLS * resolution_m, 1.0 / numbers[BIN_M]
+    to_entry, to_ray = GAIN_STEPS / (1.0 - cos_half), RAYS / (2.0 * half)
+    to_step = STEPS / greatest
     for place in range(count):
-        k, x, y = near.which[place], near.x[place], near.y[place]
-        distance = near.distance[place]
-        decay = exp32(numbers[11, k] * distance) / distance**4
-        near.loudness[place], near.ahead[place] = decay, near.ahead[place] / distance
-        cosine, sine = numbers[9, k], numbers[10, k]
-        near.off[place] = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+        x, y, distance = seen.x[place], seen.y[place], np.sqrt(seen.distance[place])
+        seen.loudness[place] = exp32(absorption * distance) / distance**4
+        off = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+        seen.bin[place] = int((distance - least) * per_bin)
+        entry = int((1.0 - seen.ahead[place] / distance) * to_entry)
+        seen.entry[place] = min(max(entry, 0), GAIN_STEPS)
+        seen.ray[place] = min(max(int((off + half) * to_ray), 0), RAYS - 1)
+        seen.step[place] = min(max(int((distance - open_m) * to_step), 0), STEPS - 1)
+        turns = (off + heading) / (2.0 * math.pi)
+        turns -= math.floor(turns)
+        seen.sector[place] = min(int(turns * SECTORS), SECTORS - 1)
+        seen.degrees[place] = int(turns * 360.0) % 180
     return count
 
 
 @inlined
-def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+def _hear(
     looks: Looks,
-    field: Field,
+    ping: int,
     left: NDArray[np.uint8],
+    limit: NDArray[np.float32],
+    count: int,
+    seen: _Seen,
+) -> int:
+    """Leave out the cells of which a ping would hear nothing; returns how many are left."""
+    bins, kept = looks.bins[ping], 0
+    for place in range(count):
+        b = seen.bin[place]
+        if b >= bins:
+            continue
+        loudness = looks.power_gain[ping, seen.entry[place]] * seen.loudness[place] / limit[b]
+        sound = left[seen.ray[place], seen.step[place]] * np.float32(1.0 / WHOLE)
+        seen.which[kept], seen.bin[kept] = seen.which[place], b
+        seen.sector[kept], seen.degrees[kept] = seen.sector[place], seen.degrees[place]
+        seen.loudness[kept], seen.sound[kept] = loudness, sound
+        kept += (loudness > np.float32(LEAST_LOUDNESS)) & (sound >= np.float32(LEAST_SOUND))
+    for place in range(kept):
+        decibels = np.float32(10.0 / math.log(10.0)) * log32(seen.loudness[place])
+        loud = int((decibels - FIRST_DB) / STEP_DB)
+        seen.loud[place] = min(LOUDNESSES - 1, max(0, loud))
+        seen.share[place] = int(seen.sound[place] * SHARES + 0.5)
+    return kept
+
+
+@inlined
+def _add_said(
+    index: int,
     listening: Listening,
     silence: NDArray[np.float32],
     classes: NDArray[np.int32],
+    ways: int,
     count: int,
-    near: _Nearby,
+    seen: _Seen,
     said: NDArray[np.float32],
 ) -> None:
-    """Add what pings say of surfaces in a cell, by direction of view and orientation."""
-    one, clutter, open_m = np.float32(1.0), np.float32(CLUTTER), OPEN_CELLS * field.resolution_m
+    """Add what a ping says of surfaces in cells, by direction of view and orientation."""
+    one, clutter = np.float32(1.0), np.float32(CLUTTER)
     for place in range(count):
-        index = near.number[near.which[place]]
-        ping, distance, off = near.ping[near.which[place]], near.distance[place], near.off[place]
-        b = int((distance - looks.numbers[ping, 9]) / looks.numbers[ping, 13])
-        if b >= looks.bins[ping]:
-            continue
-        entry = int((1.0 - near.ahead[place]) / (1.0 - looks.numbers[ping, 8]) * GAIN_STEPS)
-        gain = looks.power_gain[ping, min(max(entry, 0), GAIN_STEPS)]
-        loudness = gain * near.loudness[place] / listening.limit[index, b]
-        if loudness <= LEAST_LOUDNESS:
-            continue
-        half = looks.numbers[ping, 7]
-        ray = min(max(int((off + half) * RAYS / (2.0 * half)), 0), RAYS - 1)
-        step = int((distance - open_m) * STEPS / looks.numbers[ping, GREATEST_RANGE])
-        sound = left[index, ray, min(max(step, 0), STEPS - 1)] * np.float32(1.0 / WHOLE)
-        if sound < LEAST_SOUND:
-            continue
-        decibels = np.float32(10.0 / math.log(10.0)) * log32(loudness)
-        loud = min(LOUDNESSES - 1, max(0, int((decibels - FIRST_DB) / STEP_DB)))
-        share, faint = int(sound * SHARES + 0.5), max(0, loud - FAINTER)
-        turns = (off + looks.numbers[ping, 6]) / (2.0 * math.pi)
-        turns -= math.floor(turns)
-        sector, view = min(int(turns * SECTORS), SECTORS - 1), int(turns * 360.0) % 180
+        cell, b, sector, view = (
+            seen.which[place], seen.bin[place], seen.sector[place], seen.degrees[place],
+        )  # fmt: skip
+        share, loud = seen.share[place], seen.loud[place]
+        faint = max(0, loud - FAINTER)
         if not listening.heard[index, b]:
-            for orientation in range(ORIENTATIONS):
-                incidence = classes[view, orientation]
-                said[sector, orientation] += silence[share, loud, 1, incidence]
-            said[sector, ORIENTATIONS] += silence[share, faint, 1, 0]
+            for way in range(ways):
+                said[cell, sector, way] += silence[share, loud, 1, classes[view, way]]
+            said[cell, sector, ORIENTATIONS] += silence[share, faint, 1, 0]
             continue
         chance = max(clutter, listening.chance[index, b])
-        for orientation in range(ORIENTATIONS):
-            silent = silence[share, loud, 0, classes[view, orientation]] * (one - chance)
-            said[sector, orientation] += log32((one - silent) / chance)
+        for way in range(ways):
+            silent = silence[share, loud, 0, classes[view, way]] * (one - chance)
+            said[cell, sector, way] += log32((one - silent) / chance)
         silent = silence[share, faint, 0, 0] * (one - chance)
-        said[sector, ORIENTATIONS] += log32((one - silent) / chance)
+        said[cell, sector, ORIENTATIONS] += log32((one - silent) / chance)
 
 
 @inlined
 def _put_least_refuted(
-    said: NDArray[np.float32], kinds: FloatArray, worst: NDArray[np.float32]
+    said: NDArray[np.float32], ways: int, kinds: FloatArray, worst: NDArray[np.float32]
 ) -> None:
     """Set what is said of the kind of each group that is refuted least, by bounded sectors."""
     most = np.float32(MOST_A_SECTOR)
     worst[:] = np.float32(-1e9)
     for kind in range(KINDS):
         total, group = np.float32(kinds[kind, 1]), int(kinds[kind, 2])
+        way = kind if kind == ORIENTATIONS else min(kind, ways - 1)
         for sector in range(SECTORS):
-            total += max(-most, min(most, said[sector, kind]))
+            total += max(-most, min(most, said[sector, way]))
         worst[group] = max(worst[group], total)
 
 

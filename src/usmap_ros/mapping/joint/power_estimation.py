@@ -15,15 +15,34 @@ References
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import NOISE, Field
+from usmap_ros.mapping.joint.beams import columns_in_beam, rows_in_reach
+from usmap_ros.mapping.joint.field import (
+    ABSORPTION,
+    AXIS_X,
+    AXIS_Y,
+    AXIS_Z,
+    BIN_M,
+    COS_HALF_ANGLE,
+    GREATEST_RANGE,
+    LEAST_RANGE,
+    NOISE,
+    RANGE_STD,
+    RISE,
+    Field,
+    X,
+    Y,
+)
 from usmap_ros.mapping.joint.projection import Projection
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import exp32
 from usmap_ros.processes.threads import for_each
 
 #: Power that a scatterer starts with, below which it vanishes, and of a usual object.
@@ -33,8 +52,32 @@ MOST_GROWTH = 100.0
 #: A cell starts with power if it may have returned so many echoes, and these are such a share of
 #: the times that something in it would have been heard.
 LEAST_HITS, LEAST_HIT_SHARE = 0.9, 0.12
+#: Range bins to either side in which an echo may be a cell's, at the most.
+MOST_BLUR_BINS = 12.0
 #: Rows of cells whose hits one thread counts at a time.
 HITS_BAND = 64
+
+
+class _Row(NamedTuple):
+    """Cells of a row as one ping sees them, by column.
+
+    Parameters
+    ----------
+    early, middle : (columns,) int32 arrays
+        Range bins: the first in which an echo may be the cell's, and that of its middle.
+    late : (columns,) float32 array
+        The last in which one may be, with its fraction.
+    entry : (columns,) int32 array
+        Place in the table of power gains.
+    loudness : (columns,) float32 array
+        Power that a usual object returns, but for the beam; 0: the cell is not in the cone.
+    """
+
+    early: NDArray[np.int32]
+    middle: NDArray[np.int32]
+    late: NDArray[np.float32]
+    entry: NDArray[np.int32]
+    loudness: NDArray[np.float32]
 
 
 @compiled
@@ -57,45 +100,66 @@ def count_hits(
     hits, misses : (rows, columns) float32 arrays
         Added to.
     """
-    res = field.resolution_m
+    res, one = field.resolution_m, np.float32(1.0)
+    seen = _Row(
+        np.empty(field.columns, np.int32), np.empty(field.columns, np.int32),
+        np.empty(field.columns, np.float32), np.empty(field.columns, np.int32),
+        np.empty(field.columns, np.float32),
+    )  # fmt: skip
     for index in range(len(pings)):
-        ping = pings[index]
+        ping, weight = pings[index], weights[index]
         numbers, bins = looks.numbers[ping], looks.bins[ping]
-        x0, y0, axis_x, axis_y, axis_z, rise = numbers[:6]
-        cos_half, least, greatest, absorption = numbers[8:12]
-        range_std, bin_m = numbers[12:14]
-        wide, blur = cos_half * abs(cos_half), 3.0 * (range_std / bin_m) ** 2
-        bottom = max(0, math.floor((y0 - greatest) / res) - field.first_row)
-        top = min(field.rows, math.ceil((y0 + greatest) / res) - field.first_row + 1)
-        left = max(0, math.floor((x0 - greatest) / res) - field.first_column)
-        right = min(field.columns, math.ceil((x0 + greatest) / res) - field.first_column + 1)
+        bottom, top = rows_in_reach(numbers, field)
         for row in range(bottom, top):
-            y = (field.first_row + row + 0.5) * res - y0
+            y_m = (field.first_row + row + 0.5) * res - numbers[Y]
+            left, right = columns_in_beam(numbers, field, y_m)
+            _see_row(numbers, bins, field, y_m, left, right, seen)
             for column in range(left, right):
-                x = (field.first_column + column + 0.5) * res - x0
-                ahead = axis_x * x + axis_y * y + axis_z * rise
-                if cos_half > 0.0 and ahead <= 0.0:
+                if seen.loudness[column] == 0.0:
                     continue
-                squared = x * x + y * y + rise * rise
-                if squared <= least * least or squared >= greatest * greatest:
+                if looks.next_echo[ping, seen.early[column]] <= seen.late[column]:
+                    hits[row, column] += weight
                     continue
-                if ahead * abs(ahead) <= squared * wide:
-                    continue
-                distance = math.sqrt(squared)
-                middle = (distance - least) / bin_m
-                depth = 0.5 * res / bin_m * (abs(x) + abs(y)) / distance
-                blurred = min(math.sqrt(depth * depth + blur), 12.0)
-                earliest = min(int(max(middle - blurred, 0.0)), bins)
-                if looks.next_echo[ping, earliest] <= middle + blurred:
-                    hits[row, column] += weights[index]
-                    continue
-                b = min(int(middle), bins - 1)
+                b = seen.middle[column]
                 if looks.kind[ping, b] == SILENCE:
-                    entry = (1.0 - ahead / distance) / (1.0 - cos_half) * GAIN_STEPS
-                    gain = looks.power_gain[ping, min(max(int(entry), 0), GAIN_STEPS)]
-                    loud = USUAL_POWER * gain / squared**2 * math.exp(-absorption * distance)
-                    loud /= looks.limit[ping, b]
-                    misses[row, column] += weights[index] * loud / (1.0 + loud)
+                    gain = looks.power_gain[ping, seen.entry[column]]
+                    loud = gain * seen.loudness[column] / looks.limit[ping, b]
+                    misses[row, column] += weight * loud / (one + loud)
+
+
+@inlined
+def _see_row(
+    numbers: FloatArray, bins: int, field: Field, y_m: float, left: int, right: int, seen: _Row
+) -> None:
+    """Set how a ping sees some cells of a row."""
+    res, cos_half, bin_m = field.resolution_m, numbers[COS_HALF_ANGLE], numbers[BIN_M]
+    origin = np.float32((field.first_column + left + 0.5) * res - numbers[X])
+    side, y, one = np.float32(res), np.float32(y_m), np.float32(1.0)
+    axis_x, risen = np.float32(numbers[AXIS_X]), np.float32(y_m * y_m + numbers[RISE] ** 2)
+    up = np.float32(numbers[AXIS_Y] * y_m + numbers[AXIS_Z] * numbers[RISE])
+    wide, to_entry = np.float32(cos_half * abs(cos_half)), np.float32(GAIN_STEPS / (1.0 - cos_half))
+    least, reach = np.float32(numbers[LEAST_RANGE]), np.float32(numbers[GREATEST_RANGE])
+    per_m, deep = np.float32(1.0 / bin_m), np.float32(0.5 * res / bin_m)
+    blur, most = np.float32(3.0 * (numbers[RANGE_STD] / bin_m) ** 2), np.float32(MOST_BLUR_BINS)
+    absorption, nothing = np.float32(-numbers[ABSORPTION]), np.float32(0.0)
+    for place in range(right - left):
+        x = origin + np.float32(place) * side
+        squared, ahead = x * x + risen, axis_x * x + up
+        is_inside = (squared > least * least) & (squared < reach * reach)
+        is_inside &= ahead * abs(ahead) > squared * wide
+        squared = max(squared, least * least)
+        distance = np.sqrt(squared)
+        depth = deep * (abs(x) + abs(y)) / distance
+        middle = (distance - least) * per_m
+        blurred = min(np.sqrt(depth * depth + blur), most)
+        column = left + place
+        seen.early[column] = min(int(max(middle - blurred, nothing)), bins)
+        seen.middle[column] = min(int(middle), bins - 1)
+        seen.late[column] = middle + blurred
+        entry = int((one - ahead / distance) * to_entry)
+        seen.entry[column] = min(max(entry, 0), GAIN_STEPS)
+        loudness = np.float32(USUAL_POWER) / (squared * squared) * exp32(absorption * distance)
+        seen.loudness[column] = loudness if is_inside else nothing
 
 
 def count_all_hits(

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.beams import columns_in_beam, rows_in_reach
 from usmap_ros.mapping.joint.field import NOISE, QUARTERS, Field, X, Y
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.looks import Looks
@@ -234,16 +235,11 @@ def _in_cone(
     cos_half, least, reach = looks.numbers[ping, 8], looks.numbers[ping, 9], looks.numbers[ping, 10]
     wide = np.float32(cos_half * abs(cos_half))
     nearest, farthest = np.float32(least * least), np.float32(reach * reach)
-    bottom = max(0, math.floor((y0 - reach) / res) - field.first_row)
-    top = min(field.rows, math.ceil((y0 + reach) / res) - field.first_row + 1)
+    bottom, top = rows_in_reach(looks.numbers[ping], field)
     side, count = np.float32(res), 0
     for row in range(bottom, top):
         y_m = (field.first_row + row + 0.5) * res - y0
-        first, across = row * field.columns, max(0.0, abs(y_m) - res)
-        # Cells of the row that are near enough.
-        width = math.sqrt(max(0.0, reach * reach - across * across)) + res
-        left = max(0, math.floor((x0 - width) / res) - field.first_column)
-        right = min(field.columns, math.ceil((x0 + width) / res) - field.first_column + 1)
+        first, (left, right) = row * field.columns, columns_in_beam(looks.numbers[ping], field, y_m)
         begin = _first_from(scatterers.cell, begins[row], begins[row + 1], first + left)
         end = _first_from(scatterers.cell, begin, begins[row + 1], first + right)
         cell_y, origin = np.float32(y_m), np.float32((field.first_column + 0.5) * res - x0)

@@ -29,6 +29,7 @@ from usmap_ros.mapping.joint.open_space import (
     prove_open,
     refute_surfaces,
 )
+from usmap_ros.mapping.joint.overdispersion import learn_shape
 from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.response import (
@@ -53,7 +54,7 @@ SUSPECTED = -0.5
 FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
 #: them: among lone things, and among walls.
-LONE, WALLED = (-1.3, 0.02), (-2.5, 0.12)
+LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
 #: The first at the least and the other at the most among mirrors, heard from one side only.
 MIRRORED = (-2.0, 0.05)
 #: Smooth walls are not shorter than this, m; what is round is asked for by itself.
@@ -116,6 +117,9 @@ class FreeSpace:
         left = self._left(np.where(hides, OCCUPIED, 0.0))
         surfaces, on_lines = self._surfaces(walls, evidence)
         response = learn_response(self._looks, self._pings, field, left, listening, surfaces)
+        shape = learn_shape(
+            self._looks, self._pings, field, left, listening, surfaces, response.log_silent
+        )
         proven = self._proven(occupied, left, powers, smooth) >= self._proofs
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
@@ -128,8 +132,8 @@ class FreeSpace:
         def refute(left: NDArray[np.uint8], changed: BoolArray) -> None:
             for_each(
                 lambda band: refute_surfaces(
-                    self._looks, self._pings, band[1], left, listening, response.log_silent, kinds,
-                    wanted[band[0]], changed, worst[band[0]],
+                    self._looks, self._pings, band[1], left, listening, response.log_silent, shape,
+                    kinds, wanted[band[0]], changed, worst[band[0]],
                 ),
                 field.bands(BAND),
             )  # fmt: skip

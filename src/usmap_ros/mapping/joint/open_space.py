@@ -2,7 +2,7 @@
 
 A cell is free if sound came back through it, if a robot stood there, or if silence refutes every
 way in which a surface could face there.  Silence counts as this place answers, by direction of
-view: many looks from one side say no more than `MOST_A_SECTOR`.
+view: looks from one side repeat each other as far as surfaces here differ (`overdispersion`).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from usmap_ros.mapping.joint.field import (
     X,
     Y,
 )
+from usmap_ros.mapping.joint.overdispersion import SECTORS, sector_of
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.response import (
     FIRST_DB,
@@ -41,14 +42,14 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import atan2_32, exp32, log32
 
-#: Orientations that a surface may have, and sectors of directions of view.
-ORIENTATIONS, SECTORS = 16, 12
+#: Orientations that a surface may have.
+ORIENTATIONS = 16
 #: Kinds of surfaces that are asked for: of each orientation, and round ones, which answer every
 #: view as flat ones answer a square one, but fainter by so many steps of loudness.
 KINDS, FAINTER = ORIENTATIONS + 1, 4
 #: Groups of kinds: walls along and across the usual direction, and all others.
 GROUPS, ALONG, ACROSS, OTHERS = 3, 0, 1, 2
-#: Bound of what all looks from one sector say, and chance of an echo from nowhere.
+#: The most that echoes from one sector say for a surface, and chance of an echo from nowhere.
 MOST_A_SECTOR, CLUTTER = 2.4, 0.05
 #: Looks through which so little of the sound gets, or as faint as this, say nothing.
 LEAST_SOUND, LEAST_LOUDNESS = 0.03, 0.005
@@ -113,6 +114,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     left: NDArray[np.uint8],
     listening: Listening,
     log_silent: FloatArray,
+    shape: float,
     kinds: FloatArray,
     wanted: BoolArray,
     changed: BoolArray,
@@ -126,6 +128,8 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         The pings, and what they heard.
     log_silent : (LOUDNESSES, INCIDENCES) array
         Logarithm of P(silent | surface).
+    shape : float
+        How far looks from one side repeat each other, by `overdispersion.learn_shape`.
     kinds : (KINDS, 3) array
         By `usmap_ros.mapping.joint.usual_directions.log_priors`.
     wanted : (rows, columns) bool array
@@ -170,7 +174,8 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                 _add_said(index, listening, silence, classes, ways, count, seen, said)
             for place in range(cells):
                 up, right = divmod(seen.cell[place], BLOCK)
-                _put_least_refuted(said[place], ways, kinds, worst[bottom + up, start + right])
+                least = worst[bottom + up, start + right]
+                _put_least_refuted(said[place], ways, np.float32(shape), kinds, least)
 
 
 @inlined
@@ -286,10 +291,8 @@ def _sound(
         seen.entry[place] = min(max(entry, 0), GAIN_STEPS)
         seen.ray[place] = min(max(int((off + half) * to_ray), 0), RAYS - 1)
         seen.step[place] = min(max(int((distance - open_m) * to_step), 0), STEPS - 1)
-        turns = (off + heading) / (2.0 * math.pi)
-        turns -= math.floor(turns)
-        seen.sector[place] = min(int(turns * SECTORS), SECTORS - 1)
-        seen.degrees[place] = int(turns * 360.0) % 180
+        seen.sector[place] = sector_of(off + heading)
+        seen.degrees[place] = math.floor((off + heading) * 180.0 / math.pi) % 180
     return count
 
 
@@ -356,16 +359,21 @@ def _add_said(
 
 @inlined
 def _put_least_refuted(
-    said: NDArray[np.float32], ways: int, kinds: FloatArray, worst: NDArray[np.float32]
+    said: NDArray[np.float32],
+    ways: int,
+    shape: np.float32,
+    kinds: FloatArray,
+    worst: NDArray[np.float32],
 ) -> None:
-    """Set what is said of the kind of each group that is refuted least, by bounded sectors."""
-    most = np.float32(MOST_A_SECTOR)
+    """Set what all sectors together say of the kind of each group that is refuted least."""
+    none, one, most = np.float32(0.0), np.float32(1.0), np.float32(MOST_A_SECTOR)
     worst[:] = np.float32(-1e9)
     for kind in range(KINDS):
         total, group = np.float32(kinds[kind, 1]), int(kinds[kind, 2])
         way = kind if kind == ORIENTATIONS else min(kind, ways - 1)
         for sector in range(SECTORS):
-            total += max(-most, min(most, said[sector, way]))
+            silence = max(none, -said[sector, way])
+            total += max(none, min(most, said[sector, way])) - shape * log32(one + silence / shape)
         worst[group] = max(worst[group], total)
 
 

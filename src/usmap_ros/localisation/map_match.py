@@ -14,7 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
-from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter
+from scipy.ndimage import (
+    distance_transform_edt,
+    gaussian_filter,
+    map_coordinates,
+    maximum_filter,
+)
 
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_VALUE, GridGeometry, OccupancyMap
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -24,6 +29,9 @@ _OFF_M = 0.1
 #: What stands in the other's free space speaks against a match by so much more than what both have
 #: speaks for it.
 _AGAINST = 4.0
+#: Which side of what stands is free is seen within so much, m (standard deviation), and is said
+#: of walls by so much of that side alone.
+_SIDE_M, _SIDED = 0.2, 1.5
 #: Cells of the search over shifts (m), and its turns (rad).
 _CELL_M, _TURN_RAD = 0.1, math.radians(2.5)
 #: What stands counts by pieces of such a side, m: a pole is as much as so much of a wall.
@@ -34,10 +42,12 @@ _PEAKS, _REFINED = 6, 12
 _APART_M = 0.4
 #: Steps of the refinement (m), the turn being half a coarse one at first.
 _FIRST_STEP_M, _LAST_STEP_M = 0.05, 0.01
-#: A match is sure from so many pieces on, net of what speaks against it and of both maps, and if
-#: the next best has so much less in units of the root of its number: chosen so that no rooms of
-#: seeds 51 to 55 of `benchmarks/scenes.py` that differ are joined, nor parts of one wrongly.
-_LEAST_PIECES, _LEAST_MARGIN = 12.0, 2.6
+#: A match is sure from so many pieces on, net of what speaks against it and of both maps; if the
+#: next best has so much less in units of the root of its number; and if what stands in the other's
+#: free space is no more than such a share of what both have: that much is so where poses are off.
+#: Chosen on pairs of robots of seeds 101 to 110 of `benchmarks/scenes.py`: 182 of rooms that
+#: differ, and 138 of the same ones.
+_LEAST_PIECES, _LEAST_MARGIN, _MOST_AGAINST = 12.0, 2.4, 0.045
 
 
 @dataclass(frozen=True)
@@ -50,15 +60,19 @@ class Submap:
         Centres of occupied cells.
     weights : (n,) array
         Pieces that each is worth.
-    worth : (rows, columns) array
+    sides : (n, 2) array
+        Towards the side that is free, of length 1 for walls that were heard from one side, 0 for
+        poles.
+    worth : (3, rows, columns) array
         What an occupied cell of another map counts here: 1 where something stands, less than 0
-        where it is free, 0 where nothing is known.
+        where it is free, 0 where nothing is known; and the sides of what stands, times that.
     geometry : GridGeometry
         Of `worth`.
     """
 
     places_m: FloatArray
     weights: FloatArray
+    sides: FloatArray
     worth: FloatArray
     geometry: GridGeometry
 
@@ -68,20 +82,30 @@ class Submap:
         geometry, values = occupancy.geometry, occupancy.trinary()
         stands: BoolArray = values == OCCUPIED_VALUE
         places_m = geometry.cell_centers_m(*np.nonzero(stands))
-        worth = np.zeros(geometry.shape)
-        if stands.any():
-            apart = np.asarray(distance_transform_edt(~stands)) * geometry.resolution_m / _OFF_M
-            is_clear = (values == FREE_VALUE) * (1.0 - np.exp(-0.125 * apart**2))
-            worth = np.exp(-0.5 * apart**2) - _AGAINST * is_clear
         pieces = np.floor(places_m / _PIECE_M).astype(np.int64)
         _, piece, count = np.unique(pieces, axis=0, return_inverse=True, return_counts=True)
-        return cls(places_m, 1.0 / count[piece.ravel()], worth, geometry)
+        weights, worth = 1.0 / count[piece.ravel()], np.zeros((3, *geometry.shape))
+        if not stands.any():
+            return cls(places_m, weights, np.zeros((0, 2)), worth, geometry)
+        is_free, resolution_m = values == FREE_VALUE, geometry.resolution_m
+        cells, nearest = distance_transform_edt(~stands, return_indices=True)
+        sides = _sides(is_free, resolution_m)
+        near = np.exp(-0.5 * (cells * resolution_m / _OFF_M) ** 2)
+        far = 1.0 - np.exp(-0.125 * (cells * resolution_m / _OFF_M) ** 2)
+        worth[0] = near - _AGAINST * is_free * far
+        worth[1:] = near * sides[:, nearest[0], nearest[1]]
+        return cls(places_m, weights, sides[:, stands].T, worth, geometry)
 
-    def worth_at(self, places_m: FloatArray) -> FloatArray:
-        """What occupied cells at some places count, (n,)."""
+    def worth_at(self, places_m: FloatArray, sides: FloatArray) -> FloatArray:
+        """What occupied cells at some places count, which are free on some sides, (n,)."""
         geometry = self.geometry
-        cells = (places_m - geometry.origin_m) / geometry.resolution_m - 0.5
-        return np.asarray(map_coordinates(self.worth, cells.T[::-1], order=1, cval=0.0))
+        cells = ((places_m - geometry.origin_m) / geometry.resolution_m - 0.5).T[::-1]
+        worth, x, y = (
+            map_coordinates(layer, cells, order=1, cval=0.0, prefilter=False)
+            for layer in self.worth
+        )
+        # Two sides of a wall are not one.
+        return np.asarray(worth + np.minimum(x * sides[:, 0] + y * sides[:, 1], 0.0))
 
     @property
     def centre_m(self) -> FloatArray:
@@ -108,17 +132,21 @@ class Match:
         What it counts.
     margin : float
         How much less the next best counts, in units of the root of `pieces`.
+    against : float
+        Pieces that stand in the other map's free space, as a share of those that stand in both.
     """
 
     change: FloatArray
     about_m: FloatArray
     pieces: float
     margin: float
+    against: float
 
     @property
     def is_sure(self) -> bool:
         """Whether there is enough evidence, and none for another one."""
-        return self.pieces >= _LEAST_PIECES and self.margin >= _LEAST_MARGIN
+        is_enough = self.pieces >= _LEAST_PIECES and self.margin >= _LEAST_MARGIN
+        return is_enough and self.against <= _MOST_AGAINST
 
 
 def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
@@ -139,7 +167,16 @@ def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
     best, change = found[0]
     others = [pieces for pieces, end in found[1:] if _apart_m(second, change, end) > _APART_M]
     margin = (best - max(others, default=0.0)) / math.sqrt(max(best, 1.0))
-    return Match(change, second.centre_m, best, margin)
+    both, against = _counts(first, second, change)
+    return Match(change, second.centre_m, best, margin, against / max(both, 1.0))
+
+
+def _sides(is_free: BoolArray, resolution_m: float) -> FloatArray:
+    """Towards the side that is free, as vectors of length 1 at the most, (2, rows, columns)."""
+    sigma, free = _SIDE_M / resolution_m, is_free.astype(float)
+    slope = np.stack([gaussian_filter(free, sigma, order=order) for order in ((0, 1), (1, 0))])
+    slope *= _SIDED * math.sqrt(2.0 * math.pi) * sigma
+    return np.asarray(slope / np.maximum(np.hypot(*slope), 1.0))
 
 
 def _turn(angle_rad: float) -> FloatArray:
@@ -147,12 +184,20 @@ def _turn(angle_rad: float) -> FloatArray:
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
+def _counts(first: Submap, second: Submap, change: FloatArray) -> tuple[float, float]:
+    """Pieces that stand in both maps, and those that stand in the other's free space."""
+    turn = _turn(change[2])
+    there = first.worth_at(second.places_m @ turn.T + change[:2], second.sides @ turn.T)
+    back = second.worth_at((first.places_m - change[:2]) @ turn, first.sides @ turn)
+    worth, weights = np.append(there, back), np.append(second.weights, first.weights)
+    against = np.maximum(-worth, 0.0) / _AGAINST
+    return float(np.maximum(worth, 0.0) @ weights), float(against @ weights)
+
+
 def _pieces(first: Submap, second: Submap, change: FloatArray) -> float:
     """What counts for a match, less what counts against it."""
-    turn = _turn(change[2])
-    there = first.worth_at(second.places_m @ turn.T + change[:2])
-    back = second.worth_at((first.places_m - change[:2]) @ turn)
-    return float(there @ second.weights + back @ first.weights)
+    both, against = _counts(first, second, change)
+    return both - _AGAINST * against
 
 
 def _apart_m(second: Submap, change: FloatArray, other: FloatArray) -> float:
@@ -176,11 +221,11 @@ def _raster(submap: Submap, angle_rad: float, side: int) -> tuple[FloatArray, Fl
     """Worth, and whether anything stands, around the centre of a map that is turned."""
     turn, steps_m = _turn(angle_rad), (np.arange(side) - side // 2) * _CELL_M
     places_m = np.stack(np.meshgrid(steps_m, steps_m), axis=-1).reshape(-1, 2)
-    worth = submap.worth_at(places_m @ turn + submap.centre_m).reshape(side, side)
+    worth = submap.worth_at(places_m @ turn + submap.centre_m, np.zeros_like(places_m))
     cells = np.rint((submap.places_m - submap.centre_m) @ turn.T / _CELL_M).astype(np.int64)
     stands = np.zeros((side, side))
     stands[cells[:, 1] + side // 2, cells[:, 0] + side // 2] = 1.0
-    return worth, stands
+    return worth.reshape(side, side), stands
 
 
 def _search(first: Submap, second: Submap) -> FloatArray:
@@ -198,8 +243,9 @@ def _search(first: Submap, second: Submap) -> FloatArray:
         for count, shift_m in _peaks(counts):
             place = first.centre_m + shift_m - _turn(angle_rad) @ second.centre_m
             peaks.append((count, np.append(place, angle_rad)))
-    peaks.sort(key=lambda peak: -peak[0])
-    return np.array([change for _, change in peaks])
+    ends = np.array([change for _, change in peaks])
+    sided = [_pieces(first, second, change) for change in ends]
+    return np.asarray(ends[np.argsort(sided, kind="stable")[::-1]])
 
 
 def _peaks(counts: FloatArray) -> Iterator[tuple[float, FloatArray]]:

@@ -32,9 +32,15 @@ def turned(places_m: np.ndarray, change: np.ndarray) -> np.ndarray:
     return places_m @ np.array([[cosine, sine], [-sine, cosine]]) + change[:2]
 
 
+def area(west_m: float, east_m: float, south_m: float, north_m: float) -> np.ndarray:
+    """Places 3 cm apart."""
+    steps = np.arange(west_m, east_m, 0.03), np.arange(south_m, north_m, 0.03)
+    return np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
+
+
 def drawn(
     stands_m: np.ndarray, change: np.ndarray, west_m: float = -0.2, east_m: float = 6.2,
-    seed: int = 0,
+    seed: int = 0, inside_m: np.ndarray | None = None,
 ) -> OccupancyMap:  # fmt: skip
     """A map of what stands from one side of the room to another, in a frame of its own.
 
@@ -42,8 +48,7 @@ def drawn(
     """
     rng = np.random.default_rng(seed)
     stands_m = stands_m[(stands_m[:, 0] > west_m) & (stands_m[:, 0] < east_m)]
-    steps = np.arange(0.0, 6.0, 0.03), np.arange(0.0, 4.0, 0.03)
-    inside_m = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
+    inside_m = area(0.0, 6.0, 0.0, 4.0) if inside_m is None else inside_m
     inside_m = inside_m[(inside_m[:, 0] > west_m) & (inside_m[:, 0] < east_m)]
     stands_m = stands_m + 0.03 * rng.standard_normal(stands_m.shape)
     stands_m, inside_m = turned(stands_m, change), turned(inside_m, change)
@@ -121,6 +126,30 @@ def test_rooms_with_other_things_in_them_are_not_joined(seed: int) -> None:
     match = match_maps(*maps)
     assert match is not None
     assert not match.is_sure
+
+
+def test_the_two_sides_of_a_corner_are_not_one() -> None:
+    corner = along([((0.0, 0.0), (4.0, 0.0)), ((0.0, 0.0), (0.0, 3.0))])
+    inside = drawn(corner, np.zeros(3), inside_m=area(0.0, 4.0, 0.0, 3.0))
+    outside_m = np.concatenate([area(-1.0, 4.0, -1.0, 0.0), area(-1.0, 0.0, 0.0, 3.0)])
+    outside = drawn(corner, np.zeros(3), west_m=-1.2, inside_m=outside_m, seed=1)
+    match = match_maps(inside, outside)
+    assert match is not None
+    # What is best lays one wall over another from the same side, not both walls back to back.
+    assert np.hypot(*match.change[:2]) > 1.0
+
+
+@pytest.mark.parametrize(("length_m", "is_sure"), [(0.3, True), (1.8, False)])
+def test_rooms_of_which_one_has_too_much_in_the_others_free_space_are_not_joined(
+    length_m: float, is_sure: bool
+) -> None:
+    desks = along([((x_m, 1.0), (x_m, 1.0 + length_m)) for x_m in (2.5, 3.2)])
+    one = drawn(along(WALLS + NICHE), np.zeros(3))
+    other = drawn(np.concatenate([along(WALLS + NICHE), desks]), np.zeros(3), seed=1)
+    match = match_maps(one, other)
+    assert match is not None
+    assert match.margin > 4.0
+    assert match.is_sure == is_sure
 
 
 def test_an_empty_map_lies_nowhere() -> None:

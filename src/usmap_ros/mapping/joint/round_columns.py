@@ -58,6 +58,8 @@ HIT_SHARE, RANGE_STD_M, STRAY_SHARE = 0.9, 0.006, 0.1
 LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT, CROWD_M, LEAST_RADIUS_M = 55.0, 0.16, 0.4, 0.1
 #: In all, and on the mean of its hits, at which a column is suspected, from wherever it was heard.
 SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
+#: How many more echoes of a ping there may be within `CROWD_M` before a column than behind it.
+MOST_MORE_BEFORE = 0.5
 #: Amplitude reflectivity of the faintest column that a silent ping counts against, how much louder
 #: than what would have been reported it would be, and share of the sound that must get there.
 FAINTEST, LOUD, CLEAR_SHARE = 0.3, 1.3, 0.6
@@ -217,12 +219,20 @@ def _fitted(
     is_certain &= log_ratio >= max(LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT / spread * hits)
     off_point_m = _off_point(numbers, echoes.range_m[hit_echoes[:hits]], place)
     is_certain &= log_ratio > _log_ratio(off_point_m, crowd, misses)
+    is_certain &= not _is_corner(echoes, hit_pings[:hits], across_m)
     if not is_certain and log_ratio < max(SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits):
         return None
     return RoundColumn(
         float(place[0]), float(place[1]), float(place[2]),
         hit_pings[:hits].copy(), hit_echoes[:hits].copy(), bool(is_certain),
     )  # fmt: skip
+
+
+def _is_corner(echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray) -> bool:
+    """Whether most is heard before: two walls are heard before their corner, and after columns."""
+    before = count_between(echoes, pings, across_m - CROWD_M, across_m - TOLERANCE_M)
+    behind = count_between(echoes, pings, across_m + TOLERANCE_M, across_m + CROWD_M)
+    return bool(before.mean() > behind.mean() + MOST_MORE_BEFORE)
 
 
 def _off_point(numbers: FloatArray, ranges_m: FloatArray, place: FloatArray) -> FloatArray:

@@ -26,15 +26,18 @@ def pings_around(
     count: int,
     error_m: float,
     radius_m: float = RADIUS_M,
+    *others_m: float,
 ) -> list[EchoCone]:
-    """Pings that look at the column, each with its echo and errors of its range."""
+    """Pings that look at the column, each with its echo, errors of its range, and others off it."""
     cones, rng = [], np.random.default_rng(5)
     for number, bearing_rad in enumerate(np.linspace(first_rad, last_rad, count)):
         away_m = 1.1 + 0.3 * math.sin(2.3 * number)
         x_m, y_m = X_M + away_m * math.cos(bearing_rad), Y_M + away_m * math.sin(bearing_rad)
         echo = away_m - radius_m + error_m * rng.uniform(-1.0, 1.0), 0.15
+        others = [(echo[0] + off_m * rng.uniform(0.7, 1.3), 0.15) for off_m in others_m]
         yaw_rad = bearing_rad + math.pi
-        cones.append(make_cone(echo, stamp_ns=number, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
+        pose = {"x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}
+        cones.append(make_cone(*sorted([echo, *others]), stamp_ns=number, **pose))
     return cones
 
 
@@ -67,6 +70,21 @@ def test_a_pole_is_no_column(make_cone: Callable[..., EchoCone]) -> None:
     for last_rad in (0.8, 1.6, 4.0):
         found = columns_of(pings_around(make_cone, 0.0, last_rad, 24, 0.003, radius_m=0.0))
         assert not any(column.is_certain for column in found)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_what_walls_are_heard_before_is_no_column(
+    make_cone: Callable[..., EchoCone], sign: float
+) -> None:
+    """A corner of two walls is heard after them; a column before what stands behind it."""
+    walls_m = 0.15 * sign, 0.27 * sign
+    found = columns_of(pings_around(make_cone, 0.0, 4.0, 40, 0.002, RADIUS_M, *walls_m))
+    is_there = [
+        column.is_certain
+        for column in found
+        if math.hypot(column.x_m - X_M, column.y_m - Y_M) < 0.05
+    ]
+    assert is_there == [sign > 0.0]
 
 
 def test_echoes_that_scatter_are_no_column(make_cone: Callable[..., EchoCone]) -> None:

@@ -20,11 +20,18 @@ from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import exp32, log32
 
 #: Range bins that a cell, and that a block of nine, may reach into; and cells of a block.
-CELL_BINS, BLOCK_BINS, BLOCK_CELLS = 24, 72, 9
+CELL_BINS, BLOCK_BINS, BLOCK_CELLS = 32, 72, 9
+#: Range bins of a cell begin at multiples of so many, so that what is added up lies as the
+#: processor takes it: as many at once.
+AT_ONCE = 8
 #: A contribution below this share of what is expected in a bin neither explains nor contradicts.
 LEAST_SHARE = 0.05
+#: More than any; and what rounding may make of one.
+NEVER, NEARLY_ONE = 1e30, 0.999
 #: What one range bin says at the most: a single echo may come from elsewhere.
 MOST_A_BIN = 3.0
+#: What one ping says against a cell at the most, where one missed echo is not one piece of news.
+MOST_A_PING = 24.0 * MOST_A_BIN
 #: A ping with a log-likelihood ratio beyond this contradicts what speaks for the opposite.
 CONTRADICTION = 0.5
 #: Echoes within so many metres crowd around a cell's.
@@ -118,12 +125,16 @@ class Parts(NamedTuple):
 
     Parameters
     ----------
-    place : (all cells,) int32 array
-        Where in the others each cell is; -1 if it returns nothing.
+    place : (all cells + 1,) int32 array
+        Where in the others each cell is; -1 if it returns nothing, and for what is no cell.
     cell, begin, length : (cells,) int32 arrays
         Which cell, the first range bin of what it returns, and how many bins follow.
     power : (cells, CELL_BINS) float32 array
-        Expected in each bin from that one on.
+        Expected in each bin from that one on; 0 beyond.
+    largest : (cells,) float32 array
+        The largest of them, in units of what says anything in its bin.
+    echoes : (cells,) float32 array
+        Sum of those in bins with an echo.
     """
 
     place: NDArray[np.int32]
@@ -131,6 +142,52 @@ class Parts(NamedTuple):
     begin: NDArray[np.int32]
     length: NDArray[np.int32]
     power: NDArray[np.float32]
+    largest: NDArray[np.float32]
+    echoes: NDArray[np.float32]
+
+
+class Levels(NamedTuple):
+    """What is known of each range bin of one ping; (bins,) float32 arrays, but for `echoes`.
+
+    Parameters
+    ----------
+    least : float32 array
+        Least contribution that says anything.
+    per_least : (bins + CELL_BINS,) float32 array
+        1 over it; 0 where nothing does.
+    silent : float32 array
+        Logarithm of the probability of silence, by all that is expected.
+    is_echo : (bins + CELL_BINS,) float32 array
+        1 if there is an echo, else 0.
+    echoes : (bins + 1,) int32 array
+        Echoes before each.
+    """
+
+    least: NDArray[np.float32]
+    per_least: NDArray[np.float32]
+    silent: NDArray[np.float32]
+    is_echo: NDArray[np.float32]
+    echoes: NDArray[np.int32]
+
+
+class Pairs(NamedTuple):
+    """Contributions to range bins of one ping that say something of who makes them.
+
+    Parameters
+    ----------
+    bin, of : (pairs,) int32 arrays
+        Which bin, and which sum: two for each cell, its own and its block's.
+    part, ratio : (pairs,) float32 arrays
+        Power, and log-likelihood ratio with it to without it.
+    total : (2 cells,) float32 array
+        Sums of them.
+    """
+
+    bin: NDArray[np.int32]
+    of: NDArray[np.int32]
+    part: NDArray[np.float32]
+    ratio: NDArray[np.float32]
+    total: NDArray[np.float32]
 
 
 def cells_of(scattering: NDArray[np.int32], field: Field) -> Cells:
@@ -181,29 +238,37 @@ def weigh_pings(
     for index in range(len(pings)):
         most = max(most, rows.start[index + 1] - rows.start[index])
     parts = Parts(
-        np.full(len(cells.number), -1, np.int32), np.empty(most, np.int32),
+        np.full(len(cells.number) + 1, -1, np.int32), np.empty(most, np.int32),
         np.empty(most, np.int32), np.empty(most, np.int32),
-        np.empty((most, CELL_BINS), np.float32),
+        np.empty((most, CELL_BINS), np.float32), np.empty(most, np.float32),
+        np.empty(most, np.float32),
     )  # fmt: skip
     said = Said(
         np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.float32),
         np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32),
         np.zeros(len(pings) + 1, np.int64),
     )  # fmt: skip
-    blocks = Parts(
-        parts.place, parts.cell, np.empty(most, np.int32), np.empty(most, np.int32),
-        np.empty((most, BLOCK_BINS), np.float32),
+    bins = expected.shape[1]
+    known = Levels(
+        np.empty(bins, np.float32), np.empty(bins + CELL_BINS, np.float32),
+        np.empty(bins, np.float32), np.empty(bins + CELL_BINS, np.float32),
+        np.zeros(bins + 1, np.int32),
     )  # fmt: skip
-    silent = np.empty(expected.shape[1], np.float32)
-    echoes = np.zeros(expected.shape[1] + 1, np.int32)
+    room = most * (CELL_BINS + BLOCK_BINS)
+    pairs = Pairs(
+        np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room, np.float32),
+        np.empty(room, np.float32), np.empty(2 * most, np.float32),
+    )  # fmt: skip
+    block = np.empty(BLOCK_BINS + CELL_BINS, np.float32)
+    beside = np.empty(BLOCK_CELLS + 1, np.int64)
     for index in range(len(pings)):
         ping, levels, start = pings[index], expected[index], said.start[index]
-        _count_echoes(looks, ping, levels, silent, echoes)
+        _know_bins(looks, ping, levels, known)
         count = _divide(looks, ping, rows, index, power, cells, parts)
-        _add_blocks(looks, ping, cells, count, parts, blocks)
-        _compare(looks, ping, levels, silent, count, parts, start, said.own, said)
-        _compare(looks, ping, levels, silent, count, blocks, start, said.block, said)
-        _name_cells(looks, ping, field, cells, echoes, count, parts, start, said)
+        _sum_up(count, known, parts)
+        found = _pair(looks, ping, cells, count, parts, known, beside, block, start, said, pairs)
+        _compare(looks, ping, levels, known, count, found, start, said, pairs)
+        _name_cells(looks, ping, field, cells, known.echoes, count, parts, start, said)
         said.start[index + 1] = start + count
     return said
 
@@ -264,28 +329,32 @@ def _added(sum_so_far: float, ratio: float, weight: float, forgetting: float) ->
 
 
 @inlined
-def _log_silent(limit: float, level: float) -> np.float32:
-    """Logarithm of the probability that a power, exponential about a level, is below a limit."""
-    ratio = np.float32(limit / level)
+def _below(ratio: np.float32) -> np.float32:
+    """Probability that a power is below a limit, by the limit over its exponential mean."""
     series = ratio * (np.float32(1.0) - np.float32(0.5) * ratio)
     below = series if ratio < np.float32(1e-3) else np.float32(1.0) - exp32(-ratio)
-    return log32(max(below, np.float32(1e-12)))
+    return max(below, np.float32(1e-12))
 
 
 @inlined
-def _count_echoes(
-    looks: Looks,
-    ping: int,
-    levels: NDArray[np.float32],
-    silent: NDArray[np.float32],
-    echoes: NDArray[np.int32],
-) -> None:
-    """Set `_log_silent` of silent bins; count the echoes before each."""
-    for b in range(looks.bins[ping]):
-        silent[b] = 0.0
-        if looks.kind[ping, b] == SILENCE:
-            silent[b] = _log_silent(looks.limit[ping, b], levels[b])
-        echoes[b + 1] = echoes[b] + (1 if looks.kind[ping, b] == ECHO else 0)
+def _log_silent(limit: np.float32, level: np.float32) -> np.float32:
+    """Logarithm of the probability that a power, exponential about a level, is below a limit."""
+    return log32(_below(limit / level))
+
+
+@inlined
+def _know_bins(looks: Looks, ping: int, levels: NDArray[np.float32], known: Levels) -> None:
+    """Set what is known of the bins of a ping by what is expected of them."""
+    bins, least, never = looks.bins[ping], np.float32(LEAST_SHARE), np.float32(NEVER)
+    for b in range(bins):
+        kind = looks.kind[ping, b]
+        known.least[b] = never if kind == UNJUDGED else least * levels[b]
+        known.is_echo[b] = np.float32(1.0) if kind == ECHO else np.float32(0.0)
+        known.silent[b] = _log_silent(looks.limit[ping, b], levels[b])
+        known.per_least[b] = 0.0 if kind == UNJUDGED else np.float32(1.0) / known.least[b]
+    known.per_least[bins : bins + CELL_BINS] = known.is_echo[bins : bins + CELL_BINS] = 0.0
+    for b in range(bins):
+        known.echoes[b + 1] = known.echoes[b] + (1 if looks.kind[ping, b] == ECHO else 0)
 
 
 @inlined
@@ -307,7 +376,7 @@ def _divide(
         cell, low, high = cells.of[rows.scatterer[row]], rows.low[row], rows.high[row]
         if cell != last:
             last, parts.cell[count], parts.place[cell] = cell, cell, count
-            parts.begin[count], parts.length[count] = max(0, int(low) - 4), 0
+            parts.begin[count], parts.length[count] = max(0, int(low) - 4) // AT_ONCE * AT_ONCE, 0
             for place in range(CELL_BINS):
                 parts.power[count, place] = 0.0
             count += 1
@@ -322,31 +391,100 @@ def _divide(
 
 
 @inlined
-def _add_blocks(
-    looks: Looks, ping: int, cells: Cells, count: int, parts: Parts, blocks: Parts
-) -> None:
-    """Set what each cell returns together with its neighbours."""
-    bins = looks.bins[ping]
+def _sum_up(count: int, known: Levels, parts: Parts) -> None:
+    """Set the largest contribution of each cell, and the sum of those to bins with an echo."""
     for entry in range(count):
-        cell = parts.cell[entry]
-        first, end = parts.begin[entry], parts.begin[entry] + parts.length[entry]
-        for near in range(BLOCK_CELLS):
-            number = cells.block[cell, near]
-            beside = parts.place[number] if number >= 0 else -1
-            if beside >= 0:
-                first = min(first, parts.begin[beside])
-                end = max(end, parts.begin[beside] + parts.length[beside])
-        length = min(end - first, BLOCK_BINS, bins - first)
-        blocks.begin[entry], blocks.length[entry] = first, length
-        for place in range(length):
-            blocks.power[entry, place] = 0.0
-        for near in range(BLOCK_CELLS):
-            number = cells.block[cell, near]
-            beside = parts.place[number] if number >= 0 else -1
-            if beside >= 0:
-                shift = parts.begin[beside] - first
-                for place in range(min(parts.length[beside], length - shift)):
-                    blocks.power[entry, shift + place] += parts.power[beside, place]
+        first, largest, echoes = parts.begin[entry], np.float32(0.0), np.float32(0.0)
+        for place in range(CELL_BINS):
+            part = parts.power[entry, place]
+            largest = max(largest, part * known.per_least[first + place])
+            echoes += part * known.is_echo[first + place]
+        parts.largest[entry], parts.echoes[entry] = largest, echoes
+
+
+@inlined
+def _neighbours(
+    numbers: NDArray[np.int32], places: NDArray[np.int32], beside: NDArray[np.int64]
+) -> int:
+    """Set the places of a block's cells that return something; returns how many do."""
+    near = 0
+    for which in range(BLOCK_CELLS):
+        # The last place is that of no cell, whose number is -1.
+        beside[near] = places[numbers[which]]
+        near += beside[near] >= 0
+    return near
+
+
+@inlined
+def _add_up(
+    parts: Parts, near: int, beside: NDArray[np.int64], block: NDArray[np.float32]
+) -> tuple[int, int]:
+    """Set what a block returns; returns its first range bin and the end."""
+    first, end = parts.begin[beside[0]], 0
+    for which in range(near):
+        first = min(first, parts.begin[beside[which]])
+        end = max(end, parts.begin[beside[which]] + parts.length[beside[which]])
+    block[:] = np.float32(0.0)
+    for which in range(near):
+        place = beside[which]
+        shift = parts.begin[place] - first
+        if shift <= BLOCK_BINS:
+            # All of them, so that as many as the processor can are added at once.
+            for b in range(CELL_BINS):
+                block[shift + b] += parts.power[place, b]
+    return first, end
+
+
+@inlined
+def _pair(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+    looks: Looks,
+    ping: int,
+    cells: Cells,
+    count: int,
+    parts: Parts,
+    known: Levels,
+    beside: NDArray[np.int64],
+    block: NDArray[np.float32],
+    start: int,
+    said: Said,
+    pairs: Pairs,
+) -> int:
+    """Set contributions of cells, and of blocks of nine, that say something; returns how many.
+
+    Parameters
+    ----------
+    looks, ping, cells, count, parts
+        The ping, and what each of so many cells returns.
+    known : Levels
+        Of the ping.
+    beside, block : (BLOCK_CELLS + 1,) int64 array, (BLOCK_BINS + CELL_BINS,) float32 array
+        Room for the places of a block's cells, and for what it returns.
+    start, said : int, Said
+        Row of the first cell; whether there are echoes that may be its block's is set.
+    pairs : Pairs
+        Set, but for ratios and sums.
+    """
+    bins, found, one = looks.bins[ping], 0, np.float32(NEARLY_ONE)
+    for entry in range(count):
+        if parts.largest[entry] >= one:
+            for place in range(parts.length[entry]):
+                part, b = parts.power[entry, place], parts.begin[entry] + place
+                pairs.part[found], pairs.bin[found], pairs.of[found] = part, b, 2 * entry
+                found += part >= known.least[b]
+        near = _neighbours(cells.block[parts.cell[entry]], parts.place, beside)
+        of_echoes, largest = np.float32(0.0), np.float32(0.0)
+        for which in range(near):
+            of_echoes += parts.echoes[beside[which]]
+            largest += parts.largest[beside[which]]
+        said.asked[start + entry] = 1.0 if of_echoes > 0.0 else 0.0
+        if largest < one:
+            continue
+        first, end = _add_up(parts, near, beside, block)
+        for place in range(min(end - first, BLOCK_BINS, bins - first)):
+            part, b = block[place], first + place
+            pairs.part[found], pairs.bin[found], pairs.of[found] = part, b, 2 * entry + 1
+            found += part >= known.least[b]
+    return found
 
 
 @inlined
@@ -354,58 +492,51 @@ def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     ping: int,
     levels: NDArray[np.float32],
-    silent: NDArray[np.float32],
+    known: Levels,
     count: int,
-    parts: Parts,
+    found: int,
     start: int,
-    ratios: NDArray[np.float32],
     said: Said,
+    pairs: Pairs,
 ) -> None:
     """Weigh what is expected of a ping with some cells against what is expected without them.
 
     Parameters
     ----------
-    looks, ping, levels, silent
-        The ping, what is expected of its bins, and `_log_silent` of that.
-    count : int
-        How many cells.
-    parts : Parts
-        What they return.
-    start : int
-        Row of the first.
-    ratios : (rows,) float32 array
-        Log-likelihood ratios; set.
-    said : Said
-        Shares and whether there was an echo are set.
+    looks, ping, levels, known
+        The ping, and what is expected of its bins.
+    count, found : int
+        How many cells and how many pairs.
+    start, said : int, Said
+        Row of the first cell; ratios and shares are set.
+    pairs : Pairs
+        Ratios and sums are set.
     """
-    noise, least = np.float32(looks.numbers[ping, NOISE]), np.float32(LEAST_SHARE)
-    most, nothing = np.float32(MOST_A_BIN), np.float32(0.0)
+    noise, most, one = np.float32(looks.numbers[ping, NOISE]), np.float32(MOST_A_BIN), np.float32(1)
+    for pair in range(found):
+        b, part = pairs.bin[pair], pairs.part[pair]
+        level, is_echo = levels[b], known.is_echo[b] > 0.0
+        without = max(level - part, noise)
+        below = _below(looks.limit[ping, b] / without)
+        logarithm = log32(without / level if is_echo else below)
+        of_echo = looks.power[ping, b] * (one / without - one / level) + logarithm
+        ratio = of_echo if is_echo else known.silent[b] - logarithm
+        pairs.ratio[pair] = min(max(ratio, -most), most)
+    for entry in range(count):
+        pairs.total[2 * entry] = pairs.total[2 * entry + 1] = said.share[start + entry] = 0.0
+    for pair in range(found):
+        of, b = pairs.of[pair], pairs.bin[pair]
+        pairs.total[of] += pairs.ratio[pair]
+        if known.is_echo[b] > 0.0 and of & 1:
+            row = start + (of >> 1)
+            said.share[row] = max(said.share[row], pairs.part[pair] / levels[b])
     # One echo that is missed is missed in several bins: where ranges are uncertain, that is one
     # piece of news, for it may have come from beside them.
     is_blurred = looks.numbers[ping, RANGE_STD] > looks.numbers[ping, BIN_M]
-    lowest = -most if is_blurred else -most * np.float32(CELL_BINS)
+    lowest = -most if is_blurred else -np.float32(MOST_A_PING)
     for entry in range(count):
-        total, share, asked = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-        for place in range(parts.length[entry]):
-            part, b = parts.power[entry, place], parts.begin[entry] + place
-            level, kind = levels[b], looks.kind[ping, b]
-            if part <= nothing or kind == UNJUDGED:
-                continue
-            if kind == ECHO:
-                asked = np.float32(1.0)
-            if part < least * level:
-                continue
-            without = max(level - part, noise)
-            if kind == ECHO:
-                share = max(share, part / level)
-                power = looks.power[ping, b]
-                ratio = power / without - power / level + log32(without / level)
-            else:
-                ratio = silent[b] - _log_silent(looks.limit[ping, b], without)
-            total += min(max(ratio, -most), most)
-        ratios[start + entry] = max(total, lowest)
-        said.share[start + entry] = share
-        said.asked[start + entry] = asked
+        said.own[start + entry] = max(pairs.total[2 * entry], lowest)
+        said.block[start + entry] = max(pairs.total[2 * entry + 1], lowest)
 
 
 @inlined

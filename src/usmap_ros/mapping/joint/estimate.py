@@ -34,6 +34,8 @@ FIRST_SWEEPS, ROUNDS, SWEEPS = (4, 4, 5), 6, 4
 WALL_ROUNDS, WALL_SHADOWS = 2, 2
 #: Share of a belief in what hides that a round takes over: first, and with walls.
 FIRST_DAMPING, WALL_DAMPING = 0.6, 0.7
+#: Change of what hides, as a share of it, at which it has settled.
+SETTLED = 0.04
 #: Log-odds from which on a cell is reliable, and the share of an echo that it then explains.
 RELIABLE, EXPLAINED_SHARE = 1.0, 0.5
 #: Within this distance of where a robot stood nothing else stands.
@@ -114,8 +116,7 @@ class JointEstimate:
         self._smooth.take_out()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
-            for _ in range(WALL_SHADOWS):
-                self._cast_shadows(filled, WALL_DAMPING)
+            self._cast_shadows(filled, WALL_DAMPING, WALL_SHADOWS)
         return self.walls()
 
     def estimate_powers(self, rounds: int, between: Callable[[], None] = lambda: None) -> None:
@@ -134,9 +135,7 @@ class JointEstimate:
             self._powers.renew_shadows(self.depth)
         no_walls = np.zeros(self.field.shape, bool)
         self._weigh()
-        for _ in range(rounds):
-            between()
-            self._cast_shadows(no_walls, FIRST_DAMPING)
+        self._cast_shadows(no_walls, FIRST_DAMPING, rounds, between)
 
     def evidence_of(self, some: BoolArray) -> CellEvidence:
         """What some of the pings say of the cells by themselves, by the powers of all.
@@ -163,14 +162,37 @@ class JointEstimate:
         """Gather the evidence of all cells."""
         self.evidence = self._powers.weigh(self._forgetting)
 
-    def _cast_shadows(self, walls: BoolArray, damping: float) -> None:
-        """Renew what hides what by the evidence, then powers, then the evidence."""
-        belief = hiding(self.evidence, self.field.shape, walls | self._standing)
-        self._hiding = (1.0 - damping) * self._hiding + damping * belief
-        self.depth = optical_depth(self._hiding, self._opacity)
-        self._powers.renew_shadows(self.depth)
-        self._powers.sweep(SWEEPS)
-        self._weigh()
+    def _cast_shadows(
+        self,
+        walls: BoolArray,
+        damping: float,
+        rounds: int,
+        between: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Renew what hides what by the evidence, then powers, then the evidence, until it settles.
+
+        Parameters
+        ----------
+        walls : (rows, columns) bool array
+            Cells on lines.
+        damping : float
+            Share of a belief that a round takes over.
+        rounds : int
+            At the most.
+        between : callable
+            As in `estimate_powers`.
+        """
+        for _ in range(rounds):
+            between()
+            before = self._hiding
+            belief = hiding(self.evidence, self.field.shape, walls | self._standing)
+            self._hiding = (1.0 - damping) * before + damping * belief
+            self.depth = optical_depth(self._hiding, self._opacity)
+            self._powers.renew_shadows(self.depth)
+            self._powers.sweep(SWEEPS)
+            self._weigh()
+            if np.abs(self._hiding - before).sum() <= SETTLED * self._hiding.sum():
+                break
 
     # ------------------------------------------------------------------ walls
 

@@ -275,22 +275,53 @@ def gather_gradients(
     slope, expected = np.empty(2 * most + 4), np.empty(most, np.float32)
     # Sums over the bins before each, for rows that no echo is heard of, and for the others.
     sums = np.zeros((most + 2, 4))
+    longest = 0
+    for index in range(len(pings)):
+        longest = max(longest, rows.start[index + 1] - rows.start[index])
+    slopes = np.empty((longest, 2), np.float32)
     for index in range(len(pings)):
         _expect(looks, pings[index], rows, index, power, slope, expected)
         _sum_slopes(looks, pings[index], weights[index], expected, sums)
-        for row in range(rows.start[index], rows.start[index + 1]):
-            low, high, heard = rows.low[row], rows.high[row], 2 * np.int64(rows.heard[row])
-            first, last = np.int64(low), np.int64(high)
-            inside, inside_end = np.float64(low - first), np.float64(high - last)
-            raised, lowered = sums[last, heard], sums[last, heard + 1]
-            raised += inside_end * (sums[last + 1, heard] - raised)
-            lowered += inside_end * (sums[last + 1, heard + 1] - lowered)
-            before, before_lowered = sums[first, heard], sums[first, heard + 1]
-            raised -= before + inside * (sums[first + 1, heard] - before)
-            lowered -= before_lowered + inside * (sums[first + 1, heard + 1] - before_lowered)
-            scatterer, weight = rows.scatterer[row], rows.weight[row]
-            gradients[scatterer, 0] += np.float32(raised) * weight
-            gradients[scatterer, 1] += np.float32(lowered) * weight
+        begin, end = rows.start[index], rows.start[index + 1]
+        _slope_of_rows(rows, begin, end, sums, slopes)
+        for row in range(begin, end):
+            scatterer = rows.scatterer[row]
+            gradients[scatterer, 0] += slopes[row - begin, 0]
+            gradients[scatterer, 1] += slopes[row - begin, 1]
+
+
+@inlined
+def _slope_of_rows(
+    rows: Projection,
+    begin: int,
+    end: int,
+    sums: NDArray[np.float64],
+    slopes: NDArray[np.float32],
+) -> None:
+    """Set both parts of the gradient that some rows of a ping add.
+
+    Parameters
+    ----------
+    rows, begin, end : Projection, int, int
+        Which.
+    sums : (bins + 2, 4) array
+        By `_sum_slopes`.
+    slopes : (rows, 2) float32 array
+        Set.
+    """
+    for place in range(end - begin):
+        row = begin + place
+        low, high, heard = rows.low[row], rows.high[row], 2 * np.int64(rows.heard[row])
+        first, last = np.int64(low), np.int64(high)
+        inside, inside_end = np.float64(low - first), np.float64(high - last)
+        raised, lowered = sums[last, heard], sums[last, heard + 1]
+        raised += inside_end * (sums[last + 1, heard] - raised)
+        lowered += inside_end * (sums[last + 1, heard + 1] - lowered)
+        before, before_lowered = sums[first, heard], sums[first, heard + 1]
+        raised -= before + inside * (sums[first + 1, heard] - before)
+        lowered -= before_lowered + inside * (sums[first + 1, heard + 1] - before_lowered)
+        slopes[place, 0] = np.float32(raised) * rows.weight[row]
+        slopes[place, 1] = np.float32(lowered) * rows.weight[row]
 
 
 @inlined
@@ -332,6 +363,7 @@ def _sum_slopes(
         sums[bins + 1, which] = sums[bins, which]
 
 
+@compiled
 def update_powers(power: NDArray[np.float32], gradients: NDArray[np.float32]) -> None:
     """Multiplicative update of all powers; those that are too weak vanish.
 
@@ -339,10 +371,15 @@ def update_powers(power: NDArray[np.float32], gradients: NDArray[np.float32]) ->
     ----------
     power : (scatterers,) float32 array
         Of each; set.
-    gradients : (scatterers, 2) float32 array
-        By `gather_gradients`.
+    gradients : (groups, scatterers, 2) float32 array
+        By `gather_gradients`, of groups of pings, which are added up in their order.
     """
-    raises, lowers = gradients.T
-    ratio = np.divide(raises, lowers, out=np.zeros_like(raises), where=lowers > 0.0)
-    power *= np.minimum(ratio, np.float32(MOST_GROWTH))
-    power[power < LEAST_POWER] = 0.0
+    nothing, most, least = np.float32(0.0), np.float32(MOST_GROWTH), np.float32(LEAST_POWER)
+    for scatterer in range(len(power)):
+        raises, lowers = nothing, nothing
+        for group in range(len(gradients)):
+            raises += gradients[group, scatterer, 0]
+            lowers += gradients[group, scatterer, 1]
+        ratio = raises / lowers if lowers > nothing else nothing
+        updated = power[scatterer] * min(ratio, most)
+        power[scatterer] = nothing if updated < least else updated

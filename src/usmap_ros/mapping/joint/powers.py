@@ -131,20 +131,19 @@ class Powers:
 
     def sweep(self, sweeps: int) -> None:
         """Update all powers by all pings, again and again."""
+        gradients = np.empty((len(self._groups), len(self._power), 2), np.float32)
 
-        def gradients(group: _Group) -> NDArray[np.float32]:
-            sums = np.zeros((len(self._power), 2), np.float32)
+        def gather(number: int) -> None:
+            group, sums = self._groups[number], gradients[number]
+            sums[:] = 0.0
             gather_gradients(
                 self._looks, self._pings[group.which], self._weights[group.which], group.heard,
                 self._power, sums,
             )  # fmt: skip
-            return sums
 
         for _ in range(sweeps):
-            first, *others = for_each(gradients, self._groups)
-            for more in others:
-                first += more
-            update_powers(self._power, first)
+            for_each(gather, range(len(self._groups)))
+            update_powers(self._power, gradients)
 
     def expected_of(self, among: BoolArray) -> NDArray[np.float32]:
         """What would be expected of all pings if some cells were all there is.

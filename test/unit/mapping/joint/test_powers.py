@@ -64,7 +64,7 @@ class Problem:
         return gradients
 
     def sweep(self, power: NDArray[np.float32]) -> None:
-        update_powers(power, self.gradients(power))
+        update_powers(power, self.gradients(power)[np.newaxis])
 
 
 @pytest.fixture

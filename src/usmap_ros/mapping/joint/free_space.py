@@ -40,7 +40,7 @@ from usmap_ros.mapping.joint.response import (
     listen,
 )
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
-from usmap_ros.mapping.joint.usual_directions import is_too_short, log_priors
+from usmap_ros.mapping.joint.usual_directions import lacks_room, log_priors
 from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -57,8 +57,8 @@ FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
 #: The first at the least and the other at the most among mirrors, heard from one side only.
 MIRRORED = (-2.0, 0.05)
-#: Smooth walls are not shorter than this, m; what is round is asked for by itself.
-LEAST_WALL_M = 0.4
+#: How far it is from a place in a smooth wall to an end of it, on the mean, m.
+USUAL_WALL_M = 2.5
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
 #: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
@@ -148,7 +148,7 @@ class FreeSpace:
                 stood &= ~occupied
             is_refuted = (worst < refuted) | (proven | stood)[:, :, np.newaxis]
             if smooth.mirrors:
-                self._close(is_refuted, kinds)
+                self._close(is_refuted, worst, wanted, kinds, refuted)
             free = (wanted & is_refuted.all(axis=2) & ~closed) | stood
             if turn < FREE_ROUNDS - 1:
                 # What was not refuted while all was open is not when less is.
@@ -181,12 +181,21 @@ class FreeSpace:
         filled = walls.filled | (drawn(lines, self._field.shape) & ~self._stood)
         return replace(walls, filled=filled, lines=lines), may_be | more
 
-    def _close(self, is_refuted: BoolArray, kinds: FloatArray) -> None:
+    def _close(
+        self,
+        is_refuted: BoolArray,
+        worst: NDArray[np.float32],
+        wanted: BoolArray,
+        kinds: FloatArray,
+        refuted: float,
+    ) -> None:
         """Refute walls that face as most do where there is too little room for them."""
-        length_cells = round(LEAST_WALL_M / self._field.resolution_m)
+        usual_cells = USUAL_WALL_M / self._field.resolution_m
         for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
-            here = is_refuted[:, :, group]
-            here |= is_too_short(here, float(kinds[first, 0]), length_cells)
+            here, said = is_refuted[:, :, group], worst[:, :, group]
+            here |= lacks_room(
+                said, here.copy(), wanted, float(kinds[first, 0]), usual_cells, refuted
+            )
 
     def _left(self, belief: FloatArray) -> NDArray[np.uint8]:
         """How much of the sound is left along rays, by what may hold it back."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, usual_direction
 from usmap_ros.mapping.joint.open_space import ACROSS, ALONG, KINDS, ORIENTATIONS, OTHERS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled
 
 #: Hits that speak for walls in directions in which none was heard.
 PSEUDO_HITS = 1.0
@@ -16,6 +18,8 @@ PSEUDO_HITS = 1.0
 NEAR = math.sin(math.pi / ORIENTATIONS)
 #: Of what is never looked for.
 NEVER = -1e3
+#: Ends that are so many times as far away as usual say nothing.
+FAR = 2.0
 
 
 def log_priors(walls: list[MirrorWall], columns_a_line: float = 0.0) -> FloatArray:
@@ -54,25 +58,51 @@ def log_priors(walls: list[MirrorWall], columns_a_line: float = 0.0) -> FloatArr
     return kinds
 
 
-def is_too_short(is_refuted: BoolArray, normal_rad: float, length_cells: int) -> BoolArray:
-    """Whether a wall through each cell would end on both sides before it has a length.
+@compiled
+def lacks_room(
+    said: NDArray[np.float32],
+    is_refuted: BoolArray,
+    asked: BoolArray,
+    normal_rad: float,
+    usual_cells: float,
+    refuted: float,
+) -> BoolArray:
+    """Whether walls are refuted by how little room there is for them, with what was heard.
+
+    From anywhere in a wall it is as far to either end as chance has it, exponentially distributed;
+    a wall through a cell must end before the next cells on its line in which none can stand.
 
     Parameters
     ----------
+    said : (rows, columns) float32 array
+        Log-likelihood ratio of a wall in each cell; where it speaks for one, room says nothing.
     is_refuted : (rows, columns) bool array
         Where no wall that faces so can stand.
+    asked : (rows, columns) bool array
+        Cells that are asked for.
     normal_rad : float
         Direction that it faces.
-    length_cells : int
-        That walls have at the least.
+    usual_cells : float
+        How far it is from a place in a wall to an end, on the mean.
+    refuted : float
+        Log-likelihood ratio at which one is refuted.
     """
-    room = np.zeros(is_refuted.shape, np.int32)
-    for sign in (-1.0, 1.0):
-        free = np.full(is_refuted.shape, length_cells, np.int32)
-        for step in range(length_cells, 0, -1):
-            up, right = (
-                round(sign * step * part) for part in (math.cos(normal_rad), -math.sin(normal_rad))
-            )
-            free[np.roll(is_refuted, (-up, -right), axis=(0, 1))] = step - 1
-        room += free
-    return room + 1 < length_cells
+    rows, columns = is_refuted.shape
+    lacks = np.zeros((rows, columns), np.bool_)
+    up, right, farthest = math.cos(normal_rad), -math.sin(normal_rad), int(FAR * usual_cells)
+    for row in range(rows):
+        for column in range(columns):
+            if not asked[row, column] or is_refuted[row, column] or said[row, column] > 0.0:
+                continue
+            total = said[row, column]
+            for sign in (-1.0, 1.0):
+                for step in range(1, farthest):
+                    y = math.floor(row + sign * step * up + 0.5)
+                    x = math.floor(column + sign * step * right + 0.5)
+                    if not (0 <= y < rows and 0 <= x < columns):
+                        break
+                    if is_refuted[y, x]:
+                        total += math.log(1.0 - math.exp(-(step - 0.5) / usual_cells))
+                        break
+            lacks[row, column] = total < refuted
+    return lacks

@@ -7,7 +7,8 @@ import pytest
 
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
 from usmap_ros.mapping.joint.open_space import ORIENTATIONS
-from usmap_ros.mapping.joint.usual_directions import is_too_short, log_priors
+from usmap_ros.mapping.joint.usual_directions import lacks_room, log_priors
+from usmap_ros.numerics.arrays import BoolArray
 
 
 def wall(normal_rad: float, hits: int) -> MirrorWall:
@@ -53,18 +54,55 @@ def test_with_mirrors_round_things_are_as_likely_as_any() -> None:
     assert log_priors(ROOM)[ORIENTATIONS:, 1].tolist() == [0.0]
 
 
+#: Distance to a wall's end, cells, and log-likelihood ratio at which a wall is refuted.
+USUAL_CELLS, REFUTED = 20.0, -2.0
+
+
+def gap_of(cells: int) -> BoolArray:
+    """Make cells in which no wall can stand, but for a gap across the tenth row."""
+    is_refuted = np.ones((60, 60), bool)
+    is_refuted[10 : 10 + cells, 10] = False
+    return is_refuted
+
+
+def lacking(is_refuted: BoolArray, said: float, normal_rad: float) -> BoolArray:
+    """Ask of all cells whether there is too little room, if so much speaks for walls in each."""
+    everywhere = np.full(is_refuted.shape, said, np.float32)
+    asked = np.ones_like(is_refuted)
+    return lacks_room(everywhere, is_refuted, asked, normal_rad, USUAL_CELLS, REFUTED)
+
+
 @pytest.mark.parametrize("normal_rad", [0.0, 0.5 * math.pi])
-def test_a_wall_needs_its_length_between_what_is_refuted(normal_rad: float) -> None:
-    # Refuted but for a gap of five cells along a wall that faces the first way.
-    is_refuted = np.ones((20, 20), bool)
-    is_refuted[8:13, 10] = False
-    along = is_refuted if normal_rad == 0.0 else is_refuted.T
-    gap = ~along
-    assert is_too_short(along, normal_rad, 6)[gap].all()
-    assert not is_too_short(along, normal_rad, 5)[gap].any()
+def test_a_wall_needs_room_between_what_is_refuted(normal_rad: float) -> None:
+    # In the middle it is half as far to either end: 2 log(1 - exp(-9.5 / 20)) = -1.95.
+    for cells, lacks in ((17, True), (21, False)):
+        along = gap_of(cells) if normal_rad == 0.0 else gap_of(cells).T
+        middle = (10 + cells // 2, 10) if normal_rad == 0.0 else (10, 10 + cells // 2)
+        assert lacking(along, 0.0, normal_rad)[middle] == lacks
 
 
-def test_a_wall_may_stand_where_only_one_side_is_refuted() -> None:
-    is_refuted = np.zeros((20, 20), bool)
+def test_a_wall_may_begin_where_what_is_refuted_ends_but_seldom_does() -> None:
+    is_refuted = np.zeros((60, 60), bool)
     is_refuted[:8] = True
-    assert not is_too_short(is_refuted, 0.0, 8)[~is_refuted].any()
+    # 1 - exp(-2.5 / 20) is less than exp(-2), 1 - exp(-3.5 / 20) is more.
+    assert lacking(is_refuted, 0.0, 0.0)[10].all()
+    assert not lacking(is_refuted, 0.0, 0.0)[11:].any()
+
+
+def test_silence_and_little_room_together_refute_a_wall() -> None:
+    middle = (20, 10)
+    assert not lacking(gap_of(21), 0.0, 0.0)[middle]
+    assert lacking(gap_of(21), -0.3, 0.0)[middle]
+
+
+def test_room_says_nothing_against_a_wall_that_was_heard() -> None:
+    assert lacking(gap_of(5), 0.0, 0.0)[12, 10]
+    assert not lacking(gap_of(5), 0.1, 0.0).any()
+
+
+def test_only_what_is_asked_for_lacks_room() -> None:
+    is_refuted, said = gap_of(5), np.zeros((60, 60), np.float32)
+    asked = np.zeros_like(is_refuted)
+    asked[12, 10] = True
+    lacks = lacks_room(said, is_refuted, asked, 0.0, USUAL_CELLS, REFUTED)
+    assert np.argwhere(lacks).tolist() == [[12, 10]]

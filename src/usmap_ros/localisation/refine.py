@@ -130,12 +130,15 @@ def _refine_frame(
     cones = [pings[row][1] for row in all_rows]
     told = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
     known = np.array([one.pose.planar_covariance for one in cones])
+    _, transducers = np.unique([one.child_frame_id for one in cones], return_inverse=True)
     tracks, first = [], 0
     for robot, own in rows.items():
         here = np.arange(first, first + len(own))
         is_fixed = kinds[robot] is PoseKind.ABSOLUTE
         is_stated = kinds[robot] is not PoseKind.INSISTED
-        tracks.append(Track(here, told[here], known[here], every, is_fixed, is_stated))
+        tracks.append(
+            Track(here, told[here], known[here], transducers[here], every, is_fixed, is_stated)
+        )
         first += len(own)
     looks = np.concatenate([track.looks() for track in tracks])
     found = search(Smoother(tracks, tabulate(cones, looks)))

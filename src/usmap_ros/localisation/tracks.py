@@ -6,6 +6,7 @@ what it is off from knot to knot is shared out evenly along the way.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +17,10 @@ from usmap_ros.numerics.arrays import FloatArray
 
 #: Odometry that states no covariance: errors for the root of each metre (m, rad).
 _SLIP_M, _TURN_RAD = 0.02, 0.026
+#: Looks from nearer to each other than this are one: they hear the same parts of the same walls.
+_ONE_PLACE_M, _ONE_PLACE_RAD = 0.05, 0.1
+#: Way that a ping counts for where the robot stands, m.
+_STANDING_M = 1e-4
 #: Rounding of covariances, m² or rad².
 _NOTHING = 1e-12
 #: What even the best odometry is off: between any two knots, and for each metre (m, rad).
@@ -35,6 +40,8 @@ class Track:
         Poses as they were reported.
     covariances : (n, 3, 3) array
         Of these.
+    transducers : (n,) int array
+        Which of the robot's transducers each ping is of: each is somewhere else on it.
     every : int
         Pings from knot to knot.
     is_fixed : bool
@@ -46,9 +53,11 @@ class Track:
     rows: NDArray[np.intp]
     told: FloatArray
     covariances: FloatArray
+    transducers: NDArray[np.intp]
     every: int
     is_fixed: bool = False
     is_stated: bool = True
+    along_m: FloatArray = field(init=False)
     knots: NDArray[np.intp] = field(init=False)
     increments: FloatArray = field(init=False)
     informations: FloatArray = field(init=False)
@@ -58,6 +67,7 @@ class Track:
         knots = np.unique(np.append(np.arange(0, max(last, 1), self.every), last))
         told = self.told[knots]
         # The one way to set what follows from the others in a frozen class.
+        object.__setattr__(self, "along_m", self._along_m())
         object.__setattr__(self, "knots", knots)
         object.__setattr__(self, "increments", between(told[:-1], told[1:]))
         object.__setattr__(self, "informations", self._informations(knots))
@@ -75,7 +85,7 @@ class Track:
         is_stated = bool(np.abs(cost).max(initial=0.0) > _NOTHING)
         values, vectors = np.linalg.eigh(0.5 * (cost + np.swapaxes(cost, 1, 2)))
         cost = (vectors * np.maximum(values, 0.0)[:, np.newaxis]) @ np.swapaxes(vectors, 1, 2)
-        way_m = self._ways_m(knots)
+        way_m = np.diff(self.along_m[knots])
         floor = np.stack(
             [_FLOOR_M + _FLOOR_M_PER_M * way_m] * 2 + [_FLOOR_RAD + _FLOOR_RAD_PER_M * way_m],
             axis=-1,
@@ -86,10 +96,14 @@ class Track:
             )
         return np.linalg.inv(cost + floor[:, :, np.newaxis] ** 2 * np.eye(3))
 
-    def _ways_m(self, knots: NDArray[np.intp]) -> FloatArray:
-        steps_m = np.hypot(*np.diff(self.told[:, :2], axis=0).T)
-        along_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-        return np.asarray(np.diff(along_m[knots]))
+    def _along_m(self) -> FloatArray:
+        """How far the robot has gone at each ping, (n,)."""
+        along_m = np.zeros(len(self.rows))
+        for transducer in np.unique(self.transducers):
+            own = np.flatnonzero(self.transducers == transducer)
+            steps_m = np.hypot(*np.diff(self.told[own, :2], axis=0).T)
+            along_m[own[1:]] = np.cumsum(steps_m)
+        return np.maximum.accumulate(along_m)
 
     def start_information(self) -> FloatArray:
         """How well the first pose is known, as an inverse covariance."""
@@ -97,15 +111,19 @@ class Track:
         return np.asarray(np.linalg.inv(self.covariances[0] + floor))
 
     def shares(self) -> tuple[NDArray[np.intp], FloatArray]:
-        """For each ping the knot before it, and how far it is on the way to the next one."""
+        """For each ping the knot before it, and how far it is on the way to the next one.
+
+        Odometry errs where the robot moves, and hardly where it stands.
+        """
         pings = np.arange(len(self.rows))
         before = np.clip(
             np.searchsorted(self.knots, pings, side="right") - 1, 0, max(len(self.knots) - 2, 0)
         )
         if len(self.knots) < 2:
             return before, np.zeros(len(pings))
-        apart = self.knots[before + 1] - self.knots[before]
-        return before, (pings - self.knots[before]) / apart
+        gone = self.along_m + _STANDING_M * pings
+        start = gone[self.knots[before]]
+        return before, (gone - start) / (gone[self.knots[before + 1]] - start)
 
     def poses(self, at_knots: FloatArray) -> FloatArray:
         """Poses of all pings from those of the knots, (n, 3)."""
@@ -122,14 +140,17 @@ class Track:
         return poses
 
     def looks(self) -> FloatArray:
-        """Weight of each ping, (n,): those from one place are one look together."""
+        """Weight of each ping, (n,): those of a transducer from one place are one look together."""
         weights = np.ones(len(self.rows))
-        first = 0
-        for ping in range(1, len(self.rows) + 1):
-            if ping < len(self.rows):
-                moved = self.told[ping] - self.told[first]
-                if np.hypot(moved[0], moved[1]) < 0.01 and abs(wrapped(moved[2])) < 0.01:
-                    continue
-            weights[first:ping] = 1.0 / (ping - first)
-            first = ping
+        for transducer in np.unique(self.transducers):
+            own = np.flatnonzero(self.transducers == transducer)
+            first = 0
+            for ping in range(1, len(own) + 1):
+                if ping < len(own):
+                    moved = self.told[own[ping]] - self.told[own[first]]
+                    is_near = math.hypot(moved[0], moved[1]) < _ONE_PLACE_M
+                    if is_near and abs(wrapped(moved[2])) < _ONE_PLACE_RAD:
+                        continue
+                weights[own[first:ping]] = 1.0 / (ping - first)
+                first = ping
         return weights

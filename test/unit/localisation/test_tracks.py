@@ -8,11 +8,14 @@ from usmap_ros.localisation.equations import chain, odometry_cost, solve_chain
 from usmap_ros.localisation.planar import between, compose, derivatives, wrapped
 from usmap_ros.localisation.tracks import Track
 
+#: All pings of one transducer.
+ONE = np.zeros(100, np.intp)
+
 
 def track(count: int = 21, **others: bool) -> Track:
     told = circle(count)
     growing = np.arange(float(count))[:, np.newaxis, np.newaxis] * np.diag([1e-4, 1e-4, 1e-3])
-    return Track(np.arange(count), told, growing, 8, **others)
+    return Track(np.arange(count), told, growing, ONE[:count], 8, **others)
 
 
 def test_poses_are_composed_and_taken_apart() -> None:
@@ -55,6 +58,24 @@ def test_what_knots_are_off_is_shared_out_along_the_way() -> None:
     np.testing.assert_allclose(off_m[:9], np.linspace(0.0, 0.08, 9), atol=1e-9)
 
 
+def test_a_robot_that_stands_errs_only_where_it_goes_on() -> None:
+    told = np.zeros((9, 3))
+    told[5:, 0] = 1.0
+    one = Track(np.arange(9), told, np.zeros((9, 3, 3)), ONE[:9], 8)
+    off_m = (one.poses(np.array([[0.0, 0.0, 0.0], [1.2, 0.0, 0.0]])) - told)[:, 0]
+    np.testing.assert_allclose(off_m, [0.0] * 5 + [0.2] * 4, atol=1e-3)
+
+
+def test_a_way_is_that_of_the_robot_and_not_from_one_transducer_to_the_other() -> None:
+    # Two of them, 0.2 m from each other, in turn, on a robot that goes 0.1 m a ping.
+    transducers = np.arange(9) % 2
+    told = np.zeros((9, 3))
+    told[:, 0] = 0.1 * np.arange(9) + 0.2 * transducers
+    one = Track(np.arange(9), told, np.zeros((9, 3, 3)), transducers, 8)
+    assert one.along_m[-1] == pytest.approx(0.8)
+    np.testing.assert_allclose(one.looks(), 1.0)
+
+
 def test_odometry_alone_is_solved_to_itself() -> None:
     one = track()
     rng = np.random.default_rng(4)
@@ -81,12 +102,12 @@ def test_the_banded_solution_is_that_of_the_full_matrix() -> None:
 def test_a_robot_that_parks_looks_once() -> None:
     told = np.zeros((10, 3))
     told[5:, 0] = np.arange(1, 6)
-    parked = Track(np.arange(10), told, np.zeros((10, 3, 3)), 4)
+    parked = Track(np.arange(10), told, np.zeros((10, 3, 3)), ONE[:10], 4)
     np.testing.assert_allclose(parked.looks(), [0.2] * 5 + [1.0] * 5)
 
 
 def test_without_covariances_wheels_are_as_wheels_usually_are() -> None:
-    exact = Track(np.arange(9), circle(9), np.zeros((9, 3, 3)), 8)
+    exact = Track(np.arange(9), circle(9), np.zeros((9, 3, 3)), ONE[:9], 8)
     way_m = float(np.hypot(*np.diff(exact.told[:, :2], axis=0).T).sum())
     turn_std_rad = 1.0 / np.sqrt(exact.informations[0, 2, 2])
     assert turn_std_rad == pytest.approx(0.026 * np.sqrt(way_m), rel=0.3)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.echoes import Echoes, count_between
 from usmap_ros.mapping.joint.field import Field, X, Y
-from usmap_ros.mapping.joint.mirror_fits import candidates, fit
+from usmap_ros.mapping.joint.mirror_fits import Search, candidates, fit
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -142,7 +142,8 @@ def mirror_walls(
     is_usable : (echoes,) bool array
         Whether a mirror may explain an echo.
     """
-    found = _found(looks, pings, echoes, ~is_explained, (LEAST_MIRROR, MOST_MIRROR), ANY)
+    search = Search(looks, pings, echoes, ~is_explained, LEAST_MIRROR, MOST_MIRROR)
+    found = _found(search, ANY)
     hits = np.array([len(wall.echoes) for wall in found])
     are_mirrors = np.array([wall.following < MOST_FOLLOWING for wall in found], bool)
     if not found or hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
@@ -153,12 +154,14 @@ def mirror_walls(
     if alike[most] @ hits < max(LEAST_ALIKE * hits.sum(), LEAST_HITS_ALIKE):
         return []
     usual = float(np.average(logs[alike[most]], weights=hits[alike[most]]))
-    band = math.exp(usual - BAND), math.exp(usual + BAND)
-    walls = _without_doubles(_found(looks, pings, echoes, is_usable, band, ANY))
+    search = search._replace(
+        is_open=is_usable, faintest=math.exp(usual - BAND), loudest=math.exp(usual + BAND)
+    )
+    walls = _without_doubles(_found(search, ANY))
     is_left = is_usable.copy()
     for wall in walls:
         is_left[wall.echoes] = False
-    more = _found(looks, pings, echoes, is_left, band, USUAL)
+    more = _found(search._replace(is_open=is_left), USUAL)
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
     return _squared(_without_doubles(walls), looks.numbers[pings][:, [X, Y]], echoes)
@@ -216,26 +219,17 @@ def _turned(wall: MirrorWall, turn: float, places_m: FloatArray, echoes: Echoes)
     )
 
 
-def _found(
-    looks: Looks,
-    pings: NDArray[np.int64],
-    echoes: Echoes,
-    is_open: BoolArray,
-    mirrors: tuple[float, float],
-    bar: Bar,
-) -> list[MirrorWall]:
-    """Mirrors that explain echoes, of reflectivities between two."""
-    is_open = is_open.copy()
+def _found(search: Search, bar: Bar) -> list[MirrorWall]:
+    """Mirrors that explain echoes."""
+    search = search._replace(is_open=search.is_open.copy())
     found: list[MirrorWall] = []
-    for normal_rad, distance_m in candidates(looks, pings, echoes, is_open, mirrors, bar.hits):
-        wall = _fitted(looks, pings, echoes, is_open, mirrors, bar, normal_rad, distance_m)
+    for normal_rad, distance_m in candidates(search, bar.hits):
+        wall = _fitted(search, bar, normal_rad, distance_m)
         while wall is not None and len(found) < MOST_WALLS:
             found.append(wall)
-            is_open[wall.echoes] = False
+            search.is_open[wall.echoes] = False
             # Farther along the same line there may be more of it.
-            wall = _fitted(
-                looks, pings, echoes, is_open, mirrors, bar, wall.normal_rad, wall.distance_m
-            )
+            wall = _fitted(search, bar, wall.normal_rad, wall.distance_m)
     return found
 
 
@@ -263,53 +257,40 @@ def _without_doubles(walls: list[MirrorWall]) -> list[MirrorWall]:
     return kept
 
 
-def _fitted(
-    looks: Looks,
-    pings: NDArray[np.int64],
-    echoes: Echoes,
-    is_open: BoolArray,
-    mirrors: tuple[float, float],
-    bar: Bar,
-    normal_rad: float,
-    distance_m: float,
-) -> MirrorWall | None:
+def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> MirrorWall | None:
     """The wall near a candidate, if it is one."""
-    hit_pings, hit_echoes = (np.empty(len(pings), np.int64) for _ in range(2))
-    feet_m = np.empty(len(pings))
-    score, hits, normal_rad, distance_m, log_mirror, deviation = fit(
-        looks,
-        pings,
-        echoes,
-        is_open,
-        mirrors,
-        normal_rad,
-        distance_m,
-        hit_pings,
-        hit_echoes,
-        feet_m,
-    )
-    if score < bar.score or hits < bar.hits or deviation > MOST_DEVIATION:
+    normal_rad, distance_m, score, hits = fit(search, normal_rad, distance_m)
+    if score < bar.score or len(hits.echo) < bar.hits:
         return None
-    own, heard, feet_m = hit_pings[:hits], hit_echoes[:hits], feet_m[:hits]
+    log_mirror = float(np.median(hits.log_mirror))
+    if np.median(np.abs(hits.log_mirror - log_mirror)) > MOST_DEVIATION:
+        return None
+    feet_m = hits.along_m
     low_m, high_m = np.percentile(feet_m, [5, 95])
     if high_m - low_m < bar.stretch_m or len(np.unique(np.round(feet_m / 0.1))) < bar.places:
         return None
-    numbers = looks.numbers[pings[own]]
+    numbers = search.looks.numbers[search.pings[hits.ping]]
     across_m = distance_m - (
         numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)
     )
-    ranges_m = echoes.range_m[heard]
+    ranges_m = search.echoes.range_m[hits.echo]
+    if _fits_a_point(feet_m, across_m, ranges_m):
+        return None
+    begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
+    following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
+    return MirrorWall(
+        normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
+        hits.ping, hits.echo, float(following), log_mirror,
+    )  # fmt: skip
+
+
+def _fits_a_point(feet_m: FloatArray, across_m: FloatArray, ranges_m: FloatArray) -> bool:
+    """Whether a point on a wall would explain ranges nearly as well as the wall."""
     points_m = np.linspace(feet_m.min(), feet_m.max(), 25)[:, np.newaxis]
     off_points_m = ranges_m - np.hypot(across_m, feet_m - points_m)
     off_points_m -= np.median(off_points_m, axis=1, keepdims=True)
-    if _misfits(ranges_m - across_m) > POINT_SHARE * _misfits(off_points_m).min():
-        return None
-    begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
-    following = count_between(echoes, own, begin_m, end_m).mean()
-    return MirrorWall(
-        normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
-        own.copy(), heard.copy(), float(following), float(log_mirror),
-    )  # fmt: skip
+    least = _misfits(off_points_m).min()
+    return bool(_misfits(ranges_m - across_m) > POINT_SHARE * least)
 
 
 def _misfits(residuals_m: FloatArray) -> FloatArray:

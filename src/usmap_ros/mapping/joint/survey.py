@@ -90,24 +90,19 @@ class Survey:
         self._more_rounds, self._frame_id, self._stamp_ns = more_rounds, frame_id, stamp_ns
         self._lock = threading.Lock()
         self._earlier: OccupancyMap | None = None
-        self._areas: list[Area] | None = None
         self._map: OccupancyMap | None = None
-
-    def areas(self) -> list[Area]:
-        """What is known of each area."""
-        with self._lock:
-            if self._areas is None:
-                self._earlier = self._before and self._before()
-                islands = self._kept.islands()
-                self._areas = [self._area(self._kept.pings(group)) for group in islands]
-            return self._areas
 
     def occupancy_map(self) -> OccupancyMap:
         """The map; whoever asked may change it."""
-        areas = self.areas()
         with self._lock:
             if self._map is None:
-                self._map = self._made(areas)
+                self._earlier = self._before and self._before()
+                islands = self._kept.islands()
+                self._map = self._made([self._area(self._kept.pings(group)) for group in islands])
+                # Nothing stays but the map: what it was made from is many times as large, and
+                # earlier surveys hold those that were before them.
+                self._kept, self._before = KeptPings(self._parameters), None
+                self._earlier = None
             return copied(self._map)
 
     @property

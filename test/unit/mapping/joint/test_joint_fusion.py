@@ -1,5 +1,6 @@
 """Maps that explain all pings together: what they depend on, and what they keep."""
 
+import gc
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,8 +10,10 @@ import pytest
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint import estimate, powers
+from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import MOST_FROM_A_PLACE
+from usmap_ros.mapping.joint.survey import Survey
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.processes import threads
@@ -172,6 +175,20 @@ def test_what_pings_said_stays_when_they_leave_the_window(views: list[EchoCone])
     for x_m, half in ((1.525, np.s_[:, :middle]), (1.525 + FAR_M, np.s_[:, middle:])):
         assert at(occupancy, predicted, x_m, 0.425)
         assert np.count_nonzero(is_free[half]) > 200
+
+
+def test_nothing_is_kept_of_what_maps_were_made_from(views: list[EchoCone]) -> None:
+    def alive() -> dict[type, int]:
+        gc.collect()
+        kinds = [type(each) for each in gc.get_objects()]
+        return {kind: kinds.count(kind) for kind in (Survey, JointEstimate)}
+
+    before = alive()
+    # Half of the pings leave the window, one after the other.
+    fusion = fused(views, window=len(views) // 2)
+    fusion.occupancy_map()
+    assert alive() == {Survey: before[Survey] + 2, JointEstimate: before[JointEstimate]}
+    assert fusion.memory_bytes > 0
 
 
 def test_a_map_is_resumed_and_goes_on(views: list[EchoCone]) -> None:

@@ -89,8 +89,9 @@ class Located:
     def states(self) -> str:
         """Which robots share the map's frame, in one line."""
         return ", ".join(
-            f"{robot} {one.state if one.frame_id == self.frame_id else 'alone'}"
+            f"{robot} {one.state if is_known else 'alone'}"
             for robot, one in self.corrected.robots.items()
+            for is_known in [one.frame_id == self.frame_id or one.state == "lost"]
         )
 
 
@@ -98,10 +99,29 @@ def locate(told: Sequence[Ping], corrected: Corrected, frame_id: str) -> Located
     """Where frames of odometry are in the map by the newest ping of each that is in it."""
     frames: dict[str, FloatArray] = {}
     for (_, before), (_, after) in zip(told, corrected.pings, strict=True):
-        if is_own_frame(before.frame_id) and after.frame_id == frame_id != before.frame_id:
+        if not is_own_frame(before.frame_id):
+            continue
+        if after.frame_id == frame_id != before.frame_id:
             place = after.pose.compose(before.pose.inverse())
             frames[first_name(before.frame_id)] = np.array([*place.position_m[:2], place.yaw_rad])
+        else:
+            # Since it began anew nobody knows where it is.
+            frames.pop(first_name(before.frame_id), None)
     return Located(corrected, frame_id, frames)
+
+
+def of_latest_lives(told: Sequence[Ping], found: Sequence[Ping]) -> list[bool]:
+    """Which pings are of no robot that was carried off after them.
+
+    What such a ping says stays in the map; odometry from there would lead astray.
+    """
+    latest = {
+        robot_of(*before): robot_of(*after) for before, after in zip(told, found, strict=True)
+    }
+    return [
+        latest[robot_of(*before)] == robot_of(*after)
+        for before, after in zip(told, found, strict=True)
+    ]
 
 
 class LivePoses:
@@ -231,18 +251,28 @@ class LivePoses:
             self._earlier = made.occupancy if made else copied(occupancy)
             if made:
                 self._kinds = {robot: one.kind for robot, one in made.corrected.robots.items()}
-                self._anchors = self._anchors | self._anchors_from(made.corrected.pings, count)
-            self._told = self._told[count:]
+                found = made.corrected.pings
+                stays = of_latest_lives(self._told[: len(found)], found)
+                stays += [True] * (len(self._told) - len(found))
+                anchors = self._anchors_from(found, count, stays)
+                self._anchors = self._anchors | anchors
+                kept = zip(self._told[count:], stays[count:], strict=True)
+                self._told = [ping for ping, is_kept in kept if is_kept]
+            else:
+                self._told = self._told[count:]
             self.generation += 1
         finally:
             self._lock.release()
 
-    def _anchors_from(self, found: list[Ping], first: int) -> dict[str, Anchor]:
+    def _anchors_from(
+        self, found: list[Ping], first: int, stays: Sequence[bool]
+    ) -> dict[str, Anchor]:
         """Where robots that drift were found to be at their first pings that are kept."""
         anchors: dict[str, Anchor] = {}
-        for (topic, told), (_, one) in zip(self._told[first:], found[first:], strict=False):
+        for row in range(first, len(found)):
+            (topic, told), (_, one) = self._told[row], found[row]
             robot = robot_of(topic, told)
-            if self._kinds.get(robot) is not PoseKind.ABSOLUTE:
+            if stays[row] and self._kinds.get(robot) is not PoseKind.ABSOLUTE:
                 anchors.setdefault(robot, Anchor(told.pose, one.pose, one.frame_id))
         return anchors
 

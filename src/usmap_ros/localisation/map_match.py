@@ -171,6 +171,16 @@ def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
     return Match(change, second.centre_m, best, margin, against / max(both, 1.0))
 
 
+def in_common(first: Submap, second: Submap) -> tuple[float, float]:
+    """Pieces that stand in both of two maps of one frame, and in the other's free space.
+
+    Whatever little shift or turn between them is best is made good first.
+    """
+    if not len(first.places_m) or not len(second.places_m):
+        return 0.0, 0.0
+    return _counts(first, second, _refined(first, second, np.zeros(3))[1])
+
+
 def _sides(is_free: BoolArray, resolution_m: float) -> FloatArray:
     """Towards the side that is free, as vectors of length 1 at the most, (2, rows, columns)."""
     sigma, free = _SIDE_M / resolution_m, is_free.astype(float)

@@ -10,6 +10,7 @@ from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame
 from usmap_ros.localisation.refine import kinds_of, refine_poses
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.carried_off import with_lives
 from usmap_ros.runs.joining import WORLD, join_robots, with_starts
 
 
@@ -24,7 +25,7 @@ class RobotPoses:
     frame_id : str
         The frame that they are in now.
     state : str
-        ``joined`` with others in this frame, or ``alone``.
+        ``joined`` with others in this frame, ``alone``, or ``lost``: carried off, and not joined.
     correction_m : float
         Root mean square of how far places were moved within their frame.
     """
@@ -86,6 +87,10 @@ def correct_poses(
     if wanted.use == "told":
         return Corrected(told)
     refined = refine_poses(told, kinds=kinds)
+    lives, lost = with_lives(told, refined.pings, kinds, parameters)
+    if lost:
+        told, kinds = lives, kinds | dict.fromkeys(lost, PoseKind.ODOMETRY_FROM_ANYWHERE)
+        refined = refine_poses(told, kinds=kinds)
     joining = join_robots(told, refined.pings, kinds, parameters, world)
     return Corrected(
         joining.pings,
@@ -93,7 +98,9 @@ def correct_poses(
             robot: RobotPoses(
                 kind,
                 joining.frames[robot],
-                joining.state(robot),
+                "lost"
+                if robot in lost and joining.state(robot) == "alone"
+                else joining.state(robot),
                 refined.corrections_m.get(robot, 0.0),
             )
             for robot, kind in kinds.items()

@@ -9,10 +9,12 @@ from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.live.live_fusion import LiveFusion
-from usmap_ros.live.live_poses import Anchor
+from usmap_ros.live.live_poses import Anchor, locate, of_latest_lives
 from usmap_ros.localisation.planar import between
+from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, PipelineParameters, PoseParameters
+from usmap_ros.runs.correction import Corrected, RobotPoses
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
@@ -206,3 +208,34 @@ def test_a_ping_goes_on_from_an_anchor_by_what_its_odometry_added() -> None:
     variances = np.diagonal(moved.pose.planar_covariance)
     expected = [0.02 + 0.001 + 4.0 * 0.003, 0.01 + 0.002, 0.01 + 0.003]
     np.testing.assert_allclose(variances, expected, atol=1e-9)
+
+
+def carried_off() -> tuple[list[Ping], list[Ping]]:
+    """Pings of a robot as told and as found, that is lost from the second one on."""
+    own = {"frame_id": "robot1/odom", "child_frame_id": "robot1/sonar"}
+    lost = {"frame_id": "robot1/odom#2", "child_frame_id": "robot1#2/sonar"}
+    told = [("/robot1/echo", cone(Pose.planar(x_m, 0.0, 0.0), **own)) for x_m in (1.0, 2.0)]
+    found = [
+        ("/robot1/echo", replace(told[0][1], frame_id="map")),
+        ("/robot1/echo", replace(told[1][1], **lost)),
+    ]
+    return told, found
+
+
+def test_nobody_says_where_a_robot_is_that_is_lost() -> None:
+    told, found = carried_off()
+    robots = {
+        "robot1": RobotPoses(PoseKind.ODOMETRY_FROM_ANYWHERE, "map", "joined", 0.0),
+        "robot1#2": RobotPoses(PoseKind.ODOMETRY_FROM_ANYWHERE, "robot1/odom#2", "lost", 0.0),
+    }
+    before = locate(told[:1], Corrected(found[:1], robots), "map")
+    assert list(before.frames) == ["robot1/odom"]
+    located = locate(told, Corrected(found, robots), "map")
+    assert located.frames == {}
+    assert located.states() == "robot1 joined, robot1#2 lost"
+
+
+def test_pings_from_before_a_robot_was_carried_off_need_not_be_kept() -> None:
+    assert of_latest_lives(*carried_off()) == [False, True]
+    told, _ = carried_off()
+    assert of_latest_lives(told, told) == [True, True]

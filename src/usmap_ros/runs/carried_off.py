@@ -1,0 +1,165 @@
+"""Robots that were carried off while they were on, of which their wheels know nothing.
+
+What a robot hears is mapped in blocks.  Where all that come after some ping have things where those
+before it know of free space, and little in common with them, the robot is somewhere else: it begins
+anew, as another robot in a frame of its own, until its map is joined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from usmap_ros.errors import MalformedMessageError, MapSizeError
+from usmap_ros.localisation.map_match import Submap, in_common
+from usmap_ros.localisation.pose_kind import PoseKind, robot_of
+from usmap_ros.mapping.far_off import Ping
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.restarts import MARK, first_name
+
+#: Pings of a block, and the fewest of which one is made; most blocks, beyond which they are larger.
+_BLOCK, _LEAST_PINGS, _MOST_BLOCKS = 100, 50, 20
+#: Blocks that a robot must have been elsewhere for.
+_FOR_LONG = 2
+#: Pieces of earlier and later blocks that stand in each other's free space: so many, and such a
+#: share of those that stand in both.  On robots that were not carried off it was 0.1 at the most.
+_AGAINST, _SHARE = 10.0, 0.5
+#: Directions of an echo that are asked for what is there; from which worth on it is explained, and
+#: up to which contradicted.
+_BEARINGS, _EXPLAINED, _CONTRADICTED = 15, 0.3, -1.0
+
+
+def with_lives(
+    told: Sequence[Ping],
+    refined: Sequence[Ping],
+    kinds: Mapping[str, PoseKind],
+    parameters: PipelineParameters,
+) -> tuple[list[Ping], set[str]]:
+    """Pings as told, those of robots that were carried off under another name from then on.
+
+    Parameters
+    ----------
+    told, refined : sequences of (topic, EchoCone)
+        The same pings with poses as they were told, and as they were refined.
+    kinds : mapping of str to PoseKind
+        What the poses of each robot are; those that are absolute cannot be lost.
+    parameters : PipelineParameters
+        Of the maps.
+
+    Returns
+    -------
+    pings : list of (topic, EchoCone)
+        In the order they came in.
+    set of str
+        Names of the robots that have begun anew.
+    """
+    rows: dict[str, list[int]] = {}
+    for row, (topic, cone) in enumerate(told):
+        rows.setdefault(robot_of(topic, cone), []).append(row)
+    done, lost, names = list(told), set[str](), set(rows)
+    for robot, own in rows.items():
+        if kinds[robot] is PoseKind.ABSOLUTE or len(own) < 2 * _BLOCK:
+            continue
+        own.sort(key=lambda row: told[row][1].stamp_ns)
+        begins: list[int] = []
+        # A robot whose map is too large has lost itself altogether.
+        with suppress(MapSizeError):
+            begins = moments([refined[row] for row in own], parameters)
+        for begin in begins:
+            name = _next_life(robot, names)
+            names.add(name)
+            lost.add(name)
+            for row in own[begin:]:
+                done[row] = _renamed(told[row], robot, name)
+    return done, lost
+
+
+def moments(pings: Sequence[Ping], parameters: PipelineParameters) -> list[int]:
+    """Before which of a robot's pings it was carried off.
+
+    Parameters
+    ----------
+    pings : sequence of (topic, EchoCone)
+        Of one robot, in the order of their stamps, in one frame.
+    parameters : PipelineParameters
+        Of the maps.
+    """
+    size = max(_BLOCK, -(-len(pings) // _MOST_BLOCKS))
+    starts = range(0, len(pings) - _LEAST_PINGS + 1, size)
+    blocks = [_block(pings[start : start + size], parameters) for start in starts]
+    counts = np.zeros((len(blocks), len(blocks), 2))
+    for one, other in combinations(range(len(blocks)), 2):
+        counts[one, other] = in_common(blocks[one], blocks[other])
+    found = []
+    for number in _splits(counts, 0, len(blocks)):
+        # Either of the blocks on both sides may have seen the moment.
+        begin, end = (number - 1) * size, min((number + 1) * size, len(pings))
+        among = [cone for _, cone in pings[begin:end]]
+        found.append(begin + _moment(among, blocks[:number], blocks[number:]))
+    return found
+
+
+def _block(pings: Sequence[Ping], parameters: PipelineParameters) -> Submap:
+    """The map of some pings."""
+    pipeline = Pipeline(parameters)
+    for topic, cone in pings:
+        # Whoever makes the map says what is wrong with a ping.
+        with suppress(MalformedMessageError):
+            pipeline.fuse(cone, topic)
+    return Submap.of(pipeline.occupancy_map())
+
+
+def _splits(counts: FloatArray, first: int, end: int) -> list[int]:
+    """Blocks of some with which a robot is elsewhere than before, in order."""
+    best, most = None, 0.0
+    for number in range(first + 1, end - _FOR_LONG + 1):
+        both, against = counts[first:number, number:end].sum(axis=(0, 1))
+        gain = float(against - _SHARE * both)
+        if against >= _AGAINST and gain > most:
+            best, most = number, gain
+    if best is None:
+        return []
+    return [*_splits(counts, first, best), best, *_splits(counts, best, end)]
+
+
+def _moment(cones: Sequence[EchoCone], before: Sequence[Submap], after: Sequence[Submap]) -> int:
+    """The ping from which on what stands later explains more than what stood before."""
+    gains = [_explained(cone, after) - _explained(cone, before) for cone in cones]
+    # From each ping on to the end.
+    return int(np.argmax(np.cumsum(gains[::-1])[::-1]))
+
+
+def _explained(cone: EchoCone, submaps: Sequence[Submap]) -> float:
+    """1 if something stands where the first echo may come from, -1 if all of that is free."""
+    if not len(cone.ranges_m):
+        return 0.0
+    half_angle_rad = cone.transducer.beam.half_angle_rad
+    angles = cone.pose.yaw_rad + np.linspace(-half_angle_rad, half_angle_rad, _BEARINGS)
+    arc: FloatArray = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * cone.ranges_m.min()
+    places_m = cone.pose.position_m[:2] + arc
+    sides = np.zeros_like(places_m)
+    best = max(submap.worth_at(places_m, sides).max() for submap in submaps)
+    return float(best > _EXPLAINED) - float(best < _CONTRADICTED)
+
+
+def _next_life(robot: str, names: set[str]) -> str:
+    """A name that nobody has yet."""
+    number = 2
+    while (name := f"{first_name(robot).strip('/')}{MARK}{number}") in names:
+        number += 1
+    return name
+
+
+def _renamed(ping: Ping, robot: str, name: str) -> Ping:
+    """A ping of another life, in a frame of that one's own."""
+    topic, cone = ping
+    transducer = cone.child_frame_id.rpartition("/")[2]
+    frame_id = f"{first_name(robot).strip('/')}/odom{MARK}{name.rpartition(MARK)[2]}"
+    return topic, replace(cone, frame_id=frame_id, child_frame_id=f"{name}/{transducer}")

@@ -1,0 +1,55 @@
+"""Robots that are carried off while they are on: noticed by what they hear."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from usmap_ros.localisation.pose_kind import PoseKind
+from usmap_ros.mapping.far_off import Ping
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.carried_off import moments, with_lives
+from usmap_ros.runs.correction import correct_poses
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate, true_paths
+
+FILE = Path(__file__).parents[3] / "config" / "scenarios" / "carried_off.yaml"
+Carried = tuple[list[Ping], list[Pose]]
+
+
+@pytest.fixture(scope="module")
+def carried() -> Carried:
+    """Give pings of a robot that is carried off, and its true poses."""
+    scenario, pipeline = Scenario.from_mapping(yaml.safe_load(FILE.read_text()), FILE), Pipeline()
+    pings = [(topic, pipeline.reconstruct(trace)) for topic, trace in simulate(scenario)]
+    (path,) = true_paths(scenario).values()
+    return pings, [Pose(*place) for place in zip(path.positions_m, path.orientations, strict=True)]
+
+
+def test_a_robot_that_is_left_alone_goes_on(carried: Carried) -> None:
+    there = [(topic, replace(one, pose=pose)) for (topic, one), pose in zip(*carried, strict=True)]
+    assert moments(there, PipelineParameters()) == []
+
+
+def test_poses_that_are_absolute_cannot_be_lost(carried: Carried) -> None:
+    pings, _ = carried
+    kinds = {"robot1": PoseKind.ABSOLUTE}
+    done, lost = with_lives(pings, pings, kinds, PipelineParameters())
+    assert done == pings
+    assert not lost
+
+
+@pytest.mark.slow
+def test_it_begins_anew_and_is_joined_again(carried: Carried) -> None:
+    corrected = correct_poses(carried[0], PipelineParameters())
+    assert {robot: one.state for robot, one in corrected.robots.items()} == {
+        "robot1": "joined", "robot1#2": "joined",
+    }  # fmt: skip
+    off_m = [
+        np.hypot(*(one.pose.position_m - pose.position_m)[:2])
+        for (_, one), pose in zip(corrected.pings, carried[1], strict=True)
+    ]
+    assert np.mean(np.array(off_m) > 0.4) < 0.05

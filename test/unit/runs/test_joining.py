@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
+from usmap_ros.localisation import refine_poses
 from usmap_ros.localisation.planar import between, compose
+from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.correction import Corrected, correct_poses
@@ -145,6 +147,42 @@ def test_a_ping_in_another_frame_is_as_uncertain_as_frame_and_lever_make_it() ->
     # 1 m from the centre of the match, which lies to the south after the turn.
     variances = np.diagonal(one.pose.planar_covariance)
     np.testing.assert_allclose(variances, [0.02 + 0.1 + 0.05, 0.01 + 0.1, 0.003 + 0.05])
+
+
+def drifting(robot: str) -> list[Ping]:
+    """Pings among poles of a robot whose odometry takes ways to be longer than they are."""
+    made = []
+    for number, real in enumerate(circle(60)):
+        known = np.diag([1e-6] * 3) + 1e-4 * number * np.diag([1.0, 1.0, 0.1])
+        told = Pose.planar(
+            float(real[0]) + 0.002 * number, *map(float, real[1:]), planar_covariance=known
+        )
+        ranges_m = heard(Pose.planar(*real), poles())
+        one = cone(told, ranges_m, 250_000_000 * number + 1, child_frame_id=f"{robot}/sonar")
+        made.append((f"/{robot}/echo", one))
+    return made
+
+
+def bent_m(pings: list[Ping]) -> float:
+    """How far a way is off, wherever it lies as a whole (RMS)."""
+    found, true = places(pings)[:, :2], circle(60)[:, :2]
+    found, true = found - found.mean(axis=0), true - true.mean(axis=0)
+    # Turned so that both are nearest, as complex numbers.
+    one, other = (way[:, 0] + 1j * way[:, 1] for way in (found, true))
+    turn = np.vdot(one, other) / abs(np.vdot(one, other))
+    return float(np.sqrt(np.mean(np.abs(turn * one - other) ** 2)))
+
+
+@pytest.mark.parametrize("wrong", [(0.7, 0.3, 0.4), (1.5, 0.0, 1.5), (0.0, 0.5, 0.1)])
+def test_a_joining_that_is_wrong_bends_nobodys_way(wrong: tuple[float, float, float]) -> None:
+    one, other = drifting("robot1"), drifting("robot2")
+    change = Pose.planar(*wrong, planar_covariance=np.diag([0.01, 0.01, 0.001]))
+    forced = [moved(ping, change, np.array([3.0, 3.0]), "map") for ping in other]
+    kinds = dict.fromkeys(("robot1", "robot2"), PoseKind.ODOMETRY)
+    done = refine_poses(one + forced, kinds=kinds).pings
+    assert bent_m(one) > 0.03
+    assert bent_m(done[:60]) < 0.02
+    assert bent_m(done[60:]) < 0.02
 
 
 def test_a_robot_that_has_lost_itself_joins_nobody() -> None:

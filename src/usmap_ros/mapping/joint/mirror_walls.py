@@ -28,9 +28,6 @@ LEAST_MIRROR, MOST_MIRROR = 0.25, 1.6
 MOST_WALLS = 60
 #: Largest median deviation of the logarithm of one's reflectivity from its median.
 MOST_DEVIATION = 0.45
-#: A point would explain the ranges nearly as well: residuals of the wall over those of the best
-#: point, from which on it is not a wall.
-POINT_SHARE = 0.6
 #: Stretch behind an echo in which others of a rough wall would follow, m, and how many on the
 #: mean a mirror may have there.
 FOLLOWING_M, MOST_FOLLOWING = (0.05, 0.6), 3.2
@@ -64,16 +61,19 @@ class Bar(NamedTuple):
         A decimetre apart, that feet have.
     stretch_m : float
         In which they are.
+    point_share : float
+        Its residuals, over those of the point that explains its ranges best, at the most.
     """
 
     hits: int
     score: float
     places: int
     stretch_m: float
+    point_share: float
 
 
 #: Of any wall, and of one that faces as the others of the place do.
-ANY, USUAL = Bar(6, 5.0, 4, 0.3), Bar(4, 3.5, 3, 0.2)
+ANY, USUAL = Bar(6, 5.0, 4, 0.3, 0.6), Bar(4, 3.5, 2, 0.2, 1.0)
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
         numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)
     )
     ranges_m = search.echoes.range_m[hits.echo]
-    if _fits_a_point(feet_m, across_m, ranges_m):
+    if _over_point(feet_m, across_m, ranges_m) > bar.point_share:
         return None
     begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
     following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
@@ -284,13 +284,12 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
     )  # fmt: skip
 
 
-def _fits_a_point(feet_m: FloatArray, across_m: FloatArray, ranges_m: FloatArray) -> bool:
-    """Whether a point on a wall would explain ranges nearly as well as the wall."""
+def _over_point(feet_m: FloatArray, across_m: FloatArray, ranges_m: FloatArray) -> float:
+    """Residuals of a wall over those of the point on it that explains its ranges best."""
     points_m = np.linspace(feet_m.min(), feet_m.max(), 25)[:, np.newaxis]
     off_points_m = ranges_m - np.hypot(across_m, feet_m - points_m)
     off_points_m -= np.median(off_points_m, axis=1, keepdims=True)
-    least = _misfits(off_points_m).min()
-    return bool(_misfits(ranges_m - across_m) > POINT_SHARE * least)
+    return float(_misfits(ranges_m - across_m) / max(_misfits(off_points_m).min(), 1e-12))
 
 
 def _misfits(residuals_m: FloatArray) -> FloatArray:

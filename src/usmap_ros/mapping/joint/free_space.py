@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, Field, X, Y
-from usmap_ros.mapping.joint.going_on import go_on
+from usmap_ros.mapping.joint.going_on import ENDS, behind, go_on
 from usmap_ros.mapping.joint.lines import (
     BEGIN,
     END,
@@ -63,6 +63,9 @@ USUAL_WALL_M = 2.5
 WALLED_SHARE = 0.3
 #: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
 FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
+#: How far behind a wall that was heard from one side alone silence must say as much as where walls
+#: may go on, m.
+BEHIND_M = 0.5
 #: Range bins, in cells, to either side of a cell's that belong to it.
 LISTENING_CELLS = 0.75
 
@@ -143,6 +146,7 @@ class FreeSpace:
             if turn == 0:
                 walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
                 closed |= may_be
+                closed |= self._behind(walls, evidence) & ~proven & (worst.max(axis=2) >= ENDS)
                 occupied, hides = walls.shown, walls.shown | self._standing
                 wanted &= ~occupied
                 stood &= ~occupied
@@ -180,6 +184,19 @@ class FreeSpace:
         _, more = go_on(walls.mirrors, walls.shown, said, most_cells)
         filled = walls.filled | (drawn(lines, self._field.shape) & ~self._stood)
         return replace(walls, filled=filled, lines=lines), may_be | more
+
+    def _behind(self, walls: Walls, evidence: CellEvidence) -> BoolArray:
+        """Cells behind walls that were heard from one side alone.
+
+        What they enclose is seldom open: sound that came there through another side of it would
+        have been returned by these walls' backs, too.
+        """
+        shape = self._field.shape
+        heard, east, north = (
+            each.reshape(shape) for each in (evidence.heard, evidence.from_x, evidence.from_y)
+        )
+        depth_cells = round(BEHIND_M / self._field.resolution_m)
+        return behind(walls.lines, heard, east, north, depth_cells)
 
     def _close(
         self,

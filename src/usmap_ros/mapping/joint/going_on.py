@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
+from usmap_ros.mapping.joint.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y, drawn
 from usmap_ros.mapping.joint.log_odds import over_block
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -23,6 +23,9 @@ HEARD, HARDLY, ENDS = 0.01, -2.0, -5.0
 #: one, or what continues it for so many cells; and if they have met another one so many cells
 #: before.
 CROSSING_COSINE, MEETING_CELLS, MET_CELLS = 0.9, 3.0, 8.0
+#: A line was heard from one side if the mean of the cosines of its echoes' incidence, with the sign
+#: of the side that they were heard from, is more.
+ONE_SIDED = 0.4
 
 
 class GoingOn(NamedTuple):
@@ -75,6 +78,35 @@ def go_on(lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells:
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
                 may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
     return GoingOn(longer, may_be & ~occupied)
+
+
+def behind(
+    lines: FloatArray,
+    heard: NDArray[np.float32],
+    east: NDArray[np.float32],
+    north: NDArray[np.float32],
+    depth_cells: int,
+) -> BoolArray:
+    """Cells that are behind lines which were heard from one side alone: mostly, that is solid.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        Walls.
+    heard, east, north : (rows, columns) float32 arrays
+        Echoes that were heard of each cell, and sums of the unit vectors to who heard them.
+    depth_cells : int
+        How far they reach.
+    """
+    mask = np.zeros(heard.shape, bool)
+    for line in lines:
+        on = drawn(line[np.newaxis], heard.shape)
+        side = float(line[NORMAL_X] * east[on].sum() + line[NORMAL_Y] * north[on].sum())
+        if abs(side) > ONE_SIDED * float(heard[on].sum()):
+            back = np.repeat(line[np.newaxis], depth_cells, axis=0)
+            back[:, DISTANCE] -= np.sign(side) * np.arange(1.0, depth_cells + 1.0)
+            mask |= drawn(back, heard.shape)
+    return mask
 
 
 def _crossings(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:

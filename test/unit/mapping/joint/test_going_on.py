@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.going_on import ENDS, GoingOn, go_on
+from usmap_ros.mapping.joint.going_on import ENDS, GoingOn, behind, go_on
 from usmap_ros.mapping.joint.lines import BEGIN, END, drawn
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -50,3 +50,18 @@ def test_a_gap_that_is_contradicted_stays_open() -> None:
     behind[[BEGIN, END]] = -50.0, -40.0
     assert followed([ALONG_ROW, behind], -1.0).lines[0, BEGIN] < -39.0
     assert followed([ALONG_ROW, behind], -3.0).lines[0, BEGIN] == pytest.approx(-30.0)
+
+
+@pytest.mark.parametrize(("towards_north", "solid_row"), [(8.0, 7), (-8.0, 13), (2.0, None)])
+def test_behind_a_wall_is_what_lies_on_the_other_side(
+    towards_north: float, solid_row: int | None
+) -> None:
+    """Ten echoes of each cell, heard from the north, from the south, or from both sides."""
+    wall = drawn(ALONG_ROW[np.newaxis], SHAPE)
+    heard, east, north = ((wall * each).astype(np.float32) for each in (10.0, 0.0, towards_north))
+    mask = behind(ALONG_ROW[np.newaxis], heard, east, north, 5)
+    rows = np.unique(np.nonzero(mask)[0]).tolist()
+    assert rows == ([] if solid_row is None else list(range(solid_row - 2, solid_row + 3)))
+    if solid_row is not None:
+        assert mask[solid_row, 21:30].all()
+        assert not mask[solid_row, [18, 32]].any()

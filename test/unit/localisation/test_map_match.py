@@ -70,7 +70,7 @@ def test_two_parts_of_a_room_are_laid_over_each_other(seed: int) -> None:
     stands_m = np.concatenate([along(WALLS + NICHE), np.array(POLES)])
     first, second = (np.append(rng.uniform(-5.0, 5.0, 2), rng.uniform(-3.0, 3.0)) for _ in "ab")
     one = drawn(stands_m, first, east_m=4.6, seed=seed)
-    other = drawn(stands_m, second, west_m=0.8, seed=seed + 50)
+    other = drawn(stands_m, second, west_m=0.4, seed=seed + 50)
     match = match_maps(one, other)
     assert match is not None
     assert match.is_sure
@@ -148,7 +148,7 @@ def test_rooms_of_which_one_has_too_much_in_the_others_free_space_are_not_joined
     other = drawn(np.concatenate([along(WALLS + NICHE), desks]), np.zeros(3), seed=1)
     match = match_maps(one, other)
     assert match is not None
-    assert match.margin > 4.0
+    assert match.margin > 4.5
     assert match.is_sure == is_sure
 
 

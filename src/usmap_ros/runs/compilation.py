@@ -28,7 +28,6 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.joint.surface_lines import surface_lines
 from usmap_ros.mapping.next_view import best_views, candidate_poses
-from usmap_ros.mapping.robot_check.explanations import displaced
 from usmap_ros.numerics import compiled
 from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED
 from usmap_ros.numerics.geometry import Pose
@@ -81,7 +80,6 @@ def map_pings() -> None:
     surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)
     robots = {"one": cones[:5], "other": cones[5:]}
     LeaveOneOutMap(robots, pipeline.parameters.mapping).expected(robots)
-    displaced({"one": cones, "other": cones}, lambda: None)
 
 
 def plan_views() -> None:

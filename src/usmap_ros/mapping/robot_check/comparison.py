@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import partial
 
 import numpy as np
 
-from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap, kept_pings
 from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
-from usmap_ros.mapping.robot_check.finding import Finding, Verdict, or_its_rivals
+from usmap_ros.mapping.robot_check.displacement import (
+    TOLD,
+    Explanation,
+    Way,
+    allowed_for,
+    fit_by,
+    sure_explanation,
+)
+from usmap_ros.mapping.robot_check.finding import Finding, Verdict
 from usmap_ros.mapping.robot_check.receiver_health import FEW_ECHOES
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -30,6 +39,8 @@ SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.6, 0.4, 1.0
 MOST_LEFT_OUT, AGREED = 4, 0.8
 #: `Agreement.turn_gain` and `turn_certainty` from which on a robot faces elsewhere than it says.
 LEAST_TURN_GAIN, LEAST_TURN_CERTAINTY = 1.0, 2.0
+#: Gain in log-likelihood, of all pings, from which on another robot bears something out.
+LEAST_WITNESS = 15.0
 
 
 class RobotComparison:
@@ -109,7 +120,7 @@ class RobotComparison:
         if named and len(self._cones) <= LEAST_ROBOTS_LEFT:
             # Of two, the one that is right may fit the other's map the worse.
             named = {t: verdicts.get(t, Finding("unknown", {})) for t in self._cones}
-        return {topic: or_its_rivals(topic, named) for topic in named}
+        return {topic: _or_its_rivals(topic, named) for topic in named}
 
     def _agreement_without(self, topic: str) -> tuple[Agreement, list[Agreement]]:
         """How a robot agrees with the map of the others, and they with one another, without it."""
@@ -128,6 +139,66 @@ class RobotComparison:
             others = {t: own for t, own in self._cones.items() if t != topic}
             self._maps[topic] = LeaveOneOutMap(others, self._parameters, self._between)
         return self._maps[topic]
+
+    def displaced(self) -> dict[str, Finding]:
+        """The robot that one displacement makes fit the others' map, if others bear them out.
+
+        Nobody, if there are not two others: of two, the one that is right is displaced as well.
+        """
+        if len(self._cones) <= LEAST_ROBOTS_LEFT:
+            return {}
+        fits = {t: a.fit if a.fit is not None else 0.0 for t, a in self._agreements.items()}
+        odd = sorted((t for t in fits if fits[t] < USUAL_FIT), key=fits.__getitem__)
+        surest: tuple[float, str, Explanation] | None = None
+        for topic in odd[:MOST_LEFT_OUT]:
+            way, apart = self._way(topic), self._map_without(topic)
+            found = sure_explanation(way, partial(apart.levels, way.pings.rows, without=[topic]))
+            if found is None or not self._is_borne_out(topic, found):
+                continue
+            if surest is None or found.certainty > surest[0]:
+                surest = found.certainty, topic, found
+        if surest is None:
+            return {}
+        _, topic, found = surest
+        evidence: dict[str, float | int | None] = {
+            "fit_as_told": found.told, "fit_displaced": found.fit, "fit_otherwise": found.other,
+            "certainty": found.certainty,
+        }  # fmt: skip
+        reason = f"misplaced: its pings fit the others' map {found.by.in_words()}"
+        return {topic: Finding("misplaced", evidence, reason)}
+
+    def _is_borne_out(self, topic: str, found: Explanation) -> bool:
+        """Whether two others, or one that agrees with a third, say that a robot is displaced."""
+        apart, way, witnesses = self._map_without(topic), self._way(topic), []
+        allowance = allowed_for(found.by)
+        for witness in (other for other in self._cones if other != topic):
+            silent = [other for other in self._cones if other != witness]
+            levels = partial(apart.levels, way.pings.rows, without=silent)
+            gain = fit_by(way, found.by, levels, allowance) - fit_by(way, TOLD, levels, allowance)
+            if gain.sum() > LEAST_WITNESS:
+                witnesses.append(witness)
+        if len(witnesses) != 1:
+            return len(witnesses) > 1
+        own = self._way(witnesses[0])
+        levels = partial(apart.levels, own.pings.rows, without=[topic, witnesses[0]])
+        return float(fit_by(own, TOLD, levels, allowance).sum()) > LEAST_WITNESS
+
+    def _way(self, topic: str) -> Way:
+        """A robot's way, with its pings."""
+        kept = kept_pings({topic: self._cones[topic]}, self._parameters)
+        stamps_s = np.array([cone.stamp_ns for cone, _ in kept.cones()]) * 1e-9
+        return Way(self._cones[topic], kept.pings(), stamps_s)
+
+
+def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:
+    """What was found of one of several that contradict one another, if nobody else can tell."""
+    rivals = " or ".join(other for other in sorted(named) if other != topic)
+    finding = named[topic]
+    if not rivals:
+        return finding
+    own = finding.reason.partition(": ")[2] or "it may be misplaced"
+    reason = f"contradicted: {own}; or {rivals} is misplaced"
+    return replace(finding, verdict="contradicted", reason=reason)
 
 
 def usual_fit(others: Sequence[Agreement]) -> float | None:

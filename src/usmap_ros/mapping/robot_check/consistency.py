@@ -19,7 +19,6 @@ import numpy as np
 
 from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotComparison
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
-from usmap_ros.mapping.robot_check.explanations import displaced
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
 from usmap_ros.parameters import MappingParameters
@@ -93,9 +92,9 @@ class Consistency:
     def findings(self, between: Callable[[], None] = lambda: None) -> dict[str, Finding]:
         """Judge every robot, by topic.
 
-        Whoever's pings would surely fit if they were displaced is named.  Otherwise what a screen
-        on the common map finds is confirmed on a map that the suspect has no part in.  Then the
-        others are judged again without it, for it has spoilt what they are compared with.
+        A screen on the common map comes first; what it finds is confirmed on a map that the
+        suspect has no part in.  Then the others are judged again without it, for it has spoilt
+        what they are compared with.
 
         Parameters
         ----------
@@ -112,9 +111,7 @@ class Consistency:
             screened = comparison.screen()
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
             can_tell = not found or len(screened) > LEAST_ROBOTS_LEFT
-            named = (
-                (displaced(chosen, between) or comparison.culprits(screened)) if can_tell else {}
-            )
+            named = (comparison.culprits(screened) or comparison.displaced()) if can_tell else {}
             if not named:
                 return dict(sorted((found | _cleared(screened)).items()))
             found |= named

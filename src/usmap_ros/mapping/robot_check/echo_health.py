@@ -62,7 +62,7 @@ def echo_health(cones: Sequence[EchoCone]) -> EchoHealth | None:
     """What a robot hears; None if it has no pings."""
     if not cones:
         return None
-    kept = from_places(cones)
+    kept = _from_places(cones)
     counts = np.array([len(cone.ranges_m) for cone in kept])
     health = EchoHealth(len(kept), float(np.mean(counts == 0)), float(np.median(counts)))
     heard = [cone for cone in kept if len(cone.ranges_m)]
@@ -122,7 +122,7 @@ def _clipped(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
     return Finding("clipped", asdict(own) | {"quieter_db": quieter_db}, f"clipped: {reason}")
 
 
-def from_places(cones: Sequence[EchoCone]) -> list[EchoCone]:
+def _from_places(cones: Sequence[EchoCone]) -> list[EchoCone]:
     """One ping from each place on a robot's way."""
     kept: list[EchoCone] = []
     for cone in cones:

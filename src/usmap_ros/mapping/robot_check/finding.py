@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 Verdict = Literal[
@@ -45,14 +44,3 @@ class Finding:
     def summary(self) -> dict[str, Any]:
         """Contents for ``summary.json``."""
         return {"verdict": self.verdict, "reason": self.reason, "evidence": self.evidence}
-
-
-def or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:
-    """What was found of one of several that contradict one another, if nobody else can tell."""
-    rivals = " or ".join(other for other in sorted(named) if other != topic)
-    finding = named[topic]
-    if not rivals:
-        return finding
-    own = finding.reason.partition(": ")[2] or "it may be misplaced"
-    reason = f"contradicted: {own}; or {rivals} is misplaced"
-    return replace(finding, verdict="contradicted", reason=reason)

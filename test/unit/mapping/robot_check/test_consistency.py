@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.robot_check.agreement import Agreement
-from usmap_ros.mapping.robot_check.comparison import finding_of
+from usmap_ros.mapping.robot_check.comparison import RobotComparison, finding_of
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.numerics.geometry import Pose
@@ -158,6 +158,7 @@ def test_one_that_is_elsewhere_is_named(turned_rad: float) -> None:
     found = findings(pings)
 
     assert named(found) == {LIAR: "misplaced"}
+    assert found[LIAR].summary()["evidence"]["fit"] < 0.5
     assert "misplaced" in found[LIAR].reason
 
 
@@ -172,7 +173,8 @@ def test_one_that_faces_elsewhere_than_it_says_is_named_with_the_turn(turned_rad
     found = findings(pings)
 
     assert named(found) == {LIAR: "misplaced"}
-    assert f"if it faces {'-' if turned_rad > 0.0 else '+'}20°" in found[LIAR].reason
+    assert found[LIAR].summary()["evidence"]["turned_rad"] == pytest.approx(-turned_rad, abs=0.15)
+    assert "if it faces" in found[LIAR].reason
 
 
 @pytest.mark.slow
@@ -251,3 +253,19 @@ def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
 
     assert found.verdict == "deaf"
     assert "1 of 22 expected echoes" in found.reason
+
+
+def test_one_that_is_misplaced_is_told_what_would_make_it_fit() -> None:
+    """A mount that is mirrored: it faces 80 degrees from where it says."""
+    pings = [
+        (topic, displaced(cone, -1.4, (0.0, 0.0)) if topic == LIAR else cone)
+        for topic, cone in cones(11)
+    ]
+    chosen = {t: [cone for topic, cone in pings if topic == t] for t in dict(pings)}
+    comparison = RobotComparison(MappingParameters(), chosen, lambda: None)
+    comparison.screen()
+
+    found = comparison.displaced()
+
+    assert named(found) == {LIAR: "misplaced"}
+    assert "if it faces +80° from there" in found[LIAR].reason

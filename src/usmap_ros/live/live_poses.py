@@ -21,7 +21,7 @@ from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trajectory import Trajectory
-from usmap_ros.runs.correction import Corrected, correct_poses
+from usmap_ros.runs.correction import Corrected, RobotPoses, correct_poses
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import DriftWatch
 from usmap_ros.runs.restarts import Restarts, first_name
@@ -88,11 +88,11 @@ class Located:
 
     def states(self) -> str:
         """Which robots share the map's frame, in one line."""
-        return ", ".join(
-            f"{robot} {one.state if is_known else 'alone'}"
-            for robot, one in self.corrected.robots.items()
-            for is_known in [one.frame_id == self.frame_id or one.state == "lost"]
-        )
+        return ", ".join(f"{r} {self._state(one)}" for r, one in self.corrected.robots.items())
+
+    def _state(self, one: RobotPoses) -> str:
+        is_here = one.frame_id == self.frame_id or one.state == "lost"
+        return one.state if is_here else "alone"
 
 
 def locate(told: Sequence[Ping], corrected: Corrected, frame_id: str) -> Located:

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, count
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.runs.restarts import MARK, first_name
+from usmap_ros.runs.restarts import MARK, first_name, of_life
 
 #: Pings of a block, and the fewest of which one is made; most blocks, beyond which they are larger.
 _BLOCK, _LEAST_PINGS, _MOST_BLOCKS = 100, 50, 20
@@ -73,11 +72,13 @@ def with_lives(
         with suppress(MapSizeError):
             begins = moments([refined[row] for row in own], parameters)
         for begin in begins:
-            name = _next_life(robot, names)
+            own_name = first_name(robot).strip("/")
+            life = next(n for n in count(2) if f"{own_name}{MARK}{n}" not in names)
+            name, frame_id = f"{own_name}{MARK}{life}", f"{own_name}/odom{MARK}{life}"
             names.add(name)
             lost.add(name)
             for row in own[begin:]:
-                done[row] = _renamed(told[row], robot, name)
+                done[row] = of_life(told[row], name, frame_id)
     return done, lost
 
 
@@ -147,19 +148,3 @@ def _explained(cone: EchoCone, submaps: Sequence[Submap]) -> float:
     sides = np.zeros_like(places_m)
     best = max(submap.worth_at(places_m, sides).max() for submap in submaps)
     return float(best > _EXPLAINED) - float(best < _CONTRADICTED)
-
-
-def _next_life(robot: str, names: set[str]) -> str:
-    """A name that nobody has yet."""
-    number = 2
-    while (name := f"{first_name(robot).strip('/')}{MARK}{number}") in names:
-        number += 1
-    return name
-
-
-def _renamed(ping: Ping, robot: str, name: str) -> Ping:
-    """A ping of another life, in a frame of that one's own."""
-    topic, cone = ping
-    transducer = cone.child_frame_id.rpartition("/")[2]
-    frame_id = f"{first_name(robot).strip('/')}/odom{MARK}{name.rpartition(MARK)[2]}"
-    return topic, replace(cone, frame_id=frame_id, child_frame_id=f"{name}/{transducer}")

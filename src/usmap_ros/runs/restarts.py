@@ -59,10 +59,14 @@ class Restarts:
         life = self._lives.get(robot, 1)
         if life == 1:
             return ping
-        transducer = cone.child_frame_id.rpartition("/")[2]
-        child_frame_id = f"{robot.strip('/')}{MARK}{life}/{transducer}"
-        frame_id = f"{cone.frame_id}{MARK}{life}"
-        return topic, replace(cone, frame_id=frame_id, child_frame_id=child_frame_id)
+        return of_life(ping, f"{robot.strip('/')}{MARK}{life}", f"{cone.frame_id}{MARK}{life}")
+
+
+def of_life(ping: Ping, name: str, frame_id: str) -> Ping:
+    """A ping under the name of a robot's later life, in a frame of that one's own."""
+    topic, cone = ping
+    transducer = cone.child_frame_id.rpartition("/")[2]
+    return topic, replace(cone, frame_id=frame_id, child_frame_id=f"{name}/{transducer}")
 
 
 def first_name(name: str) -> str:

@@ -24,7 +24,6 @@ from usmap_ros.numerics.compiled import inlined
 #: Share of the half angle within which a smooth thing must answer for a ping to count; and how far
 #: within the least and the greatest range, m.
 LOOKING_SHARE, WITHIN_LEAST_M, WITHIN_GREATEST_M = 0.93, 0.02, 0.05
-
 #: Edges of a beam that are nearer to level than this, by their sine, bound no columns.
 LEVEL = 1e-6
 

@@ -15,10 +15,18 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.beams import is_beside
 from usmap_ros.mapping.joint.field import (
+    ABSORPTION,
+    AXIS_X,
+    AXIS_Y,
+    AXIS_Z,
     BIN_M,
+    COS_HALF_ANGLE,
     GREATEST_RANGE,
+    HALF_ANGLE,
+    HEADING,
     LEAST_RANGE,
     QUARTERS,
+    RISE,
     Field,
     X,
     Y,
@@ -263,10 +271,11 @@ def _sound(
     """Set how a ping sounds cells; returns how many it does.  The same as `response.sounded`."""
     numbers, count = looks.numbers[ping], 0
     x0, y0, axis_x, axis_y = (
-        np.float32(x_m), np.float32(y_m), np.float32(numbers[2]), np.float32(numbers[3]),
+        np.float32(x_m), np.float32(y_m), np.float32(numbers[AXIS_X]), np.float32(numbers[AXIS_Y]),
     )  # fmt: skip
-    up, risen = np.float32(numbers[4] * numbers[5]), np.float32(numbers[5] * numbers[5])
-    cos_half, least, greatest = numbers[8], numbers[LEAST_RANGE], numbers[GREATEST_RANGE]
+    up, risen = np.float32(numbers[AXIS_Z] * numbers[RISE]), np.float32(numbers[RISE] ** 2)
+    least, greatest = numbers[LEAST_RANGE], numbers[GREATEST_RANGE]
+    cos_half, heading, half = numbers[COS_HALF_ANGLE], numbers[HEADING], numbers[HALF_ANGLE]
     wide, nearest = np.float32(cos_half * abs(cos_half)), np.float32(least * least)
     farthest = np.float32(greatest * greatest)
     for place in range(cells):
@@ -277,8 +286,8 @@ def _sound(
         seen.distance[count], seen.ahead[count] = squared, ahead
         is_inside = (squared > nearest) & (squared < farthest)
         count += is_inside & (ahead * abs(ahead) > squared * wide)
-    cosine, sine = np.float32(math.cos(numbers[6])), np.float32(math.sin(numbers[6]))
-    absorption, heading, half = np.float32(-numbers[11]), numbers[6], numbers[7]
+    cosine, sine = np.float32(math.cos(heading)), np.float32(math.sin(heading))
+    absorption = np.float32(-numbers[ABSORPTION])
     open_m, per_bin = OPEN_CELLS * resolution_m, 1.0 / numbers[BIN_M]
     to_entry, to_ray = GAIN_STEPS / (1.0 - cos_half), RAYS / (2.0 * half)
     to_step = STEPS / greatest

@@ -59,6 +59,8 @@ LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
 MIRRORED = (-2.0, 0.05)
 #: How far it is from a place in a smooth wall to an end of it, on the mean, m.
 USUAL_WALL_M = 2.5
+#: Surfaces at the most, from which is learnt how this place answers.
+MOST_SURFACES = 3000
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
 #: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
@@ -250,7 +252,11 @@ class FreeSpace:
         strength = judged(evidence, self._field.shape)
         peaks = walls.occupied & ~near & (strength >= over_block(strength))
         found += [(row, column, NO_NORMAL) for row, column in np.argwhere(peaks)]
-        return np.array(found, dtype=float).reshape(-1, 3), near
+        surfaces = np.array(found, dtype=float).reshape(-1, 3)
+        if len(surfaces) > MOST_SURFACES:
+            chosen = np.linspace(0, len(surfaces) - 1, MOST_SURFACES).astype(np.int64)
+            surfaces = surfaces[chosen]
+        return surfaces, near
 
     def _proven(
         self,

@@ -16,17 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.field import Field
-from usmap_ros.mapping.joint.ray_casting import WHOLE
-from usmap_ros.mapping.joint.response import (
-    CLEAR_SHARE,
-    NO_NORMAL,
-    OWN_CELLS,
-    Listening,
-    incidence_class,
-    loudness_step,
-    sounded,
-    step_before,
-)
+from usmap_ros.mapping.joint.response import NO_NORMAL, Listening, incidence_of, looked_at
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
@@ -74,19 +64,13 @@ def _tally_sides(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         row, column, normal = surfaces[place]
         for index in range(len(pings)):
             ping = pings[index]
-            loudness, x, y, b, ray, distance = sounded(looks, ping, field, row, column)
-            if loudness <= 0.0:
+            loud, direction_rad, b = looked_at(
+                looks, ping, field, left[index], listening.limit[index], row, column
+            )
+            if loud < 0:
                 continue
-            step = step_before(looks, ping, distance - OWN_CELLS * field.resolution_m)
-            if left[index, ray, step] < CLEAR_SHARE * WHOLE:
-                continue
-            direction_rad, incidence = math.atan2(y, x), 0
-            if normal > NO_NORMAL + 1.0:
-                degrees = (direction_rad - normal) * 180.0 / math.pi
-                degrees = abs(degrees - 180.0 * math.floor(degrees / 180.0 + 0.5))
-                incidence = incidence_class(degrees)
+            incidence = incidence_of(direction_rad, normal) if normal > NO_NORMAL + 1.0 else 0
             sector = sector_of(direction_rad)
-            loud = loudness_step(loudness / listening.limit[index, b])
             said[place, sector] -= log_silent[loud, incidence]
             heard[place, sector] |= listening.heard[index, b] > 0
 

@@ -51,8 +51,6 @@ MUTE, TELLING = 0.65, 0.4
 #: Looks that diffuseness is learnt from at least, and the share of cells on no line at which a
 #: place of few looks counts as one that answers from anywhere.
 LEAST_LOOKS, LONE_SHARE = 200.0, 0.8
-#: Surfaces that are learnt from at the most.
-MOST_SURFACES = 3000
 #: In the place of the normal of what has none: compiled functions take no number for not finite.
 NO_NORMAL = -9.0
 
@@ -151,6 +149,52 @@ def step_before(looks: Looks, ping: int, distance: float) -> int:
     return min(max(int(distance * STEPS / looks.numbers[ping, 10]), 0), STEPS - 1)
 
 
+@inlined
+def looked_at(
+    looks: Looks,
+    ping: int,
+    field: Field,
+    left: NDArray[np.uint8],
+    limit: NDArray[np.float32],
+    row: float,
+    column: float,
+) -> tuple[int, float, int]:
+    """How a ping looks at a surface, if most of its sound gets there.
+
+    Parameters
+    ----------
+    looks, ping, field
+        The ping, and the cells.
+    left : (RAYS, STEPS) uint8 array
+        How much of its sound is left.
+    limit : (bins,) float32 array
+        Power that would have been reported.
+    row, column : float
+        Where the surface is.
+
+    Returns
+    -------
+    loud, bin : int
+        Class of loudness, -1 if it does not look there; and range bin.
+    direction : float
+        Of view, rad.
+    """
+    loudness, x, y, b, ray, distance = sounded(looks, ping, field, row, column)
+    if loudness <= 0.0:
+        return -1, 0.0, 0
+    step = step_before(looks, ping, distance - OWN_CELLS * field.resolution_m)
+    if left[ray, step] < CLEAR_SHARE * WHOLE:
+        return -1, 0.0, 0
+    return loudness_step(loudness / limit[b]), math.atan2(y, x), b
+
+
+@inlined
+def incidence_of(direction_rad: float, normal_rad: float) -> int:
+    """Class of the angle between a direction of view and a normal, either way."""
+    degrees = (direction_rad - normal_rad) * 180.0 / math.pi
+    return incidence_class(abs(degrees - 180.0 * math.floor(degrees / 180.0 + 0.5)))
+
+
 @compiled
 def listen(
     looks: Looks, pings: NDArray[np.int64], expected: NDArray[np.float32], reach: int
@@ -216,13 +260,11 @@ def _tally(
         row, column, normal = surfaces[place]
         for index in range(len(pings)):
             ping = pings[index]
-            loudness, x, y, b, ray, distance = sounded(looks, ping, field, row, column)
-            if loudness <= 0.0:
+            loud, direction_rad, b = looked_at(
+                looks, ping, field, left[index], listening.limit[index], row, column
+            )
+            if loud < 0:
                 continue
-            step = step_before(looks, ping, distance - OWN_CELLS * field.resolution_m)
-            if left[index, ray, step] < CLEAR_SHARE * WHOLE:
-                continue
-            loud = loudness_step(loudness / listening.limit[index, b])
             away, beside, sides = int(BESIDE_M / looks.numbers[ping, 13]), 0.0, 0.0
             for other in (b - away, b + away):
                 if 0 <= other < looks.bins[ping]:
@@ -235,9 +277,7 @@ def _tally(
                     counts[heard, loud, incidence] += 1.0 / INCIDENCES
                     counts[2, loud, incidence] += beside / INCIDENCES
             else:
-                degrees = (math.atan2(y, x) - normal) * 180.0 / math.pi
-                degrees = abs(degrees - 180.0 * math.floor(degrees / 180.0 + 0.5))
-                incidence = incidence_class(degrees)
+                incidence = incidence_of(direction_rad, normal)
                 counts[heard, loud, incidence] += 1.0
                 counts[2, loud, incidence] += beside
 
@@ -257,9 +297,6 @@ def learn_response(
     looks, pings, field, left, listening, surfaces
         As in `_tally`.
     """
-    if len(surfaces) > MOST_SURFACES:
-        chosen = np.linspace(0, len(surfaces) - 1, MOST_SURFACES).astype(np.int64)
-        surfaces = surfaces[chosen]
     counts = np.zeros((3, LOUDNESSES, INCIDENCES))
     _tally(looks, pings, field, left, listening, surfaces, counts)
     # Steps of loudness lend to their neighbours.

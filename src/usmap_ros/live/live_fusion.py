@@ -335,7 +335,7 @@ class LiveFusion:
             self.poses.resume(occupancy)
             self._frame = CommonFrame(self._pipeline.fusion.frame_id or self.frame_id)
             if self._pipeline.resumed is not None:
-                self._far.cover(self._pipeline.resumed)
+                self._far.cover(self._pipeline.resumed.geometry)
             self.version += 1
 
     def _check_reach(self, cone: EchoCone) -> None:

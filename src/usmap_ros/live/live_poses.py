@@ -218,7 +218,9 @@ class LivePoses:
                     pipeline.resume(self._earlier)
                 frame_id = pipeline.fusion.frame_id
                 pings = [_anchored(ping, anchors) for ping in told]
-                done = correct_poses(pings, self._parameters, frame_id, self._kinds)
+                done = correct_poses(
+                    pings, self._parameters, frame_id, self._kinds, pipeline.resumed
+                )
                 for topic, cone in pings_of_one_map(done.pings, pipeline, SetApart()):
                     # What is wrong with a ping was said when it came.
                     with suppress(MalformedMessageError):

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame
 from usmap_ros.localisation.refine import kinds_of, refine_poses
 from usmap_ros.mapping.far_off import Ping
@@ -66,6 +67,7 @@ def correct_poses(
     parameters: PipelineParameters,
     frame_id: str = "",
     known: Mapping[str, PoseKind] | None = None,
+    earlier: OccupancyMap | None = None,
 ) -> Corrected:
     """Refine poses that drift, and join robots that state no relation between their frames.
 
@@ -79,6 +81,8 @@ def correct_poses(
         The map's frame; empty: the one that robots share, or `joining.WORLD`.
     known : mapping of str to PoseKind, optional
         What is known of the poses of some robots.
+    earlier : OccupancyMap, optional
+        What was mapped before, to which robots in frames of their own are joined.
     """
     wanted, world = parameters.poses, frame_id or _shared_frame(pings) or WORLD
     kinds = kinds_of(pings, insists=wanted.use == "refined")
@@ -91,7 +95,7 @@ def correct_poses(
     if lost:
         told, kinds = lives, kinds | dict.fromkeys(lost, PoseKind.ODOMETRY_FROM_ANYWHERE)
         refined = refine_poses(told, kinds=kinds)
-    joining = join_robots(told, refined.pings, kinds, parameters, world)
+    joining = join_robots(told, refined.pings, kinds, parameters, world, earlier)
     return Corrected(
         joining.pings,
         {

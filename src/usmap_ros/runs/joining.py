@@ -44,12 +44,15 @@ class Frame:
         Which pings are theirs.
     robots : set of str
         Who they are.
+    earlier : OccupancyMap or None
+        What was known there before.
     map : OccupancyMap or None
         What they make of it; None: it is not worked out.
     """
 
     rows: list[int]
     robots: set[str]
+    earlier: OccupancyMap | None = None
     map: OccupancyMap | None = None
 
 
@@ -63,15 +66,19 @@ class Joining:
         All pings, in the order they came in.
     frames : dict
         The frame of each robot.
+    earlier_frame_id : str
+        That of an earlier map, if there is one.
     """
 
     pings: list[Ping]
     frames: dict[str, str]
+    earlier_frame_id: str = ""
 
     def state(self, robot: str) -> str:
-        """``joined`` with others, or ``alone`` in its frame."""
+        """``joined`` with others or an earlier map, or ``alone`` in its frame."""
         frame_id = self.frames[robot]
-        return "joined" if list(self.frames.values()).count(frame_id) > 1 else "alone"
+        is_shared = list(self.frames.values()).count(frame_id) > 1
+        return "joined" if is_shared or frame_id == self.earlier_frame_id else "alone"
 
 
 def moved(ping: Ping, change: Pose, about_m: np.ndarray, frame_id: str) -> Ping:
@@ -133,8 +140,11 @@ def join_robots(
     kinds: Mapping[str, PoseKind],
     parameters: PipelineParameters,
     world: str = WORLD,
+    earlier: OccupancyMap | None = None,
 ) -> Joining:
     """Bring robots into one frame whose maps lie over each other in one way only.
+
+    Nobody moves an earlier map: robots in frames of their own are joined to it.
 
     Parameters
     ----------
@@ -146,9 +156,13 @@ def join_robots(
         Of the maps.
     world : str
         What the frame is called that robots share who had none in common.
+    earlier : OccupancyMap, optional
+        What was mapped before.
     """
     base, current = list(told), list(refined)
     frames = _frames_of(base)
+    if earlier is not None:
+        frames.setdefault(earlier.frame_id, Frame([], set())).earlier = earlier
     matches: dict[tuple[str, str], Match | None] = {}
     while (found := _surest(frames, matches, current, parameters)) is not None:
         (target, source), match = found
@@ -157,15 +171,19 @@ def join_robots(
         for row in frames[source].rows:
             base[row] = moved(base[row], change, match.about_m, target)
         rows = sorted(frames[target].rows + frames[source].rows)
-        frames[target] = Frame(rows, frames[target].robots | frames[source].robots)
-        del frames[source]
+        joined = frames.pop(source)
+        frames[target] = replace(
+            frames[target], rows=rows, robots=frames[target].robots | joined.robots, map=None
+        )
         together = refine_poses([base[row] for row in rows], kinds=kinds).pings
         for row, ping in zip(rows, together, strict=True):
             current[row] = ping
         matches = {pair: one for pair, one in matches.items() if not {target, source} & set(pair)}
     _name(frames, current, world)
     return Joining(
-        current, {robot: name for name, frame in frames.items() for robot in frame.robots}
+        current,
+        {robot: name for name, frame in frames.items() for robot in frame.robots},
+        earlier.frame_id if earlier is not None else "",
     )
 
 
@@ -186,8 +204,19 @@ def _surest(
 ) -> tuple[tuple[str, str], Match] | None:
     """The pair of frames, the one that stays first, of which it is surest how they relate."""
     # Of frames that several robots share, nobody asks how they relate.
-    enough = [name for name, frame in frames.items() if len(frame.rows) >= _LEAST_PINGS]
-    ranked = sorted(enough, key=lambda name: (is_own_frame(name), -len(frames[name].rows)))
+    enough = [
+        name
+        for name, frame in frames.items()
+        if frame.earlier is not None or len(frame.rows) >= _LEAST_PINGS
+    ]
+    ranked = sorted(
+        enough,
+        key=lambda name: (
+            frames[name].earlier is None,
+            is_own_frame(name),
+            -len(frames[name].rows),
+        ),
+    )
     best: tuple[tuple[str, str], Match] | None = None
     for pair in combinations(ranked, 2):
         if not is_own_frame(pair[1]):
@@ -212,6 +241,9 @@ def _match(
 def _map_of(frame: Frame, pings: Sequence[Ping], parameters: PipelineParameters) -> OccupancyMap:
     if frame.map is None:
         pipeline, far = Pipeline(parameters), FarOff(parameters.mapping)
+        if frame.earlier is not None:
+            pipeline.resume(frame.earlier)
+            far.cover(frame.earlier.geometry)
         # What is far from all else would make the map too large, whatever it says.
         for topic, cone in in_one_place((pings[row] for row in frame.rows), far, SetApart()):
             # Whoever makes the map says what is wrong with a ping.
@@ -224,7 +256,8 @@ def _map_of(frame: Frame, pings: Sequence[Ping], parameters: PipelineParameters)
 def _name(frames: dict[str, Frame], pings: list[Ping], world: str) -> None:
     """Call the frame that most robots came to share by no robot's name."""
     joined = [one for one in frames if is_own_frame(one) and len(frames[one].robots) > 1]
-    if not joined or world in frames:
+    has_earlier = any(frame.earlier is not None for frame in frames.values())
+    if not joined or world in frames or has_earlier:
         return
     most = max(joined, key=lambda name: len(frames[name].rows))
     frames[world] = frames.pop(most)

@@ -175,7 +175,7 @@ def map_bag(
 
 
 def _poses(pipeline: Pipeline) -> PoseRun:
-    return PoseRun(pipeline.parameters, pipeline.fusion.frame_id)
+    return PoseRun(pipeline.parameters, pipeline.fusion.frame_id, pipeline.resumed)
 
 
 def learn_reception(bag: BagReader, pipeline: Pipeline) -> None:

@@ -11,7 +11,7 @@ from usmap_ros.bounds import MAX_REACHED_CELLS
 from usmap_ros.calibration.learnt import LearntReception
 from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.grids import GridGeometry, OccupancyMap
+from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.wall_files import load_walls
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.fusion import JointFusion
@@ -56,8 +56,8 @@ class Pipeline:
         What is known of the noise of transducers that state none.
     reception : LearntReception
         How traces are reconstructed, by what was learnt of their transducers.
-    resumed : GridGeometry or None
-        Where the cells of the map lie that it started from, if there was one.
+    resumed : OccupancyMap or None
+        The map that it started from, if anything was known there.
 
     Raises
     ------
@@ -71,7 +71,7 @@ class Pipeline:
         load_walls(self.parameters.reconstruction.known_walls)
         self.fusion = FUSIONS[self.parameters.mapping.method](self.parameters.mapping)
         self.noise = SharedNoise(self.parameters.reconstruction)
-        self.resumed: GridGeometry | None = None
+        self.resumed: OccupancyMap | None = None
         self.reception = LearntReception(self.parameters.reconstruction)
 
     def reconstruct(self, trace: EchoTrace) -> EchoCone:
@@ -145,7 +145,7 @@ class Pipeline:
             If its resolution or origin does not fit.
         """
         self.fusion.resume(occupancy)
-        self.resumed = occupancy.geometry if occupancy.observed.any() else None
+        self.resumed = occupancy if occupancy.observed.any() else None
 
     def refine(self, passes: int) -> None:
         """Look at the recent cones again, `passes` times.

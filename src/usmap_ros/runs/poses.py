@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.parameters import PipelineParameters
@@ -30,6 +31,8 @@ class PoseRun:
         ``poses`` says what a user insists on.
     frame_id : str
         The map's frame, if it is stated.
+    earlier : OccupancyMap, optional
+        The map that is resumed.
     told : RobotPaths
         Paths as they were told, if they were refined.
     robots : dict
@@ -38,6 +41,7 @@ class PoseRun:
 
     parameters: PipelineParameters = field(default_factory=PipelineParameters)
     frame_id: str = ""
+    earlier: OccupancyMap | None = None
     told: RobotPaths = field(default_factory=RobotPaths)
     robots: dict[str, Any] = field(default_factory=dict)
 
@@ -83,7 +87,7 @@ class PoseRun:
 
         restarts = Restarts()
         lives = [restarts.renamed(ping) for ping in (*done, *held)]
-        corrected = correct_poses(lives, self.parameters, self.frame_id)
+        corrected = correct_poses(lives, self.parameters, self.frame_id, earlier=self.earlier)
         self.robots = {robot: one.summary() for robot, one in corrected.robots.items()}
         for topic, cone in held:
             x_m, y_m, _ = map(float, cone.pose.position_m)

@@ -132,6 +132,6 @@ def pings_of_one_map(pings: Iterable[Ping], pipeline: Pipeline, apart: SetApart)
     """
     far = FarOff(pipeline.parameters.mapping)
     if pipeline.resumed is not None:
-        far.cover(pipeline.resumed)
+        far.cover(pipeline.resumed.geometry)
     frame = CommonFrame(pipeline.fusion.frame_id)
     yield from in_one_place(in_one_frame(pings, frame, apart), far, apart)

@@ -78,11 +78,11 @@ def test_absolute_poses_cost_nothing() -> None:
     same(fusion.occupancy_map(), offline(drifting(growth=0.0)))
 
 
-def in_own_frames() -> list[Ping]:
-    """Two robots, the frame of whose odometry begins elsewhere; too few pings to join them."""
+def in_own_frames(count: int = 18, robots: tuple[int, ...] = (1, 2)) -> list[Ping]:
+    """Robots, the frame of whose odometry begins elsewhere; by default too few pings to join."""
     made = []
-    for robot in (1, 2):
-        for topic, one in drifting(60, 0.0)[:18]:
+    for robot in robots:
+        for topic, one in drifting(60, 0.0)[:count]:
             told = between(START * robot, np.array([*one.pose.position_m[:2], one.pose.yaw_rad]))
             moved = replace(
                 one,
@@ -109,6 +109,20 @@ def test_robots_in_frames_of_their_own_are_kept_until_they_are_joined() -> None:
     assert located.states() == "robot1 joined, robot2 joined"
     for robot in (1, 2):
         np.testing.assert_allclose(located.frames[f"robot{robot}/odom"], START * robot, atol=0.1)
+
+
+def test_a_robot_is_found_in_the_map_that_was_kept() -> None:
+    kept = offline(drifting(60, 0.0))
+    fusion = LiveFusion(MappingParameters(), 0.0, 1000, poses=PoseParameters())
+    fusion.resume(kept)
+    for topic, one in in_own_frames(60, (2,)):
+        fusion.receive(topic, one)
+        fusion.fuse_next()
+    while fusion.fuse_next() is not None:
+        pass
+    assert fusion.occupancy_map().frame_id == "map"
+    assert fusion.poses.latest.states() == "robot2 joined"
+    np.testing.assert_allclose(fusion.poses.latest.frames["robot2/odom"], START * 2, atol=0.1)
 
 
 def test_what_old_pings_said_stays_and_robots_go_on_from_there() -> None:

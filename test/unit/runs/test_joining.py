@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
+from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation import refine_poses
 from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.pose_kind import PoseKind
@@ -14,6 +15,7 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.correction import Corrected, correct_poses
 from usmap_ros.runs.joining import moved
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.poses import PoseRun
 from usmap_ros.simulation import Scenario, simulate, true_paths
 
 #: Where frames of odometry are whose robots go round among poles.
@@ -121,6 +123,35 @@ def test_a_robot_joins_those_that_know_where_they_are(
     assert np.hypot(*off_m.T).max() < 0.3
     for (topic, one), (_, told) in zip(done.pings, both, strict=True):
         assert one is told or "robot2" in topic
+
+
+@pytest.fixture(scope="module")
+def earlier(in_a_room: tuple[list[Ping], np.ndarray]) -> OccupancyMap:
+    """Give what robot1 made of the room another day, when it knew where it was."""
+    pipeline = Pipeline()
+    for (topic, one), real in zip(*in_a_room, strict=True):
+        if "robot1" in topic:
+            pipeline.fuse(replace(one, frame_id="house", pose=Pose.planar(*real)), topic)
+    return pipeline.occupancy_map()
+
+
+def test_a_robot_joins_an_earlier_map(
+    in_a_room: tuple[list[Ping], np.ndarray], earlier: OccupancyMap
+) -> None:
+    mine = ["robot2" in topic for topic, _ in in_a_room[0]]
+    pings = [ping for ping, is_mine in zip(in_a_room[0], mine, strict=True) if is_mine]
+    run = PoseRun(frame_id=earlier.frame_id, earlier=earlier)
+    done = list(run.corrected(pings))
+    assert {one.frame_id for _, one in done} == {"house"}
+    assert run.robots["robot2"]["state"] == "joined"
+    off_m = (places(done) - in_a_room[1][mine])[:, :2]
+    assert np.hypot(*off_m.T).max() < 0.3
+
+
+def test_a_robot_among_poles_does_not_join_the_map_of_a_room(earlier: OccupancyMap) -> None:
+    done = correct_poses(going_round("robot2"), PipelineParameters(), "house", earlier=earlier)
+    assert done.robots["robot2"].state == "alone"
+    assert {one.frame_id for _, one in done.pings} == {"robot2/odom"}
 
 
 @pytest.mark.parametrize("use", ["told", "auto"])

@@ -13,15 +13,22 @@ from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.localisation.walls import Walls, find_walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Ways to begin: knots by which a robot's own map lags behind it, whether all is adjusted on the
-#: way, and rounds of improvement afterwards.
-_WAYS = ((6, False, 4), (3, False, 4), (1, True, 4))
-#: Share of echoes from places that pings share, from which on it may be points that answer; and
-#: what lines of walls, with what they cost, gain of log-likelihood an echo where it is walls:
-#: among poles it was 0.30 to 0.43, in rooms 0.60 and more.
-_POINTS, _WALLED = 0.2, 0.52
-#: Weight of an echo of points, over the square of that share.
-_OF_POINTS = 6.0
+#: Knots by which a robot's own map lags behind it where robots are followed: one search for each.
+_LAGS = (6, 3)
+#: Improvements of each, and rounds of one: between them it is asked anew how much echoes count.
+_IMPROVEMENTS, _ROUNDS = 2, 3
+#: Blur, m, and steps of the adjustment that ends each search: so fine that ranges count by nearly
+#: what they are worth.
+_FINER = ((0.08, 10), (0.05, 10), (0.03, 10), (0.02, 30))
+_FINEST_M = _FINER[-1][0]
+#: What lines of walls, with what they cost, gain of log-likelihood an echo where it is walls: among
+#: poles it was 0.2 to 0.43, in rooms 0.49 and more.  Share of echoes from places that pings share,
+#: with the poses that points make most likely: among poles it was 0.43 and more, in rooms up to
+#: 0.26.
+_WALLED, _POINTS = 0.52, 0.35
+#: Weight of an echo of points, over the square of that share; the least one to begin with, since
+#: poses that are far off share little, and the most.
+_OF_POINTS, _LEAST_WEIGHT, _MOST_WEIGHT = 6.0, 0.3, 1.0
 #: How far walls may seem to be off, m, one after the other; steps for each before the last one.
 _WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
 #: Knots that are added at once on the way along walls; rounds at its end before the last one.
@@ -73,19 +80,44 @@ def search(start: Smoother) -> Found | None:
     told.active[:] = True
     for _ in range(_WARM_UP):
         told.map(_FINAL_M)
-    shared = told.shared()
-    if shared <= _POINTS or _gained_by_walls(told) > _WALLED:
+    if _gained_by_walls(told) > _WALLED:
         return _along_walls(start)
-    for one in (start, told):
-        one.trust(_OF_POINTS * shared**2)
-    least = told.log_posterior(_FINAL_M)
+    ends = _among_points(start, max(_LEAST_WEIGHT, _weight(told)))
+    if max(one.shared() for one in ends) < _POINTS:
+        return _along_walls(start)
+    for one in ends:
+        for blur_m, steps in _FINER:
+            for _ in range(steps):
+                one.adjust(blur_m)
+    told.trust(ends[0].weight)
+    least = told.log_posterior(_FINEST_M)
+    found = [(one.log_posterior(_FINEST_M), one) for one in ends]
+    found = [(gained, one) for gained, one in found if gained > least]
+    return _average(found) if found else None
+
+
+def _among_points(start: Smoother, weight: float) -> list[Smoother]:
+    """Where searches end that take all that answers for points, with the same weight of echoes."""
     ends = []
-    for lag, jointly, rounds in _WAYS:
+    for lag in _LAGS:
         one = copy.deepcopy(start)
-        _follow(one, lag, jointly=jointly)
-        ends.append((_improve(one, rounds), one))
-    ends = [(gained, one) for gained, one in ends if gained > least]
-    return _average(ends) if ends else None
+        one.trust(weight)
+        _follow(one, lag)
+        for _ in range(_IMPROVEMENTS):
+            _improve(one, _ROUNDS)
+            one.trust(max(_LEAST_WEIGHT, _weight(one)))
+        ends.append(one)
+    most = max(one.weight for one in ends)
+    for one in ends:
+        one.trust(most)
+    return ends
+
+
+def _weight(smoother: Smoother) -> float:
+    """How much an echo counts, by how many come from places that pings share."""
+    for _ in range(2):
+        smoother.map(_FINAL_M)
+    return min(_MOST_WEIGHT, _OF_POINTS * smoother.shared() ** 2)
 
 
 def _gained_by_walls(told: Smoother) -> float:
@@ -127,7 +159,7 @@ def _adjust_to_walls(smoother: Smoother, sigma_m: float) -> tuple[Walls, tuple[F
     return smoother.adjust_to(walls, sigma_m)
 
 
-def _follow(smoother: Smoother, lag: int, *, jointly: bool) -> None:
+def _follow(smoother: Smoother, lag: int) -> None:
     """Go along with all robots, and match what they hear with what was heard before.
 
     What a robot heard over its last `lag` knots is no part of the map that it is matched with:
@@ -157,15 +189,11 @@ def _follow(smoother: Smoother, lag: int, *, jointly: bool) -> None:
             ends[number] = begin, end
         smoother.spread()
         if last > lag:
-            is_full = last % stride == 0
-            if is_full:
+            if last % stride == 0:
                 smoother.map(_FINAL_M)
             else:
                 smoother.extend(_FINAL_M, smoother.active & ~before)
             _match_window(smoother, window, ends)
-            if jointly and is_full:
-                smoother.adjust(_FINAL_M)
-                smoother.adjust(_FINAL_M)
     smoother.active[:] = True
 
 
@@ -178,7 +206,7 @@ def _match_window(smoother: Smoother, window: BoolArray, ends: dict[int, tuple[i
         smoother.spread()
 
 
-def _improve(smoother: Smoother, rounds: int) -> float:
+def _improve(smoother: Smoother, rounds: int) -> None:
     """Match and adjust in turn; the smoother is left with the best that was on the way."""
     most = smoother.log_posterior(_FINAL_M)
     best, before = _knots(smoother), _knots(smoother)
@@ -193,7 +221,6 @@ def _improve(smoother: Smoother, rounds: int) -> float:
         if gained > most:
             best, most = before, gained
     _set_knots(smoother, best)
-    return most
 
 
 def _go_farther(smoother: Smoother, before: FloatArray, after: FloatArray, gained: float) -> float:
@@ -271,8 +298,8 @@ def _at_pings(smoother: Smoother) -> Found:
     """Poses of all pings, and how well each is known."""
     kept = _knots(smoother)
     for _ in range(3):
-        smoother.map(_FINAL_M)
-    at_knots = smoother.adjust(_FINAL_M)
+        smoother.map(_FINEST_M)
+    at_knots = smoother.adjust(_FINEST_M)
     _set_knots(smoother, kept)
     return _of_pings(smoother, at_knots)
 

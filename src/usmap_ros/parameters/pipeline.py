@@ -160,7 +160,15 @@ class MappingParameters(ParameterGroup):
     #: Methods that have a use for a parameter, where others have none.
     used_by: ClassVar[Mapping[str, tuple[str, ...]]] = {
         **dict.fromkeys(
-            ("occlusion", "opacity", "forgetting", "proof_rays", "wall_gap_m", "window"),
+            (
+                "occlusion",
+                "opacity",
+                "forgetting",
+                "proof_rays",
+                "wall_gap_m",
+                "window",
+                "weigh_robots",
+            ),
             ("joint",),
         ),
         "fluctuation": ("joint", "additive"),
@@ -236,6 +244,11 @@ class MappingParameters(ParameterGroup):
         " place the newest few are kept.",
         ge=1,
         le=100_000,
+    )
+    weigh_robots: bool = quantity(
+        True,
+        "Let robots that the others, or they themselves, contradict count for less, and those that"
+        " are named as faulty for nothing.",
     )
     observed_exposure: float = quantity(
         1.0,

@@ -10,7 +10,7 @@ free      ← where every way in which a surface could face is refuted, or sound
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.response import Response
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.walls import Walls, find_walls
+from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, credit, sayings
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -102,15 +103,8 @@ class JointEstimate:
 
     # ------------------------------------------------------------------ powers and belief
 
-    def estimate(self, more_rounds: int = 0) -> Walls:
-        """Find powers, beliefs and walls.
-
-        Parameters
-        ----------
-        more_rounds : int
-            Beyond `ROUNDS`.
-        """
-        self.estimate_powers(ROUNDS + more_rounds)
+    def estimate_walls(self) -> Walls:
+        """Find walls, and beliefs with them, after powers."""
         index, _, _ = self._smooth.echo_bins
         self._smooth.find(self._explained(), ~self._first_only[index], self.depth)
         self._smooth.take_out()
@@ -119,8 +113,10 @@ class JointEstimate:
             self._cast_shadows(filled, WALL_DAMPING, WALL_SHADOWS)
         return self.walls()
 
-    def estimate_powers(self, rounds: int, between: Callable[[], None] = lambda: None) -> None:
-        """Find powers and beliefs alone.
+    def estimate_powers(
+        self, rounds: int = ROUNDS, between: Callable[[], None] = lambda: None
+    ) -> None:
+        """Find powers and beliefs.
 
         Parameters
         ----------
@@ -136,6 +132,25 @@ class JointEstimate:
         no_walls = np.zeros(self.field.shape, bool)
         self._weigh()
         self._cast_shadows(no_walls, FIRST_DAMPING, rounds, between)
+
+    def credit(self, sources: Sequence[str]) -> dict[str, float]:
+        """How much of the trust in each source is left, by what all say of the cells.
+
+        Parameters
+        ----------
+        sources : sequence of str
+            Of each ping.
+        """
+        names = sorted(set(sources))
+        if len(names) < LEAST_WITNESSES:
+            return dict.fromkeys(names, 1.0)
+        number = np.array([names.index(source) for source in sources])
+        halves = HALVES * number
+        for robot in range(len(names)):
+            own = np.flatnonzero(number == robot)
+            halves[own[len(own) // HALVES :]] += 1
+        cells, said = self._powers.weigh_apart(halves, HALVES * len(names))
+        return dict(zip(names, credit(sayings(cells, said, self.field)), strict=True))
 
     def evidence_of(self, some: BoolArray) -> CellEvidence:
         """What some of the pings say of the cells by themselves, by the powers of all.

@@ -93,7 +93,7 @@ class JointFusion(Fusion):
     def trust(self, shares: Mapping[str, float]) -> bool:
         """Let some sources' pings count for less, of the window; nothing of those that count 0."""
         less = {source: share for source, share in shares.items() if share < 1.0}
-        if less == self._kept.trust:
+        if less == self._kept.trust or not self.parameters.weigh_robots:
             return False
         self._kept.trust, self._survey = less, None
         return True

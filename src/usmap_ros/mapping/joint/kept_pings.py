@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ Place = tuple[str, str, int, int, int, int]
 #: Row and column of a square of this side, by which areas are told apart.
 Square = tuple[int, int]
 SQUARE_M = 2.0
+_ALL_BELIEVED: Mapping[str, float] = MappingProxyType({})
 
 
 class Pings(NamedTuple):
@@ -44,6 +46,8 @@ class Pings(NamedTuple):
         Of each.
     first_only : (pings,) bool array
         Whether their sensors report the first thing only, from whichever side it is looked at.
+    sources : list of str
+        Who heard each.
     """
 
     looks: Looks
@@ -51,6 +55,7 @@ class Pings(NamedTuple):
     weights: NDArray[np.float32]
     echoes: Echoes
     first_only: BoolArray
+    sources: list[str]
 
 
 class KeptPings:
@@ -146,12 +151,22 @@ class KeptPings:
             groups.append(sorted(group))
         return groups
 
-    def pings(self, among: list[int] | None = None) -> Pings:
+    def pings(
+        self, among: list[int] | None = None, credit: Mapping[str, float] = _ALL_BELIEVED
+    ) -> Pings:
         """Them, or some of them, as an estimate takes them.
 
         Robots' pings come in one order today and in another tomorrow: that of stamps stays.
+
+        Parameters
+        ----------
+        among : list of int, optional
+            Which.
+        credit : mapping of str to float
+            How much of the trust in each source is left here, where that is less than all of it.
         """
         kept = self._cones if among is None else [self._cones[index] for index in among]
+        kept = [each for each in kept if credit.get(each[1], 1.0) > 0.0]
         kept = sorted(kept, key=lambda each: (each[0].stamp_ns, *each[2]))
         if self._first_only is None:
             self._first_only = report_first_only(cone for cone, *_ in self._cones)
@@ -163,13 +178,17 @@ class KeptPings:
         ranges_m = [np.asarray(cone.ranges_m, np.float64) for cone, *_ in kept]
         amplitudes = [np.asarray(cone.amplitudes, np.float64) for cone, *_ in kept]
         start = np.concatenate([[0], np.cumsum([len(ranges) for ranges in ranges_m])])
-        weights = [self.trust.get(source, 1.0) / self._at[place] for _, source, place in kept]
+        trust = {
+            source: self.trust.get(source, 1.0) * credit.get(source, 1.0) for _, source, _ in kept
+        }
+        weights = [trust[source] / self._at[place] for _, source, place in kept]
         return Pings(
             stacked([look_of(cone, self._parameters) for cone, *_ in kept]),
             np.arange(len(kept)),
             np.array(weights, np.float32),
             Echoes(start.astype(np.int64), np.concatenate(ranges_m), np.concatenate(amplitudes)),
             np.array([cone.child_frame_id in first_only for cone, *_ in kept], bool),
+            [source for _, source, _ in kept],
         )
 
     def _remove(self, index: int) -> None:

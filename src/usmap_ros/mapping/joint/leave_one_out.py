@@ -85,11 +85,7 @@ class LeaveOneOutMap:
     ) -> None:
         self._parameters, self._between = parameters, between
         kept = kept_pings(cones, parameters)
-        sources = [robot for _, robot in kept.cones()]
-        self._areas = [
-            _Area(kept.pings(group), [sources[index] for index in group], parameters, between)
-            for group in kept.islands()
-        ]
+        self._areas = [_Area(kept.pings(group), parameters, between) for group in kept.islands()]
 
     def expected(
         self, cones: Mapping[str, Sequence[EchoCone]], of: Collection[str] | None = None
@@ -156,7 +152,6 @@ class _Area:
     def __init__(
         self,
         pings: Pings,
-        sources: Sequence[str],
         parameters: MappingParameters,
         between: Callable[[], None],
     ) -> None:
@@ -168,9 +163,9 @@ class _Area:
         )
         self._estimate.estimate_powers(ROUNDS, between)
         self._evidence: dict[str, CellEvidence] = {}
-        for robot in dict.fromkeys(sources):
+        for robot in dict.fromkeys(pings.sources):
             between()
-            own = np.array([source == robot for source in sources], bool)
+            own = np.array([source == robot for source in pings.sources], bool)
             self._evidence[robot] = self._estimate.evidence_of(own)
         self._believed: dict[frozenset[str], _Believed] = {}
 

@@ -46,7 +46,11 @@ def over_block(
 
 def judged(evidence: CellEvidence, shape: tuple[int, int]) -> NDArray[np.float32]:
     """Evidence of each cell: its block's, if it holds a fair share of it."""
-    own, block = evidence.own.reshape(shape), evidence.block.reshape(shape)
+    return strength_of(evidence.own.reshape(shape), evidence.block.reshape(shape))
+
+
+def strength_of(own: NDArray[np.float32], block: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The same, of evidence of cells and of their blocks, (rows, columns)."""
     is_minor = own < OWN_SHARE * over_block(own)
     return np.where(is_minor, np.minimum(own, block), np.maximum(own, block))
 

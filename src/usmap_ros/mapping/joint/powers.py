@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import (
     CellEvidence,
+    Cells,
+    Said,
     add_said,
     cells_of,
     no_evidence,
@@ -171,20 +173,53 @@ class Powers:
         weights = self._weights if weights is None else weights
         self._expect(self._power, self.expected)
         cells = cells_of(self._scatterers.cell, self._field)
-        said = for_each(
+        evidence = no_evidence(self._field)
+        for group, each in zip(self._groups, self._say(cells), strict=True):
+            add_said(
+                self._looks, self._pings[group.which], weights[group.which], each, cells,
+                self._field, forgetting, evidence,
+            )  # fmt: skip
+        return evidence
+
+    def weigh_apart(
+        self, part: NDArray[np.int64], parts: int
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """What some parts of the pings say of cells, each by itself, as all were weighed last.
+
+        Parameters
+        ----------
+        part : (pings,) integer array
+            Which part each ping belongs to.
+        parts : int
+            How many there are.
+
+        Returns
+        -------
+        number : (cells,) int32 array
+            Those of which anything is said.
+        said : (parts, 2, cells) float32 array
+            Evidence of each cell, and of its block.
+        """
+        cells = cells_of(self._scatterers.cell, self._field)
+        count = len(cells.number)
+        sums = np.zeros((2, parts * count), np.float32)
+        for group, said in zip(self._groups, self._say(cells), strict=True):
+            rows, end = np.diff(said.start), said.start[-1]
+            places = np.repeat(part[group.which] * count, rows) + said.cell[:end]
+            weights = np.repeat(self._weights[group.which], rows)
+            for which, ratios in enumerate((said.own, said.block)):
+                sums[which] += np.bincount(places, ratios[:end] * weights, parts * count)
+        return cells.number, sums.reshape(2, parts, count).swapaxes(0, 1)
+
+    def _say(self, cells: Cells) -> list[Said]:
+        """What each group of pings says, by what is expected of them."""
+        return for_each(
             lambda group: weigh_pings(
                 self._looks, self._pings[group.which], group.heard, self._power,
                 self.expected[group.which], cells, self._field,
             ),
             self._groups,
         )  # fmt: skip
-        evidence = no_evidence(self._field)
-        for group, each in zip(self._groups, said, strict=True):
-            add_said(
-                self._looks, self._pings[group.which], weights[group.which], each, cells,
-                self._field, forgetting, evidence,
-            )  # fmt: skip
-        return evidence
 
     def _expect(self, power: NDArray[np.float32], expected: NDArray[np.float32]) -> None:
         """Set what is expected of all pings."""

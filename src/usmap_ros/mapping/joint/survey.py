@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.export import LEAST_NEWS
 from usmap_ros.mapping.extent import check_size
-from usmap_ros.mapping.joint.estimate import JointEstimate
+from usmap_ros.mapping.joint.estimate import ROUNDS, JointEstimate
 from usmap_ros.mapping.joint.field import Field, field_around
 from usmap_ros.mapping.joint.first_pings import first_log_odds
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
@@ -98,7 +98,7 @@ class Survey:
             if self._map is None:
                 self._earlier = self._before and self._before()
                 islands = self._kept.islands()
-                self._map = self._made([self._area(self._kept.pings(group)) for group in islands])
+                self._map = self._made([self._area(group) for group in islands])
                 # Nothing stays but the map: what it was made from is many times as large, and
                 # earlier surveys hold those that were before them.
                 self._kept, self._before = KeptPings(self._parameters), None
@@ -110,19 +110,15 @@ class Survey:
         """Whether the map is there."""
         return self._map is not None
 
-    def _area(self, pings: Pings) -> Area:
-        parameters = self._parameters
-        field = field_around(pings.looks, pings.rows, parameters.resolution_m)
-        # Without the rim, which nothing is known of.
-        check_size(field.rows - 2, field.columns - 2, parameters)
-        estimate = JointEstimate(
-            pings.looks, pings.rows, pings.weights, pings.echoes, field,
-            opacity=parameters.opacity if parameters.occlusion else 0.0,
-            forgetting=parameters.forgetting, standing=self._standing(field),
-            gap_m=parameters.wall_gap_m, proofs=parameters.proof_rays,
-            first_only=pings.first_only,
-        )  # fmt: skip
-        walls = estimate.estimate(self._more_rounds)
+    def _area(self, group: list[int]) -> Area:
+        parameters, pings = self._parameters, self._kept.pings(group)
+        estimate = self._estimate(pings)
+        if parameters.weigh_robots:
+            credit = estimate.credit(pings.sources)
+            if min(credit.values()) < 1.0:
+                pings = self._kept.pings(group, credit)
+                estimate = self._estimate(pings)
+        field, walls = estimate.field, estimate.estimate_walls()
         belief = None
         if self._earlier is None:
             belief = first_log_odds(
@@ -134,6 +130,22 @@ class Survey:
         walls = Walls(belief > SHOWN, np.zeros(field.shape, bool), NO_LINES, NO_LINES)
         walls, free = estimate.free_space(walls)
         return Area(estimate, walls, free & (belief == NOTHING), belief)
+
+    def _estimate(self, pings: Pings) -> JointEstimate:
+        """Powers and beliefs of an area."""
+        parameters = self._parameters
+        field = field_around(pings.looks, pings.rows, parameters.resolution_m)
+        # Without the rim, which nothing is known of.
+        check_size(field.rows - 2, field.columns - 2, parameters)
+        estimate = JointEstimate(
+            pings.looks, pings.rows, pings.weights, pings.echoes, field,
+            opacity=parameters.opacity if parameters.occlusion else 0.0,
+            forgetting=parameters.forgetting, standing=self._standing(field),
+            gap_m=parameters.wall_gap_m, proofs=parameters.proof_rays,
+            first_only=pings.first_only,
+        )  # fmt: skip
+        estimate.estimate_powers(ROUNDS + self._more_rounds)
+        return estimate
 
     def _standing(self, field: Field) -> BoolArray | None:
         """Cells of a field that were occupied before."""

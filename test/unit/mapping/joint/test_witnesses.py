@@ -1,0 +1,127 @@
+"""How far robots are believed, by who bears them out."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.witnesses import Sayings, credit, sayings
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Places between those of the first robot.
+OTHER_VIEWS = ((0.1, 0.2, 0.1), (0.2, -0.6, 0.3), (1.4, 1.6, -1.5), (2.7, 0.7, -2.7))
+
+
+def said(*pairs: tuple[int, int, float, float], robots: int = 3) -> Sayings:
+    """Of pairs of robots, or of one by itself: what they agree on, and what not."""
+    agreed, contradicted = (np.zeros((robots, robots)) for _ in range(2))
+    for one, other, both, against in pairs:
+        agreed[one, other] = agreed[other, one] = both
+        contradicted[one, other] = contradicted[other, one] = against
+    return Sayings(agreed, contradicted)
+
+
+@pytest.mark.parametrize(
+    "sayings",
+    [
+        pytest.param(said(), id="of those who look at nothing together nothing is known"),
+        pytest.param(said((0, 1, 90, 0), (0, 2, 40, 0), (1, 2, 80, 5)), id="all agree"),
+        # Of a room with smooth walls, and of corridors that have walls between them.
+        pytest.param(said((0, 1, 41, 81), (0, 2, 58, 0), (1, 2, 0, 40)), id="smooth walls"),
+        pytest.param(said((0, 1, 837, 1821), (0, 2, 0, 83), (1, 2, 860, 833)), id="two sides"),
+        pytest.param(said((0, 1, 0, 500), robots=2), id="of two nobody can tell who is wrong"),
+        pytest.param(said((0, 1, 0, 500)), id="nor can a third who looks elsewhere"),
+    ],
+)
+def test_those_of_whom_nobody_can_tell_are_believed(sayings: Sayings) -> None:
+    assert credit(sayings) == [1.0] * len(sayings.agreed)
+
+
+def test_one_whom_others_contradict_that_agree_is_not_believed() -> None:
+    assert credit(said((0, 1, 500, 50), (0, 2, 5, 300), (1, 2, 0, 400))) == [1.0, 1.0, 0.0]
+
+
+def test_one_that_is_hardly_known_to_be_wrong_is_believed_in_part() -> None:
+    few, more = (credit(said((0, 1, 90, 0), (0, 2, 0, much)))[2] for much in (40, 100))
+    assert 0.0 < more < few < 1.0
+
+
+def test_of_two_the_one_that_contradicts_itself_is_not_believed() -> None:
+    pairs = (0, 1, 0, 300), (0, 0, 100, 0), (1, 1, 0, 100)
+    assert credit(said(*pairs, robots=2)) == [1.0, 0.0]
+
+
+def test_two_that_are_wrong_are_both_found() -> None:
+    honest = [(one, other, 300.0, 10.0) for one in range(3) for other in range(one)]
+    liars = [(one, other, 3.0, 300.0) for one in range(5) for other in (3, 4) if one != other]
+    assert credit(said(*honest, *liars, robots=5)) == [1.0, 1.0, 1.0, 0.0, 0.0]
+
+
+def test_what_is_heard_beside_a_cell_bears_it_out_and_silence_denies_it() -> None:
+    field = Field(0, 0, 12, 12, 0.05)
+    number = np.array([14, 16, 100], np.int32)
+    halves = np.zeros((4, 2, 3), np.float32)
+    # One hears the first and the third, the other what is two cells from the first, and nothing
+    # where the third is.
+    halves[0, :, 0], halves[1, :, 2], halves[2, :, 1] = 9.0, 7.0, 8.0
+    halves[3, :, 2] = -5.0
+    agreed, contradicted = sayings(number, halves, field)
+    assert agreed[0, 1] == agreed[1, 0] == pytest.approx(8.0)
+    assert contradicted[0, 1] == contradicted[1, 0] == pytest.approx(5.0)
+    assert np.diag(agreed).tolist() == np.diag(contradicted).tolist() == [0.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def robots(
+    views: list[EchoCone], cone_of_objects: Callable[..., EchoCone]
+) -> dict[str, list[EchoCone]]:
+    """Give what two robots hear of the same, and what one hears that is not where it says."""
+    objects = (1.525, 0.425, 0.6), (1.775, -0.325, 0.4)
+    others = [
+        cone_of_objects(*objects, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, stamp_ns=number)
+        for number, (x_m, y_m, yaw_rad) in enumerate(OTHER_VIEWS)
+    ]
+    shift_m = np.array([0.5, -0.4, 0.0])
+    elsewhere = [
+        replace(cone, pose=replace(cone.pose, position_m=cone.pose.position_m + shift_m))
+        for cone in views
+    ]
+    return {"one": views, "other": others, "misplaced": elsewhere}
+
+
+def shown(robots: dict[str, list[EchoCone]], **parameters: bool) -> set[tuple[int, int]]:
+    """Cells that a map of some robots shows as occupied."""
+    fusion = JointFusion(MappingParameters(**parameters))
+    for name, cones in robots.items():
+        for cone in cones:
+            fusion.fuse(cone, name)
+    occupancy = fusion.occupancy_map()
+    first = np.array(occupancy.geometry.first_cell)[::-1]
+    return {tuple(cell) for cell in (np.argwhere(occupancy.predicted()) + first).tolist()}
+
+
+def test_a_map_shows_nothing_of_what_a_misplaced_robot_heard(
+    robots: dict[str, list[EchoCone]],
+) -> None:
+    honest = {name: cones for name, cones in robots.items() if name != "misplaced"}
+    assert shown(robots) == shown(honest)
+    assert shown(robots, weigh_robots=False) != shown(honest)
+
+
+def test_healthy_robots_make_the_map_that_they_make_unweighed(
+    robots: dict[str, list[EchoCone]],
+) -> None:
+    honest = {name: cones for name, cones in robots.items() if name != "misplaced"}
+    assert shown(honest) == shown(honest, weigh_robots=False)
+
+
+def test_who_weighs_no_robots_obeys_no_finding_either(views: list[EchoCone]) -> None:
+    fusion = JointFusion(MappingParameters(weigh_robots=False))
+    for cone in views:
+        fusion.fuse(cone, "robot")
+    assert not fusion.trust({"robot": 0.0})
+    assert fusion.occupancy_map().predicted().any()

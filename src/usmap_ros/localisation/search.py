@@ -31,11 +31,12 @@ _WALLED, _POINTS = 0.52, 0.35
 _OF_POINTS, _LEAST_WEIGHT, _MOST_WEIGHT = 6.0, 0.3, 1.0
 #: How far walls may seem to be off, m, one after the other; steps for each before the last one.
 _WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
-#: Knots that are added at once on the way along walls; rounds at its end before the last one.
-_STRETCH, _AT_THE_END = 7, 3
+#: Knots that are added at once on the way along walls; how far walls may seem to be off at its
+#: end, m, one after the other, and last of all.
+_STRETCH, _TOWARDS_THE_END_M, _AT_THE_END_M = 3, (0.05, 0.05, 0.04, 0.03), 0.03
 #: Blur, m: of a match while robots go, of matches of a round, and of the field in the end.
 _FOLLOWED_M, _MATCHED_M, _FINAL_M = (0.08, 0.067, 0.053, 0.04), (0.12, 0.06), 0.05
-#: Steps of a robot that look at all that was heard so far.
+#: Steps of robots that look at all that was heard so far, at the most.
 _STEPS = 40
 #: Knots of a segment that is matched with what is not its own neighbourhood.
 _SEGMENT = 6
@@ -129,11 +130,11 @@ def _gained_by_walls(told: Smoother) -> float:
 
 def _along_walls(smoother: Smoother) -> Found | None:
     """Go along with all robots, and adjust what was gone so far to the walls that it shows."""
-    sigma_m, longest = _WALLS_M[-1], max(map(len, smoother.knots))
+    sigma_m, longest = _AT_THE_END_M, max(map(len, smoother.knots))
     smoother.active[:] = True
     walls = find_walls(smoother.echoes, smoother.poses, smoother.active, sigma_m)
     least = smoother.log_posterior_of(walls, sigma_m)
-    stretches = -(-longest // _STRETCH)
+    stretches = min(-(-longest // _STRETCH), _STEPS)
     for number in range(1, stretches + 1):
         last = longest * number // stretches
         for robot, first in smoother.first.items():
@@ -144,8 +145,8 @@ def _along_walls(smoother: Smoother) -> Found | None:
         for robot in smoother.first:
             smoother.predict(robot, min(last, len(smoother.knots[robot]) - 1))
         smoother.spread()
-    for _ in range(_AT_THE_END):
-        _adjust_to_walls(smoother, sigma_m)
+    for blur_m in _TOWARDS_THE_END_M:
+        _adjust_to_walls(smoother, blur_m)
     walls, factor = _adjust_to_walls(smoother, sigma_m)
     if smoother.log_posterior_of(walls, sigma_m) <= least:
         return None

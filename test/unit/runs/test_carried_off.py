@@ -42,8 +42,32 @@ def test_poses_that_are_absolute_cannot_be_lost(carried: Carried) -> None:
     assert not lost
 
 
+def off_m(found: list[Ping], true: list[Pose]) -> float:
+    """How far places are off at most."""
+    pairs = zip(found, true, strict=True)
+    return max(
+        float(np.hypot(*(one.pose.position_m - real.position_m)[:2])) for (_, one), real in pairs
+    )
+
+
 @pytest.mark.slow
-def test_it_is_lost_from_then_on_and_does_not_smear_the_map(carried: Carried) -> None:
+def test_it_is_found_again_by_its_map(carried: Carried) -> None:
+    pings, true = carried
+    corrected = correct_poses(pings, PipelineParameters())
+    assert {one.state for one in corrected.robots.values()} == {"joined"}
+    assert {one.frame_id for one in corrected.robots.values()} == {"map"}
+    begin = [one.child_frame_id for _, one in corrected.pings].index("robot1#2/sonar")
+    assert abs(begin - 200) < 15
+    # In between it is in somebody's hands.
+    assert off_m(corrected.pings[:190], true[:190]) < 0.3
+    assert off_m(corrected.pings[215:], true[215:]) < 0.3
+
+
+@pytest.mark.slow
+def test_it_is_lost_until_then_and_does_not_smear_the_map(
+    carried: Carried, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("usmap_ros.runs.joining.match_maps", lambda one, other: None)
     corrected = correct_poses(carried[0], PipelineParameters())
     assert {robot: one.state for robot, one in corrected.robots.items()} == {
         "robot1": "alone", "robot1#2": "lost",
@@ -52,8 +76,4 @@ def test_it_is_lost_from_then_on_and_does_not_smear_the_map(carried: Carried) ->
     begin = frames.index("robot1/odom#2")
     assert abs(begin - 200) < 15
     assert set(frames[begin:]) == {"robot1/odom#2"}
-    off_m = [
-        np.hypot(*(one.pose.position_m - pose.position_m)[:2])
-        for (_, one), pose in zip(corrected.pings[:190], carried[1], strict=False)
-    ]
-    assert max(off_m) < 0.3
+    assert off_m(corrected.pings[:190], carried[1][:190]) < 0.3

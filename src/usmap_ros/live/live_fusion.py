@@ -280,9 +280,24 @@ class LiveFusion:
             return self._order.due_in_s(self._clock())
 
     def occupancy_map(self) -> OccupancyMap:
-        """The map so far; cones are fused while it is made."""
+        """The map so far, all pings explained together; cones are fused while it is made."""
+        return self._made(is_live=False)
+
+    def live_map(self) -> OccupancyMap:
+        """The same while pings come: mostly, what is new alone is worked out."""
+        return self._made(is_live=True)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the newest map of either kind is that of `occupancy_map`."""
         with self._map_lock:
-            make = self.poses.snapshot() or self._pipeline.fusion.snapshot()
+            return self.poses.must_correct or self._pipeline.fusion.is_whole
+
+    def _made(self, is_live: bool) -> OccupancyMap:
+        with self._map_lock:
+            fusion = self._pipeline.fusion
+            snapshot = fusion.live_snapshot if is_live else fusion.snapshot
+            make = self.poses.snapshot() or snapshot()
             generation = self.poses.generation
         occupancy = make()
         with self._map_lock:

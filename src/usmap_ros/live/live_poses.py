@@ -14,8 +14,8 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.mapping.far_off import Ping
+from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.fusion import RETIRED_SHARE
-from usmap_ros.mapping.joint.survey import copied
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
@@ -198,13 +198,15 @@ class LivePoses:
 
     def snapshot(self) -> Callable[[], OccupancyMap] | None:
         """What makes the map as it is now, in any thread; None where poses are right as told."""
-        if not self._must_correct():
+        if not self.must_correct:
             return None
         pings, anchors = list(self._told), self._anchors
         state = self._version, self.generation
         return lambda: self._map(pings, anchors, *state)
 
-    def _must_correct(self) -> bool:
+    @property
+    def must_correct(self) -> bool:
+        """Whether any poses are not right as told."""
         return self.is_wanted and bool(self._told) and self._watch.drifts
 
     def _map(

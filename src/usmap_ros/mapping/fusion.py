@@ -154,6 +154,15 @@ class Fusion(ABC):
         grid = self._grid.copied({LOG_ODDS: LOG_ODDS, EXPOSURE: EXPOSURE})
         return partial(as_map, grid, self.parameters, self.frame_id, self.stamp_ns)
 
+    def live_snapshot(self) -> Callable[[], OccupancyMap]:
+        """The same while pings come: it may tell less than `snapshot`, and takes less."""
+        return self.snapshot()
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether a map was made of all pings so far that tells no less than another would."""
+        return True
+
     def occupancy_map(self) -> OccupancyMap:
         """Return the map so far; nothing changes by asking for it.
 

@@ -9,7 +9,7 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.grids import AMBIGUITY, GridGeometry, OccupancyMap
-from usmap_ros.mapping.joint.survey import undecided
+from usmap_ros.mapping.joint.drawing import undecided
 from usmap_ros.mapping.next_view import best_views, candidate_poses, view_scores
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.runs.pipeline import Pipeline

@@ -10,18 +10,19 @@ free      ← where every way in which a surface could face is refuted, or sound
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.echoes import Echoes
-from usmap_ros.mapping.joint.field import NOISE, Field, X, Y
+from usmap_ros.mapping.joint.field import NOISE, QUARTERS, Field, X, Y
 from usmap_ros.mapping.joint.free_space import FreeSpace
+from usmap_ros.mapping.joint.known import Cells, Known
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_depth
 from usmap_ros.mapping.joint.powers import Powers
-from usmap_ros.mapping.joint.response import Response
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.walls import Walls, find_walls
 from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, credit, sayings
@@ -99,7 +100,6 @@ class JointEstimate:
         self.depth = np.zeros(field.shape, np.float32)
         self._hiding: FloatArray = np.zeros(field.shape)
         self._smooth = SmoothThings(looks, pings, echoes, field)
-        self.response: Response | None = None
 
     # ------------------------------------------------------------------ powers and belief
 
@@ -239,5 +239,28 @@ class JointEstimate:
             self.looks, self.pings, self.weights, self.field, self._standing, self._stood,
             self._proofs,
         )  # fmt: skip
-        walls, free, self.response = space.find(walls, self._smooth, self._powers, self.evidence)
+        walls, free = space.find(walls, self._smooth, self._powers, self.evidence)
+        self.heard, self.silence = space.heard, space.silence
         return walls, free
+
+    def known(
+        self, walls: Walls, free: BoolArray, belief: FloatArray, credit: Mapping[str, float]
+    ) -> Known:
+        """What is known after `free_space`, for more pings to be explained beside these.
+
+        Parameters
+        ----------
+        walls, free
+            As they are shown.
+        belief : (rows, columns) array
+            Log-odds that each cell holds or touches a surface.
+        credit : mapping of str to float
+            By `credit`.
+        """
+        settled, shape = self._powers.settled, self.field.shape
+        values: list[Any] = [
+            settled.power.reshape(*shape, QUARTERS), settled.known.reshape(*shape, QUARTERS),
+            *(each.reshape(shape) for each in self.evidence), self._hiding, *self.heard, free,
+            walls.occupied, walls.filled, self._standing, belief,
+        ]  # fmt: skip
+        return Known(self.field, Cells(*values), self._smooth.recognised, self.silence, credit)

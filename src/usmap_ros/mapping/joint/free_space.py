@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,46 @@ BEHIND_M = 0.5
 LISTENING_CELLS = 0.75
 
 
+class Silence(NamedTuple):
+    """What silence says of an area, by what was learnt of it.
+
+    Parameters
+    ----------
+    response : Response
+        How its surfaces answer.
+    shape : float
+        How far looks from one side repeat each other.
+    kinds : (KINDS, 3) array
+        By `usmap_ros.mapping.joint.usual_directions.log_priors`.
+    refuted, unknown : float
+        Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide.
+    """
+
+    response: Response
+    shape: float
+    kinds: FloatArray
+    refuted: float
+    unknown: float
+
+
+class Heard(NamedTuple):
+    """What pings heard of each cell.
+
+    Parameters
+    ----------
+    worst : (rows, columns, GROUPS) float32 array
+        By `usmap_ros.mapping.joint.open_space.refute_surfaces`.
+    proven : (rows, columns) float32 array
+        Pings whose sound is known to have passed it.
+    closed : (rows, columns) bool array
+        Whether it may not be free.
+    """
+
+    worst: NDArray[np.float32]
+    proven: NDArray[np.float32]
+    closed: BoolArray
+
+
 class FreeSpace:
     """What is free among walls, by pings.
 
@@ -89,7 +130,15 @@ class FreeSpace:
         Cells that are known to be occupied from before, and where robots stood.
     proofs : float
         Pings whose sound must have come back through a cell, to prove that it is free.
+
+    Attributes
+    ----------
+    silence, heard : Silence, Heard
+        What `find` has learnt.
     """
+
+    silence: Silence
+    heard: Heard
 
     def __init__(
         self,
@@ -106,8 +155,8 @@ class FreeSpace:
 
     def find(
         self, walls: Walls, smooth: SmoothThings, powers: Powers, evidence: CellEvidence
-    ) -> tuple[Walls, BoolArray, Response]:
-        """What stands, with what continues it; cells that are free; and how the place answers.
+    ) -> tuple[Walls, BoolArray]:
+        """What stands, with what continues it, and cells that are free.
 
         Parameters
         ----------
@@ -125,7 +174,8 @@ class FreeSpace:
         shape = learn_shape(
             self._looks, self._pings, field, left, listening, surfaces, response.log_silent
         )
-        proven = self._proven(occupied, left, powers, smooth) >= self._proofs
+        proofs = self._proven(occupied, left, powers, smooth)
+        proven = proofs >= self._proofs
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         closed |= smooth.suspected()
@@ -133,18 +183,9 @@ class FreeSpace:
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         changed = np.ones(len(self._pings), bool)
         kinds = log_priors(smooth.mirrors, len(smooth.columns) / max(1, len(walls.lines)))
-
-        def refute(left: NDArray[np.uint8], changed: BoolArray) -> None:
-            for_each(
-                lambda band: refute_surfaces(
-                    self._looks, self._pings, band[1], left, listening, response.log_silent, shape,
-                    kinds, wanted[band[0]], changed, worst[band[0]],
-                ),
-                field.bands(BAND),
-            )  # fmt: skip
-
+        self.silence = Silence(response, shape, kinds, refuted, unknown)
         for turn in range(FREE_ROUNDS):
-            refute(left, changed)
+            self._refute(left, listening, self.silence, wanted, changed, worst)
             if turn == 0:
                 walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
                 closed |= may_be
@@ -162,7 +203,60 @@ class FreeSpace:
                 before = left
                 left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown)))
                 changed = (left != before).any(axis=(1, 2))
-        return walls, connected(free, stood | (free & proven), occupied), response
+        self.heard = Heard(worst, proofs, closed)
+        return walls, connected(free, stood | (free & proven), occupied)
+
+    def more(
+        self,
+        walls: Walls,
+        free: BoolArray,
+        smooth: SmoothThings,
+        powers: Powers,
+        silence: Silence,
+    ) -> Heard:
+        """What these pings say of cells beside those that `silence` was learnt from.
+
+        Parameters
+        ----------
+        walls, smooth
+            What stands.
+        free : (rows, columns) bool array
+            Cells that were free before.
+        powers
+            Of what stands.
+        silence : Silence
+            What was learnt of the place.
+        """
+        hides = walls.shown | self._standing
+        listening = self._listening(walls, smooth, powers)
+        left = self._left(np.where(hides, OCCUPIED, 0.0))
+        proofs = self._proven(walls.shown, left, powers, smooth)
+        left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown)))
+        # How usual surfaces are has been counted with what was heard of them before.
+        alike = silence.kinds.copy()
+        alike[:, 1] = 0.0
+        worst = np.zeros((*self._field.shape, GROUPS), np.float32)
+        wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
+        self._refute(left, listening, silence._replace(kinds=alike), wanted, changed, worst)
+        return Heard(worst, proofs, np.zeros(self._field.shape, bool))
+
+    def _refute(
+        self,
+        left: NDArray[np.uint8],
+        listening: Listening,
+        silence: Silence,
+        wanted: BoolArray,
+        changed: BoolArray,
+        worst: NDArray[np.float32],
+    ) -> None:
+        """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
+        for_each(
+            lambda band: refute_surfaces(
+                self._looks, self._pings, band[1], left, listening, silence.response.log_silent,
+                silence.shape, silence.kinds, wanted[band[0]], changed, worst[band[0]],
+            ),
+            self._field.bands(BAND),
+        )  # fmt: skip
 
     def _going_on(
         self, walls: Walls, worst: NDArray[np.float32], is_open: BoolArray

@@ -9,8 +9,11 @@ import numpy as np
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.survey import Survey, copied
+from usmap_ros.mapping.joint.known import Known
+from usmap_ros.mapping.joint.live_map import LiveMap
+from usmap_ros.mapping.joint.survey import Survey
 from usmap_ros.mapping.looks import BY_BIN
 from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.special import logit
@@ -42,11 +45,18 @@ class JointFusion(Fusion):
         self._retired: Survey | None = None
         self._more_rounds = 0
         self._survey: Survey | None = None
+        self._count = 0
+        # None as long as nobody asks for the map while pings come.
+        self._live: LiveMap | None = None
 
     def _take_up(self, cone: EchoCone, source: str) -> None:
         if len(self._kept) >= self.parameters.window:
             self._retire()
-        self._kept.add(cone, source)
+        self._count += 1
+        is_new = self._kept.add(cone, source)
+        # All from one place count as one, whether they come before or after.
+        if self._live is not None and is_new and self._kept.trust.get(source, 1.0) > 0.0:
+            self._live.add(cone, source, self._count)
         self._survey = None
 
     def _retire(self) -> None:
@@ -63,7 +73,13 @@ class JointFusion(Fusion):
 
     def _forget_newest(self) -> None:
         self._kept.drop_newest()
+        self._changed()
+
+    def _changed(self) -> None:
+        """Nothing that was worked out holds any more."""
         self._survey = None
+        if self._live is not None:
+            self._live.forget()
 
     def mend(self, cone: EchoCone | None = None) -> int:
         """Let the newest ping go if its numbers are not finite; or such cells of an earlier map."""
@@ -80,14 +96,15 @@ class JointFusion(Fusion):
         before = self._earlier()
         cells = ~np.isfinite(before.log_odds)
         before.log_odds[cells], before.observed[cells] = logit(self.parameters.prior), False
-        self._earlier, self._survey = (lambda: before), None
+        self._earlier = lambda: before
+        self._changed()
         return int(np.count_nonzero(cells))
 
     def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
         """Take some sources' pings out; nothing that they said stays, if they are in the window."""
         pings = self._kept.leave_out(is_left_out)
         if pings:
-            self._survey = None
+            self._changed()
         return pings
 
     def trust(self, shares: Mapping[str, float]) -> bool:
@@ -95,7 +112,8 @@ class JointFusion(Fusion):
         less = {source: share for source, share in shares.items() if share < 1.0}
         if less == self._kept.trust or not self.parameters.weigh_robots:
             return False
-        self._kept.trust, self._survey = less, None
+        self._kept.trust = less
+        self._changed()
         return True
 
     def refine(self, passes: int) -> None:
@@ -103,7 +121,7 @@ class JointFusion(Fusion):
         if passes < 0:
             raise UsmapError(f"passes: is {passes}, must not be negative")
         self._more_rounds += passes
-        self._survey = None
+        self._changed()
 
     @property
     def memory_bytes(self) -> int:
@@ -114,12 +132,47 @@ class JointFusion(Fusion):
         """What makes the map as it is now, in its own time and in any thread."""
         return self._surveyed().occupancy_map
 
+    def live_snapshot(self) -> Callable[[], OccupancyMap]:
+        """What makes the map of late: where most is known, new pings alone are visited.
+
+        From time to time, by how many pings there are, all are explained together as in `snapshot`.
+        """
+        if self._live is None:
+            self._live = LiveMap(self.parameters)
+            self._survey = None
+        live, whole, retired = self._live, self._surveyed(), self._retired
+        earlier, newest = self._earlier, self._count
+
+        def made() -> OccupancyMap:
+            if whole.is_made or live.is_due:
+                due = whole if retired is None or retired.is_made else retired
+                due.occupancy_map()
+            if whole.is_made:
+                return whole.occupancy_map()
+            found = live.occupancy_map(
+                earlier and earlier(), whole.frame_id, whole.stamp_ns, newest
+            )
+            return whole.occupancy_map() if found is None else found
+
+        return made
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all pings so far were explained together."""
+        return self._survey is not None and self._survey.is_made
+
     def _surveyed(self) -> Survey:
         """The survey of today's pings, which is worked out when it is asked."""
         if self._survey is None:
+            live, count = self._live, self._count
+
+            def tell(areas: list[Known], kept: KeptPings) -> None:
+                if live is not None:
+                    live.begin(areas, kept, count)
+
             self._survey = Survey(
                 self._kept.copy(), self.parameters, self._earlier, self._more_rounds, self.frame_id,
-                self.stamp_ns,
+                self.stamp_ns, tell,
             )  # fmt: skip
         return self._survey
 
@@ -133,4 +186,5 @@ class JointFusion(Fusion):
         """
         super().resume(occupancy)
         before = copied(occupancy)
-        self._earlier, self._retired, self._survey = (lambda: before), None, None
+        self._earlier, self._retired = (lambda: before), None
+        self._changed()

@@ -84,8 +84,14 @@ class KeptPings:
         """Memory that their numbers take."""
         return sum(16 * len(cone.ranges_m) + len(cone.detection_limits) for cone, *_ in self._cones)
 
-    def add(self, cone: EchoCone, source: str) -> None:
-        """Take up a ping; one from the same place goes, if there are enough."""
+    def add(self, cone: EchoCone, source: str) -> bool:
+        """Take up a ping; one from the same place goes, if there are enough.
+
+        Returns
+        -------
+        is_new : bool
+            Whether it is the only one from there.
+        """
         place = _place(cone, source)
         self._at[place] = self._at.get(place, 0) + 1
         if self._at[place] > MOST_FROM_A_PLACE:
@@ -93,6 +99,13 @@ class KeptPings:
             self._remove(oldest)
         self._cones.append((cone, source, place))
         self._first_only = None
+        return self._at[place] == 1
+
+    def first_only(self) -> set[str]:
+        """Frames of the sensors that report the first thing only."""
+        if self._first_only is None:
+            self._first_only = report_first_only(cone for cone, *_ in self._cones)
+        return self._first_only
 
     def copy(self) -> KeptPings:
         """The same pings; neither changes with the other."""
@@ -152,7 +165,10 @@ class KeptPings:
         return groups
 
     def pings(
-        self, among: list[int] | None = None, credit: Mapping[str, float] = _ALL_BELIEVED
+        self,
+        among: list[int] | None = None,
+        credit: Mapping[str, float] = _ALL_BELIEVED,
+        first_only: set[str] | None = None,
     ) -> Pings:
         """Them, or some of them, as an estimate takes them.
 
@@ -164,13 +180,13 @@ class KeptPings:
             Which.
         credit : mapping of str to float
             How much of the trust in each source is left here, where that is less than all of it.
+        first_only : set of str, optional
+            As in `first_only`, if more pings than these have told.
         """
         kept = self._cones if among is None else [self._cones[index] for index in among]
         kept = [each for each in kept if credit.get(each[1], 1.0) > 0.0]
         kept = sorted(kept, key=lambda each: (each[0].stamp_ns, *each[2]))
-        if self._first_only is None:
-            self._first_only = report_first_only(cone for cone, *_ in self._cones)
-        first_only = self._first_only
+        first_only = self.first_only() if first_only is None else first_only
         kept = [
             (first_return(cone) if cone.child_frame_id in first_only else cone, source, place)
             for cone, source, place in kept

@@ -24,6 +24,7 @@ from usmap_ros.mapping.joint.cell_evidence import (
 from usmap_ros.mapping.joint.field import QUARTERS, Field
 from usmap_ros.mapping.joint.power_estimation import (
     FIRST_POWER,
+    LEAST_POWER,
     candidates,
     count_all_hits,
     expect_powers,
@@ -67,6 +68,21 @@ class _Group(NamedTuple):
     heard: Projection
 
 
+class Settled(NamedTuple):
+    """What some pings say of powers, for more pings to be explained beside them.
+
+    Parameters
+    ----------
+    power : (quarters,) float32 array
+        Where powers are likeliest.
+    known : (quarters,) float32 array
+        Σ w/λ of those pings there: how firmly they hold it.
+    """
+
+    power: NDArray[np.float32]
+    known: NDArray[np.float32]
+
+
 class Powers:
     """What all scatterers of an area scatter, and what is expected of its pings by that.
 
@@ -90,6 +106,9 @@ class Powers:
         self._power = np.zeros(0, np.float32)
         self._faintest = faintest_weights(looks, pings)
         self._groups: list[_Group] = []
+        # What earlier pings say of each scatterer, by `go_on`; and what these pings say.
+        self._before: Settled | None = None
+        self._gradients = np.zeros((0, 0, 2), np.float32)
 
     def start(self) -> None:
         """Begin with all cells that may have returned echoes, and thin them out."""
@@ -100,13 +119,43 @@ class Powers:
         quarters = np.arange(len(cells)) % QUARTERS
         self._begin(Scatterers(cells, quarters.astype(np.uint8)))
 
+    def go_on(self, before: Settled, is_empty: BoolArray) -> None:
+        """Begin with what scattered before, and with what new echoes may have come from.
+
+        Parameters
+        ----------
+        before : Settled
+            Of the quarters of all cells.
+        is_empty : (rows, columns) bool array
+            Cells in which nothing new can be.
+        """
+        cells = candidates(*count_all_hits(self._looks, self._pings, self._weights, self._field))
+        power = before.power.reshape(-1, QUARTERS).copy()
+        cells = cells[~is_empty.ravel()[cells] & ~power[cells].any(axis=1)]
+        power[cells] = FIRST_POWER
+        places = np.flatnonzero(power)
+        cell, part = np.divmod(places, QUARTERS)
+        self._begin(Scatterers(cell.astype(np.int32), part.astype(np.uint8)))
+        self._power = power.ravel()[places]
+        self._before = Settled(self._power.copy(), before.known[places])
+
     @property
     def power(self) -> NDArray[np.float32]:
         """Powers of the quarters of all cells, one behind the other."""
-        power = np.zeros(self._field.rows * self._field.columns * QUARTERS, np.float32)
+        return self._spread(self._power)
+
+    @property
+    def settled(self) -> Settled:
+        """Powers of the quarters of all cells, and how much is known of them, for `go_on`."""
+        known = self._gradients[:, :, 1].sum(axis=0)
+        return Settled(self.power, self._spread(np.where(self._power > 0.0, known, 0.0)))
+
+    def _spread(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Values of scatterers as those of the quarters of all cells."""
+        spread = np.zeros(self._field.rows * self._field.columns * QUARTERS, np.float32)
         cell, part = self._scatterers
-        power[cell.astype(np.int64) * QUARTERS + part] = self._power
-        return power
+        spread[cell.astype(np.int64) * QUARTERS + part] = values
+        return spread
 
     def renew_shadows(self, depth: NDArray[np.float32]) -> None:
         """Cast rays, and let what is left of the sound count; what has no power goes.
@@ -120,6 +169,9 @@ class Powers:
         number = np.where(alive, np.cumsum(alive) - 1, -1).astype(np.int32)
         self._scatterers = Scatterers(self._scatterers.cell[alive], self._scatterers.part[alive])
         self._power = self._power[alive]
+        self._gradients = self._gradients[:, alive]
+        if self._before is not None:
+            self._before = Settled(self._before.power[alive], self._before.known[alive])
 
         def renewed(group: _Group) -> _Group:
             which, rows, heard = group
@@ -133,7 +185,8 @@ class Powers:
 
     def sweep(self, sweeps: int) -> None:
         """Update all powers by all pings, again and again."""
-        gradients = np.empty((len(self._groups), len(self._power), 2), np.float32)
+        groups = len(self._groups) + (self._before is not None)
+        gradients = self._gradients = np.empty((groups, len(self._power), 2), np.float32)
 
         def gather(number: int) -> None:
             group, sums = self._groups[number], gradients[number]
@@ -145,6 +198,8 @@ class Powers:
 
         for _ in range(sweeps):
             for_each(gather, range(len(self._groups)))
+            if self._before is not None:
+                _pull(self._before, self._power, gradients[-1])
             update_powers(self._power, gradients)
 
     def expected_of(self, among: BoolArray) -> NDArray[np.float32]:
@@ -160,7 +215,12 @@ class Powers:
         self._expect(power, expected)
         return expected
 
-    def weigh(self, forgetting: float, weights: NDArray[np.float32] | None = None) -> CellEvidence:
+    def weigh(
+        self,
+        forgetting: float,
+        weights: NDArray[np.float32] | None = None,
+        before: CellEvidence | None = None,
+    ) -> CellEvidence:
         """Evidence of all cells.
 
         Parameters
@@ -169,11 +229,15 @@ class Powers:
             Share of what speaks for a cell that is forgotten with a ping that contradicts it.
         weights : (pings,) float32 array, optional
             How much each ping says, if not what it counts.
+        before : CellEvidence, optional
+            That of earlier pings.
         """
         weights = self._weights if weights is None else weights
         self._expect(self._power, self.expected)
         cells = cells_of(self._scatterers.cell, self._field)
         evidence = no_evidence(self._field)
+        if before is not None:
+            evidence = CellEvidence(*(values.copy() for values in before))
         for group, each in zip(self._groups, self._say(cells), strict=True):
             add_said(
                 self._looks, self._pings[group.which], weights[group.which], each, cells,
@@ -240,6 +304,12 @@ class Powers:
             return _Group(which, rows, rows)
 
         self._groups = for_each(projected, groups(len(self._pings)))
+
+
+def _pull(before: Settled, power: NDArray[np.float32], gradients: NDArray[np.float32]) -> None:
+    """Set both parts of the gradient that earlier pings add: it vanishes at their powers."""
+    gradients[:, 0] = before.known * before.power / np.maximum(power, LEAST_POWER)
+    gradients[:, 1] = before.known
 
 
 def groups(pings: int) -> list[slice]:

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.echoes import Echoes
-from usmap_ros.mapping.joint.field import BIN_M, LEAST_RANGE, RANGE_STD, Field, X, Y
+from usmap_ros.mapping.joint.field import (
+    BIN_M,
+    HALF_ANGLE,
+    HEADING,
+    LEAST_RANGE,
+    RANGE_STD,
+    Field,
+    X,
+    Y,
+)
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls
 from usmap_ros.mapping.joint.open_space import trace_open
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
@@ -28,6 +39,25 @@ LOUD = 100.0
 PROOFS = 2.0
 #: The way to a smooth thing is proven to be open up to so many cells before it.
 PROVEN_CELLS = 1.5
+#: An echo is that of a smooth thing that is known if it is so near to where it should be, beyond
+#: what its range is uncertain by, m.
+RECOGNISED_M = 0.03
+
+
+class Recognised(NamedTuple):
+    """Smooth things that are known.
+
+    Parameters
+    ----------
+    mirrors, columns : list
+        Those that are certain.
+    suspected : list of RoundColumn
+        Columns that are not.
+    """
+
+    mirrors: list[MirrorWall]
+    columns: list[RoundColumn]
+    suspected: list[RoundColumn]
 
 
 class SmoothThings:
@@ -90,6 +120,37 @@ class SmoothThings:
         self._suspected = [column for column in columns if not column.is_certain]
         ends = WallEnds(looks, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
+
+    @property
+    def recognised(self) -> Recognised:
+        """Those that are known now."""
+        return Recognised(self.mirrors, self.columns, self._suspected)
+
+    def recognise(self, known: Recognised) -> None:
+        """Take over the smooth things that other pings found, with these pings' echoes of them."""
+        ranges_m, where = self._echoes.range_m, self._looks.numbers[self._pings][self._ping]
+        self._suspected = known.suspected
+
+        def heard(expected_m: FloatArray, bearing_rad: FloatArray, may: BoolArray) -> BoolArray:
+            off_rad = (bearing_rad - where[:, HEADING] + np.pi) % (2.0 * np.pi) - np.pi
+            is_ahead = np.abs(off_rad) < where[:, HALF_ANGLE]
+            near_m = RECOGNISED_M + where[:, RANGE_STD]
+            there: BoolArray = may & is_ahead & (np.abs(ranges_m - expected_m) < near_m)
+            return there
+
+        x_m, y_m = where[:, X], where[:, Y]
+        for wall in known.mirrors:
+            cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
+            along_m = cosine * y_m - sine * x_m
+            may = (along_m > wall.begin_m) & (along_m < wall.end_m)
+            expected_m = wall.distance_m - cosine * x_m - sine * y_m
+            own = np.flatnonzero(heard(expected_m, np.full(len(may), wall.normal_rad), may))
+            self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
+        for column in known.columns:
+            right_m, up_m = column.x_m - x_m, column.y_m - y_m
+            expected_m = np.hypot(right_m, up_m) - column.radius_m
+            own = np.flatnonzero(heard(expected_m, np.arctan2(up_m, right_m), expected_m > 0.0))
+            self.columns.append(replace(column, pings=self._ping[own], echoes=own))
 
     def take_out(self) -> None:
         """Let the echoes of smooth things say nothing of cells."""

@@ -259,7 +259,9 @@ class MapSession:
 
     def _publish_if_changed(self) -> None:
         version = self.fusion.version
-        has_changed = version != self._published_version or self._is_unpublished
+        is_new = version != self._published_version
+        # When nothing comes any more, all that came is explained together once.
+        has_changed = is_new or self._is_unpublished or not self.fusion.is_whole
         if not has_changed and self._publisher.is_complete:
             return
         self._is_unpublished = False
@@ -267,7 +269,7 @@ class MapSession:
             self._was_reset, self._generation = False, self.fusion.generation
             self._publisher.forget_extent()
         try:
-            occupancy = self.fusion.occupancy_map()
+            occupancy = self.fusion.live_map() if is_new else self.fusion.occupancy_map()
             if occupancy.frame_id and has_changed:
                 self._publisher.publish(occupancy)
                 self._corrected.update(self.fusion.poses.latest)

@@ -1,0 +1,178 @@
+"""What is known of an area: from it an estimate goes on when more pings come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.cell_evidence import CellEvidence
+from usmap_ros.mapping.joint.field import QUARTERS, Field
+from usmap_ros.mapping.joint.free_space import Silence
+from usmap_ros.mapping.joint.log_odds import NOTHING
+from usmap_ros.mapping.joint.open_space import GROUPS
+from usmap_ros.mapping.joint.powers import Settled
+from usmap_ros.mapping.joint.smooth_things import Recognised
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+
+class Cells(NamedTuple):
+    """What is known of cells; (rows, columns, …) arrays.
+
+    Parameters
+    ----------
+    power, firmness : float32 arrays
+        Of their quarters, as in `usmap_ros.mapping.joint.powers.Settled`.
+    own, block, heard, axis_cos, axis_sin, from_x, from_y, crowd, asked : float32 arrays
+        As in `usmap_ros.mapping.joint.cell_evidence.CellEvidence`.
+    hiding : float64 array
+        Belief that each hides what is behind it.
+    worst, proven, closed
+        As in `usmap_ros.mapping.joint.free_space.Heard`.
+    free : bool array
+        What is free.
+    occupied, filled : bool arrays
+        What is shown, as in `usmap_ros.mapping.joint.walls.Walls`.
+    standing : bool array
+        What was occupied before any of the pings.
+    belief : float64 array
+        Log-odds that each holds or touches a surface.
+    """
+
+    power: NDArray[np.float32]
+    firmness: NDArray[np.float32]
+    own: NDArray[np.float32]
+    block: NDArray[np.float32]
+    heard: NDArray[np.float32]
+    axis_cos: NDArray[np.float32]
+    axis_sin: NDArray[np.float32]
+    from_x: NDArray[np.float32]
+    from_y: NDArray[np.float32]
+    crowd: NDArray[np.float32]
+    asked: NDArray[np.float32]
+    hiding: FloatArray
+    worst: NDArray[np.float32]
+    proven: NDArray[np.float32]
+    closed: BoolArray
+    free: BoolArray
+    occupied: BoolArray
+    filled: BoolArray
+    standing: BoolArray
+    belief: FloatArray
+
+    @property
+    def settled(self) -> Settled:
+        """Powers of quarters, one behind the other."""
+        return Settled(self.power.ravel(), self.firmness.ravel())
+
+    @property
+    def evidence(self) -> CellEvidence:
+        """Of cells, one behind the other."""
+        return CellEvidence(
+            self.own.ravel(), self.block.ravel(), self.heard.ravel(), self.axis_cos.ravel(),
+            self.axis_sin.ravel(), self.from_x.ravel(), self.from_y.ravel(), self.crowd.ravel(),
+            self.asked.ravel(),
+        )  # fmt: skip
+
+    @property
+    def shown(self) -> BoolArray:
+        """All that is occupied."""
+        return self.occupied | self.filled
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of an area.
+
+    Parameters
+    ----------
+    field : Field
+        Its cells.
+    cells : Cells
+        Of each of them.
+    smooth : Recognised
+        Its mirrors and columns.
+    silence : Silence
+        What silence says there.
+    credit : mapping of str to float
+        How much of the trust in each source is left there.
+    """
+
+    field: Field
+    cells: Cells
+    smooth: Recognised
+    silence: Silence
+    credit: Mapping[str, float]
+
+    def overlaps(self, field: Field) -> bool:
+        """Whether any cell of a field is one of these."""
+        own = self.field
+        return (
+            own.first_row < field.first_row + field.rows
+            and field.first_row < own.first_row + own.rows
+            and own.first_column < field.first_column + field.columns
+            and field.first_column < own.first_column + own.columns
+        )
+
+    def reaching(self, field: Field) -> Known:
+        """The same, or where that does not hold a field, the same of one that holds both."""
+        own = self.field
+        bottom, left = (
+            min(own.first_row, field.first_row), min(own.first_column, field.first_column)
+        )  # fmt: skip
+        top = max(own.first_row + own.rows, field.first_row + field.rows)
+        right = max(own.first_column + own.columns, field.first_column + field.columns)
+        whole = Field(bottom, left, top - bottom, right - left, own.resolution_m)
+        return self if whole == own else self._on(whole)
+
+    def copy(self) -> Known:
+        """The same with arrays of its own."""
+        return replace(self, cells=self.part(self.field))
+
+    def _on(self, whole: Field) -> Known:
+        """The same on a field around this one."""
+        larger = _nothing(whole, self.silence)
+        _put(larger, whole, self.cells, self.field)
+        return replace(self, field=whole, cells=larger)
+
+    def part(self, field: Field) -> Cells:
+        """What is known of the cells of a field within this one; with arrays of their own."""
+        place = _place(field, self.field)
+        parts: list[Any] = [values[place].copy() for values in self.cells]
+        return Cells(*parts)
+
+    def put(self, cells: Cells, field: Field) -> None:
+        """Set what is known of the cells of a field within this one."""
+        _put(self.cells, self.field, cells, field)
+
+
+def _place(field: Field, whole: Field) -> tuple[slice, slice]:
+    """Where the cells of a field are in the arrays of one around it."""
+    row, column = field.first_row - whole.first_row, field.first_column - whole.first_column
+    return slice(row, row + field.rows), slice(column, column + field.columns)
+
+
+def _put(into: Cells, whole: Field, cells: Cells, field: Field) -> None:
+    place = _place(field, whole)
+    pairs: Iterable[Any] = zip(into, cells, strict=True)
+    for old, new in pairs:
+        old[place] = new
+
+
+def _nothing(field: Field, silence: Silence) -> Cells:
+    """What is known of cells that no ping has reached."""
+    kinds, usual = silence.kinds, np.full(GROUPS, -np.inf)
+    np.maximum.at(usual, kinds[:, 2].astype(np.int64), kinds[:, 1])
+    least = np.finfo(np.float32).min
+    begin: dict[str, Any] = {"worst": np.maximum(usual, least), "belief": NOTHING}
+    kinds_of: dict[str, Any] = {"hiding": np.float64, "belief": np.float64}
+    kinds_of |= dict.fromkeys(("closed", "free", "occupied", "filled", "standing"), bool)
+    depths = {"power": (QUARTERS,), "firmness": (QUARTERS,), "worst": (GROUPS,)}
+    nothing: list[Any] = [
+        np.full((*field.shape, *depths.get(name, ())), begin.get(name, 0), kinds_of.get(name, "f4"))
+        for name in Cells._fields
+    ]
+    return Cells(*nothing)

@@ -1,0 +1,125 @@
+"""The map while pings come: what is known of all of them but the newest, and those beside it."""
+
+from __future__ import annotations
+
+import threading
+
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.joint.drawing import drawn_map
+from usmap_ros.mapping.joint.field import field_around
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.known import Known
+from usmap_ros.mapping.joint.more_pings import MorePings
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: All pings are explained together again when there are such a share more than the last time; and
+#: always as long as there are so few.
+MORE_SHARE, FEW_PINGS = 0.5, 150
+#: Pings that are explained at once beside those before them.
+BATCH = 32
+
+#: A ping, who heard it, and its number.
+Numbered = tuple[EchoCone, str, int]
+
+
+class LiveMap:
+    """What is known of the pings so far, each of which is visited once until all are again.
+
+    Parameters
+    ----------
+    parameters : MappingParameters
+        Of the map.
+    """
+
+    def __init__(self, parameters: MappingParameters) -> None:
+        self._parameters, self._lock = parameters, threading.Lock()
+        self._areas: list[Known] = []
+        self._first_only: set[str] = set()
+        # Numbers of the newest ping of the areas, and of those by which they were known at first;
+        # and how many pings that were.
+        self._newest = self._first = self._pings = 0
+        # Pings after that.
+        self._more: list[Numbered] = []
+
+    def add(self, cone: EchoCone, source: str, number: int) -> None:
+        """Take up a ping."""
+        with self._lock:
+            self._more.append((cone, source, number))
+
+    def forget(self) -> None:
+        """Begin with all pings at the next time."""
+        with self._lock:
+            self._areas, self._pings, self._more = [], 0, []
+
+    def begin(self, areas: list[Known], kept: KeptPings, number: int) -> None:
+        """Go on from what is known by all pings.
+
+        Parameters
+        ----------
+        areas : list of Known
+            What is known.
+        kept : KeptPings
+            By which pings.
+        number : int
+            Of the newest of them.
+        """
+        with self._lock:
+            if number >= self._first:
+                self._areas, self._newest, self._first = areas, number, number
+                self._pings, self._first_only = len(kept), kept.first_only()
+                self._more = [ping for ping in self._more if ping[2] > number]
+
+    @property
+    def is_due(self) -> bool:
+        """Whether all pings are to be explained together."""
+        with self._lock:
+            few = self._pings < FEW_PINGS
+            return few or len(self._more) > MORE_SHARE * self._pings
+
+    def occupancy_map(
+        self, earlier: OccupancyMap | None, frame_id: str, stamp_ns: int, newest: int
+    ) -> OccupancyMap | None:
+        """The map; None if new pings are where nothing is known.
+
+        Parameters
+        ----------
+        earlier : OccupancyMap, optional
+            What was known before any of the pings.
+        frame_id, stamp_ns
+            Of the map.
+        newest : int
+            Number of the newest ping that is wanted.
+        """
+        with self._lock:
+            wanted = [ping for ping in self._more if self._newest < ping[2] <= newest]
+            areas = self._areas
+            for first in range(0, len(wanted), BATCH):
+                batch = wanted[first : first + BATCH]
+                is_whole = len(batch) == BATCH
+                # The others are explained anew with those that come.
+                areas = areas if is_whole else [area.copy() for area in areas]
+                if not self._add(areas, batch):
+                    return None
+                self._newest = batch[-1][2] if is_whole else self._newest
+            return drawn_map(areas, self._parameters, earlier, frame_id, stamp_ns)
+
+    def _add(self, areas: list[Known], batch: list[Numbered]) -> bool:
+        """Add some more pings to what is known, unless any of them is in no area, or in two."""
+        kept = KeptPings(self._parameters)
+        for cone, source, _ in batch:
+            kept.add(cone, source)
+        known = areas.copy()
+        for group in kept.islands():
+            pings = kept.pings(group, first_only=self._first_only)
+            field = field_around(pings.looks, pings.rows, self._parameters.resolution_m)
+            here = [place for place, area in enumerate(known) if area.overlaps(field)]
+            if len(here) != 1:
+                return False
+            believed = [known[here[0]].credit.get(source, 1.0) for source in pings.sources]
+            if min(believed) < 1.0 and max(believed) > 0.0:
+                pings = kept.pings(group, known[here[0]].credit, self._first_only)
+            if max(believed) > 0.0:
+                known[here[0]] = MorePings(pings, self._parameters).add_to(known[here[0]])
+        areas[:] = known
+        return True

@@ -1,0 +1,131 @@
+"""More pings of an area of which most is known: they alone are visited, not those before them.
+
+What earlier pings said is kept as sums: of each quarter's power where it is likeliest and how
+firmly they hold it there, of each cell the evidence, and how far a surface in it was refuted.  New
+pings add to that; how the place answers, its lines and its smooth things are as they were, until
+all pings are explained together again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.estimate import FIRST_DAMPING, STOOD_M, SWEEPS
+from usmap_ros.mapping.joint.field import X, Y, field_around
+from usmap_ros.mapping.joint.free_space import SUSPECTED, FreeSpace, Heard, connected
+from usmap_ros.mapping.joint.kept_pings import Pings
+from usmap_ros.mapping.joint.known import Cells, Known
+from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_depth
+from usmap_ros.mapping.joint.powers import Powers
+from usmap_ros.mapping.joint.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.walls import ON_A_LINE, Walls, find_walls
+from usmap_ros.parameters import MappingParameters
+
+#: Rounds of shadows and sweeps.
+ROUNDS = 2
+#: Log-likelihood ratios of surfaces are as good as certain from here on.
+CERTAIN = -50.0
+
+
+class MorePings:
+    """Some pings beside those from which an area is known.
+
+    Parameters
+    ----------
+    pings : Pings
+        The new ones; those that smooth things explain are changed.
+    parameters : MappingParameters
+        Of the map.
+    """
+
+    def __init__(self, pings: Pings, parameters: MappingParameters) -> None:
+        self._pings, self._parameters = pings, parameters
+        self.field = field_around(pings.looks, pings.rows, parameters.resolution_m)
+        numbers = pings.looks.numbers[pings.rows]
+        self._stood = self.field.cells_within(numbers[:, X], numbers[:, Y], STOOD_M)
+        self._opacity = parameters.opacity if parameters.occlusion else 0.0
+
+    def add_to(self, known: Known) -> Known:
+        """What is known with these pings, which may be in the arrays of what was known before."""
+        pings, parameters = self._pings, self._parameters
+        known = known.reaching(self.field)
+        before = known.part(self.field)
+        smooth = SmoothThings(pings.looks, pings.rows, pings.echoes, self.field)
+        smooth.recognise(known.smooth)
+        smooth.take_out()
+        powers = Powers(pings.looks, pings.rows, pings.weights, self.field)
+        cells = self._explained(powers, before)
+        walls = find_walls(cells.belief, self.field, parameters.wall_gap_m, smooth, self._stood)
+        stays = before.occupied & (cells.belief > ON_A_LINE) & ~self._stood
+        walls = replace(
+            walls, occupied=walls.occupied | stays,
+            filled=walls.filled | (before.filled & ~self._stood),
+        )  # fmt: skip
+        space = FreeSpace(
+            pings.looks, pings.rows, pings.weights, self.field, before.standing, self._stood,
+            parameters.proof_rays,
+        )  # fmt: skip
+        more = space.more(walls, before.free, smooth, powers, known.silence)
+        known.put(self._freed(cells, walls, more, known), self.field)
+        return known
+
+    def _explained(self, powers: Powers, before: Cells) -> Cells:
+        """What these pings say of powers and evidence, beside what was known."""
+        shape, hides = self.field.shape, before.hiding
+        powers.go_on(before.settled, self._stood)
+        powers.sweep(SWEEPS)
+        evidence = before.evidence
+        for _ in range(ROUNDS):
+            powers.renew_shadows(optical_depth(hides, self._opacity))
+            powers.sweep(SWEEPS)
+            evidence = powers.weigh(self._parameters.forgetting, before=before.evidence)
+            belief = hiding(evidence, shape, before.filled | before.standing)
+            hides = (1.0 - FIRST_DAMPING) * hides + FIRST_DAMPING * belief
+        settled = powers.settled
+        said = {name: values.reshape(shape) for name, values in evidence._asdict().items()}
+        return before._replace(
+            power=settled.power.reshape(before.power.shape),
+            firmness=settled.known.reshape(before.power.shape),
+            hiding=hides, belief=cell_log_odds(evidence, shape), **said,
+        )  # fmt: skip
+
+    def _freed(self, cells: Cells, walls: Walls, more: Heard, known: Known) -> Cells:
+        """Cells with what silence has freed."""
+        silence, shown = known.silence, walls.shown
+        worst, asked = cells.worst, ~cells.free & ~shown
+        worst[asked] = together(worst[asked], more.worst[asked], silence.shape)
+        proven = cells.proven + more.proven
+        closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
+        is_open = self._stood | (proven >= self._parameters.proof_rays)
+        is_refuted = ((worst < silence.refuted) | is_open[:, :, np.newaxis]).all(axis=2)
+        free = ((cells.free | is_refuted) & ~closed & ~shown) | (self._stood & ~shown)
+        is_open = (self._stood | cells.free | is_open) & free
+        return cells._replace(
+            worst=worst, proven=proven, closed=closed, free=connected(free, is_open, shown),
+            occupied=walls.occupied, filled=walls.filled,
+        )  # fmt: skip
+
+
+def together(
+    before: NDArray[np.float32], more: NDArray[np.float32], shape: float
+) -> NDArray[np.float32]:
+    """Log-likelihood ratio of surfaces by two groups of pings, as if all looked from one side.
+
+    Silence from one side repeats itself, as `usmap_ros.mapping.joint.overdispersion` has it.
+
+    Parameters
+    ----------
+    before, more : (cells, GROUPS) float32 arrays
+        By each of them.
+    shape : float
+        How far looks from one side repeat each other.
+    """
+    one, other = (
+        np.expm1(-np.clip(each, CERTAIN, 0.0).astype(np.float64) / shape) for each in (before, more)
+    )
+    echoes = np.maximum(before, 0.0) + np.maximum(more, 0.0)
+    ratio: NDArray[np.float32] = (echoes - shape * np.log1p(one + other)).astype(np.float32)
+    return ratio

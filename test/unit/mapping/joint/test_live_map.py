@@ -1,0 +1,172 @@
+"""The map while pings come: what it costs, and what it tells."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.joint import live_map, survey
+from usmap_ros.mapping.joint.estimate import JointEstimate
+from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.more_pings import MorePings, together
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Another object, which later pings hear.
+LATE = (1.0, -0.9, 0.6)
+KNOWN, BATCH = 8, 4
+
+
+@pytest.fixture(scope="module")
+def pings(cone_of_objects: Callable[..., EchoCone]) -> list[EchoCone]:
+    """Give pings on a way around two objects, the later half of which hear a third one."""
+    objects, angles = [(0.3, 0.2, 0.6), (-0.4, -0.1, 0.4)], np.linspace(0.0, 4.0 * np.pi, 40)
+    return [
+        cone_of_objects(
+            *(objects if number < 20 else [*objects, LATE]), stamp_ns=number,
+            x_m=1.7 * np.cos(angle), y_m=1.6 * np.sin(angle), yaw_rad=angle + np.pi,
+        )
+        for number, angle in enumerate(angles)
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def visits(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
+    """Give how many pings were explained together, and how many beside others, at each time."""
+    monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
+    monkeypatch.setattr(live_map, "BATCH", BATCH)
+    counts: dict[str, list[int]] = {"all": [], "more": []}
+
+    class Whole(JointEstimate):
+        def __init__(self, looks: Any, pings: Any, *others: Any, **named: Any) -> None:
+            counts["all"].append(len(pings))
+            super().__init__(looks, pings, *others, **named)
+
+    class More(MorePings):
+        def __init__(self, pings: Any, parameters: MappingParameters) -> None:
+            counts["more"].append(len(pings.rows))
+            super().__init__(pings, parameters)
+
+    monkeypatch.setattr(survey, "JointEstimate", Whole)
+    monkeypatch.setattr(live_map, "MorePings", More)
+    return counts
+
+
+def fused(pings: list[EchoCone], look: bool = False) -> JointFusion:
+    """All pings, with a look at the map after each."""
+    fusion = JointFusion(MappingParameters())
+    for ping in pings:
+        fusion.fuse(ping)
+        if look:
+            fusion.live_snapshot()()
+    return fusion
+
+
+def is_there(occupancy: OccupancyMap, x_m: float, y_m: float) -> bool:
+    left_m, bottom_m = occupancy.geometry.origin_m
+    row, column = int((y_m - bottom_m) / 0.05), int((x_m - left_m) / 0.05)
+    return bool(occupancy.predicted()[row - 1 : row + 2, column - 1 : column + 2].any())
+
+
+def is_free(occupancy: OccupancyMap, x_m: float, y_m: float) -> bool:
+    left_m, bottom_m = occupancy.geometry.origin_m
+    place = int((y_m - bottom_m) / 0.05), int((x_m - left_m) / 0.05)
+    return bool(occupancy.observed[place] and not occupancy.predicted()[place])
+
+
+def test_new_pings_alone_are_visited(pings: list[EchoCone], visits: dict[str, list[int]]) -> None:
+    fused(pings, look=True)
+    # All of them at counts that grow by half at least each time, beyond the first few.
+    late = [count for count in visits["all"] if count >= KNOWN]
+    assert len(late) >= 3
+    assert all(later > 1.5 * earlier for earlier, later in pairwise(late))
+    assert visits["more"]
+    assert max(visits["more"]) <= BATCH
+
+
+def test_it_tells_what_new_pings_say(
+    pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fusion = fused(pings[:20], look=True)
+    fusion.live_snapshot()()
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    assert not is_there(fusion.live_snapshot()(), *LATE[:2])
+    before = len(visits["all"])
+    for ping in pings[20:]:
+        fusion.fuse(ping)
+    late = fusion.live_snapshot()()
+    assert len(visits["all"]) == before
+    whole = fused(pings).occupancy_map()
+    for x_m, y_m in ((0.3, 0.2), (-0.4, -0.1), LATE[:2]):
+        assert is_there(whole, x_m, y_m)
+        assert not is_free(late, x_m, y_m)
+    assert is_there(late, 0.3, 0.2)
+    assert is_there(late, -0.4, -0.1)
+    assert np.count_nonzero(late.observed) > 0.8 * np.count_nonzero(whole.observed)
+
+
+def test_the_whole_map_does_not_depend_on_looks(
+    pings: list[EchoCone], visits: dict[str, list[int]]
+) -> None:
+    looked, alone = fused(pings, look=True), fused(pings)
+    is_whole = [looked.is_whole]
+    one, other = looked.occupancy_map(), alone.occupancy_map()
+    assert [*is_whole, looked.is_whole] == [False, True]
+    np.testing.assert_array_equal(one.log_odds, other.log_odds)
+    np.testing.assert_array_equal(looked.live_snapshot()().log_odds, other.log_odds)
+
+
+def test_how_often_one_looks_does_not_matter(
+    pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    often, seldom = fused(pings[:10]), fused(pings[:10])
+    for fusion in (often, seldom):
+        fusion.live_snapshot()()
+    for ping in pings[10:]:
+        often.fuse(ping)
+        seldom.fuse(ping)
+        often.live_snapshot()()
+    np.testing.assert_array_equal(
+        often.live_snapshot()().log_odds, seldom.live_snapshot()().log_odds
+    )
+
+
+def test_where_nothing_is_known_all_pings_are_explained_together(
+    pings: list[EchoCone], visits: dict[str, list[int]]
+) -> None:
+    fusion = fused(pings, look=True)
+    fusion.occupancy_map()
+    far = replace(pings[0].pose, position_m=pings[0].pose.position_m + np.array([40.0, 0.0, 0.0]))
+    fusion.fuse(replace(pings[0], pose=far, stamp_ns=100))
+    live = fusion.live_snapshot()()
+    np.testing.assert_array_equal(live.log_odds, fusion.occupancy_map().log_odds)
+
+
+def test_who_is_left_out_is_in_no_later_map(
+    pings: list[EchoCone], visits: dict[str, list[int]]
+) -> None:
+    fusion = JointFusion(MappingParameters())
+    for number, ping in enumerate(pings):
+        fusion.fuse(ping, "odd" if number >= 20 else "sound")
+        fusion.live_snapshot()()
+    fusion.leave_out(lambda source: source == "odd")
+    np.testing.assert_array_equal(
+        fusion.live_snapshot()().log_odds, fused(pings[:20]).occupancy_map().log_odds
+    )
+
+
+def test_silence_of_two_groups_says_no_more_than_their_sum() -> None:
+    one, other = (np.random.default_rng(seed).uniform(-8.0, 2.0, (50, 3)).astype(np.float32)
+                  for seed in (1, 2))  # fmt: skip
+    both = together(one, other, 2.5)
+    np.testing.assert_allclose(both, together(other, one, 2.5), rtol=1e-6)
+    assert (both >= one + other - 1e-4).all()
+    silent = (one < 0.0) & (other < 0.0)
+    assert (both[silent] <= np.minimum(one, other)[silent] + 1e-4).all()
+    nothing = together(one, np.zeros_like(one), 2.5)
+    np.testing.assert_allclose(nothing, one, rtol=1e-4)

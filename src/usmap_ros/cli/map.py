@@ -197,7 +197,7 @@ def _refuse_absent(without: list[str], topics: Iterable[str]) -> None:
 def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_json: bool) -> None:
     """Map recordings as if they were one."""
     from usmap_ros.io.bag_reader import BagReader
-    from usmap_ros.io.map_files import PATHS_FOLDER, map_folder, save_map
+    from usmap_ros.io.map_files import PATHS_FOLDER, TOLD_FOLDER, map_folder, save_map
     from usmap_ros.io.tum_files import save_trajectories
     from usmap_ros.pings.robot_paths import RobotPaths
     from usmap_ros.processes.cores import available_cores
@@ -228,7 +228,8 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
         )
     if run.poses.robots:
         save_trajectories(order.output / PATHS_FOLDER, paths.trajectories())
-        save_trajectories(order.output / PATHS_FOLDER / "told", run.poses.told.trajectories())
+        told = order.output / PATHS_FOLDER / TOLD_FOLDER
+        save_trajectories(told, run.poses.told.trajectories())
     _tell(order.output, run, summary, as_json=as_json)
 
 

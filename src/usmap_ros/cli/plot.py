@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from usmap_ros.pings.cone import EchoCone
+    from usmap_ros.pings.robot_paths import RobotPaths
     from usmap_ros.pings.trace import EchoTrace
+    from usmap_ros.pings.trajectory import Trajectory
 
 
 class Layer(str, Enum):
@@ -70,7 +72,8 @@ def plot(
         occupancy, paths = load_map(path)
         name, title = layer and layer.value, path.resolve().name
         try:
-            figure = map_figure(occupancy, paths, true_cells, title, shown, name)
+            told = _told(path, paths)
+            figure = map_figure(occupancy, paths, true_cells, title, shown, name, told)
         except ValueError as error:
             raise MapFileError(path, str(error)) from error
     else:
@@ -81,6 +84,19 @@ def plot(
         figure = draw(chosen, true_cells, parameters)
     save_figure(figure, output)
     typer.echo(output)
+
+
+def _told(path: Path, paths: RobotPaths) -> dict[str, Trajectory]:
+    """Paths of a map as odometry told them, by topic, where poses were refined."""
+    from usmap_ros.io.map_files import PATHS_FOLDER, TOLD_FOLDER
+    from usmap_ros.io.tum_files import file_name, load_trajectories
+
+    folder = (path if path.is_dir() else path.parent) / PATHS_FOLDER / TOLD_FOLDER
+    if not folder.is_dir():
+        return {}
+    told = load_trajectories(folder)
+    topics = {file_name(topic): topic for topic in paths.positions_m}
+    return {topics[name]: path for name, path in told.items() if name in topics}
 
 
 def _refuse(options: dict[str, object], only_for: str) -> None:

@@ -38,7 +38,7 @@ GRID_FILE = "map.npz"
 NAV2_FILE = "map.yaml"
 SUMMARY_FILE = "summary.json"
 #: Folder of where each transducer was, as TUM files, where poses were refined.
-PATHS_FOLDER = "paths"
+PATHS_FOLDER, TOLD_FOLDER = "paths", "told"
 
 #: Names of the arrays in it that are read.
 _ARRAYS = (

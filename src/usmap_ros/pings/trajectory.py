@@ -54,6 +54,15 @@ class Trajectory:
             np.column_stack([zero, zero, np.sin(half), np.cos(half)]),
         )
 
+    def begun_at(self, start: Pose) -> FloatArray:
+        """Places (x, y) in the plane, shape (n, 2), were its first pose another one."""
+        first = Pose(self.positions_m[0], self.orientations[0])
+        turn_rad = start.yaw_rad - first.yaw_rad
+        cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+        off_m = self.positions_m[:, :2] - first.position_m[:2]
+        turned = off_m @ np.array([[cosine, sine], [-sine, cosine]])
+        return np.asarray(start.position_m[:2] + turned)
+
     def __len__(self) -> int:
         """Number of poses."""
         return len(self.stamps_ns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from usmap_ros.grids import AMBIGUITY, OccupancyMap, TruthMap
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.robot_paths import RobotPaths
+from usmap_ros.pings.trajectory import Trajectory
 from usmap_ros.plotting import style
 from usmap_ros.plotting.layers import draw_layer
 from usmap_ros.plotting.plan import draw_probability, draw_truth
@@ -30,6 +32,7 @@ def map_figure(
     title: str = "Fused map",
     extent_m: Extent | None = None,
     layer: str | None = None,
+    told: Mapping[str, Trajectory] | None = None,
 ) -> Figure:
     """Draw a map as probability, or one of its layers.
 
@@ -48,6 +51,8 @@ def map_figure(
         paths.
     layer : str, optional
         One of `usmap_ros.grids.LAYERS`: normals as ticks on the probability, others instead of it.
+    told : mapping of str to Trajectory, optional
+        Paths by topic as odometry told them, drawn dashed from where the others begin.
 
     Raises
     ------
@@ -68,6 +73,7 @@ def map_figure(
         if truth is not None:
             draw_truth(axes, truth)
         draw_paths(axes, paths)
+        _draw_told(axes, paths, told or {})
         axes.set_title(title)
         draw_legend(figure, axes, paper="decided" if layer == AMBIGUITY else "free")
         figure.colorbar(image, ax=axes, shrink=0.6, label=meaning)
@@ -112,6 +118,18 @@ def draw_paths(axes: Axes, paths: RobotPaths) -> None:
         x, y = np.transpose(positions_m)
         axes.plot(x, y, color=color, linewidth=1.2, alpha=0.85, label=robot_name(topic))
         axes.plot(x[-1:], y[-1:], color=color, marker="o", markersize=5, linestyle="none")
+
+
+def _draw_told(axes: Axes, paths: RobotPaths, told: Mapping[str, Trajectory]) -> None:
+    """Draw where odometry took transducers to go."""
+    label = "as told"
+    for number, (topic, path) in enumerate(sorted(paths.trajectories().items())):
+        if topic in told and len(told[topic]):
+            start = Pose(path.positions_m[0], path.orientations[0])
+            x, y = told[topic].begun_at(start).T
+            axes.plot(x, y, color=style.robot_color(number), linewidth=0.9, ls="--", label=label)
+            # Explained once.
+            label = "_"
 
 
 def draw_legend(figure: Figure, axes: Axes, paper: str = "free") -> None:

@@ -18,8 +18,10 @@ from usmap_ros.grids import AMBIGUITY, NORMAL, GridGeometry, OccupancyMap, Truth
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
+from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace, Encoding
+from usmap_ros.pings.trajectory import Trajectory
 from usmap_ros.plotting import (
     cone_figure,
     map_figure,
@@ -129,6 +131,21 @@ def test_an_overview_has_all_of_it(trace: EchoTrace, reconstruction: Reconstruct
     candidates = candidate_cells(reconstruction.cone, MappingParameters())
     figure = overview_figure(reconstruction, candidates, TRUTH)
     assert len([axes for part in figure.subfigs for axes in part.axes]) == 4
+
+
+def test_paths_as_told_are_drawn_from_where_the_corrected_ones_begin(
+    occupancy: OccupancyMap,
+) -> None:
+    paths = RobotPaths()
+    for number in range(3):
+        paths.add("/robot1/echo", 1.0 + number, 2.0, Beam(0.0, 0.7, 5.0), number + 1)
+    # The same way in a frame of its own, that begins elsewhere and faces +y.
+    own = np.array([[5.0, 5.0 + number, 0.5 * np.pi] for number in range(3)])
+    told = {"/robot1/echo": Trajectory.planar(np.arange(3), own)}
+    axes, _ = map_figure(occupancy, paths, told=told).axes
+    (dashed,) = [line for line in axes.lines if line.get_linestyle() == "--"]
+    np.testing.assert_allclose(dashed.get_xydata(), [[1.0, 2.0], [2.0, 2.0], [3.0, 2.0]])
+    assert dashed.get_label() == "as told"
 
 
 def test_a_map_is_drawn_with_paths_and_truth(occupancy: OccupancyMap) -> None:

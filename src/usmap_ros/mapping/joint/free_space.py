@@ -58,8 +58,9 @@ FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
 #: The first at the least and the other at the most among mirrors, heard from one side only.
 MIRRORED = (-2.0, 0.05)
-#: How far it is from a place in a smooth wall to an end of it, on the mean, m.
-USUAL_WALL_M = 2.5
+#: How far it is from a place in a smooth wall to an end of it, on the mean, m.  As ends come by
+#: chance, that is the mean length of walls: rooms' have 3 to 6 m for each pair of ends.
+USUAL_WALL_M = 5.0
 #: Surfaces at the most, from which is learnt how this place answers.
 MOST_SURFACES = 3000
 #: Share of occupied cells on lines at which a place is one of walls.
@@ -182,7 +183,8 @@ class FreeSpace:
         refuted, unknown = _thresholds(occupied, on_lines, bool(smooth.mirrors))
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         changed = np.ones(len(self._pings), bool)
-        kinds = log_priors(smooth.mirrors, len(smooth.columns) / max(1, len(walls.lines)))
+        things = len(walls.lines) + np.count_nonzero(surfaces[:, 2] == NO_NORMAL)
+        kinds = log_priors(smooth.mirrors, smooth.columns_likely, int(things))
         self.silence = Silence(response, shape, kinds, refuted, unknown)
         for turn in range(FREE_ROUNDS):
             self._refute(left, listening, self.silence, wanted, changed, worst)

@@ -33,6 +33,8 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 MOST_RANGE_STD_M = 0.01
 #: Range bins around a smooth thing's echo that say nothing of cells.
 AROUND_BINS = 2
+#: Share of suspected columns that are some.
+SUSPECTED_SHARE = 0.5
 #: Power that smooth things return, over what would have been reported.
 LOUD = 100.0
 #: Pings that one counts for as a proof that its way is open: its loudness is that of the thing.
@@ -180,6 +182,11 @@ class SmoothThings:
     def drawn_columns(self) -> BoolArray:
         """Cells at the surface of columns."""
         return drawn_columns(self.columns, self._field)
+
+    @property
+    def columns_likely(self) -> float:
+        """How many columns there are likely to be, of those that were found or are suspected."""
+        return len(self.columns) + SUSPECTED_SHARE * len(self._suspected)
 
     def suspected(self) -> BoolArray:
         """Cells that columns may cover which are not certain."""

@@ -18,11 +18,14 @@ PSEUDO_HITS = 1.0
 NEAR = math.sin(math.pi / ORIENTATIONS)
 #: Of what is never looked for.
 NEVER = -1e3
+#: Round columns that are found for each wall, or other thing, where there are as many, for they are
+#: fainter; and how many speak for others where there are mirrors, but no columns were found.
+COLUMNS_A_WALL, PSEUDO_COLUMNS = 0.5, 1.0
 #: Ends that are so many times as far away as usual say nothing.
 FAR = 2.0
 
 
-def log_priors(walls: list[MirrorWall], columns_a_line: float = 0.0) -> FloatArray:
+def log_priors(walls: list[MirrorWall], columns: float, things: int) -> FloatArray:
     """Orientations that are asked for in each cell, and how much rarer surfaces like these are.
 
     Parameters
@@ -31,9 +34,10 @@ def log_priors(walls: list[MirrorWall], columns_a_line: float = 0.0) -> FloatArr
         All that are known. Where there are none, surfaces may face anywhere, and are heard from
         any side; where there are, orientations are counted from that of most, and something
         round that answers every view, as smooth walls answer square ones, is asked for as well.
-    columns_a_line : float
-        Round columns that were found for each line of a wall: so often others may stand, where
-        there are no mirrors.
+    columns : float
+        Round columns that are likely: the more there are for each wall, the more others may stand.
+    things : int
+        Lines of walls, and what stands alone, if there are no mirrors.
 
     Returns
     -------
@@ -44,9 +48,10 @@ def log_priors(walls: list[MirrorWall], columns_a_line: float = 0.0) -> FloatArr
     kinds = np.zeros((KINDS, 3))
     kinds[:, 2] = OTHERS
     kinds[:ORIENTATIONS, 0] = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
+    share = columns + (PSEUDO_COLUMNS if walls else 0.0)
+    share /= COLUMNS_A_WALL * (len(walls) or things) + PSEUDO_COLUMNS
+    kinds[ORIENTATIONS:, 1] = math.log(min(1.0, share)) if share else NEVER
     if not walls:
-        is_round = min(1.0, columns_a_line)
-        kinds[ORIENTATIONS:, 1] = math.log(is_round) if is_round else NEVER
         return kinds
     normals = np.array([wall.normal_rad for wall in walls])
     hits = np.array([len(wall.echoes) for wall in walls])

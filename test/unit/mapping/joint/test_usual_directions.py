@@ -25,7 +25,7 @@ def test_walls_that_are_square_to_most_face_usually() -> None:
 
 
 def test_surfaces_that_face_as_most_walls_do_are_the_likeliest() -> None:
-    kinds = log_priors(ROOM)[:ORIENTATIONS]
+    kinds = log_priors(ROOM, 0, 0)[:ORIENTATIONS]
     likeliest = kinds[kinds[:, 1] == 0.0][:, 0]
     # Along and across; the three walls agree on 0.302.
     assert np.sin(2.0 * (likeliest - 0.302)) == pytest.approx(0.0, abs=5e-3)
@@ -33,25 +33,34 @@ def test_surfaces_that_face_as_most_walls_do_are_the_likeliest() -> None:
 
 
 def test_others_are_the_likelier_the_more_of_them_were_heard() -> None:
-    kinds = log_priors(ROOM)[:ORIENTATIONS]
+    kinds = log_priors(ROOM, 0, 0)[:ORIENTATIONS]
     oblique = kinds[np.argmin(np.abs(np.sin(kinds[:, 0] - 1.1))), 1]
     assert oblique == pytest.approx(math.log(7.0 / 91.0))
     assert kinds[:, 1].min() == pytest.approx(math.log(1.0 / 91.0))
 
 
-def test_without_mirrors_surfaces_face_anywhere_and_none_is_round() -> None:
-    kinds = log_priors([])
-    assert not kinds[:ORIENTATIONS, 1].any()
-    assert (kinds[ORIENTATIONS:, 1] < -100.0).all()
+def test_without_mirrors_surfaces_face_anywhere() -> None:
+    assert not log_priors([], 0, 8)[:ORIENTATIONS, 1].any()
 
 
-def test_where_columns_were_found_there_may_be_others() -> None:
-    for columns_a_line, prior in ((0.25, math.log(0.25)), (1.0, 0.0), (3.0, 0.0)):
-        assert log_priors([], columns_a_line)[ORIENTATIONS:, 1].tolist() == [prior]
+def test_without_mirrors_and_columns_nothing_round_is_looked_for() -> None:
+    assert log_priors([], 0, 8)[ORIENTATIONS, 1] < -100.0
 
 
-def test_with_mirrors_round_things_are_as_likely_as_any() -> None:
-    assert log_priors(ROOM)[ORIENTATIONS:, 1].tolist() == [0.0]
+def test_round_things_are_the_likelier_the_more_columns_there_are_for_each_wall() -> None:
+    # Four walls, as lines of what answers from any side and as mirrors, which columns go with.
+    for columns, among_lines, among_mirrors in ((1, 1.0 / 3.0, 2.0 / 3.0), (2, 2.0 / 3.0, 1.0)):
+        for walls, share in (([], among_lines), (ROOM, among_mirrors)):
+            prior = log_priors(walls, columns, 4)[ORIENTATIONS, 1]
+            assert prior == pytest.approx(math.log(share))
+
+
+def test_round_things_are_looked_for_among_mirrors_even_if_no_column_was_found() -> None:
+    assert log_priors(ROOM, 0, 0)[ORIENTATIONS, 1] == pytest.approx(math.log(1.0 / 3.0))
+
+
+def test_nothing_is_likelier_than_the_most_usual_walls() -> None:
+    assert log_priors(ROOM, 7, 0)[:, 1].max() == log_priors([], 7, 4)[:, 1].max() == 0.0
 
 
 #: Distance to a wall's end, cells, and log-likelihood ratio at which a wall is refuted.

@@ -25,7 +25,7 @@ from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_dept
 from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.walls import Walls, find_walls
-from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, credit, sayings
+from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, Sayings, credit, sayings
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -133,24 +133,30 @@ class JointEstimate:
         self._weigh()
         self._cast_shadows(no_walls, FIRST_DAMPING, rounds, between)
 
-    def credit(self, sources: Sequence[str]) -> dict[str, float]:
-        """How much of the trust in each source is left, by what all say of the cells.
+    def sayings(self, sources: Sequence[str], names: Sequence[str]) -> Sayings:
+        """What robots say of cells that others speak of.
 
         Parameters
         ----------
         sources : sequence of str
-            Of each ping.
+            Who heard each ping.
+        names : sequence of str
+            All of them.
         """
-        names = sorted(set(sources))
-        if len(names) < LEAST_WITNESSES:
-            return dict.fromkeys(names, 1.0)
         number = np.array([names.index(source) for source in sources])
         halves = HALVES * number
         for robot in range(len(names)):
             own = np.flatnonzero(number == robot)
             halves[own[len(own) // HALVES :]] += 1
         cells, said = self._powers.weigh_apart(halves, HALVES * len(names))
-        return dict(zip(names, credit(sayings(cells, said, self.field)), strict=True))
+        return sayings(cells, said, self.field)
+
+    def credit(self, sources: Sequence[str]) -> dict[str, float]:
+        """How much of the trust in each source is left, by what all say of the cells."""
+        names = sorted(set(sources))
+        if len(names) < LEAST_WITNESSES:
+            return dict.fromkeys(names, 1.0)
+        return dict(zip(names, credit(self.sayings(sources, names)), strict=True))
 
     def evidence_of(self, some: BoolArray) -> CellEvidence:
         """What some of the pings say of the cells by themselves, by the powers of all.

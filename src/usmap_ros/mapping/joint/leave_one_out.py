@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -32,6 +33,7 @@ from usmap_ros.mapping.joint.projection import (
     project,
 )
 from usmap_ros.mapping.joint.ray_casting import cast_rays
+from usmap_ros.mapping.joint.witnesses import Sayings
 from usmap_ros.mapping.looks import Looks, look_in_row
 from usmap_ros.mapping.ping_bins import Look
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -115,6 +117,21 @@ class LeaveOneOutMap:
                 found[robot].append(Expected(look, ahead[index, bins], others))
         return found
 
+    def sayings(self, names: Sequence[str]) -> Sayings:
+        """What robots say of cells that others speak of, in all areas.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of all that have a part in the map.
+        """
+        agreed, contradicted = np.zeros((2, len(names), len(names)))
+        for area in self._areas:
+            said = area.sayings(names)
+            agreed += said.agreed
+            contradicted += said.contradicted
+        return Sayings(agreed, contradicted)
+
     def levels(self, rows: NDArray[np.int64], looks: Looks, without: Collection[str]) -> FloatArray:
         """Expected power of each range bin of some pings, (pings, bins).
 
@@ -162,12 +179,17 @@ class _Area:
             pings.looks, pings.rows, pings.weights, pings.echoes, self._field, self._opacity
         )
         self._estimate.estimate_powers(ROUNDS, between)
+        self._sources = pings.sources
         self._evidence: dict[str, CellEvidence] = {}
         for robot in dict.fromkeys(pings.sources):
             between()
             own = np.array([source == robot for source in pings.sources], bool)
             self._evidence[robot] = self._estimate.evidence_of(own)
         self._believed: dict[frozenset[str], _Believed] = {}
+
+    def sayings(self, names: Sequence[str]) -> Sayings:
+        """What robots say of its cells, beside one another."""
+        return self._estimate.sayings(self._sources, names)
 
     def may_reach(self, looks: Looks, rows: NDArray[np.int64]) -> BoolArray:
         """Whether pings may hear of the area."""
@@ -225,9 +247,9 @@ def kept_pings(cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParam
     return kept
 
 
-def turned_looks(looks: Looks, by_rad: float | FloatArray) -> Looks:
-    """The same if the robot faced elsewhere, by one angle or by one for each row."""
-    numbers, cosine, sine = looks.numbers.copy(), np.cos(by_rad), np.sin(by_rad)
+def turned_looks(looks: Looks, by_rad: float) -> Looks:
+    """The same if the robot faced elsewhere."""
+    numbers, cosine, sine = looks.numbers.copy(), math.cos(by_rad), math.sin(by_rad)
     x, y = looks.numbers[:, AXIS_X], looks.numbers[:, AXIS_Y]
     numbers[:, AXIS_X], numbers[:, AXIS_Y] = cosine * x - sine * y, sine * x + cosine * y
     numbers[:, HEADING] += by_rad

@@ -52,6 +52,12 @@ class Sayings(NamedTuple):
     agreed: FloatArray
     contradicted: FloatArray
 
+    def borne_out(self, robot: int) -> float:
+        """Share of what a robot says that others agree with; 1 if they speak of nothing of it."""
+        others = np.arange(len(self.agreed)) != robot
+        agreed, against = (float(sums[robot, others].sum()) for sums in self)
+        return agreed / (agreed + against) if agreed + against else 1.0
+
 
 def sayings(number: NDArray[np.int32], said: NDArray[np.float32], field: Field) -> Sayings:
     """Compare what robots say.
@@ -124,7 +130,7 @@ def credit(said: Sayings) -> list[float]:
 
 
 def _chances(said: Sayings, among: list[int]) -> FloatArray:
-    """Probability that each of some robots is faulty."""
+    """Probability that each of some robots is faulty, by what these say."""
     agreed, contradicted = (sums[np.ix_(among, among)] for sums in said)
     against = np.array([_against(agreed, contradicted, robot) for robot in range(len(among))])
     alone = against.sum(axis=1) - HEALTHY

@@ -5,20 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import partial
 
 import numpy as np
 
-from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap, kept_pings
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
+from usmap_ros.mapping.joint.witnesses import Sayings, credit
 from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
-from usmap_ros.mapping.robot_check.displacement import (
-    TOLD,
-    Explanation,
-    Way,
-    allowed_for,
-    fit_by,
-    sure_explanation,
-)
 from usmap_ros.mapping.robot_check.finding import Finding, Verdict
 from usmap_ros.mapping.robot_check.receiver_health import FEW_ECHOES
 from usmap_ros.parameters import MappingParameters
@@ -39,8 +31,8 @@ SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.6, 0.4, 1.0
 MOST_LEFT_OUT, AGREED = 4, 0.8
 #: `Agreement.turn_gain` and `turn_certainty` from which on a robot faces elsewhere than it says.
 LEAST_TURN_GAIN, LEAST_TURN_CERTAINTY = 1.0, 2.0
-#: Gain in log-likelihood, of all pings, from which on another robot bears something out.
-LEAST_WITNESS = 15.0
+#: Share of what others bear out of any other robot's word, above which nobody is accused.
+LESS = 0.88
 
 
 class RobotComparison:
@@ -63,16 +55,19 @@ class RobotComparison:
         between: Callable[[], None],
     ) -> None:
         self._parameters, self._cones, self._between = parameters, cones, between
+        self._topics = sorted(cones)
+        nothing = np.zeros((len(cones), len(cones)))
+        self._said = Sayings(nothing, nothing)
         self._agreements: dict[str, Agreement] = {}
         # What `_agreement_without` has found, which takes as long as to map everything again.
         self._without: dict[str, tuple[Agreement, list[Agreement]]] = {}
-        self._maps: dict[str, LeaveOneOutMap] = {}
 
     def screen(self) -> dict[str, Finding]:
         """Judge all by the map that they have made together."""
         together = LeaveOneOutMap(self._cones, self._parameters, self._between)
         expected = together.expected(self._cones)
         self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}
+        self._said = together.sayings(self._topics)
         found = {}
         for topic, own in self._agreements.items():
             others = [a for t, a in self._agreements.items() if t != topic]
@@ -87,7 +82,36 @@ class RobotComparison:
                 finding = finding_of(*self._agreement_without(topic), MISPLACED_FIT)
                 if finding.is_suspect:
                     return {topic: finding}
-        return self._misplaced(suspects) if suspects else {}
+        if found := self._not_borne_out():
+            return found
+        return self._least_borne_out(self._misplaced(suspects)) if suspects else {}
+
+    def _not_borne_out(self) -> dict[str, Finding]:
+        """Those whom others contradict that agree with one another."""
+        if len(self._topics) <= LEAST_ROBOTS_LEFT:
+            return {}
+        shares = [self._said.borne_out(robot) for robot in range(len(self._topics))]
+        found = {}
+        for robot, left in enumerate(credit(self._said)):
+            if left > 0.0:
+                continue
+            usual = float(
+                np.median([share for other, share in enumerate(shares) if other != robot])
+            )
+            evidence: dict[str, float | int | None] = {
+                "borne_out": shares[robot],
+                "others_borne_out": usual,
+            }
+            reason = f"others bear out {shares[robot]:.0%} of what it hears, of theirs {usual:.0%}"
+            found[self._topics[robot]] = Finding("misplaced", evidence, f"misplaced: {reason}")
+        return found
+
+    def _least_borne_out(self, named: dict[str, Finding]) -> dict[str, Finding]:
+        """Nobody, if others bear out an accused robot nearly as well as another, or better."""
+        shares = {t: self._said.borne_out(robot) for robot, t in enumerate(self._topics)}
+        accused = [topic for topic, finding in named.items() if finding.is_suspect]
+        least = min((shares[topic] for topic in shares if topic not in accused), default=1.0)
+        return named if all(shares[topic] <= LESS * least for topic in accused) else {}
 
     def _misplaced(self, suspects: Sequence[str]) -> dict[str, Finding]:
         """The robot without which the others agree, if it does not fit their map.
@@ -127,67 +151,11 @@ class RobotComparison:
         if topic in self._without:
             return self._without[topic]
         others = {t: own for t, own in self._cones.items() if t != topic}
-        apart = self._map_without(topic)
+        apart = LeaveOneOutMap(others, self._parameters, self._between)
         own = apart.expected(self._cones, of=[topic])[topic]
         among_them = apart.expected(others).values()
         self._without[topic] = agreement(own), [agreement(pings) for pings in among_them]
         return self._without[topic]
-
-    def _map_without(self, topic: str) -> LeaveOneOutMap:
-        """The map of all others."""
-        if topic not in self._maps:
-            others = {t: own for t, own in self._cones.items() if t != topic}
-            self._maps[topic] = LeaveOneOutMap(others, self._parameters, self._between)
-        return self._maps[topic]
-
-    def displaced(self) -> dict[str, Finding]:
-        """The robot that one displacement makes fit the others' map, if others bear them out.
-
-        Nobody, if there are not two others: of two, the one that is right is displaced as well.
-        """
-        if len(self._cones) <= LEAST_ROBOTS_LEFT:
-            return {}
-        fits = {t: a.fit if a.fit is not None else 0.0 for t, a in self._agreements.items()}
-        odd = sorted((t for t in fits if fits[t] < USUAL_FIT), key=fits.__getitem__)
-        surest: tuple[float, str, Explanation] | None = None
-        for topic in odd[:MOST_LEFT_OUT]:
-            way, apart = self._way(topic), self._map_without(topic)
-            found = sure_explanation(way, partial(apart.levels, way.pings.rows, without=[topic]))
-            if found is None or not self._is_borne_out(topic, found):
-                continue
-            if surest is None or found.certainty > surest[0]:
-                surest = found.certainty, topic, found
-        if surest is None:
-            return {}
-        _, topic, found = surest
-        evidence: dict[str, float | int | None] = {
-            "fit_as_told": found.told, "fit_displaced": found.fit, "fit_otherwise": found.other,
-            "certainty": found.certainty,
-        }  # fmt: skip
-        reason = f"misplaced: its pings fit the others' map {found.by.in_words()}"
-        return {topic: Finding("misplaced", evidence, reason)}
-
-    def _is_borne_out(self, topic: str, found: Explanation) -> bool:
-        """Whether two others, or one that agrees with a third, say that a robot is displaced."""
-        apart, way, witnesses = self._map_without(topic), self._way(topic), []
-        allowance = allowed_for(found.by)
-        for witness in (other for other in self._cones if other != topic):
-            silent = [other for other in self._cones if other != witness]
-            levels = partial(apart.levels, way.pings.rows, without=silent)
-            gain = fit_by(way, found.by, levels, allowance) - fit_by(way, TOLD, levels, allowance)
-            if gain.sum() > LEAST_WITNESS:
-                witnesses.append(witness)
-        if len(witnesses) != 1:
-            return len(witnesses) > 1
-        own = self._way(witnesses[0])
-        levels = partial(apart.levels, own.pings.rows, without=[topic, witnesses[0]])
-        return float(fit_by(own, TOLD, levels, allowance).sum()) > LEAST_WITNESS
-
-    def _way(self, topic: str) -> Way:
-        """A robot's way, with its pings."""
-        kept = kept_pings({topic: self._cones[topic]}, self._parameters)
-        stamps_s = np.array([cone.stamp_ns for cone, _ in kept.cones()]) * 1e-9
-        return Way(self._cones[topic], kept.pings(), stamps_s)
 
 
 def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:

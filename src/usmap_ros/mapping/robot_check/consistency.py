@@ -111,7 +111,7 @@ class Consistency:
             screened = comparison.screen()
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
             can_tell = not found or len(screened) > LEAST_ROBOTS_LEFT
-            named = (comparison.culprits(screened) or comparison.displaced()) if can_tell else {}
+            named = comparison.culprits(screened) if can_tell else {}
             if not named:
                 return dict(sorted((found | _cleared(screened)).items()))
             found |= named

@@ -158,7 +158,7 @@ def test_one_that_is_elsewhere_is_named(turned_rad: float) -> None:
     found = findings(pings)
 
     assert named(found) == {LIAR: "misplaced"}
-    assert found[LIAR].summary()["evidence"]["fit"] < 0.5
+    assert found[LIAR].summary()["evidence"]["borne_out"] < 0.1
     assert "misplaced" in found[LIAR].reason
 
 
@@ -255,17 +255,30 @@ def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
     assert "1 of 22 expected echoes" in found.reason
 
 
-def test_one_that_is_misplaced_is_told_what_would_make_it_fit() -> None:
+def test_nobody_is_accused_whom_the_others_bear_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though its pings may fit the others' map badly, as those that hear little of it do."""
+    chosen = {t: [cone for topic, cone in cones(11) if topic == t] for t in dict(cones(11))}
+    comparison = RobotComparison(MappingParameters(), chosen, lambda: None)
+    screened = comparison.screen()
+    suspected = Finding("misplaced", {}, "misplaced: its pings fit badly")
+
+    monkeypatch.setattr(
+        comparison, "_misplaced", lambda suspects: dict.fromkeys(suspects, suspected)
+    )
+
+    assert comparison.culprits(screened | {LIAR: suspected}) == {}
+
+
+def test_one_whom_nobody_bears_out_is_named_among_many_who_contradict_it() -> None:
     """A mount that is mirrored: it faces 80 degrees from where it says."""
     pings = [
         (topic, displaced(cone, -1.4, (0.0, 0.0)) if topic == LIAR else cone)
-        for topic, cone in cones(11)
+        for topic, cone in cones(12)
     ]
-    chosen = {t: [cone for topic, cone in pings if topic == t] for t in dict(pings)}
-    comparison = RobotComparison(MappingParameters(), chosen, lambda: None)
-    comparison.screen()
 
-    found = comparison.displaced()
+    found = findings(pings)
 
     assert named(found) == {LIAR: "misplaced"}
-    assert "if it faces +80° from there" in found[LIAR].reason
+    evidence = found[LIAR].summary()["evidence"]
+    assert evidence["borne_out"] < 0.2 * evidence["others_borne_out"]
+    assert "others bear out" in found[LIAR].reason

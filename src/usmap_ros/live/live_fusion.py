@@ -291,13 +291,14 @@ class LiveFusion:
     def is_whole(self) -> bool:
         """Whether the newest map of either kind is that of `occupancy_map`."""
         with self._map_lock:
-            return self.poses.must_correct or self._pipeline.fusion.is_whole
+            poses = self.poses
+            return poses.is_whole if poses.must_correct else self._pipeline.fusion.is_whole
 
     def _made(self, is_live: bool) -> OccupancyMap:
         with self._map_lock:
             fusion = self._pipeline.fusion
             snapshot = fusion.live_snapshot if is_live else fusion.snapshot
-            make = self.poses.snapshot() or snapshot()
+            make = self.poses.snapshot(is_live) or snapshot()
             generation = self.poses.generation
         occupancy = make()
         with self._map_lock:

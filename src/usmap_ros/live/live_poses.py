@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.errors import MalformedMessageError
+from usmap_ros.errors import MalformedMessageError, MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.mapping.far_off import Ping
@@ -26,6 +26,9 @@ from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import DriftWatch
 from usmap_ros.runs.restarts import Restarts, first_name
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
+
+#: Poses are corrected together again when there are such a share more pings than the last time.
+MORE_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -157,6 +160,7 @@ class LivePoses:
         self._version = 0
         self.generation = 0
         self._made: _Made | None = None
+        self._going_on: _GoingOn | None = None
         self.own_frames: set[str] = set()
         self.latest = Located(Corrected([]), "", {})
 
@@ -196,13 +200,27 @@ class LivePoses:
         self._earlier = occupancy
         self._version, self.generation = self._version + 1, self.generation + 1
 
-    def snapshot(self) -> Callable[[], OccupancyMap] | None:
-        """What makes the map as it is now, in any thread; None where poses are right as told."""
+    def snapshot(self, is_live: bool = False) -> Callable[[], OccupancyMap] | None:
+        """What makes the map as it is now, in any thread; None where poses are right as told.
+
+        Parameters
+        ----------
+        is_live : bool
+            Whether robots may go on from where they were found to be the last time, until there
+            are many more pings.
+        """
         if not self.must_correct:
             return None
         pings, anchors = list(self._told), self._anchors
         state = self._version, self.generation
+        if is_live:
+            return lambda: self._live_map(pings, *state) or self._map(pings, anchors, *state)
         return lambda: self._map(pings, anchors, *state)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all poses were corrected together since the newest ping."""
+        return self._made is not None and self._made.version == self._version
 
     @property
     def must_correct(self) -> bool:
@@ -227,10 +245,30 @@ class LivePoses:
                     # What is wrong with a ping was said when it came.
                     with suppress(MalformedMessageError):
                         pipeline.fuse(cone, topic)
+                # From now on what is new is asked for, too.
+                pipeline.fusion.live_snapshot()
                 occupancy = pipeline.occupancy_map()
                 self._made = _Made(version, generation, occupancy, done)
+                self._going_on = _GoingOn(pipeline, told, done)
                 self.latest = locate(told, done, occupancy.frame_id)
             return copied(self._made.occupancy)
+
+    def _live_map(self, told: list[Ping], version: int, generation: int) -> OccupancyMap | None:
+        """The map with pings beyond those of the last one; None if all are to be corrected."""
+        with self._lock:
+            made, on = self._made, self._going_on
+            if made is None or on is None or made.generation != generation:
+                return None
+            count = len(made.corrected.pings)
+            if not count <= len(told) <= (1.0 + MORE_SHARE) * count or made.version >= version:
+                return None
+            on.take_up(told)
+            try:
+                return on.pipeline.fusion.live_snapshot()()
+            except MapSizeError:
+                # All of them together tell which pings are far off.
+                self._going_on = None
+                return None
 
     def retire(self, occupancy: OccupancyMap, generation: int) -> None:
         """Let the oldest pings go if there are too many, and what they said stay.
@@ -251,6 +289,8 @@ class LivePoses:
         try:
             made, count = self._made, len(self._told) - window + window // RETIRED_SHARE
             if (made.generation if made else generation) != self.generation:
+                return
+            if made and len(made.corrected.pings) < count:
                 return
             self._earlier = made.occupancy if made else copied(occupancy)
             if made:
@@ -279,6 +319,37 @@ class LivePoses:
             if stays[row] and self._kinds.get(robot) is not PoseKind.ABSOLUTE:
                 anchors.setdefault(robot, Anchor(told.pose, one.pose, one.frame_id))
         return anchors
+
+
+class _GoingOn:
+    """The last map, and where robots were by then, from where they go on by odometry.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        With the map.
+    told : sequence of (topic, EchoCone)
+        Its pings, as they were told.
+    done : Corrected
+        The same, as they were corrected.
+    """
+
+    def __init__(self, pipeline: Pipeline, told: Sequence[Ping], done: Corrected) -> None:
+        self.pipeline, self._count = pipeline, len(told)
+        self._anchors = {
+            robot_of(topic, cone): Anchor(cone.pose, found.pose, found.frame_id)
+            for (topic, cone), (_, found) in zip(told, done.pings, strict=True)
+        }
+
+    def take_up(self, told: Sequence[Ping]) -> None:
+        """Let the map have the pings beyond those that it has."""
+        for ping in told[self._count :]:
+            anchor = self._anchors.get(robot_of(*ping))
+            # A robot that was not in the map has to be found first.
+            if anchor is not None and anchor.frame_id == self.pipeline.fusion.frame_id:
+                with suppress(MalformedMessageError):
+                    self.pipeline.fuse(anchor.moved(ping)[1], ping[0])
+        self._count = max(self._count, len(told))
 
 
 class _Made(NamedTuple):

@@ -8,13 +8,14 @@ import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.live import live_poses
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.live.live_poses import Anchor, locate, of_latest_lives
 from usmap_ros.localisation.planar import between
 from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, PipelineParameters, PoseParameters
-from usmap_ros.runs.correction import Corrected, RobotPoses
+from usmap_ros.runs.correction import Corrected, RobotPoses, correct_poses
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
@@ -69,6 +70,43 @@ def test_the_map_of_a_robot_that_drifts_is_that_of_offline() -> None:
     told = live(pings, use="told").occupancy_map()
     assert not np.array_equal(told.log_odds, fusion.occupancy_map().log_odds)
     assert len(fusion.poses.latest.trajectories()["robot1"]) == len(pings)
+
+
+def test_between_two_corrections_robots_go_on_from_where_they_were_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts: list[int] = []
+
+    def counted(pings: Any, *others: Any) -> Corrected:
+        counts.append(len(pings))
+        return correct_poses(pings, *others)
+
+    monkeypatch.setattr(live_poses, "correct_poses", counted)
+    pings = drifting(60)
+    fusion = LiveFusion(MappingParameters(), 0.0, 1000, poses=PoseParameters())
+    for number, (topic, one) in enumerate(pings):
+        fusion.receive(topic, one)
+        fusion.fuse_next()
+        if number >= 49 and number % 3 == 0:
+            latest = fusion.live_map()
+    # The first time, and not again before there are a quarter more.
+    assert len(counts) == 1
+    assert not fusion.is_whole
+    told = live(pings, use="told").occupancy_map()
+    whole = fusion.occupancy_map()
+    assert fusion.is_whole
+    same(whole, offline(pings))
+    assert overlap(latest, whole) > overlap(told, whole)
+
+
+def overlap(one: OccupancyMap, other: OccupancyMap) -> float:
+    """Share of occupied cells of either that are so in both, or beside."""
+    places = []
+    for occupancy in (one, other):
+        rows, columns = np.nonzero(occupancy.predicted())
+        places.append(np.column_stack([rows, columns]) + occupancy.geometry.first_cell[::-1])
+    apart = np.abs(places[0][:, np.newaxis] - places[1]).max(axis=2)
+    return float(min(np.mean(apart.min(axis=0) <= 1), np.mean(apart.min(axis=1) <= 1)))
 
 
 def test_absolute_poses_cost_nothing() -> None:

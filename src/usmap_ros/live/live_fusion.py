@@ -111,6 +111,7 @@ class LiveFusion:
         self._seen, self._shares = SeenPings(), FairShares()
         # What is to be fused next, since its place is known now.
         self._ready: deque[Ping] = deque()
+        self._left_out = frozenset[str]()
         self.version = self.generation = self._pings = 0
 
     @property
@@ -236,12 +237,17 @@ class LiveFusion:
                 return None
             topic, received = released
             came_s = received.at_s
+            if is_of(topic, self._left_out):
+                return None
             if received.cone.frame_id == self.frame_id:
                 self._sort_out(topic, received.cone)
             else:
                 self._ready.append((topic, received.cone))
         with self._map_lock:
             topic, cone = self._ready.popleft()
+            # It may have waited since before its robot was to be left out.
+            if is_of(topic, self._left_out):
+                return None
             if cone.frame_id == self.frame_id:
                 self._pipeline.fuse(cone, topic)
                 self._consistency.add(topic, cone)
@@ -316,22 +322,32 @@ class LiveFusion:
             As in `Consistency.findings`.
         """
         with self._map_lock:
-            consistency = self._consistency.copy()
+            consistency, left_out = self._consistency.copy(), self._left_out
         found = consistency.findings(between)
         with self._map_lock:
+            if self._left_out != left_out:
+                # What was found beside a robot that is gone does not hold any more.
+                return found
             shares = {topic: finding.trust for topic, finding in found.items()}
             if self._pipeline.fusion.trust(shares):
                 self.version += 1
         return found
 
     def leave_out(self, names: Collection[str]) -> None:
-        """Take back what some robots, or topics, have said, as far as that is still known."""
-        if not names:
-            return
+        """Leave some robots, or topics, out from now on, and nobody else.
+
+        What they have said is taken back, as far as it is still known, and what was found of others
+        beside them.
+        """
+        new = set(names) - self._left_out
         with self._map_lock:
-            self._consistency.forget(names)
-            self.poses.leave_out(lambda topic: is_of(topic, names))
-            if self._pipeline.fusion.leave_out(lambda topic: is_of(topic, names)):
+            self._left_out = frozenset(names)
+            if not new:
+                return
+            self._consistency.forget(new)
+            self.poses.leave_out(lambda topic: is_of(topic, new))
+            if self._pipeline.fusion.leave_out(lambda topic: is_of(topic, new)):
+                self._pipeline.fusion.trust({})
                 self.version += 1
 
     def resume(self, occupancy: OccupancyMap) -> None:

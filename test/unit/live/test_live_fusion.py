@@ -181,6 +181,59 @@ def test_what_a_robot_said_is_taken_back_when_it_is_left_out(
     assert not fusion.occupancy_map().observed.any()
 
 
+def test_nothing_is_left_of_a_robot_that_is_left_out_but_what_the_others_said(
+    cones: list[EchoCone], clock: Any
+) -> None:
+    """Neither its pings that still wait, nor what they made of the others."""
+    fusion, honest = (LiveFusion(MappingParameters(), 0.0, 99, clock=clock) for _ in range(2))
+    fusion.set_sources({"/a/cone": True, "/c/cone": True})
+    for number, cone in enumerate(cones):
+        honest.receive("/a/cone", cone)
+        fusion.receive("/a/cone", cone)
+        fusion.receive("/c/cone", replace(later(cone, number, 0.3), stamp_ns=cone.stamp_ns + 1))
+    while honest.fuse_next() is not None:
+        pass
+    for _ in range(3):
+        assert fusion.fuse_next() is not None
+    assert fusion.live_map().observed.any()
+
+    fusion.leave_out(["c"])
+    clock.pass_time(60.0)
+    while fusion.due_in_s() == 0.0:
+        fusion.fuse_next()
+
+    for one, other in (
+        (fusion.occupancy_map(), honest.occupancy_map()), (fusion.live_map(), honest.live_map())
+    ):  # fmt: skip
+        assert one.geometry == other.geometry
+        np.testing.assert_array_equal(one.log_odds, other.log_odds)
+    assert len(fusion.findings(lambda: None)) == 1
+
+
+def test_what_was_found_beside_a_robot_that_is_left_out_is_not_obeyed(
+    cones: list[EchoCone], clock: Any
+) -> None:
+    fusion = LiveFusion(MappingParameters(resolution_m=0.2), 0.0, 99, clock=clock)
+    for number in range(30):
+        pose = replace(cones[0].pose, position_m=np.array([0.1 * number, 0.0, 0.0]))
+        for which, topic in enumerate(("/a/cone", "/b/cone", "/stuck/cone")):
+            heard = cones[0].ranges_m + np.float32(1e-3 * number * (which < 2))
+            stamp_ns = cones[0].stamp_ns + 3 * number + which
+            cone = replace(cones[0], stamp_ns=stamp_ns, pose=pose, ranges_m=heard)
+            fusion.receive(topic, cone)
+            assert fusion.fuse_next() is not None
+
+    version = fusion.version
+    found = fusion.findings(lambda: fusion.leave_out(["c"]))
+    assert found["/stuck/cone"].verdict == "stuck"
+    assert fusion.version == version
+    fusion.findings(lambda: None)
+    assert fusion.version == version + 1
+    # It is believed again until the next check, now that they are gone beside whom it was judged.
+    fusion.leave_out(["a", "b"])
+    assert fusion.occupancy_map().observed.any()
+
+
 def later(cone: EchoCone, number: int, x_m: float = 0.0, frame_id: str = "map") -> EchoCone:
     """One of cones that come five times a second."""
     pose = replace(cone.pose, position_m=cone.pose.position_m + np.array([x_m, 0.0, 0.0]))

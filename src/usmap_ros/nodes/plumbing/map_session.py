@@ -97,8 +97,7 @@ class MapSession:
         self._corrected = CorrectedPoses(node, transforms, health)
         self._published_version = self._generation = 0
         self._noted = dict.fromkeys(_LOSSES, 0)
-        self._without = frozenset[str]()
-        self._leave_out(now.without)
+        self.fusion.leave_out(now.without)
         self._is_to_be_published = self._is_to_be_kept = False
         self._asked_s = 0.0
         self._is_unpublished = self._was_reset = False
@@ -119,14 +118,9 @@ class MapSession:
         """Obey those that may change while there is a map."""
         now = self._parameters.value
         self.fusion.set_limits(now.order_wait_s, now.queue_depth)
-        self._leave_out(now.without)
+        self.fusion.leave_out(now.without)
         self._worker.wake()
         self.check.wake()
-
-    def _leave_out(self, names: list[str]) -> None:
-        """Forget what robots said of late that were not left out before."""
-        self.fusion.leave_out(set(names) - self._without)
-        self._without = frozenset(names)
 
     # ---- cones
 

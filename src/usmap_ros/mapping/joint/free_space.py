@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, Field, X, Y
-from usmap_ros.mapping.joint.going_on import ENDS, behind, go_on
+from usmap_ros.mapping.joint.going_on import ENDS, behind, behind_alone, go_on
 from usmap_ros.mapping.joint.lines import (
     BEGIN,
     END,
@@ -67,7 +67,7 @@ MOST_SURFACES = 3000
 WALLED_SHARE = 0.3
 #: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
 FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
-#: How far behind a wall that was heard from one side alone silence must say as much as where walls
+#: How far behind what was heard from one side alone silence must say as much as where walls
 #: may go on, m.
 BEHIND_M = 0.5
 #: Range bins, in cells, to either side of a cell's that belong to it.
@@ -284,7 +284,7 @@ class FreeSpace:
         return replace(walls, filled=filled, lines=lines), may_be | more
 
     def _behind(self, walls: Walls, evidence: CellEvidence) -> BoolArray:
-        """Cells behind walls that were heard from one side alone.
+        """Cells behind walls, and things, that were heard from one side alone.
 
         What they enclose is seldom open: sound that came there through another side of it would
         have been returned by these walls' backs, too.
@@ -294,7 +294,13 @@ class FreeSpace:
             each.reshape(shape) for each in (evidence.heard, evidence.from_x, evidence.from_y)
         )
         depth_cells = round(BEHIND_M / self._field.resolution_m)
-        return behind(walls.lines, heard, east, north, depth_cells)
+        if not len(walls.all_lines):
+            # What stands alone where no walls are is poles, which enclose nothing.
+            return np.zeros(shape, bool)
+        alone = walls.occupied & ~over_block(drawn(walls.all_lines, shape))
+        backs = behind_alone(alone, heard, east, north, self._field, 0.5 * BEHIND_M)
+        backs |= behind(walls.lines, heard, east, north, depth_cells)
+        return backs & ~walls.shown
 
     def _close(
         self,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y, drawn
 from usmap_ros.mapping.joint.log_odds import over_block
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -26,6 +27,9 @@ CROSSING_COSINE, MEETING_CELLS, MET_CELLS = 0.9, 3.0, 8.0
 #: A line was heard from one side if the mean of the cosines of its echoes' incidence, with the sign
 #: of the side that they were heard from, is more.
 ONE_SIDED = 0.4
+#: What stands alone was heard from one side if the mean of the unit vectors to who heard it is
+#: longer.
+ALONE_ONE_SIDED = 0.7
 
 
 class GoingOn(NamedTuple):
@@ -107,6 +111,37 @@ def behind(
             back[:, DISTANCE] -= np.sign(side) * np.arange(1.0, depth_cells + 1.0)
             mask |= drawn(back, heard.shape)
     return mask
+
+
+def behind_alone(
+    alone: BoolArray,
+    heard: NDArray[np.float32],
+    east: NDArray[np.float32],
+    north: NDArray[np.float32],
+    field: Field,
+    radius_m: float,
+) -> BoolArray:
+    """Discs behind what stands on no line and was heard from one side: it may be their front.
+
+    Parameters
+    ----------
+    alone : (rows, columns) bool array
+        Cells of what stands on no line.
+    heard, east, north
+        As in `behind`.
+    field : Field
+        The cells.
+    radius_m : float
+        Of the discs, which touch what was heard.
+    """
+    rows, columns = np.nonzero(alone)
+    towards = np.stack([east[rows, columns], north[rows, columns]]).astype(np.float64)
+    length = np.hypot(*towards)
+    is_one_sided = length > ALONE_ONE_SIDED * heard[rows, columns]
+    towards = radius_m * towards[:, is_one_sided] / length[is_one_sided]
+    x_m = (field.first_column + columns[is_one_sided] + 0.5) * field.resolution_m - towards[0]
+    y_m = (field.first_row + rows[is_one_sided] + 0.5) * field.resolution_m - towards[1]
+    return field.cells_within(x_m, y_m, radius_m)
 
 
 def _crossings(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.going_on import ENDS, GoingOn, behind, go_on
+from usmap_ros.mapping.joint.field import Field
+from usmap_ros.mapping.joint.going_on import ENDS, GoingOn, behind, behind_alone, go_on
 from usmap_ros.mapping.joint.lines import BEGIN, END, drawn
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -65,3 +66,16 @@ def test_behind_a_wall_is_what_lies_on_the_other_side(
     if solid_row is not None:
         assert mask[solid_row, 21:30].all()
         assert not mask[solid_row, [18, 32]].any()
+
+
+@pytest.mark.parametrize(("towards_east", "solid_columns"), [(9.0, range(22, 30)), (3.0, [])])
+def test_behind_what_stands_alone_there_is_a_disc_if_it_was_heard_from_one_side(
+    towards_east: float, solid_columns: range | list[int]
+) -> None:
+    """Ten echoes of one cell, heard from the east, or from all around."""
+    alone = np.zeros(SHAPE, bool)
+    alone[10, 30] = True
+    heard, east, north = ((alone * each).astype(np.float32) for each in (10.0, towards_east, 0.0))
+    mask = behind_alone(alone, heard, east, north, Field(5, -7, *SHAPE, 0.1), 0.42)
+    assert np.flatnonzero(mask[10] & ~alone[10]).tolist() == list(solid_columns)
+    assert np.flatnonzero(mask[:, 26]).tolist() == (list(range(6, 15)) if solid_columns else [])

@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.range_cones import is_deaf_behind
 
 #: Of a ping those echoes count that come first, and the loudest ones: what follows in the tail of
 #: a wall says the same again.
 _FIRST, _LOUDEST = 2, 2
 #: A bearing that is not known, rad.
 _ANY_BEARING = 1e6
+#: By how much a perpendicular may miss the beam of a sensor that reports the first thing in it,
+#: rad: such a sensor hears surfaces from any side, and of them what is at the beam's edge.
+_ASLANT_RAD = 1.0
 
 
 class Echoes(NamedTuple):
@@ -33,6 +37,8 @@ class Echoes(NamedTuple):
         Off the beam axis, where it is known.
     weight : (n,) array
         How much each counts.
+    aslant_rad : (n,) array
+        By how much the perpendicular to a wall may miss the beam.
     """
 
     ping: NDArray[np.int64]
@@ -41,6 +47,7 @@ class Echoes(NamedTuple):
     bearing_rad: FloatArray
     bearing_std_rad: FloatArray
     weight: FloatArray
+    aslant_rad: FloatArray
 
 
 def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> Echoes:
@@ -53,13 +60,14 @@ def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> Echoes:
     weights : (n,) array
         How much each ping counts.
     """
-    columns: list[FloatArray] = [np.zeros((0, 6))]
+    columns: list[FloatArray] = [np.zeros((0, 7))]
     for ping, cone in enumerate(cones):
         kept = _telling(cone)
-        rows = np.zeros((len(kept), 6))
+        rows = np.zeros((len(kept), 7))
         rows[:, 0], rows[:, 1] = ping, cone.ranges_m[kept]
         rows[:, 2] = cone.transducer.beam.half_angle_rad
         rows[:, 4], rows[:, 5] = _ANY_BEARING, weights[ping]
+        rows[:, 6] = _ASLANT_RAD * is_deaf_behind(cone)
         if cone.bearings_rad is not None and cone.bearing_stds_rad is not None:
             known = np.isfinite(cone.bearings_rad[kept])
             rows[known, 3] = cone.bearings_rad[kept][known]

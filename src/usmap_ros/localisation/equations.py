@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solveh_banded
 
@@ -13,6 +16,8 @@ from usmap_ros.numerics.arrays import FloatArray
 _HELD = np.diag([1.0 / 0.005**2, 1.0 / 0.005**2, 1.0 / 0.01**2])
 #: Diagonals above the main one of a chain's equations.
 _BAND = 5
+#: How far off ways by odometry are as a whole, as a share.
+_SCALE_STD = 0.03
 
 
 def odometry_errors(track: Track, knots: FloatArray, first: int = 0) -> FloatArray:
@@ -33,7 +38,46 @@ def odometry_cost(track: Track, knots: FloatArray) -> float:
     """Squared Mahalanobis distance of knots from what odometry says."""
     errors, start = odometry_errors(track, knots), start_error(track, knots)
     cost = np.einsum("ni,nij,nj->", errors, track.informations, errors)
-    return float(cost + start @ track.start_information() @ start)
+    stretched = (track.scale - 1.0) / _SCALE_STD
+    return float(cost + start @ track.start_information() @ start + stretched**2)
+
+
+class ScaleEquation(NamedTuple):
+    """What the scale of a track's odometry depends on.
+
+    Parameters
+    ----------
+    coupling : (knots, 3) array
+        With each knot.
+    information, right : float
+        Its own, and the right-hand side.
+    """
+
+    coupling: FloatArray
+    information: float
+    right: float
+
+    @classmethod
+    def of(cls, track: Track, knots: FloatArray) -> ScaleEquation:
+        """For all knots of a track."""
+        errors, change = odometry_errors(track, knots), derivatives(knots[:-1], knots[1:])
+        weighed = -np.einsum("ni,nij->nj", track.ways, track.informations)
+        coupling, by_change = np.zeros((len(knots), 3)), np.einsum("ni,nij->nj", weighed, change)
+        coupling[:-1] += by_change[:, :3]
+        coupling[1:] += by_change[:, 3:]
+        information = _SCALE_STD**-2 - float(np.sum(weighed * track.ways))
+        right = -(track.scale - 1.0) * _SCALE_STD**-2 - float(np.sum(weighed * errors))
+        return cls(coupling, information, right)
+
+    def eliminate(self, matrix: FloatArray, right: FloatArray) -> None:
+        """Take the scale out of the equations of the track's knots."""
+        coupling = self.coupling.ravel()
+        matrix -= np.outer(coupling, coupling) / self.information
+        right -= coupling * self.right / self.information
+
+    def fitted(self, track: Track) -> Track:
+        """The track with the scale that its knots make most likely."""
+        return replace(track, scale=track.scale + self.right / self.information)
 
 
 def chain(

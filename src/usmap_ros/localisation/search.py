@@ -31,9 +31,11 @@ _WALLED, _POINTS = 0.52, 0.35
 _OF_POINTS, _LEAST_WEIGHT, _MOST_WEIGHT = 6.0, 0.3, 1.0
 #: How far walls may seem to be off, m, one after the other; steps for each before the last one.
 _WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
-#: Knots that are added at once on the way along walls; how far walls may seem to be off at its
-#: end, m, one after the other, and last of all.
-_STRETCH, _TOWARDS_THE_END_M, _AT_THE_END_M = 3, (0.05, 0.05, 0.04, 0.03), 0.03
+#: Knots that are added at once on the way along walls, one search for each: in short stretches
+#: little drift is added at once, in long ones much is seen of walls that are new.
+_STRETCHES = (12, 3)
+#: How far walls may seem to be off at the end of a search, m, one after the other, and last of all.
+_TOWARDS_THE_END_M, _AT_THE_END_M = (0.05, 0.05, 0.04, 0.03), 0.03
 #: Blur, m: of a match while robots go, of matches of a round, and of the field in the end.
 _FOLLOWED_M, _MATCHED_M, _FINAL_M = (0.08, 0.067, 0.053, 0.04), (0.12, 0.06), 0.05
 #: Steps of robots that look at all that was heard so far, at the most.
@@ -128,13 +130,30 @@ def _gained_by_walls(told: Smoother) -> float:
     return told.log_posterior_of(walls, blur_m) / float(told.echoes.weight.sum())
 
 
-def _along_walls(smoother: Smoother) -> Found | None:
-    """Go along with all robots, and adjust what was gone so far to the walls that it shows."""
-    sigma_m, longest = _AT_THE_END_M, max(map(len, smoother.knots))
-    smoother.active[:] = True
-    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, sigma_m)
-    least = smoother.log_posterior_of(walls, sigma_m)
-    stretches = min(-(-longest // _STRETCH), _STEPS)
+def _along_walls(start: Smoother) -> Found | None:
+    """Go along with all robots, and take what walls and odometry make most likely in the end."""
+    start.active[:] = True
+    best, most = None, _likely_by_walls(start)
+    for stretch in _STRETCHES:
+        one = copy.deepcopy(start)
+        _go_along_walls(one, stretch)
+        _, factor = _adjust_to_walls(one, _AT_THE_END_M)
+        likely = _likely_by_walls(one)
+        if likely > most:
+            best, most = _of_pings(one, covariances(factor, one.knot_count)), likely
+    return best
+
+
+def _likely_by_walls(smoother: Smoother) -> float:
+    """How likely poses are by the walls that they show, whatever others they were adjusted to."""
+    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, _AT_THE_END_M)
+    return smoother.log_posterior_of(walls, _AT_THE_END_M)
+
+
+def _go_along_walls(smoother: Smoother, stretch: int) -> None:
+    """Adjust what was gone so far to the walls that it shows, each time with so many knots more."""
+    longest = max(map(len, smoother.knots))
+    stretches = min(-(-longest // stretch), _STEPS)
     for number in range(1, stretches + 1):
         last = longest * number // stretches
         for robot, first in smoother.first.items():
@@ -147,10 +166,6 @@ def _along_walls(smoother: Smoother) -> Found | None:
         smoother.spread()
     for blur_m in _TOWARDS_THE_END_M:
         _adjust_to_walls(smoother, blur_m)
-    walls, factor = _adjust_to_walls(smoother, sigma_m)
-    if smoother.log_posterior_of(walls, sigma_m) <= least:
-        return None
-    return _of_pings(smoother, covariances(factor, smoother.knot_count))
 
 
 def _adjust_to_walls(smoother: Smoother, sigma_m: float) -> tuple[Walls, tuple[FloatArray, bool]]:

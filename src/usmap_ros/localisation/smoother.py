@@ -18,6 +18,7 @@ from usmap_ros.localisation.arcs import (
 )
 from usmap_ros.localisation.echo_table import Echoes
 from usmap_ros.localisation.equations import (
+    ScaleEquation,
     chain,
     covariances,
     odometry_cost,
@@ -168,9 +169,11 @@ class Smoother:
         return sum(odometry_cost(self.tracks[n], self.knots[n]) for n in self._free)
 
     def spread(self) -> None:
-        """Bring all poses in line with the knots."""
+        """Bring all poses in line with the knots, and the scales of odometry."""
         for number in self._free:
-            track = self.tracks[number]
+            scale = ScaleEquation.of(self.tracks[number], self.knots[number])
+            track = scale.fitted(self.tracks[number])
+            self.tracks[number] = track
             self.poses[track.rows] = track.poses(self.knots[number])
 
     def adjust(self, sigma_m: float) -> FloatArray:
@@ -235,6 +238,9 @@ class Smoother:
             if row < len(above):
                 matrix[at : at + 3, at + 3 : at + 6] += above[row]
                 matrix[at + 3 : at + 6, at : at + 3] += above[row].T
+        own = slice(first, first + 3 * len(blocks))
+        scale = ScaleEquation.of(self.tracks[number], self.knots[number])
+        scale.eliminate(matrix[own, own], right[own])
 
     def move(self, change: FloatArray) -> None:
         """Change all knots that may move."""

@@ -48,6 +48,8 @@ class Track:
         Whether poses are right as they are reported.
     is_stated : bool
         Whether the covariances say how odometry drifts; otherwise it does as wheels usually do.
+    scale : float
+        Ways that the robot has gone over those that odometry tells.
     """
 
     rows: NDArray[np.intp]
@@ -57,8 +59,10 @@ class Track:
     every: int
     is_fixed: bool = False
     is_stated: bool = True
+    scale: float = 1.0
     along_m: FloatArray = field(init=False)
     knots: NDArray[np.intp] = field(init=False)
+    ways: FloatArray = field(init=False)
     increments: FloatArray = field(init=False)
     informations: FloatArray = field(init=False)
 
@@ -69,8 +73,18 @@ class Track:
         # The one way to set what follows from the others in a frozen class.
         object.__setattr__(self, "along_m", self._along_m())
         object.__setattr__(self, "knots", knots)
-        object.__setattr__(self, "increments", between(told[:-1], told[1:]))
+        increments = between(told[:-1], told[1:])
+        object.__setattr__(self, "ways", self._ways(increments))
+        object.__setattr__(self, "increments", increments + (self.scale - 1.0) * self.ways)
         object.__setattr__(self, "informations", self._informations(knots))
+
+    def _ways(self, increments: FloatArray) -> FloatArray:
+        """Of increments, what the robot has gone rather than where its transducers are on it."""
+        gone_m = np.diff(self.along_m[self.knots])
+        seen_m = np.hypot(*increments[:, :2].T)
+        ways = increments * np.minimum(1.0, gone_m / np.maximum(seen_m, 1e-9))[:, np.newaxis]
+        ways[:, 2] = 0.0
+        return np.asarray(ways)
 
     def _informations(self, knots: NDArray[np.intp]) -> FloatArray:
         """How well increments are known, as inverse covariances in the first knot's own axes."""

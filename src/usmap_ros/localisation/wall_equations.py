@@ -52,9 +52,10 @@ class WallEquations:
         echo, wall = np.nonzero(heard.shares > _LEAST_SHARE)
         ping, rows = echoes.ping[echo], np.arange(len(echo))
         weights = heard.shares[echo, wall] * echoes.weight[echo] * weight
+        weights *= heard.precision[echo, wall]
         off_m = heard.off_m[echo, wall]
         number, lines = len(walls.normals_rad), len(echo)
-        along_m = walls.along_m(poses)[ping, wall]
+        along_m = heard.along_m[echo, wall]
         # Walls turn about the middle of their feet.
         total = np.bincount(wall, weights, number)
         middle = np.bincount(wall, weights * along_m, number)
@@ -63,10 +64,11 @@ class WallEquations:
         before, share = np.maximum(knots.before[ping], 0), knots.share[ping]
         after, normals = np.minimum(before + 1, count - 1), walls.normals()[:, wall]
         parts = np.stack([1.0 - share, share]) * is_free
-        values = (parts[:, np.newaxis] * normals).reshape(4, -1)
-        columns = np.stack([3 * before, 3 * before + 1, 3 * after, 3 * after + 1])
+        changes = np.vstack([normals, heard.per_rad_m[echo, wall]])
+        values = (parts[:, np.newaxis] * changes).reshape(6, -1)
+        columns = np.stack([3 * knot + axis for knot in (before, after) for axis in range(3)])
         by_pose = sparse.csr_matrix(
-            (values.ravel(), (np.tile(rows, 4), columns.ravel())), (lines, 3 * count)
+            (values.ravel(), (np.tile(rows, 6), columns.ravel())), (lines, 3 * count)
         )
         turns = np.concatenate([along_m - self._middle_m[wall], -np.ones(lines)])
         columns = np.concatenate([2 * wall, 2 * wall + 1])

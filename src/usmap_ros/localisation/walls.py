@@ -31,6 +31,10 @@ _BACKGROUND = 0.6
 #: Stretch of a wall, m, of which it is asked how many of the pings that face it hear it; what is
 #: thought of that beforehand, and how many looks outweigh it.
 _STRETCH_M, _LEAST_RATE, _FIRST_RATE, _PRIOR_LOOKS = 0.3, 0.05, 0.3, 2.0
+#: Of a stretch, the most that it is taken to be heard where a look goes through.
+_MOST_RATE = 0.9
+#: How well the edge of a beam is known, rad.
+_EDGE_RAD = 0.05
 #: Times that this is asked anew, with what is thought of it then.
 _ROUNDS = 3
 
@@ -53,15 +57,40 @@ class Walls(NamedTuple):
         """Unit normals, (2, n)."""
         return np.stack([np.cos(self.normals_rad), np.sin(self.normals_rad)])
 
-    def along_m(self, poses: FloatArray) -> FloatArray:
-        """Where the feet of the perpendiculars from poses are along each wall, (poses, n)."""
-        x, y = self.normals()
-        return np.asarray(poses[:, :2] @ np.stack([-y, x]))
 
-    def faced(self, poses: FloatArray, half_angles_rad: FloatArray) -> BoolArray:
-        """Whether the beams of poses hold those feet, (poses, n)."""
-        off = np.abs(wrapped(self.normals_rad - poses[:, 2, np.newaxis]))
-        return np.asarray(off < _WITHIN * half_angles_rad[:, np.newaxis])
+class Looks(NamedTuple):
+    """How pings would hear walls, (pings, walls) each.
+
+    Parameters
+    ----------
+    faced : bool array
+        Whether the ping may hear the wall at all.
+    far_m : array
+        Distance along the perpendicular.
+    aslant_rad : array
+        From the perpendicular to where the wall is heard from, positive to the left.
+    along_m : array
+        Where that is along the wall.
+    """
+
+    faced: BoolArray
+    far_m: FloatArray
+    aslant_rad: FloatArray
+    along_m: FloatArray
+
+
+def look(walls: Walls, echoes: Echoes, poses: FloatArray) -> Looks:
+    """Where pings would hear walls: at the foot of the perpendicular, or at the beam's edge."""
+    half_rad, most_rad = np.zeros((2, len(poses), 1))
+    half_rad[echoes.ping, 0], most_rad[echoes.ping, 0] = echoes.half_angle_rad, echoes.aslant_rad
+    off_rad = wrapped(walls.normals_rad - poses[:, 2, np.newaxis])
+    beyond_rad = np.maximum(np.abs(off_rad) - _WITHIN * half_rad, 0.0)
+    normals = walls.normals()
+    far_m = np.maximum(walls.distances_m - poses[:, :2] @ normals, 0.0)
+    faced = (beyond_rad <= most_rad) & (half_rad > 0.0)
+    aslant_rad = -np.sign(off_rad) * beyond_rad * faced
+    along_m = poses[:, :2] @ np.stack([-normals[1], normals[0]]) + far_m * np.tan(aslant_rad)
+    return Looks(faced, far_m, aslant_rad, along_m)
 
 
 class Heard(NamedTuple):
@@ -72,13 +101,20 @@ class Heard(NamedTuple):
     shares : (echoes, walls) array
         Of each wall in each echo.
     off_m : (echoes, walls) array
-        By how much an echo is farther than the wall.
+        By how much the place that an echo would be from is behind the wall.
+    along_m, per_rad_m : (echoes, walls) arrays
+        Where that is along the wall, and by how much it goes behind it as the robot turns.
+    precision : (echoes, walls) array
+        Of `off_m`, in units of that of an echo from the foot of the perpendicular.
     log_likelihood : float
         Of all echoes, relative to none of them being a wall's.
     """
 
     shares: FloatArray
     off_m: FloatArray
+    along_m: FloatArray
+    per_rad_m: FloatArray
+    precision: FloatArray
     log_likelihood: float
 
 
@@ -120,17 +156,17 @@ class _Votes:
         self._weight, self._sigma_m = echoes.weight, sigma_m
         self._range_m, self._reach = echoes.range_m, _WITHIN * echoes.half_angle_rad
         self._place_m = poses[echoes.ping, :2] - self.centre_m
-        self._yaw = poses[echoes.ping, 2]
+        self._yaw, self._aslant = poses[echoes.ping, 2], echoes.aslant_rad
         self._step_m = max(_STEP_M, sigma_m)
         self._left = np.ones(len(self._yaw), np.bool_)
         angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
         echo, direction = np.nonzero(
-            np.abs(wrapped(angles - self._yaw[:, np.newaxis])) < self._reach[:, np.newaxis]
+            np.abs(wrapped(angles - self._yaw[:, np.newaxis]))
+            <= (self._reach + self._aslant)[:, np.newaxis]
         )
-        distance_m = (
-            self._place_m[echo, 0] * np.cos(angles[direction])
-            + self._place_m[echo, 1] * np.sin(angles[direction])
-            + self._range_m[echo]
+        place_m = self._place_m[echo] + self._to_place_m(angles[direction], echo)
+        distance_m = place_m[:, 0] * np.cos(angles[direction]) + place_m[:, 1] * np.sin(
+            angles[direction]
         )
         step = np.floor(distance_m / self._step_m).astype(np.int64)
         self._lowest = int(step.min(initial=0))
@@ -158,23 +194,34 @@ class _Votes:
         angle = direction * 2.0 * np.pi / _DIRECTIONS
         return self._fitted(angle, (self._lowest + step + 1) * self._step_m)
 
-    def _off_m(self, angle: float, distance_m: float) -> FloatArray:
-        """By how much echoes are farther than a line; infinite where they cannot be its."""
-        along = self._place_m @ np.array([math.cos(angle), math.sin(angle)])
-        is_its = self._left & (np.abs(wrapped(angle - self._yaw)) < self._reach)
-        return np.where(is_its, along + self._range_m - distance_m, np.inf)
+    def _to_place_m(self, angle: FloatArray, echo: np.ndarray) -> FloatArray:
+        """From where echoes were heard to where walls that face so would answer from, (n, 2)."""
+        off_rad = wrapped(angle - self._yaw[echo])
+        inside = np.clip(off_rad, -self._reach[echo], self._reach[echo])
+        heading = self._yaw[echo] + inside
+        rays = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+        return np.asarray(self._range_m[echo, np.newaxis] * rays)
+
+    def _on(self, angle: float, distance_m: float) -> tuple[FloatArray, FloatArray]:
+        """Places that a wall would answer from along it and behind it, infinite if it cannot."""
+        everyone = np.arange(len(self._yaw))
+        place_m = self._place_m + self._to_place_m(np.array(angle), everyone)
+        normal = np.array([math.cos(angle), math.sin(angle)])
+        off_rad = np.abs(wrapped(angle - self._yaw))
+        is_its = self._left & (off_rad <= self._reach + self._aslant)
+        behind_m = np.where(is_its, place_m @ normal - distance_m, np.inf)
+        return place_m @ np.array([-normal[1], normal[0]]), behind_m
 
     def _fitted(self, angle: float, distance_m: float) -> tuple[float, float]:
         """A line through what is near it, by least squares."""
         scale_m = max(self._step_m, self._sigma_m)
         for _ in range(4):
-            off_m = self._off_m(angle, distance_m)
+            along_m, off_m = self._on(angle, distance_m)
             near = np.flatnonzero(np.abs(off_m) < 3.0 * scale_m)
             weight = self._weight[near] * np.exp(-0.5 * (off_m[near] / scale_m) ** 2)
             if weight.sum() < 1e-3:
                 break
-            tangent = np.array([-math.sin(angle), math.cos(angle)])
-            change = np.stack([self._place_m[near] @ tangent, -np.ones(len(near))], axis=-1)
+            change = np.stack([along_m[near], -np.ones(len(near))], axis=-1)
             prior = np.diag([(self._sigma_m / _PEAK_RAD) ** 2, 1e-6])
             matrix = (change * weight[:, np.newaxis]).T @ change + prior
             turn, shift_m = np.linalg.solve(matrix, -change.T @ (weight * off_m[near]))
@@ -185,10 +232,10 @@ class _Votes:
 
     def take(self, angle: float, distance_m: float) -> bool:
         """Take the votes of a line's echoes out; whether there are enough of them for a wall."""
-        off_m = np.abs(self._off_m(angle, distance_m))
+        along_m, off_m = self._on(angle, distance_m)
+        off_m = np.abs(off_m)
         hits = np.flatnonzero(off_m < 2.0 * self._sigma_m)
-        tangent = np.array([-math.sin(angle), math.cos(angle)])
-        places = np.unique(np.floor(self._place_m[hits] @ tangent / 0.1))
+        places = np.unique(np.floor(along_m[hits] / 0.1))
         gone = np.flatnonzero(off_m < 2.0 * max(self._step_m, self._sigma_m))
         self._left[gone] = False
         if len(gone):
@@ -213,26 +260,39 @@ def share_out(
     walls : Walls
         Lines.
     """
-    pings, count = len(poses), len(walls.normals_rad)
-    half_angles_rad, looks = np.zeros(pings), np.zeros(pings)
-    half_angles_rad[echoes.ping], looks[echoes.ping] = echoes.half_angle_rad, echoes.weight
-    faced = walls.faced(poses, half_angles_rad) & wanted[:, np.newaxis]
-    off_m = poses[echoes.ping, :2] @ walls.normals() - walls.distances_m
-    off_m += echoes.range_m[:, np.newaxis]
-    peak = 1.0 / (math.sqrt(2.0 * math.pi) * sigma_m)
-    density = peak * np.exp(-0.5 * (off_m / sigma_m) ** 2) * faced[echoes.ping]
-    stretch = np.floor(walls.along_m(poses) / _STRETCH_M).astype(np.int64)
+    count, seen, ping = len(walls.normals_rad), look(walls, echoes, poses), echoes.ping
+    range_m, cosine = echoes.range_m[:, np.newaxis], np.cos(seen.aslant_rad[ping])
+    per_rad_m = -range_m * np.sin(seen.aslant_rad[ping])
+    off_m = range_m * cosine - seen.far_m[ping]
+    std_m = np.hypot(sigma_m * cosine, per_rad_m * _EDGE_RAD)
+    density = cosine * np.exp(-0.5 * (off_m / std_m) ** 2) * seen.faced[ping]
+    density *= wanted[ping, np.newaxis] / (math.sqrt(2.0 * math.pi) * std_m)
+    stretch = np.floor(seen.along_m / _STRETCH_M).astype(np.int64)
     stretch -= stretch.min(initial=0)
     shape = int(stretch.max(initial=0)) + 1, count
     cell = stretch * count + np.arange(count)
-    asked = _by_stretch(cell, faced * looks[:, np.newaxis], shape)
+    first_only = echoes.aslant_rad[:, np.newaxis] > 0.0
+    is_through = first_only & seen.faced[ping] & (off_m > 3.0 * std_m)
+    hidden = np.zeros(seen.faced.shape, np.bool_)
+    hidden[ping] = first_only & (off_m < -2.0 * std_m)
+    looks = np.zeros(len(poses))
+    looks[ping] = echoes.weight * wanted[ping]
+    asked = _by_stretch(cell, (seen.faced & ~hidden) * looks[:, np.newaxis], shape)
     rate: FloatArray = np.full(shape, _FIRST_RATE)
     for _ in range(_ROUNDS):
-        shares, _ = _shares(rate.ravel()[cell[echoes.ping]] * density)
-        heard = _by_stretch(cell[echoes.ping], shares * echoes.weight[:, np.newaxis], shape)
+        shares, _ = _shares(rate.ravel()[cell[ping]] * density)
+        heard = _by_stretch(cell[ping], shares * echoes.weight[:, np.newaxis], shape)
         rate = (heard + _LEAST_RATE * _PRIOR_LOOKS) / (asked + _PRIOR_LOOKS)
-    shares, evidence = _shares(rate.ravel()[cell[echoes.ping]] * density)
-    return Heard(shares, off_m, float(echoes.weight @ np.log(evidence / _BACKGROUND)))
+    rates = rate.ravel()[cell[ping]]
+    shares, evidence = _shares(rates * density)
+    through = np.sum(np.log1p(-np.minimum(rates, _MOST_RATE)) * is_through, axis=1)
+    precision = (sigma_m / std_m) ** 2
+    likelihood = np.log(evidence / _BACKGROUND) + through
+    along_m = seen.along_m[ping]
+    return Heard(
+        shares, off_m, along_m, per_rad_m, precision,
+        float((echoes.weight * wanted[ping]) @ likelihood),
+    )  # fmt: skip
 
 
 def _shares(density: FloatArray) -> tuple[FloatArray, FloatArray]:

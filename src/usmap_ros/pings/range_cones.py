@@ -137,6 +137,11 @@ def report_first_only(cones: Iterable[EchoCone]) -> set[str]:
     }
 
 
+def is_deaf_behind(cone: EchoCone) -> bool:
+    """Whether a cone says itself that nothing would have been heard behind its echo."""
+    return len(cone.ranges_m) == 1 and int(cone.detection_limits[-1]) == np.iinfo(np.uint8).max
+
+
 def first_return(cone: EchoCone) -> EchoCone:
     """The first echo of a cone, as a range reading would have it."""
     transducer, heard_m = cone.transducer, cone.ranges_m[:1].astype(float)

@@ -21,7 +21,7 @@ def test_eliminated_landmarks_leave_the_same_poses() -> None:
     )
     weight = rng.uniform(0.2, 1.0, 18)
     ones = np.ones(18)
-    echoes = Echoes(ping, ranges_m, 0.7 * ones, 0.0 * ones, 1e6 * ones, ones)
+    echoes = Echoes(ping, ranges_m, 0.7 * ones, 0.0 * ones, 1e6 * ones, ones, 0.0 * ones)
     pulls = Pulls(echo, cell, weight, seen[:, 0].copy(), seen[:, 1].copy())
     # Three knots: the pings between them, and one that is fixed.
     knots = Knots(np.array([0, 0, 1, 1, 1, -1]), np.array([0.0, 0.4, 0.0, 0.6, 1.0, 0.0]))

@@ -8,9 +8,10 @@ from pings_among_poles import Ping, cone
 
 from usmap_ros.localisation import refine_poses
 from usmap_ros.localisation.echo_table import tabulate
-from usmap_ros.localisation.planar import between, compose
+from usmap_ros.localisation.planar import between, compose, wrapped
 from usmap_ros.localisation.walls import Walls, find_walls, share_out
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.range_cones import RangeReading
 
 #: Normals and distances of a room's walls: one of them aslant, so that no turn brings it back.
 ROOM = Walls(np.array([0.0, 1.6, np.pi, -1.3]), np.array([6.0, 4.5, 0.5, 0.3]))
@@ -34,25 +35,50 @@ def at(pose: np.ndarray, covariance: np.ndarray | None = None) -> Pose:
 def ranges_m(pose: np.ndarray, walls: Walls = ROOM) -> np.ndarray:
     """From where the walls in the beam answer."""
     far_m = walls.distances_m - pose[:2] @ walls.normals()
-    return far_m[walls.faced(pose[np.newaxis], np.array([0.7]))[0] & (far_m > 0.2) & (far_m < 4.5)]
+    faced = np.abs(wrapped(walls.normals_rad - pose[2])) < 0.66
+    return far_m[faced & (far_m > 0.2) & (far_m < 4.5)]
 
 
-def told_of(true: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Odometry of a way, and its covariances."""
+def first_m(pose: np.ndarray, half_angle_rad: float) -> float:
+    """The nearest thing in a beam, whichever way it faces."""
+    heading = pose[2] + np.linspace(-half_angle_rad, half_angle_rad, 201)
+    rays = np.stack([np.cos(heading), np.sin(heading)])
+    far_m = ROOM.distances_m - pose[:2] @ ROOM.normals()
+    ahead = ROOM.normals().T @ rays
+    return float((far_m[:, np.newaxis] / np.maximum(ahead, 1e-3)).min())
+
+
+def ranging(half_angle_rad: float, seed: int = 4) -> tuple[list[Ping], np.ndarray]:
+    """Pings of a robot that drifts with a sensor that reports the first thing in a narrow beam."""
+    true = way(400)
+    told, known = told_of(true, seed)
+    pings = []
+    for number, (one, pose, covariance) in enumerate(zip(true, told, known, strict=True)):
+        far_m = first_m(one, 0.95 * half_angle_rad)
+        reading = RangeReading(number + 1, "robot1/range", 2.0 * half_angle_rad, 0.1, 9.0, far_m)
+        pings.append(("/robot1/cone", reading.cone(at(pose, covariance), "map")))
+    return pings, true
+
+
+def told_of(true: np.ndarray, seed: int, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Odometry of a way that it tells so many times too long, and its covariances."""
     rng = np.random.default_rng(seed)
     told, known = [true[0]], [np.zeros((3, 3))]
     for step in between(true[:-1], true[1:]):
         x_m, y_m, _ = compose(told[-1], step) - told[-1]
         carry = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m], [0.0, 0.0, 1.0]])
         known.append(carry @ known[-1] @ carry.T + np.diag(DRIFT**2))
-        told.append(compose(told[-1], step + DRIFT * rng.standard_normal(3)))
+        step_told = step * [scale, scale, 1.0] + DRIFT * rng.standard_normal(3)
+        told.append(compose(told[-1], step_told))
     return np.array(told), np.array(known)
 
 
-def recording(heard: list[np.ndarray], true: np.ndarray, seed: int = 4) -> list[Ping]:
+def recording(
+    heard: list[np.ndarray], true: np.ndarray, seed: int = 4, scale: float = 1.0
+) -> list[Ping]:
     """Pings of a robot whose odometry drifts, at some ranges."""
     rng = np.random.default_rng(seed + 100)
-    told, known = told_of(true, seed)
+    told, known = told_of(true, seed, scale)
     return [
         (
             "/robot1/echo",
@@ -98,6 +124,32 @@ def test_walls_correct_odometry(seed: int) -> None:
     pings = recording([ranges_m(pose) for pose in true], true, seed)
     assert off_m(pings, true) > 0.15
     assert off_m(refine_poses(pings).pings, true) < 0.08
+
+
+def test_a_sensor_of_the_first_thing_hears_walls_at_the_edge_of_its_beam() -> None:
+    pings, true = ranging(0.3)
+    echoes = tabulate([one for _, one in pings], np.ones(len(true)))
+    heard = share_out(echoes, true, np.ones(len(true), bool), ROOM, 0.05)
+    # Two thirds of them hear no foot of a perpendicular.
+    assert heard.shares.sum(axis=1).mean() > 0.7
+    by_turning = np.array([[0.0, 0.0, 1e-4]])
+    turned = share_out(echoes, true + by_turning, np.ones(len(true), bool), ROOM, 0.05)
+    hits = heard.shares > 0.5
+    np.testing.assert_allclose(
+        (turned.off_m - heard.off_m)[hits], 1e-4 * heard.per_rad_m[hits], atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("seed", [4, 6])
+def test_walls_at_the_edge_of_beams_correct_odometry(seed: int) -> None:
+    pings, true = ranging(0.3, seed)
+    assert off_m(refine_poses(pings).pings, true) < 0.5 * off_m(pings, true)
+
+
+def test_odometry_that_tells_all_ways_too_long_is_seen_through() -> None:
+    true = way(400)
+    pings = recording([ranges_m(pose) for pose in true], true, scale=1.08)
+    assert off_m(refine_poses(pings).pings, true) < 0.05
 
 
 def bent_m(lies: list[np.ndarray], asked: np.ndarray) -> float:

@@ -67,15 +67,17 @@ def main() -> None:
     """Print a table: a row for each scene and window."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="+")
-    chosen = parser.parse_args().scenes
+    parser.add_argument("--pings", type=int, nargs="+", default=WINDOWS)
+    arguments = parser.parse_args()
+    chosen, windows = arguments.scenes, arguments.pings
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     print("| ms of processor time a map | pings before | live | whole |")
     print("|---|---:|---:|---:|")
     for scene in chosen:
-        cones = cones_of(scene, max(WINDOWS) + NEW)
+        cones = cones_of(scene, max(windows) + NEW)
         # All is compiled, or loaded, before anything is timed.
         costs(cones, 200)
-        for window in WINDOWS:
+        for window in windows:
             live_ms, whole_ms = costs(cones, window)
             print(f"| {scene} | {window} | {live_ms:.0f} | {whole_ms:.0f} |", flush=True)
 

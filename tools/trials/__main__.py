@@ -4,9 +4,10 @@
     python tools/trials kills [--count 100]
     python tools/trials replays [--rates 0.5 1 5 50]
     python tools/trials faults [--scenes poles rough smooth] [--seeds 1 2 3] [--pings 60]
+    python tools/trials soak [--minutes 60] [--robots 10]
 
 Exit status 1 if anything was lost, hung, unreadable, different, or ended in a traceback; of
-faults, if one costs more than is asked for.
+faults, if one costs more than is asked for; of the soak, if anything of it stays.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from faults import FAULTS, LIAR, SCENES, try_faults
+from soak import try_soak
 
 #: What ends a trial before it is through.
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
@@ -47,6 +49,11 @@ def main() -> None:
         default=1.0,
         help="most that a fault may cost of F1 or known, against the two other robots alone",
     )
+    soak = trials.add_parser("soak", help="one fault after another, injected and cleared")
+    soak.add_argument("--faults", nargs="+", choices=FAULTS, default=list(FAULTS))
+    soak.add_argument("--minutes", type=float, default=60.0, help="of the robots' time")
+    soak.add_argument("--robots", type=int, default=10)
+    soak.add_argument("--seed", type=int, default=1)
     for trial in (fleets, kills):
         trial.add_argument("--seed", type=int, default=1)
         trial.add_argument(
@@ -85,6 +92,10 @@ def main() -> None:
                 arguments.seeds,
                 arguments.pings,
                 arguments.within,
+            )
+        elif arguments.trial == "soak":
+            figures, troubles = try_soak(
+                arguments.faults, arguments.minutes, arguments.robots, arguments.seed
             )
         else:
             from kills import try_kills

@@ -86,6 +86,7 @@ def fleet(duration_s: float, robots: int, seed: int) -> Scenario:
     """Robots that walk about among poles."""
     content = {
         "seed": seed,
+        "start_time_s": 0.0,
         "duration_s": duration_s,
         "world": {
             "area_m": [0.0, 10.0, 0.0, 10.0],

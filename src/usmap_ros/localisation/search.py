@@ -24,8 +24,8 @@ _FINEST_M = _FINER[-1][0]
 #: What lines of walls, with what they cost, gain of log-likelihood an echo where it is walls: among
 #: poles it was 0.2 to 0.43, in rooms 0.49 and more.  Share of echoes from places that pings share,
 #: with the poses that points make most likely: among poles it was 0.43 and more, in rooms up to
-#: 0.26.
-_WALLED, _POINTS = 0.52, 0.35
+#: 0.26.  Where both are less, too few pings share anything, and points are the safer guess.
+_WALLED, _POINTS, _LEAST_WALLED = 0.52, 0.35, 0.4
 #: Weight of an echo of points, over the square of that share; the least one to begin with, since
 #: poses that are far off share little, and the most.
 _OF_POINTS, _LEAST_WEIGHT, _MOST_WEIGHT = 6.0, 0.3, 1.0
@@ -83,11 +83,15 @@ def search(start: Smoother) -> Found | None:
     told.active[:] = True
     for _ in range(_WARM_UP):
         told.map(_FINAL_M)
-    if _gained_by_walls(told) > _WALLED:
+    gained = _gained_by_walls(told)
+    # Sensors that hear surfaces from any side hear some in every beam, poles or not.
+    if gained > _WALLED or np.median(start.echoes.aslant_rad) > 0.0:
         return _along_walls(start)
     ends = _among_points(start, max(_LEAST_WEIGHT, _weight(told)))
     if max(one.shared() for one in ends) < _POINTS:
-        return _along_walls(start)
+        gained = max(gained, *map(_gained_by_walls, ends))
+        if gained > _LEAST_WALLED:
+            return _along_walls(start)
     for one in ends:
         for blur_m, steps in _FINER:
             for _ in range(steps):

@@ -108,11 +108,11 @@ class JointFusion(Fusion):
         return pings
 
     def trust(self, shares: Mapping[str, float]) -> bool:
-        """Let some sources' pings count for less, of the window; nothing of those that count 0."""
+        """Let some sources' pings count for less, of the window; see `KeptPings.believe`."""
         less = {source: share for source, share in shares.items() if share < 1.0}
         if less == self._kept.trust or not self.parameters.weigh_robots:
             return False
-        self._kept.trust = less
+        self._kept.believe(less)
         self._changed()
         return True
 

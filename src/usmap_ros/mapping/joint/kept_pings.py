@@ -28,6 +28,8 @@ Place = tuple[str, str, int, int, int, int]
 #: Row and column of a square of this side, by which areas are told apart.
 Square = tuple[int, int]
 SQUARE_M = 2.0
+#: Pings by which each robot is judged: the latest ones.
+REMEMBERED = 200
 _ALL_BELIEVED: Mapping[str, float] = MappingProxyType({})
 
 
@@ -75,6 +77,8 @@ class KeptPings:
         self._first_only: set[str] | None = None
         #: How much each source's pings count, where that is less than wholly: 0 to 1.
         self.trust: dict[str, float] = {}
+        # Since when pings of these are doubtful.
+        self._doubtful_since_ns: dict[str, int] = {}
 
     def __len__(self) -> int:
         return len(self._cones)
@@ -112,6 +116,7 @@ class KeptPings:
         other = KeptPings(self._parameters)
         other._cones, other._at = self._cones.copy(), self._at.copy()
         other.trust = self.trust.copy()
+        other._doubtful_since_ns = self._doubtful_since_ns.copy()
         return other
 
     def cones(self) -> Iterator[tuple[EchoCone, str]]:
@@ -134,6 +139,29 @@ class KeptPings:
             if is_left_out(self._cones[index][1]):
                 self._remove(index)
         return before - len(self)
+
+    def believe(self, less: Mapping[str, float]) -> None:
+        """Let some sources' pings count for less.
+
+        Those that sources were doubted for go when they are believed again: it is not for these
+        that they are.
+
+        Parameters
+        ----------
+        less : mapping of str to float
+            How much each counts, less than 1; all others count wholly.
+        """
+        for source in less:
+            stamps_ns = [cone.stamp_ns for cone, whose, _ in self._cones if whose == source]
+            if source not in self.trust and stamps_ns:
+                self._doubtful_since_ns[source] = sorted(stamps_ns)[-REMEMBERED:][0]
+        for source in [one for one in self._doubtful_since_ns if one not in less]:
+            since_ns = self._doubtful_since_ns.pop(source)
+            for index in range(len(self) - 1, -1, -1):
+                cone, whose, _ = self._cones[index]
+                if whose == source and cone.stamp_ns >= since_ns:
+                    self._remove(index)
+        self.trust = dict(less)
 
     def islands(self) -> list[list[int]]:
         """Indices of pings, divided into groups that cannot see the same cells.

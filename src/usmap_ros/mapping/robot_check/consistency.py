@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from usmap_ros.mapping.joint.kept_pings import REMEMBERED
 from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotComparison
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
@@ -24,8 +25,8 @@ from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receive
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
-#: Pings of each robot that are remembered, and compared, spread evenly over those.
-REMEMBERED, COMPARED = 200, 80
+#: Of the pings of each robot that are remembered, so many are compared, spread evenly.
+COMPARED = 80
 #: A robot has moved, between one ping and the next, from so far on.
 MOVED_M, MOVED_RAD = 0.01, 0.01
 #: Pings with echoes from a robot that moves that are needed to say that it repeats itself, and the

@@ -146,16 +146,29 @@ def test_nothing_stays_of_what_is_left_out(
     assert_same(fusion.occupancy_map(), fused(views, "good").occupancy_map())
 
 
-def test_one_that_is_not_trusted_leaves_nothing_behind_until_it_is(views: list[EchoCone]) -> None:
+def test_one_that_is_not_trusted_leaves_nothing_behind(views: list[EchoCone]) -> None:
     fusion, honest = fused(views, "good"), fused(views, "good").occupancy_map()
     for cone in views:
         fusion.fuse(moved(cone, 0.5), "bad")
-    both = fusion.occupancy_map()
     assert fusion.trust({"bad": 0.0, "good": 1.0})
     assert not fusion.trust({"bad": 0.0})
     assert_same(replace(fusion.occupancy_map(), stamp_ns=honest.stamp_ns), honest)
-    assert fusion.trust({"bad": 1.0})
-    assert_same(fusion.occupancy_map(), both)
+
+
+def test_one_that_is_trusted_again_is_for_what_it_says_from_then_on(views: list[EchoCone]) -> None:
+    fusion = fused(views, "good")
+    for cone in views[:4]:
+        fusion.fuse(moved(cone, 0.5), "mended")
+    fusion.trust({"mended": 0.0})
+    for cone in views[4:6]:
+        fusion.fuse(moved(cone, 0.5), "mended")
+    assert fusion.trust({"mended": 1.0})
+    for cone in views[6:]:
+        fusion.fuse(cone, "mended")
+    expected = fused(views, "good")
+    for cone in views[6:]:
+        expected.fuse(cone, "mended")
+    assert_same(fusion.occupancy_map(), expected.occupancy_map())
 
 
 def test_one_that_is_trusted_less_counts_less(views: list[EchoCone]) -> None:

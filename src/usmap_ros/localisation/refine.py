@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.localisation.echo_table import tabulate
+from usmap_ros.localisation.found import Found
 from usmap_ros.localisation.planar import wrapped
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
-from usmap_ros.localisation.search import Found, search
+from usmap_ros.localisation.search import search
 from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray

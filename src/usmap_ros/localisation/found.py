@@ -1,0 +1,45 @@
+"""Poses that a search ends with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.localisation.smoother import Smoother
+from usmap_ros.numerics.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Found:
+    """Poses that were found.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        x, y (m) and yaw (rad).
+    covariances : (n, 3, 3) array
+        Of these; NaN of poses that were not looked for.
+    """
+
+    poses: FloatArray
+    covariances: FloatArray
+
+
+def of_pings(smoother: Smoother, at_knots: FloatArray) -> Found:
+    """The poses as they are, with covariances between those of the knots.
+
+    Parameters
+    ----------
+    smoother : Smoother
+        With poses that were found.
+    at_knots : (knots, 3, 3) array
+        Covariances of the knots.
+    """
+    known = np.full((len(smoother.poses), 3, 3), np.nan)
+    for number, first in smoother.first.items():
+        rows = smoother.tracks[number].rows
+        before, share = smoother.knot[rows], smoother.share[rows][:, np.newaxis, np.newaxis]
+        after = np.minimum(before + 1, first + len(smoother.knots[number]) - 1)
+        known[rows] = (1.0 - share) * at_knots[before] + share * at_knots[after]
+    return Found(smoother.poses.copy(), known)

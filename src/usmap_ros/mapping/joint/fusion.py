@@ -112,7 +112,7 @@ class JointFusion(Fusion):
         less = {source: share for source, share in shares.items() if share < 1.0}
         if less == self._kept.trust or not self.parameters.weigh_robots:
             return False
-        self._kept.believe(less)
+        self._kept.believe(shares)
         self._changed()
         return True
 

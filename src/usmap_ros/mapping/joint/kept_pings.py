@@ -140,28 +140,34 @@ class KeptPings:
                 self._remove(index)
         return before - len(self)
 
-    def believe(self, less: Mapping[str, float]) -> None:
+    def believe(self, shares: Mapping[str, float]) -> None:
         """Let some sources' pings count for less.
 
-        Those that sources were doubted for go when they are believed again: it is not for these
-        that they are.
+        Those that a source was doubted for go if it is found to be right again: it is not for
+        these that it is.
 
         Parameters
         ----------
-        less : mapping of str to float
-            How much each counts, less than 1; all others count wholly.
+        shares : mapping of str to float
+            How much of what each says counts, as it was found, 0 to 1; of all others nothing is
+            known, and they count wholly.
         """
-        for source in less:
+        less = {source: share for source, share in shares.items() if share < 1.0}
+        for source in less.keys() - self.trust.keys():
             stamps_ns = [cone.stamp_ns for cone, whose, _ in self._cones if whose == source]
-            if source not in self.trust and stamps_ns:
+            if stamps_ns:
                 self._doubtful_since_ns[source] = sorted(stamps_ns)[-REMEMBERED:][0]
-        for source in [one for one in self._doubtful_since_ns if one not in less]:
+        for source in self._doubtful_since_ns.keys() - less.keys():
             since_ns = self._doubtful_since_ns.pop(source)
-            for index in range(len(self) - 1, -1, -1):
-                cone, whose, _ = self._cones[index]
-                if whose == source and cone.stamp_ns >= since_ns:
-                    self._remove(index)
-        self.trust = dict(less)
+            if source in shares:
+                self._drop_since(source, since_ns)
+        self.trust = less
+
+    def _drop_since(self, source: str, since_ns: int) -> None:
+        for index in range(len(self) - 1, -1, -1):
+            cone, whose, _ = self._cones[index]
+            if whose == source and cone.stamp_ns >= since_ns:
+                self._remove(index)
 
     def islands(self) -> list[list[int]]:
         """Indices of pings, divided into groups that cannot see the same cells.

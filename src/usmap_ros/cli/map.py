@@ -223,6 +223,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
             run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
         pipeline.refine(order.passes)
         occupancy = pipeline.occupancy_map()
+        run.doubted = pipeline.fusion.doubted
         summary = save_map(
             order.output, occupancy, paths, lambda: run.summary(occupancy, seconds_since_start())
         )
@@ -291,10 +292,14 @@ def _tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: bo
     from usmap_ros.io.map_files import NAV2_FILE
 
     for topic, problem in run.suspects().items():
-        said = f"its pings count for nothing; --without {topic} leaves it out"
+        counted = "for nothing" if run.poses.parameters.mapping.weigh_robots else "all the same"
+        said = f"its pings count {counted}; --without {topic} leaves it out"
         typer.echo(f"usmap: warning: {topic}: {problem}; {said}", err=True)
     for topic, problem in run.contradicted().items():
         typer.echo(f"usmap: warning: {topic}: {problem}; nobody can tell which is wrong", err=True)
+    for topic, share in run.doubted.items():
+        said = f"others contradict it; in the map it counts for {share:.0%} of what it says"
+        typer.echo(f"usmap: warning: {topic}: {said}", err=True)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     else:

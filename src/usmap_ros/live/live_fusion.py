@@ -300,6 +300,13 @@ class LiveFusion:
             poses = self.poses
             return poses.is_whole if poses.must_correct else self._pipeline.fusion.is_whole
 
+    @property
+    def doubted(self) -> str:
+        """Robots whom others contradict in the newest map, and for how much of it they count."""
+        corrects = self.poses.must_correct
+        doubted = self.poses.doubted if corrects else self._pipeline.fusion.doubted
+        return ", ".join(f"{topic} {share:.0%}" for topic, share in doubted.items())
+
     def _made(self, is_live: bool) -> OccupancyMap:
         with self._map_lock:
             fusion = self._pipeline.fusion

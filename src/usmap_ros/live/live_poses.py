@@ -143,6 +143,8 @@ class LivePoses:
         Frames of odometry that pings were kept in.
     latest : Located
         Where robots are by the newest map.
+    doubted : dict
+        Whom it does not believe wholly: see `usmap_ros.mapping.fusion.Fusion.doubted`.
     generation : int
         Rises when other pings than the newest change.
     """
@@ -163,6 +165,7 @@ class LivePoses:
         self._going_on: _GoingOn | None = None
         self.own_frames: set[str] = set()
         self.latest = Located(Corrected([]), "", {})
+        self.doubted: dict[str, float] = {}
 
     @property
     def is_wanted(self) -> bool:
@@ -251,6 +254,7 @@ class LivePoses:
                 self._made = _Made(version, generation, occupancy, done)
                 self._going_on = _GoingOn(pipeline, told, done)
                 self.latest = locate(told, done, occupancy.frame_id)
+                self.doubted = pipeline.fusion.doubted
             return copied(self._made.occupancy)
 
     def _live_map(self, told: list[Ping], version: int, generation: int) -> OccupancyMap | None:

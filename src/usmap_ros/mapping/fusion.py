@@ -82,6 +82,11 @@ class Fusion(ABC):
         self._take_up(cone, source)
 
     @property
+    def doubted(self) -> dict[str, float]:
+        """What is believed of each source by the newest map, where that is less than all of it."""
+        return {}
+
+    @property
     def memory_bytes(self) -> int:
         """Memory that the map's cells take."""
         return self._grid.memory_bytes

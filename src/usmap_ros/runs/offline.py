@@ -62,6 +62,8 @@ class MappingRun:
         frame than most, or far off.
     robots : dict
         What is to be said of the robots, by topic, as compared with what all others heard.
+    doubted : dict
+        Topics that others contradict in the map, and what of their trust is left, less than 1.
     without : list of str
         Topics that were left out because they should be.
     poses : PoseRun
@@ -73,6 +75,7 @@ class MappingRun:
     skipped: dict[str, int] = field(default_factory=dict)
     set_apart: dict[str, dict[str, int]] = field(default_factory=dict)
     robots: dict[str, Finding] = field(default_factory=dict)
+    doubted: dict[str, float] = field(default_factory=dict)
     without: list[str] = field(default_factory=list)
     poses: PoseRun = field(default_factory=PoseRun)
 
@@ -102,6 +105,7 @@ class MappingRun:
             "skipped": self.skipped,
             "set_apart": self.set_apart,
             "robots": {topic: found.summary() for topic, found in self.robots.items()},
+            "doubted": self.doubted,
             "without": self.without,
             "poses": self.poses.summary(),
             "frame_id": occupancy.frame_id,

@@ -11,6 +11,7 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.common_frame import ENOUGH_PINGS
 from usmap_ros.mapping.far_off import FarOffError
+from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.repeats import RepeatedPingError
@@ -208,6 +209,14 @@ def test_nothing_is_left_of_a_robot_that_is_left_out_but_what_the_others_said(
         assert one.geometry == other.geometry
         np.testing.assert_array_equal(one.log_odds, other.log_odds)
     assert len(fusion.findings(lambda: None)) == 1
+
+
+def test_robots_that_are_doubted_are_told(
+    fusion: LiveFusion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert fusion.doubted == ""
+    monkeypatch.setattr(JointFusion, "doubted", {"/robot2/cone": 0.0, "/robot3/cone": 0.25})
+    assert fusion.doubted == "/robot2/cone 0%, /robot3/cone 25%"
 
 
 def test_what_was_found_beside_a_robot_that_is_left_out_is_not_obeyed(

@@ -11,7 +11,7 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.known import Known
+from usmap_ros.mapping.joint.known import Known, least_credit
 from usmap_ros.mapping.joint.live_map import LiveMap
 from usmap_ros.mapping.joint.survey import Survey
 from usmap_ros.mapping.looks import BY_BIN
@@ -45,6 +45,7 @@ class JointFusion(Fusion):
         self._retired: Survey | None = None
         self._more_rounds = 0
         self._survey: Survey | None = None
+        self._doubted: dict[str, float] = {}
         self._count = 0
         # None as long as nobody asks for the map while pings come.
         self._live: LiveMap | None = None
@@ -124,6 +125,11 @@ class JointFusion(Fusion):
         self._changed()
 
     @property
+    def doubted(self) -> dict[str, float]:
+        """What is believed of each source by the newest map, where that is less than all of it."""
+        return self._doubted
+
+    @property
     def memory_bytes(self) -> int:
         """Memory that the kept pings take."""
         return self._kept.memory_bytes
@@ -167,6 +173,7 @@ class JointFusion(Fusion):
             live, count = self._live, self._count
 
             def tell(areas: list[Known], kept: KeptPings) -> None:
+                self._doubted = least_credit(areas)
                 if live is not None:
                     live.begin(areas, kept, count)
 

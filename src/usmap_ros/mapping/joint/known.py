@@ -176,3 +176,13 @@ def _nothing(field: Field, silence: Silence) -> Cells:
         for name in Cells._fields
     ]
     return Cells(*nothing)
+
+
+def least_credit(areas: Iterable[Known]) -> dict[str, float]:
+    """How much of the trust in each source is left where least is, if that is not all of it."""
+    found: dict[str, float] = {}
+    for area in areas:
+        for source, credit in area.credit.items():
+            if credit < found.get(source, 1.0):
+                found[source] = credit
+    return dict(sorted(found.items()))

@@ -93,13 +93,18 @@ def robots(
     return {"one": views, "other": others, "misplaced": elsewhere}
 
 
-def shown(robots: dict[str, list[EchoCone]], **parameters: bool) -> set[tuple[int, int]]:
-    """Cells that a map of some robots shows as occupied."""
+def fused(robots: dict[str, list[EchoCone]], **parameters: bool) -> JointFusion:
+    """Give the fusion of some robots' pings."""
     fusion = JointFusion(MappingParameters(**parameters))
     for name, cones in robots.items():
         for cone in cones:
             fusion.fuse(cone, name)
-    occupancy = fusion.occupancy_map()
+    return fusion
+
+
+def shown(robots: dict[str, list[EchoCone]], **parameters: bool) -> set[tuple[int, int]]:
+    """Cells that a map of some robots shows as occupied."""
+    occupancy = fused(robots, **parameters).occupancy_map()
     first = np.array(occupancy.geometry.first_cell)[::-1]
     return {tuple(cell) for cell in (np.argwhere(occupancy.predicted()) + first).tolist()}
 
@@ -110,6 +115,15 @@ def test_a_map_shows_nothing_of_what_a_misplaced_robot_heard(
     honest = {name: cones for name, cones in robots.items() if name != "misplaced"}
     assert shown(robots) == shown(honest)
     assert shown(robots, weigh_robots=False) != shown(honest)
+
+
+def test_who_is_believed_less_by_a_map_is_told(robots: dict[str, list[EchoCone]]) -> None:
+    fusion = fused(robots)
+    fusion.occupancy_map()
+    assert fusion.doubted == {"misplaced": 0.0}
+    honest = fused({name: cones for name, cones in robots.items() if name != "misplaced"})
+    honest.occupancy_map()
+    assert honest.doubted == {}
 
 
 def test_healthy_robots_make_the_map_that_they_make_unweighed(

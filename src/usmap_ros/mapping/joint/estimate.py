@@ -113,9 +113,7 @@ class JointEstimate:
             self._cast_shadows(filled, WALL_DAMPING, WALL_SHADOWS)
         return self.walls()
 
-    def estimate_powers(
-        self, rounds: int = ROUNDS, between: Callable[[], None] = lambda: None
-    ) -> None:
+    def estimate_powers(self, rounds: int, between: Callable[[], None] = lambda: None) -> None:
         """Find powers and beliefs.
 
         Parameters
@@ -264,9 +262,13 @@ class JointEstimate:
             By `credit`.
         """
         settled, shape = self._powers.settled, self.field.shape
-        values: list[Any] = [
-            settled.power.reshape(*shape, QUARTERS), settled.known.reshape(*shape, QUARTERS),
-            *(each.reshape(shape) for each in self.evidence), self._hiding, *self.heard, free,
-            walls.occupied, walls.filled, self._standing, belief,
-        ]  # fmt: skip
-        return Known(self.field, Cells(*values), self._smooth.recognised, self.silence, credit)
+        said: dict[str, Any] = {
+            name: values.reshape(shape) for name, values in self.evidence._asdict().items()
+        }
+        cells = Cells(
+            power=settled.power.reshape(*shape, QUARTERS),
+            firmness=settled.known.reshape(*shape, QUARTERS),
+            **said, hiding=self._hiding, **self.heard._asdict(), free=free,
+            occupied=walls.occupied, filled=walls.filled, standing=self._standing, belief=belief,
+        )  # fmt: skip
+        return Known(self.field, cells, self._smooth.recognised, self.silence, credit)

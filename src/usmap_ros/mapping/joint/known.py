@@ -71,11 +71,7 @@ class Cells(NamedTuple):
     @property
     def evidence(self) -> CellEvidence:
         """Of cells, one behind the other."""
-        return CellEvidence(
-            self.own.ravel(), self.block.ravel(), self.heard.ravel(), self.axis_cos.ravel(),
-            self.axis_sin.ravel(), self.from_x.ravel(), self.from_y.ravel(), self.crowd.ravel(),
-            self.asked.ravel(),
-        )  # fmt: skip
+        return CellEvidence(**{name: getattr(self, name).ravel() for name in CellEvidence._fields})
 
     @property
     def shown(self) -> BoolArray:

@@ -110,10 +110,8 @@ class JointFusion(Fusion):
 
     def trust(self, shares: Mapping[str, float]) -> bool:
         """Let some sources' pings count for less, of the window; see `KeptPings.believe`."""
-        less = {source: share for source, share in shares.items() if share < 1.0}
-        if less == self._kept.trust or not self.parameters.weigh_robots:
+        if not self.parameters.weigh_robots or not self._kept.believe(shares):
             return False
-        self._kept.believe(shares)
         self._changed()
         return True
 

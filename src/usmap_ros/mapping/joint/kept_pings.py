@@ -140,7 +140,7 @@ class KeptPings:
                 self._remove(index)
         return before - len(self)
 
-    def believe(self, shares: Mapping[str, float]) -> None:
+    def believe(self, shares: Mapping[str, float]) -> bool:
         """Let some sources' pings count for less.
 
         Those that a source was doubted for go if it is found to be right again: it is not for
@@ -151,8 +151,15 @@ class KeptPings:
         shares : mapping of str to float
             How much of what each says counts, as it was found, 0 to 1; of all others nothing is
             known, and they count wholly.
+
+        Returns
+        -------
+        has_changed : bool
+            Whether that is otherwise than before.
         """
         less = {source: share for source, share in shares.items() if share < 1.0}
+        if less == self.trust:
+            return False
         for source in less.keys() - self.trust.keys():
             stamps_ns = [cone.stamp_ns for cone, whose, _ in self._cones if whose == source]
             if stamps_ns:
@@ -162,6 +169,7 @@ class KeptPings:
             if source in shares:
                 self._drop_since(source, since_ns)
         self.trust = less
+        return True
 
     def _drop_since(self, source: str, since_ns: int) -> None:
         for index in range(len(self) - 1, -1, -1):

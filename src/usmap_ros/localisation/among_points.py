@@ -34,13 +34,17 @@ _FARTHER = 4.0
 _WARM_UP = 8
 
 
-def with_field(start: Smoother) -> Smoother:
-    """The same poses, and the field of all echoes from them."""
+def with_all(start: Smoother) -> Smoother:
+    """The same poses, all of whose echoes count."""
     told = copy.deepcopy(start)
     told.active[:] = True
+    return told
+
+
+def make_field(told: Smoother) -> None:
+    """Make the field of the echoes from poses as they are."""
     for _ in range(_WARM_UP):
         told.map(_FINAL_M)
-    return told
 
 
 def among_points(start: Smoother, told: Smoother) -> list[Smoother]:

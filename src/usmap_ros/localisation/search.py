@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.localisation.along_walls import along_walls, gained_by_walls
-from usmap_ros.localisation.among_points import among_points, most_likely, with_field
+from usmap_ros.localisation.among_points import among_points, make_field, most_likely, with_all
 from usmap_ros.localisation.found import Found
 from usmap_ros.localisation.smoother import Smoother
 
@@ -31,11 +31,14 @@ def search(start: Smoother) -> Found | None:
     """
     if len(start.echoes.ping) == 0:
         return None
-    told = with_field(start)
-    gained = gained_by_walls(told)
     # Sensors that hear surfaces from any side hear some in every beam, poles or not.
-    if gained > _WALLED or np.median(start.echoes.aslant_rad) > 0.0:
+    if np.median(start.echoes.aslant_rad) > 0.0:
         return along_walls(start)
+    told = with_all(start)
+    gained = gained_by_walls(told)
+    if gained > _WALLED:
+        return along_walls(start)
+    make_field(told)
     ends = among_points(start, told)
     if max(one.shared() for one in ends) < _POINTS:
         gained = max(gained, *map(gained_by_walls, ends))

@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from memory import resident_mb
 
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.parameters import MappingParameters
@@ -48,14 +49,6 @@ def endless(seed: int = 1) -> Iterator[tuple[str, EchoCone]]:
 
 def _scenario() -> Scenario:
     return Scenario.load(SCENARIO)
-
-
-def resident_mb() -> float:
-    """Memory that this process has now, MB."""
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) * 1024 / 1e6
-    raise RuntimeError("there is no /proc")
 
 
 def main() -> None:

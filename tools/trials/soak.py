@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from faults import FAULTS
+from memory import resident_mb
 
 from usmap_ros.evaluation.scoring import Score, score
 from usmap_ros.live.live_fusion import LiveFusion
@@ -167,14 +168,6 @@ def _troubles(account: Account, found: Score) -> list[str]:
     if found.f1 < 0.9 or found.lost > 0.03:
         troubles.append(f"the map in the end: F1 {found.f1:.2f}, lost {found.lost:.3f}")
     return troubles
-
-
-def resident_mb() -> float:
-    """Memory that this process has now, MB."""
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) * 1024 / 1e6
-    raise RuntimeError("there is no /proc")
 
 
 def _seconds(ping: EchoTrace | EchoCone) -> float:

@@ -1,4 +1,4 @@
-"""What holds of the grid, of cones' cells and of fusion, whatever the cone."""
+"""What holds of cones' cells and of fusion, whatever the cone."""
 
 import math
 from itertools import permutations
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
@@ -15,7 +14,6 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.footprint import footprint
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.grid import TILE_CELLS, TILE_SIDE, TiledGrid
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.yardsticks.additive import AdditiveFusion
 from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
@@ -76,61 +74,6 @@ def cones(
         detection_limits=np.array(limits, dtype=np.uint8),
         residual=0.0,
     )
-
-
-class GridIsADictionary(RuleBasedStateMachine):
-    """A tiled grid does what a dictionary from cells to numbers does."""
-
-    cells = st.lists(
-        st.tuples(st.integers(-300, 300), st.integers(-300, 300)),
-        min_size=1,
-        max_size=20,
-        unique=True,
-    )
-
-    @initialize(default=st.sampled_from([0.0, -8.5]))
-    def begin(self, default: float) -> None:
-        self.default = np.float32(default)
-        self.grid = TiledGrid(0.05, {"value": default, "other": 1.0})
-        self.model: dict[tuple[int, int], np.float32] = {}
-        self.slot_of: dict[tuple[int, int], int] = {}
-
-    @rule(cells=cells, value=st.floats(-50, 50, width=32))
-    def write(self, cells: list[tuple[int, int]], value: float) -> None:
-        slots = self.grid.slots(*np.array(cells).T)
-        self.grid.layer("value")[slots] = value
-        for cell, slot in zip(cells, slots.tolist(), strict=True):
-            assert self.slot_of.setdefault(cell, slot) == slot
-            self.model[cell] = np.float32(value)
-
-    @rule(cells=cells)
-    def read(self, cells: list[tuple[int, int]]) -> None:
-        slots = self.grid.slots(*np.array(cells).T)
-        values = self.grid.layer("value")[slots]
-        expected = [self.model.get(cell, self.default) for cell in cells]
-        np.testing.assert_array_equal(values, np.array(expected, dtype=np.float32))
-        for cell in cells:
-            self.model.setdefault(cell, self.default)
-
-    @invariant()
-    def changed_cells_are_those_of_the_model(self) -> None:
-        values = self.grid.layer("value")
-        rows, columns, slots = self.grid.cells(values != self.default)
-        found = zip(zip(rows.tolist(), columns.tolist(), strict=True), values[slots], strict=True)
-        assert dict(found) == {
-            cell: value for cell, value in self.model.items() if value != self.default
-        }
-        np.testing.assert_array_equal(self.grid.layer("other"), np.float32(1.0))
-
-    @invariant()
-    def there_is_one_tile_for_each_that_was_touched(self) -> None:
-        tiles = {(row // TILE_SIDE, column // TILE_SIDE) for row, column in self.model}
-        assert self.grid.memory_bytes == len(tiles) * 2 * 4 * TILE_CELLS
-        assert len(self.grid.layer("value")) <= 1.5 * max(len(tiles), 1) * TILE_CELLS + TILE_CELLS
-
-
-TestGridIsADictionary = GridIsADictionary.TestCase
-TestGridIsADictionary.settings = settings(max_examples=25, stateful_step_count=12)
 
 
 @QUICK

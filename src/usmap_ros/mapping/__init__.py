@@ -1,1 +1,1 @@
-"""From echo cones to a map: tiled log-odds grid, evidence, fusion and scoring."""
+"""From echo cones to a map: evidence, fusion, and whom not to believe."""

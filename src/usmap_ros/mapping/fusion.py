@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS, as_map, fill_grid
-from usmap_ros.mapping.grid import TiledGrid
-from usmap_ros.numerics.arrays import RealArray
-from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+
+#: Evidence that shifts log-odds by less than this, as at the rim of a beam, says nothing.
+LEAST_NEWS = 0.05
 
 
 class Fusion(ABC):
@@ -26,10 +23,6 @@ class Fusion(ABC):
     ----------
     parameters : MappingParameters
         Cell size, prior, clamps and sensor model.
-    layers : mapping of str to float, optional
-        Further layers of the grid, with their values where nothing is known.
-    values_per_cell : mapping of str to int, optional
-        Of the layers that have more than one.
 
     Attributes
     ----------
@@ -39,22 +32,8 @@ class Fusion(ABC):
         Stamp of the newest cone in the map.
     """
 
-    #: Layers that last from ping to ping, and from which all others are worked out.
-    LASTING_LAYERS: tuple[str, ...] = (LOG_ODDS, EXPOSURE)
-
-    def __init__(
-        self,
-        parameters: MappingParameters,
-        layers: dict[str, float] | None = None,
-        values_per_cell: dict[str, int] | None = None,
-    ) -> None:
+    def __init__(self, parameters: MappingParameters) -> None:
         self.parameters = parameters
-        prior = logit(parameters.prior)
-        self._grid = TiledGrid(
-            parameters.resolution_m,
-            {LOG_ODDS: prior, EXPOSURE: 0.0, **(layers or {})},
-            values_per_cell,
-        )
         self.frame_id = ""
         self.stamp_ns = 0
 
@@ -87,13 +66,13 @@ class Fusion(ABC):
         return {}
 
     @property
+    @abstractmethod
     def memory_bytes(self) -> int:
-        """Memory that the map's cells take."""
-        return self._grid.memory_bytes
+        """Memory that what is known takes."""
 
     @abstractmethod
     def _take_up(self, cone: EchoCone, source: str) -> None:
-        """Change the grid by what a cone says."""
+        """Take up what a cone says."""
 
     def leave_out(self, is_left_out: Callable[[str], bool]) -> int:
         """Take back what some sources have said, as far as it can still be told from others'.
@@ -125,39 +104,27 @@ class Fusion(ABC):
         """
         return False
 
+    @abstractmethod
     def mend(self, cone: EchoCone | None = None) -> int:
-        """Make cells unknown again of which the grid holds numbers that are not finite.
+        """Let go of numbers that are not finite, and make their cells unknown again.
 
         Parameters
         ----------
         cone : EchoCone, optional
-            The newest one: only where it reaches, and only what lasts is looked at, and nothing
-            else is kept of it if there is anything.
+            The newest one: only what it may have changed is looked at.
 
         Returns
         -------
         cells : int
             How many there were.
         """
-        if cone is None:
-            return self._grid.mend()
-        x_m, y_m = map(float, cone.pose.position_m[:2])
-        tiles = self._grid.tiles_around(x_m, y_m, cone.transducer.max_range_m)
-        if self._grid.is_finite(self.LASTING_LAYERS, tiles):
-            return 0
-        self._forget_newest()
-        return self._grid.mend()
 
-    def _forget_newest(self) -> None:  # noqa: B027 - most keep nothing of a cone but cells
-        """Keep nothing of the newest cone but what is in the grid."""
-
+    @abstractmethod
     def snapshot(self) -> Callable[[], OccupancyMap]:
         """What makes the map as it is now, in its own time and in any thread.
 
         Taking it is quick, so that the map need not stand still while it is made into a rectangle.
         """
-        grid = self._grid.copied({LOG_ODDS: LOG_ODDS, EXPOSURE: EXPOSURE})
-        return partial(as_map, grid, self.parameters, self.frame_id, self.stamp_ns)
 
     def live_snapshot(self) -> Callable[[], OccupancyMap]:
         """The same while pings come: it may tell less than `snapshot`, and takes less."""
@@ -198,16 +165,13 @@ class Fusion(ABC):
         Raises
         ------
         ValueError
-            If its resolution or origin does not fit this grid.
+            If its cells are of another size, or its origin is not where cells begin.
         """
-        fill_grid(self._grid, occupancy, self.parameters)
+        geometry, side_m = occupancy.geometry, self.parameters.resolution_m
+        if not np.isclose(geometry.resolution_m, side_m, rtol=1e-6):
+            raise ValueError(f"its cells are {geometry.resolution_m:g} m and not {side_m:g} m")
+        first = np.array(geometry.origin_m) / side_m
+        if np.any(np.abs(first - np.rint(first)) > 1e-3):
+            raise ValueError(f"its origin {geometry.origin_m} is not a multiple of the resolution")
         self.frame_id = occupancy.frame_id or self.frame_id
         self.stamp_ns = occupancy.stamp_ns
-
-    def _clamped(self, log_odds: RealArray | NDArray[np.float32]) -> RealArray:
-        clamped: RealArray = np.clip(
-            log_odds.astype(np.float64),
-            self.parameters.least_log_odds,
-            self.parameters.greatest_log_odds,
-        )
-        return clamped

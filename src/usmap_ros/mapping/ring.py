@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.mapping.footprint import Footprint
-from usmap_ros.mapping.reflectivity import LogReflectivity
 from usmap_ros.numerics.arrays import IndexArray, RealArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -113,22 +112,3 @@ def _range_fit(
         shifted_m = offset_m + place * taper_m
         fit += ndtr((shifted_m + plateau_m) / std_m) - ndtr((shifted_m - plateau_m) / std_m)
     return fit / 3.0
-
-
-def fit_to_ring(ring: Ring, belief: LogReflectivity, detection_probability: RealArray) -> RealArray:
-    """Likelihood q of each pair's echo, had the cell returned it; 1 for a perfect fit.
-
-    Parameters
-    ----------
-    ring : Ring
-        Pairs of echo and cell.
-    belief : LogReflectivity
-        Of the ring's cells.
-    detection_probability : (ring cells,) array
-        Probability that a loud enough object is heard at all.
-    """
-    spread = belief.variance[ring.cell] + ring.variance
-    misfit = (ring.log_reflectivity - belief.mean[ring.cell]) ** 2 / spread
-    loudness_fit = np.sqrt(ring.variance / spread) * np.exp(-0.5 * misfit)
-    fit: RealArray = detection_probability[ring.cell] * ring.range_fit * loudness_fit
-    return fit

@@ -1,14 +1,12 @@
 """Which cells an echo may have come from, and how well it fits each of them."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from usmap_ros.mapping.footprint import footprint
-from usmap_ros.mapping.reflectivity import LogReflectivity
-from usmap_ros.mapping.ring import find_ring, fit_to_ring
+from usmap_ros.mapping.ring import find_ring
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -83,35 +81,3 @@ def test_an_amplitude_is_read_as_the_reflectivity_it_would_need(make_cone: MakeC
         ring.log_reflectivity, np.log(0.4 / (gain * spreading)), rtol=1e-5, atol=1e-5
     )
     np.testing.assert_allclose(ring.variance, 0.1**2 + PARAMETERS.fluctuation**2, rtol=1e-5)
-
-
-def prior_belief(count: int) -> LogReflectivity:
-    """Median reflectivity 1/2, give or take 0.9 in its logarithm."""
-    return LogReflectivity(np.full(count, 1.0 / 0.81), np.full(count, -0.7 / 0.81))
-
-
-@pytest.mark.parametrize("log_reflectivity", [-0.7, 0.3, 6.0])
-def test_the_fit_is_the_normal_likelihood_relative_to_that_of_a_known_reflectivity(
-    make_cone: MakeCone, log_reflectivity: float
-) -> None:
-    cone = make_cone((1.0, 0.4))
-    ring = find_ring(cone, footprint(cone, 0.05), PARAMETERS)
-    pairs, cells = len(ring.cell), len(ring.cells)
-    ring = replace(
-        ring,
-        range_fit=np.ones(pairs),
-        log_reflectivity=np.full(pairs, log_reflectivity),
-        variance=np.full(pairs, 0.02),
-    )
-    expected = 0.95 * np.sqrt(0.02 / 0.83) * np.exp(-0.5 * (log_reflectivity + 0.7) ** 2 / 0.83)
-    fit = fit_to_ring(ring, prior_belief(cells), np.full(cells, 0.95))
-    np.testing.assert_allclose(fit, expected, rtol=1e-12)
-
-
-def test_an_echo_of_no_strength_fits_no_cell_and_stays_finite(make_cone: MakeCone) -> None:
-    cone = make_cone((1.0, 0.0), amplitude_std=0.0)
-    ring = find_ring(cone, footprint(cone, 0.05), PARAMETERS)
-    assert len(ring.cells) > 10
-    assert np.all(np.isfinite(ring.log_reflectivity))
-    fit = fit_to_ring(ring, prior_belief(len(ring.cells)), np.full(len(ring.cells), 0.95))
-    assert np.all(fit < 1e-100)

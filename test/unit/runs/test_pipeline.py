@@ -9,6 +9,7 @@ import pytest
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.yardsticks.cell_fusion import CellFusion
 from usmap_ros.parameters import MappingParameters, PipelineParameters, ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
@@ -93,11 +94,11 @@ def test_sides_of_cells_that_nothing_is_known_of_are_not_resumed(traces: list[Ec
     np.testing.assert_array_equal(resumed.occupancy_map().observed, observed[:5, :5])
 
 
-def spoil(fusion: Fusion, layer: str) -> None:
+def spoil(fusion: Fusion) -> None:
     """Leave numbers in two cells that are none."""
-    slots = fusion._grid.slots(np.array([60, 60]), np.array([60, 61]))
-    values = fusion._grid.layer(layer).reshape(len(fusion._grid.layer("log_odds")), -1)
-    values[slots] = [[np.inf], [np.nan]]
+    assert isinstance(fusion, CellFusion)
+    places = fusion._places(np.array([60, 60]), np.array([60, 61]))
+    fusion._log_odds[places] = [np.inf, np.nan]
 
 
 def test_a_ping_that_would_poison_the_map_is_left_out(
@@ -111,7 +112,7 @@ def test_a_ping_that_would_poison_the_map_is_left_out(
 
     def take_up_badly(cone: EchoCone, source: str) -> None:
         take_up(cone, source)
-        spoil(pipeline.fusion, "log_odds")
+        spoil(pipeline.fusion)
 
     with monkeypatch.context() as patched:
         patched.setattr(pipeline.fusion, "_take_up", take_up_badly)
@@ -129,7 +130,7 @@ def test_no_number_that_is_not_finite_leaves_the_pipeline(
 ) -> None:
     pipeline = Pipeline(PipelineParameters(mapping=MappingParameters(method="additive")))
     pipeline.process(traces[0])
-    spoil(pipeline.fusion, "log_odds")
+    spoil(pipeline.fusion)
     assert np.isfinite(pipeline.occupancy_map().log_odds).all()
     assert "2 cells of the map held numbers that are not finite" in caplog.text
     caplog.clear()

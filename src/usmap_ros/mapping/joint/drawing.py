@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
-from usmap_ros.mapping.export import LEAST_NEWS
 from usmap_ros.mapping.extent import check_size
+from usmap_ros.mapping.fusion import LEAST_NEWS
 from usmap_ros.mapping.joint.known import Cells, Known
 from usmap_ros.mapping.joint.log_odds import NOTHING, over_block
 from usmap_ros.mapping.joint.walls import SHOWN

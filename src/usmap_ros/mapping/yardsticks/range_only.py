@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from usmap_ros.mapping.export import EXPOSURE, LOG_ODDS
 from usmap_ros.mapping.footprint import footprint
-from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.yardsticks.cell_fusion import CellFusion
 from usmap_ros.numerics.arrays import RealArray
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
@@ -25,7 +24,7 @@ LEAST_NEWS = 0.005
 GREATEST_PROBABILITY = 0.98
 
 
-class RangeSensorFusion(Fusion):
+class RangeSensorFusion(CellFusion):
     """A map that adds up what single range readings say of each cell.
 
     Parameters
@@ -41,7 +40,6 @@ class RangeSensorFusion(Fusion):
     def _take_up(self, cone: EchoCone, source: str) -> None:
         """Take up the range of a cone's first echo, or its silence."""
         cells = footprint(cone, self.parameters.resolution_m)
-        slots = self._grid.slots(cells.rows, cells.columns)
         probability = occupied_probability(
             cells.range_m,
             cells.bearing_rad / cone.transducer.beam.half_angle_rad,
@@ -49,10 +47,12 @@ class RangeSensorFusion(Fusion):
             self.parameters.resolution_m,
         )
         told = np.abs(probability - 0.5) > LEAST_NEWS
-        slots = slots[told]
-        log_odds = self._grid.layer(LOG_ODDS)
-        log_odds[slots] = self._clamped(log_odds[slots] + logit(probability[told]))
-        self._grid.layer(EXPOSURE)[slots] = self.parameters.observed_exposure
+        self._add(
+            cells.rows[told],
+            cells.columns[told],
+            logit(probability[told]),
+            exposure=self.parameters.observed_exposure,
+        )
 
 
 def occupied_probability(

@@ -45,7 +45,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "lines": [(estimate, "find_walls")],
     "mirrors": [(smooth_things, "mirror_walls")],
     "columns": [(smooth_things, "round_columns")],
-    "response": [(free_space, "listen"), (free_space, "learn_response")],
+    "response": [(free_space, name) for name in ("listen", "look_at", "learn_response")],
     "refutation": [(free_space, "refute_surfaces")],
     "first pings": [(survey, "first_log_odds")],
 }  # fmt: skip

@@ -27,9 +27,9 @@ from usmap_ros.mapping.joint.open_space import (
     BAND,
     GROUPS,
     ORIENTATIONS,
-    prove_open,
     refute_surfaces,
 )
+from usmap_ros.mapping.joint.open_ways import prove_open
 from usmap_ros.mapping.joint.overdispersion import learn_shape
 from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
@@ -39,6 +39,7 @@ from usmap_ros.mapping.joint.response import (
     Response,
     learn_response,
     listen,
+    look_at,
 )
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.usual_directions import lacks_room, log_priors
@@ -171,10 +172,9 @@ class FreeSpace:
         listening = self._listening(walls, smooth, powers)
         left = self._left(np.where(hides, OCCUPIED, 0.0))
         surfaces, on_lines = self._surfaces(walls, evidence)
-        response = learn_response(self._looks, self._pings, field, left, listening, surfaces)
-        shape = learn_shape(
-            self._looks, self._pings, field, left, listening, surfaces, response.log_silent
-        )
+        looked = look_at(self._looks, self._pings, field, left, listening, surfaces)
+        response = learn_response(looked, surfaces)
+        shape = learn_shape(looked, response.log_silent)
         proofs = self._proven(occupied, left, powers, smooth)
         proven = proofs >= self._proofs
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied

@@ -15,20 +15,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import NOISE, Field
-from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.joint.field import BIN_M, NOISE, Field, X, Y
+from usmap_ros.mapping.joint.soundings import (
+    INCIDENCES,
+    LOUDNESSES,
+    incidence_of,
+    room_for,
+    sound,
+)
 from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS
-from usmap_ros.numerics.arrays import FloatArray
-from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.mapping.ping_bins import ECHO
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled
+from usmap_ros.processes.threads import for_each
 
-#: Steps of loudness, 3 dB each from -20 dB of what would have been reported.
-LOUDNESSES, FIRST_DB, STEP_DB = 24, -20.0, 3.0
-#: Upper ends of the classes of incidence, degrees off the normal; the last goes on to 90.
-INCIDENCES_DEG = np.array([2.0, 5.0, 10.0, 20.0, 35.0, 50.0, 70.0])
-INCIDENCES = len(INCIDENCES_DEG) + 1
 #: Classes of square and of oblique incidence, that diffuseness compares.
 SQUARE, OBLIQUE = slice(1, 3), slice(4, 6)
+#: Pings of which one thread looks at surfaces at a time.
+BATCH = 32
 #: A ping looks at a cell, for learning, if so much of its sound gets there.
 CLEAR_SHARE = 0.7
 #: Before a surface, sound must be left up to so many cells before its middle.
@@ -53,6 +57,28 @@ MUTE, TELLING = 0.65, 0.4
 LEAST_LOOKS, LONE_SHARE = 200.0, 0.8
 #: In the place of the normal of what has none: compiled functions take no number for not finite.
 NO_NORMAL = -9.0
+
+
+class Looked(NamedTuple):
+    """Looks of pings at surfaces, one behind the other.
+
+    Parameters
+    ----------
+    surface, loud, incidence, sector : (looks,) int32 arrays
+        Which surface, and classes of loudness, of the angle of incidence (0 for what faces
+        nowhere), and of the direction of view.
+    heard : (looks,) uint8 array
+        Whether there was an echo.
+    beside : (looks,) float32 array
+        Share of silence where `BESIDE_M` before and behind.
+    """
+
+    surface: NDArray[np.int32]
+    loud: NDArray[np.int32]
+    incidence: NDArray[np.int32]
+    sector: NDArray[np.int32]
+    heard: NDArray[np.uint8]
+    beside: NDArray[np.float32]
 
 
 class Listening(NamedTuple):
@@ -87,112 +113,6 @@ class Response:
 
     log_silent: FloatArray
     diffuseness: float
-
-
-@inlined
-def loudness_step(ratio: float) -> int:
-    """Class of a power over what would have been reported."""
-    return min(LOUDNESSES - 1, max(0, int((10.0 * math.log10(ratio) - FIRST_DB) / STEP_DB)))
-
-
-@inlined
-def incidence_class(degrees: float) -> int:
-    """Class of an angle of incidence."""
-    for index in range(len(INCIDENCES_DEG)):
-        if degrees < INCIDENCES_DEG[index]:
-            return index
-    return len(INCIDENCES_DEG)
-
-
-@inlined
-def sounded(
-    looks: Looks, ping: int, field: Field, row: float, column: float
-) -> tuple[float, float, float, int, int, float]:
-    """How a ping sounds a cell.
-
-    Returns
-    -------
-    loudness : float
-        Power that an object of power 1 would return; 0 if the cell is not in the cone.
-    x, y : float
-        Where the cell is, from the transducer.
-    bin, ray : int
-        Range bin, and ray in the tables of `cast_rays`.
-    distance : float
-        Range, m.
-    """
-    numbers = looks.numbers[ping]
-    x = (field.first_column + column + 0.5) * field.resolution_m - numbers[0]
-    y = (field.first_row + row + 0.5) * field.resolution_m - numbers[1]
-    squared = x * x + y * y + numbers[5] * numbers[5]
-    ahead = numbers[2] * x + numbers[3] * y + numbers[4] * numbers[5]
-    cos_half, least, greatest = numbers[8], numbers[9], numbers[10]
-    is_inside = least * least < squared < greatest * greatest
-    if not is_inside or ahead * abs(ahead) <= squared * cos_half * abs(cos_half):
-        return 0.0, x, y, 0, 0, 0.0
-    distance = math.sqrt(squared)
-    b = int((distance - least) / numbers[13])
-    if b >= looks.bins[ping]:
-        return 0.0, x, y, 0, 0, 0.0
-    entry = int((1.0 - ahead / distance) / (1.0 - cos_half) * GAIN_STEPS)
-    gain = looks.power_gain[ping, min(max(entry, 0), GAIN_STEPS)]
-    loudness = gain / squared**2 * math.exp(-numbers[11] * distance)
-    cosine, sine = math.cos(numbers[6]), math.sin(numbers[6])
-    off = math.atan2(cosine * y - sine * x, cosine * x + sine * y)
-    ray = min(max(int((off + numbers[7]) * RAYS / (2.0 * numbers[7])), 0), RAYS - 1)
-    return loudness, x, y, b, ray, distance
-
-
-@inlined
-def step_before(looks: Looks, ping: int, distance: float) -> int:
-    """Place of a range, m, in the tables of `cast_rays`."""
-    return min(max(int(distance * STEPS / looks.numbers[ping, 10]), 0), STEPS - 1)
-
-
-@inlined
-def looked_at(
-    looks: Looks,
-    ping: int,
-    field: Field,
-    left: NDArray[np.uint8],
-    limit: NDArray[np.float32],
-    row: float,
-    column: float,
-) -> tuple[int, float, int]:
-    """How a ping looks at a surface, if most of its sound gets there.
-
-    Parameters
-    ----------
-    looks, ping, field
-        The ping, and the cells.
-    left : (RAYS, STEPS) uint8 array
-        How much of its sound is left.
-    limit : (bins,) float32 array
-        Power that would have been reported.
-    row, column : float
-        Where the surface is.
-
-    Returns
-    -------
-    loud, bin : int
-        Class of loudness, -1 if it does not look there; and range bin.
-    direction : float
-        Of view, rad.
-    """
-    loudness, x, y, b, ray, distance = sounded(looks, ping, field, row, column)
-    if loudness <= 0.0:
-        return -1, 0.0, 0
-    step = step_before(looks, ping, distance - OWN_CELLS * field.resolution_m)
-    if left[ray, step] < CLEAR_SHARE * WHOLE:
-        return -1, 0.0, 0
-    return loudness_step(loudness / limit[b]), math.atan2(y, x), b
-
-
-@inlined
-def incidence_of(direction_rad: float, normal_rad: float) -> int:
-    """Class of the angle between a direction of view and a normal, either way."""
-    degrees = (direction_rad - normal_rad) * 180.0 / math.pi
-    return incidence_class(abs(degrees - 180.0 * math.floor(degrees / 180.0 + 0.5)))
 
 
 @compiled
@@ -235,73 +155,105 @@ def listen(
     return Listening(heard, chance, limit)
 
 
-@compiled
-def _tally(
+def look_at(
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
     listening: Listening,
     surfaces: FloatArray,
-    counts: FloatArray,
-) -> None:
-    """Count silence and echoes of surfaces, and silence beside them.
+) -> Looked:
+    """Looks of pings at surfaces that most of their sound gets to, and what was heard.
 
     Parameters
     ----------
-    looks, pings, field, left, listening
-        The pings, and what they heard.
+    looks, pings, field
+        The pings, and the cells.
+    left : (pings, RAYS, STEPS) uint8 array
+        How much of their sound is left.
+    listening : Listening
+        What they heard.
     surfaces : (surfaces, 3) array
         Row, column, and direction of the normal, rad; `NO_NORMAL` for what has none.
-    counts : (3, LOUDNESSES, INCIDENCES) array
-        Of silence, of echoes, and of silence beside; added to.
     """
-    for place in range(len(surfaces)):
-        row, column, normal = surfaces[place]
-        for index in range(len(pings)):
-            ping = pings[index]
-            loud, direction_rad, b = looked_at(
-                looks, ping, field, left[index], listening.limit[index], row, column
-            )
-            if loud < 0:
-                continue
-            away, beside, sides = int(BESIDE_M / looks.numbers[ping, 13]), 0.0, 0.0
-            for other in (b - away, b + away):
-                if 0 <= other < looks.bins[ping]:
-                    beside += 1.0 - listening.heard[index, other]
-                    sides += 1.0
-            beside = beside / sides if sides else 0.0
-            heard = listening.heard[index, b]
-            if normal < NO_NORMAL + 1.0:
-                for incidence in range(INCIDENCES):
-                    counts[heard, loud, incidence] += 1.0 / INCIDENCES
-                    counts[2, loud, incidence] += beside / INCIDENCES
-            else:
-                incidence = incidence_of(direction_rad, normal)
-                counts[heard, loud, incidence] += 1.0
-                counts[2, loud, incidence] += beside
+    batches = [slice(first, first + BATCH) for first in range(0, len(pings), BATCH)]
+    parts = for_each(
+        lambda some: _look_at(
+            looks, pings[some], field, left[some], listening.heard[some], listening.limit[some],
+            surfaces,
+        ),
+        batches,
+    )  # fmt: skip
+    return Looked(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def learn_response(
+@compiled
+def _look_at(
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
-    listening: Listening,
+    heard: NDArray[np.uint8],
+    limit: NDArray[np.float32],
     surfaces: FloatArray,
-) -> Response:
+) -> Looked:
+    """The same of some pings."""
+    res, size, filled = field.resolution_m, len(surfaces) * len(pings), 0
+    looked = Looked(
+        np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.int32),
+        np.empty(size, np.int32), np.empty(size, np.uint8), np.empty(size, np.float32),
+    )  # fmt: skip
+    seen = room_for(len(surfaces))
+    for place in range(len(surfaces)):
+        seen.right[place] = (surfaces[place, 1] + 0.5) * res
+        seen.up[place] = (surfaces[place, 0] + 0.5) * res
+    for index in range(len(pings)):
+        ping = pings[index]
+        x_m = field.first_column * res - looks.numbers[ping, X]
+        y_m = field.first_row * res - looks.numbers[ping, Y]
+        away, bins = int(BESIDE_M / looks.numbers[ping, BIN_M]), looks.bins[ping]
+        count = sound(
+            looks, ping, left[index], limit[index], x_m, y_m, OWN_CELLS * res, len(surfaces), seen
+        )
+        for place in range(count):
+            which, b, normal = seen.which[place], seen.bin[place], surfaces[seen.which[place], 2]
+            if seen.sound[place] < CLEAR_SHARE:
+                continue
+            silent, sides = 0.0, 0.0
+            for other in (b - away, b + away):
+                if 0 <= other < bins:
+                    silent += 1.0 - heard[index, other]
+                    sides += 1.0
+            direction = math.atan2(y_m + seen.up[which], x_m + seen.right[which])
+            incidence = incidence_of(direction, normal)
+            looked.surface[filled], looked.loud[filled] = which, seen.loud[place]
+            looked.incidence[filled] = incidence if normal > NO_NORMAL + 1.0 else 0
+            looked.sector[filled], looked.heard[filled] = seen.sector[place], heard[index, b]
+            looked.beside[filled] = silent / sides if sides else 0.0
+            filled += 1
+    return Looked(
+        looked.surface[:filled], looked.loud[:filled], looked.incidence[:filled],
+        looked.sector[:filled], looked.heard[:filled], looked.beside[:filled],
+    )  # fmt: skip
+
+
+def learn_response(looked: Looked, surfaces: FloatArray) -> Response:
     """Learn how the surfaces of a place answer.
 
     Parameters
     ----------
-    looks, pings, field, left, listening, surfaces
-        As in `_tally`.
+    looked, surfaces
+        By and as in `look_at`.
     """
-    counts = np.zeros((3, LOUDNESSES, INCIDENCES))
-    _tally(looks, pings, field, left, listening, surfaces, counts)
+    has_normal = (surfaces[:, 2] != NO_NORMAL)[looked.surface]
+    silent, beside = (
+        _tally(looked, weights.astype(np.float64), has_normal)
+        for weights in (looked.heard == 0, looked.beside)
+    )
+    oblique = beside[:, OBLIQUE].sum(axis=1)
     # Steps of loudness lend to their neighbours.
-    padded = np.pad(counts, [(0, 0), (1, 1), (0, 0)], mode="edge")
-    silent, _, beside = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
+    padded = np.pad([silent, beside], [(0, 0), (1, 1), (0, 0)], mode="edge")
+    silent, beside = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
     pseudo = PSEUDO_COUNT
     if _are_lone(surfaces):
         # What faces nowhere answers alike at any incidence: all that is heard of it is one class.
@@ -312,13 +264,23 @@ def learn_response(
     # What is louder, or struck more squarely, is not more often silent.
     table = np.maximum.accumulate(np.minimum.accumulate(table, axis=0), axis=1)
     table = np.clip(table, LEAST_SILENT, MOST_SILENT)
-    diffuseness = _diffuseness(table, counts, surfaces)
+    diffuseness = _diffuseness(table, oblique, surfaces)
     return Response(_trusted(table, diffuseness), diffuseness)
 
 
-def _diffuseness(table: FloatArray, counts: FloatArray, surfaces: FloatArray) -> float:
+def _tally(looked: Looked, weights: FloatArray, has_normal: BoolArray) -> FloatArray:
+    """Sums of weights by loudness and incidence; what faces nowhere is of all incidences."""
+    size = LOUDNESSES * INCIDENCES
+    place = looked.loud * INCIDENCES + looked.incidence
+    facing = np.bincount(place[has_normal], weights[has_normal], size)
+    others = np.bincount(looked.loud[~has_normal], weights[~has_normal], LOUDNESSES)
+    sums: FloatArray = facing.reshape(LOUDNESSES, INCIDENCES) + others[:, np.newaxis] / INCIDENCES
+    return sums
+
+
+def _diffuseness(table: FloatArray, oblique: FloatArray, surfaces: FloatArray) -> float:
     """Answers to oblique sound over those to square sound."""
-    looks = counts[2][:, OBLIQUE].sum(axis=1) * (table[:, 1] < 0.7)
+    looks = oblique * (table[:, 1] < 0.7)
     if looks.sum() > LEAST_LOOKS:
         answers = 1.0 - table
         square = (looks * answers[:, SQUARE].mean(axis=1)).sum()

@@ -21,7 +21,7 @@ from usmap_ros.mapping.joint.field import (
     Y,
 )
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls
-from usmap_ros.mapping.joint.open_space import trace_open
+from usmap_ros.mapping.joint.open_ways import trace_open
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, drawn_columns, round_columns
 from usmap_ros.mapping.joint.wall_ends import WallEnds

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.overdispersion import (
-    SECTORS,
-    USUAL_SHAPE,
-    most_likely_shape,
-    sector_of,
-)
+from usmap_ros.mapping.joint.overdispersion import USUAL_SHAPE, most_likely_shape
+from usmap_ros.mapping.joint.soundings import SECTORS, sector_of
 
 
 @pytest.mark.parametrize("shape", [1.0, 2.0, 4.0])

@@ -10,6 +10,7 @@ import numpy as np
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.parameters import CorrectionParameters, ReconstructionParameters
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.reconstructor import reconstruct
@@ -103,8 +104,7 @@ class EchoTable:
         """Distance of places (..., 2) from a ping, and their bearing off its beam's axis."""
         offset = places_m - self.positions_m[ping]
         bearing = np.arctan2(offset[..., 1], offset[..., 0]) - self.yaws_rad[ping]
-        wrapped = (bearing + np.pi) % (2.0 * np.pi) - np.pi
-        return np.hypot(offset[..., 0], offset[..., 1]), wrapped
+        return np.hypot(offset[..., 0], offset[..., 1]), wrapped(bearing)
 
     def neighbours(self, ping: int) -> IndexArray:
         """Pings of the same transducer from the stretch of path around `ping`, in order."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from usmap_ros.localisation.planar import wrapped
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 #: How fast a frame moves, m/s and rad/s; and how far it has to be off to jump, m and rad.
 SPEED_M_S, TURN_RAD_S = 0.2, 0.1

@@ -7,9 +7,9 @@ import copy
 import numpy as np
 
 from usmap_ros.localisation.found import Found, of_pings
-from usmap_ros.localisation.planar import wrapped
 from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 #: Knots by which a robot's own map lags behind it where robots are followed: one search for each.
 _LAGS = (6, 3)

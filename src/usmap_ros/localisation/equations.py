@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solveh_banded
 
-from usmap_ros.localisation.planar import between, derivatives, wrapped
+from usmap_ros.localisation.planar import between, derivatives
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 #: What is known of a pose that is held, as inverse covariance of x, y (m) and yaw (rad).
 _HELD = np.diag([1.0 / 0.005**2, 1.0 / 0.005**2, 1.0 / 0.01**2])

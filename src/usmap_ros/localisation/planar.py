@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray
-
-
-def wrapped(angles_rad: FloatArray) -> FloatArray:
-    """Angles in [-π, π)."""
-    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
+from usmap_ros.numerics.geometry import wrapped
 
 
 def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:

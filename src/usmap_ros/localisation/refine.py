@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from usmap_ros.localisation.echo_table import tabulate
 from usmap_ros.localisation.found import Found
-from usmap_ros.localisation.planar import wrapped
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
 from usmap_ros.localisation.search import search
 from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray
-from usmap_ros.numerics.geometry import PLANAR_AXES, Pose
+from usmap_ros.numerics.geometry import PLANAR_AXES, Pose, wrapped
 from usmap_ros.pings.cone import EchoCone
 
 #: A ping, with the topic that it came on.

@@ -27,11 +27,12 @@ from usmap_ros.localisation.equations import (
     solve_chain,
 )
 from usmap_ros.localisation.landmarks import Equations, Knots, eliminate
-from usmap_ros.localisation.planar import compose, wrapped
+from usmap_ros.localisation.planar import compose
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.localisation.wall_equations import WallEquations
 from usmap_ros.localisation.walls import Walls, share_out
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 #: Side of a field's cell, m, and the most cells, beyond which they are larger.
 _CELL_M, _MOST_CELLS = 0.04, 8_000_000

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.localisation.planar import between, compose, turned_into, wrapped
+from usmap_ros.localisation.planar import between, compose, turned_into
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 #: Odometry that states no covariance: errors for the root of each metre (m, rad).
 _SLIP_M, _TURN_RAD = 0.02, 0.026

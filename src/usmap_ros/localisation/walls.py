@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from usmap_ros.localisation.echo_table import Echoes, of_rows
-from usmap_ros.localisation.planar import wrapped
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 #: Directions of normals that are voted for, and least width of a step of distance, m.
 _DIRECTIONS, _STEP_M = 120, 0.04

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.numerics.arrays import IndexArray, RealArray
-from usmap_ros.numerics.geometry import at_height
+from usmap_ros.numerics.geometry import at_height, wrapped
 from usmap_ros.pings.cone import EchoCone
 
 #: Gain at which the beam counts as silent: keeps logarithms finite.
@@ -102,8 +102,8 @@ def _cells_in_box(cone: EchoCone, resolution_m: float) -> tuple[IndexArray, Inde
     if cone.pose.is_tilted or cone.object_rise_m:
         half_angle = np.pi
     # The extremes of a sector lie at its edges or where it crosses an axis.
-    quarters = np.arange(-2, 3) * (np.pi / 2.0)
-    crossing = (quarters - cone.pose.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
+    quarters = np.arange(-2.0, 3.0) * (np.pi / 2.0)
+    crossing = wrapped(quarters - cone.pose.yaw_rad)
     offsets = np.concatenate([[-half_angle, half_angle], crossing[np.abs(crossing) <= half_angle]])
     angles = cone.pose.yaw_rad + offsets
     xs = x_m + reach_m * np.append(np.cos(angles), 0.0)

@@ -193,6 +193,17 @@ def at_height(places_m: FloatArray, height_m: float | FloatArray) -> FloatArray:
     return np.column_stack([places_m, heights_m])
 
 
+def wrapped(angles_rad: FloatArray) -> FloatArray:
+    """Angles in [-π, π)."""
+    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def way_between(first: Pose, second: Pose) -> tuple[float, float]:
+    """How far a pose lies from another in the plane (m), and is turned from it (rad)."""
+    way_m = math.dist(first.position_m[:2].tolist(), second.position_m[:2].tolist())
+    return way_m, abs(math.remainder(second.yaw_rad - first.yaw_rad, 2.0 * math.pi))
+
+
 def left_normals(starts_m: FloatArray, ends_m: FloatArray) -> FloatArray:
     """Unit vectors across segments in the plane, to the left of the way along them.
 

@@ -5,8 +5,9 @@ import pytest
 from pings_among_poles import circle
 
 from usmap_ros.localisation.equations import chain, odometry_cost, solve_chain
-from usmap_ros.localisation.planar import between, compose, derivatives, wrapped
+from usmap_ros.localisation.planar import between, compose, derivatives
 from usmap_ros.localisation.tracks import Track
+from usmap_ros.numerics.geometry import wrapped
 
 #: All pings of one transducer.
 ONE = np.zeros(100, np.intp)

@@ -8,9 +8,9 @@ from pings_among_poles import Ping, cone
 
 from usmap_ros.localisation import refine_poses
 from usmap_ros.localisation.echo_table import tabulate
-from usmap_ros.localisation.planar import between, compose, wrapped
+from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.walls import Walls, find_walls, share_out
-from usmap_ros.numerics.geometry import Pose
+from usmap_ros.numerics.geometry import Pose, wrapped
 from usmap_ros.pings.range_cones import RangeReading
 
 #: Normals and distances of a room's walls: one of them aslant, so that no turn brings it back.

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.numerics.geometry import Pose
+from usmap_ros.numerics.geometry import Pose, way_between, wrapped
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -3.0, np.pi, 5.0])
@@ -136,3 +136,13 @@ def test_turns_are_those_of_scipy():
         np.testing.assert_allclose(outer.compose(inner).rotation, both.as_matrix(), atol=1e-14)
         ahead_x, ahead_y, _ = Rotation.from_quat(first).apply([1.0, 0.0, 0.0])
         assert inner.yaw_rad == pytest.approx(np.arctan2(ahead_y, ahead_x))
+
+
+def test_the_way_between_poses_turns_the_short_way_round():
+    near = Pose.planar(1.0, 2.0, 3.1), Pose.planar(4.0, 6.0, -3.1, z_m=7.0)
+
+    way_m, turn_rad = way_between(*near)
+
+    assert way_m == pytest.approx(5.0)
+    assert turn_rad == pytest.approx(2.0 * np.pi - 6.2)
+    assert np.abs(wrapped(np.array([-6.2, 6.2]))) == pytest.approx(turn_rad)

@@ -10,7 +10,6 @@ rest agree.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
@@ -22,6 +21,7 @@ from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotCom
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
+from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -146,9 +146,8 @@ def is_of(topic: str, names: Iterable[str]) -> bool:
 
 
 def _has_moved(before: EchoCone, after: EchoCone) -> bool:
-    way_m = math.dist(after.pose.position_m[:2].tolist(), before.pose.position_m[:2].tolist())
-    turned = (after.pose.yaw_rad - before.pose.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
-    return way_m > MOVED_M or abs(turned) > MOVED_RAD
+    way_m, turn_rad = way_between(before.pose, after.pose)
+    return way_m > MOVED_M or turn_rad > MOVED_RAD
 
 
 def _is_repetition(before: EchoCone, after: EchoCone) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from usmap_ros.mapping.joint.kept_pings import STEP_M, STEP_RAD
 from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.numerics.geometry import way_between
 from usmap_ros.pings.cone import EchoCone
 
 #: Places that are needed to tell that nothing is heard anywhere, and pings with echoes to tell how
@@ -132,6 +133,5 @@ def _from_places(cones: Sequence[EchoCone]) -> list[EchoCone]:
 
 
 def _is_elsewhere(before: EchoCone, after: EchoCone) -> bool:
-    way_m = math.dist(after.pose.position_m[:2].tolist(), before.pose.position_m[:2].tolist())
-    turned = (after.pose.yaw_rad - before.pose.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
-    return way_m > STEP_M or abs(turned) > STEP_RAD
+    way_m, turn_rad = way_between(before.pose, after.pose)
+    return way_m > STEP_M or turn_rad > STEP_RAD

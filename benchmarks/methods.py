@@ -106,20 +106,12 @@ def _fused(cones: list[EchoCone], parameters: PipelineParameters) -> OccupancyMa
 
 def _max_merged(maps: list[OccupancyMap]) -> OccupancyMap:
     """The largest log-odds of each cell among the maps that observed it."""
-    resolution_m = maps[0].geometry.resolution_m
-    firsts = [np.rint(np.array(m.geometry.origin_m) / resolution_m).astype(int) for m in maps]
-    low = np.min(firsts, axis=0)
-    ends = [first + m.geometry.shape[::-1] for first, m in zip(firsts, maps, strict=True)]
-    columns, rows = np.max(ends, axis=0) - low
-    log_odds = np.full((rows, columns), -np.inf, dtype=np.float32)
-    for first, single in zip(firsts, maps, strict=True):
-        column, row = first - low
-        height, width = single.geometry.shape
-        window = log_odds[row : row + height, column : column + width]
+    geometry = GridGeometry.around([single.geometry for single in maps])
+    log_odds = np.full(geometry.shape, -np.inf, dtype=np.float32)
+    for single in maps:
+        window = log_odds[single.geometry.within(geometry)]
         seen = np.where(single.observed, single.log_odds, np.float32(-np.inf))
         np.maximum(window, seen, out=window)
     observed = np.isfinite(log_odds)
-    origin_m = (float(low[0] * resolution_m), float(low[1] * resolution_m))
-    geometry = GridGeometry(resolution_m, origin_m, (int(rows), int(columns)))
     # Nothing is known of the rest, which no score looks at.
     return OccupancyMap(geometry, np.where(observed, log_odds, 0.0), observed, maps[0].frame_id)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,6 +71,22 @@ class GridGeometry:
         """Column and row of cell (0, 0), counted from x = 0 and y = 0."""
         column, row = np.rint(np.array(self.origin_m) / self.resolution_m)
         return int(column), int(row)
+
+    @classmethod
+    def around(cls, geometries: Sequence[GridGeometry]) -> GridGeometry:
+        """Smallest grid that covers others of the same cells, at least one."""
+        first = np.array([one.first_cell for one in geometries])
+        beyond = first + np.array([one.shape[::-1] for one in geometries])
+        left, top = (int(cell) for cell in first.min(axis=0))
+        columns, rows = (int(count) for count in beyond.max(axis=0) - (left, top))
+        resolution_m = geometries[0].resolution_m
+        return cls(resolution_m, (left * resolution_m, top * resolution_m), (rows, columns))
+
+    def within(self, larger: GridGeometry) -> tuple[slice, slice]:
+        """Rows and columns on a grid of the same cells that covers this one."""
+        left, top = np.subtract(self.first_cell, larger.first_cell).tolist()
+        rows, columns = self.shape
+        return slice(top, top + rows), slice(left, left + columns)
 
     def cell_centers_m(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Centres of cells, shape (..., 2), x before y."""

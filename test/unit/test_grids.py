@@ -75,3 +75,14 @@ def test_cells_are_told_apart_by_probability_to_the_last_digit() -> None:
     np.testing.assert_array_equal(occupancy.trinary() == FREE_VALUE, is_free)
     assert 0 < np.count_nonzero(is_occupied[0]) < len(steps)
     assert 0 < np.count_nonzero(is_free[1]) < len(steps)
+
+
+def test_a_grid_around_others_holds_each_where_it_is() -> None:
+    low, high = GridGeometry(0.1, (-0.2, 0.3), (2, 3)), GridGeometry(0.1, (0.5, -0.1), (4, 1))
+
+    both = GridGeometry.around([low, high])
+
+    assert both.first_cell == (-2, -1)
+    assert both.shape == (6, 8)
+    assert low.within(both) == (slice(4, 6), slice(0, 3))
+    assert high.within(both) == (slice(0, 4), slice(7, 8))

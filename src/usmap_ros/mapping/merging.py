@@ -36,7 +36,7 @@ def merge_maps(maps: Sequence[OccupancyMap], parameters: MappingParameters) -> O
     if len(maps) == 1:
         return maps[0]
     _check_alike(maps)
-    geometry = _around([one.geometry for one in maps])
+    geometry = GridGeometry.around([one.geometry for one in maps])
     check_size(*geometry.shape, parameters)
     prior = np.float32(logit(parameters.prior))
     log_odds = np.full(geometry.shape, prior, np.float32)
@@ -48,7 +48,7 @@ def merge_maps(maps: Sequence[OccupancyMap], parameters: MappingParameters) -> O
         for name in names
     }
     for one in maps:
-        window = _window(one.geometry, geometry)
+        window = one.geometry.within(geometry)
         news = one.log_odds - prior
         log_odds[window] += news
         observed[window] |= one.observed
@@ -80,20 +80,3 @@ def _check_alike(maps: Sequence[OccupancyMap]) -> None:
         sides_m = first.geometry.resolution_m, one.geometry.resolution_m
         if not np.isclose(*sides_m, rtol=1e-6):
             raise UsmapError(f"maps of cells of {sides_m[0]:g} m and {sides_m[1]:g} m do not join")
-
-
-def _around(geometries: Sequence[GridGeometry]) -> GridGeometry:
-    """Smallest grid that covers all of them."""
-    first = np.array([one.first_cell for one in geometries])
-    last = first + np.array([one.shape[::-1] for one in geometries])
-    left, top = (int(cell) for cell in first.min(axis=0))
-    columns, rows = (int(count) for count in last.max(axis=0) - (left, top))
-    resolution_m = geometries[0].resolution_m
-    return GridGeometry(resolution_m, (left * resolution_m, top * resolution_m), (rows, columns))
-
-
-def _window(inner: GridGeometry, outer: GridGeometry) -> tuple[slice, slice]:
-    """Rows and columns of one grid on another that holds it."""
-    left, top = np.array(inner.first_cell) - outer.first_cell
-    rows, columns = inner.shape
-    return slice(top, top + rows), slice(left, left + columns)

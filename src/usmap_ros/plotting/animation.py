@@ -120,7 +120,8 @@ class _MovingMap:
         truth: TruthMap | None,
         extent_m: Extent | None,
     ) -> None:
-        self._geometry = _around([occupancy.geometry for occupancy in maps])
+        # A map may shrink as it forms.
+        self._geometry = GridGeometry.around([occupancy.geometry for occupancy in maps])
         self._paths = paths
         shown = extent_m or shown_extent(maps[-1:], paths)
         self._figure = style.new_figure(*figure_size_in(shown), _DOTS_PER_INCH)
@@ -178,24 +179,10 @@ def _cone_outline(cone: EchoCone) -> FloatArray:
     return np.concatenate([np.zeros((1, 2)), arc]) + cone.pose.position_m[:2]
 
 
-def _around(geometries: Sequence[GridGeometry]) -> GridGeometry:
-    """The smallest grid that holds others of the same cells; a map may shrink as it forms."""
-    resolution_m = geometries[0].resolution_m
-    first = np.rint(np.array([geometry.origin_m for geometry in geometries]) / resolution_m)
-    beyond = first + np.array([geometry.shape[::-1] for geometry in geometries])
-    low = first.min(axis=0)
-    columns, rows = (beyond.max(axis=0) - low).astype(int)
-    origin_m = (float(low[0] * resolution_m), float(low[1] * resolution_m))
-    return GridGeometry(resolution_m, origin_m, (int(rows), int(columns)))
-
-
 def _on_grid(occupancy: OccupancyMap, geometry: GridGeometry) -> FloatArray:
     """Probability on a larger grid with the same cells; NaN where nothing was observed."""
     probability = np.full(geometry.shape, np.nan)
-    offset = np.subtract(occupancy.geometry.origin_m, geometry.origin_m) / geometry.resolution_m
-    column, row = (int(value) for value in np.rint(offset))
-    rows, columns = occupancy.geometry.shape
-    probability[row : row + rows, column : column + columns] = np.where(
+    probability[occupancy.geometry.within(geometry)] = np.where(
         occupancy.observed, occupancy.probability(), np.nan
     )
     return probability

@@ -26,7 +26,6 @@ from usmap_ros.live.interfaces import (
 )
 from usmap_ros.nodes.plumbing.endpoints import advertise, advertise_managed
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
-from usmap_ros.numerics.arrays import IntArray
 
 #: Published maps grow by whole blocks of so many cells: each growth makes nav2 allocate its
 #: costmaps anew and forget what its other layers had marked.
@@ -38,33 +37,23 @@ def block_geometry(geometry: GridGeometry, at_least: GridGeometry | None = None)
 
     Blocks lie at fixed places, so that cells never move as the grid grows.
     """
-    resolution_m = geometry.resolution_m
-    first, last = _cell_range(geometry)
-    if at_least is not None:
-        other_first, other_last = _cell_range(at_least)
-        first, last = np.minimum(first, other_first), np.maximum(last, other_last)
+    covered = geometry if at_least is None else GridGeometry.around([geometry, at_least])
+    first = np.array(covered.first_cell)
+    last = first + covered.shape[::-1]
     first = first // BLOCK_CELLS * BLOCK_CELLS
     last = -(-last // BLOCK_CELLS) * BLOCK_CELLS
     columns, rows = (int(count) for count in last - first)
-    x, y = (float(cell) * resolution_m for cell in first)
-    return GridGeometry(resolution_m, (x, y), (rows, columns))
+    x, y = (float(cell) * geometry.resolution_m for cell in first)
+    return GridGeometry(geometry.resolution_m, (x, y), (rows, columns))
 
 
 def placed(
     values: NDArray[np.int8], geometry: GridGeometry, target: GridGeometry
 ) -> NDArray[np.int8]:
     """`values` of one grid on a larger one, unknown around them."""
-    left, top = _cell_range(geometry)[0] - _cell_range(target)[0]
-    rows, columns = geometry.shape
     whole = np.full(target.shape, UNKNOWN_VALUE, dtype=np.int8)
-    whole[top : top + rows, left : left + columns] = values
+    whole[geometry.within(target)] = values
     return whole
-
-
-def _cell_range(geometry: GridGeometry) -> tuple[IntArray, IntArray]:
-    """Column and row of the first cell, and of the one behind the last, counted from 0, 0."""
-    first = np.rint(np.array(geometry.origin_m) / geometry.resolution_m).astype(np.int64)
-    return first, first + np.array(geometry.shape[::-1])
 
 
 def changed_part(

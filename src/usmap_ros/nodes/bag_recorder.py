@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from usmap_ros.errors import BagError, ConfigurationError
+from usmap_ros.errors import BagError
 from usmap_ros.io.bag_writer import BagWriter, qos_to_record
 from usmap_ros.live.interfaces import BAG_RECORDER, Qos
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
@@ -47,9 +47,7 @@ class BagRecorder(Node):
         self.parameters = ParameterServer(self, BagRecorderParameters)
         parameters = self.parameters.value
         if not parameters.bag:
-            raise ConfigurationError(
-                f"parameters of {self.get_fully_qualified_name()}", "bag: is missing"
-            )
+            raise self.parameters.refused("bag", "is missing")
         self.health = NodeHealth(self, parameters.diagnostics_period_s, ("received", "failed"))
         self._writer = _start_recording(Path(parameters.bag).expanduser())
         self._known: set[str] = set()

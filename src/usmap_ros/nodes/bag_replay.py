@@ -14,7 +14,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
-from usmap_ros.errors import BagError, ConfigurationError
+from usmap_ros.errors import BagError
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE
 from usmap_ros.io.raw_reader import RawBagReader, recorded_qos
 from usmap_ros.io.storage import RecordedTopic
@@ -88,9 +88,7 @@ class BagReplay(Node):
         self.parameters = ParameterServer(self, BagReplayParameters)
         parameters = self.parameters.value
         if not parameters.bag:
-            raise ConfigurationError(
-                f"parameters of {self.get_fully_qualified_name()}", "bag: is missing"
-            )
+            raise self.parameters.refused("bag", "is missing")
         self._on_end = on_end
         self.health = NodeHealth(self, parameters.diagnostics_period_s, ("published", "loops"))
         self._bag = RawBagReader(Path(parameters.bag).expanduser())

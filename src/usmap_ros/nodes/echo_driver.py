@@ -10,7 +10,6 @@ from rclpy.node import Node
 
 from usmap_ros.drivers import PingSource
 from usmap_ros.drivers.simulated import SimulatedTransducers, SimulatedWorld
-from usmap_ros.errors import ConfigurationError
 from usmap_ros.io.conversions import array_to_cdr
 from usmap_ros.live.interfaces import ECHO_DRIVER, TRANSDUCERS
 from usmap_ros.live.scenario_time import NoTimeError, ScenarioTime
@@ -26,8 +25,8 @@ from usmap_ros.nodes.plumbing.pose_sources import (
     PoseSource,
     TransformPose,
 )
-from usmap_ros.nodes.plumbing.robot_frames import RobotFrames
 from usmap_ros.nodes.plumbing.run import run_node
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters.nodes import EchoDriverParameters
 from usmap_ros.simulation import Scenario
 from usmap_ros.simulation.robot import SimulatedRobot
@@ -66,9 +65,9 @@ class EchoDriver(Node):
         self._world = scenario.frame_id
         self._time = self._make_time()
         self._transforms = self._make_transforms()
-        base_frame = parameters.base_frame or f"{robot.name}/base_link"
-        self._pose_source = self._make_pose_source(robot, base_frame)
-        self._frames = self._make_frames(robot, base_frame)
+        self._base_frame = parameters.base_frame or f"{robot.name}/base_link"
+        self._pose_source = self._make_pose_source(robot)
+        self._broadcast_mounts(robot)
         self._outputs = EchoOutputs(self, self.health, _namespaces(robot))
         turns = self._make_turns(robot, scene, scenario.heard_by(robot, fleet))
         self._turns = cycle(turns)
@@ -88,17 +87,13 @@ class EchoDriver(Node):
             try:
                 time.at(now_ns)
             except NoTimeError as error:
-                raise ConfigurationError(
-                    f"parameters of {self.get_fully_qualified_name()}", str(error)
-                ) from error
+                raise self.parameters.refused("start_time_s", str(error)) from error
         return time
 
     def _load_scenario(self) -> Scenario:
         path = self.parameters.value.scenario
         if not path:
-            raise ConfigurationError(
-                f"parameters of {self.get_fully_qualified_name()}", "scenario: is missing"
-            )
+            raise self.parameters.refused("scenario", "is missing")
         return Scenario.load(Path(path).expanduser())
 
     def _choose(self, fleet: list[SimulatedRobot]) -> SimulatedRobot:
@@ -107,10 +102,7 @@ class EchoDriver(Node):
             if name in ("", robot.name):
                 return robot
         known = ", ".join(robot.name for robot in fleet)
-        raise ConfigurationError(
-            f"parameters of {self.get_fully_qualified_name()}",
-            f"robot: is {name!r}, the scenario has {known}",
-        )
+        raise self.parameters.refused("robot", f"is {name!r}, the scenario has {known}")
 
     def _make_transforms(self) -> Transforms | None:
         """TF, if anything needs it."""
@@ -119,38 +111,38 @@ class EchoDriver(Node):
             return None
         transforms = Transforms(self, "neither is the robot's pose taken from TF nor published")
         if parameters.pose_source == "tf":
-            transforms.require(self)
+            transforms.require(self.parameters)
         return transforms
 
-    def _make_pose_source(self, robot: SimulatedRobot, base_frame: str) -> PoseSource:
+    def _make_pose_source(self, robot: SimulatedRobot) -> PoseSource:
         parameters = self.parameters.value
         if parameters.pose_source != "path" and robot.odometry is not None:
-            raise ConfigurationError(
-                f"parameters of {self.get_fully_qualified_name()}",
-                f"pose_source: is {parameters.pose_source}, but the scenario gives"
-                f" {robot.name!r} odometry of its own, which follows its path",
+            raise self.parameters.refused(
+                "pose_source",
+                f"is {parameters.pose_source}, but the scenario gives {robot.name!r} odometry of"
+                " its own, which follows its path",
             )
         if parameters.pose_source == "odometry":
             return OdometryPose(self, self.health, parameters.pose_timeout_s)
         if parameters.pose_source == "tf" and self._transforms is not None:
             return TransformPose(
-                self._transforms, base_frame, self._world, parameters.pose_timeout_s
+                self._transforms, self._base_frame, self._world, parameters.pose_timeout_s
             )
         return PathPose(robot.motion)
 
-    def _make_frames(self, robot: SimulatedRobot, base_frame: str) -> RobotFrames | None:
+    def _broadcast_mounts(self, robot: SimulatedRobot) -> None:
+        """Say where the transducers are on the robot's base: once, for good."""
         parameters = self.parameters.value
-        if not parameters.publish_tf or self._transforms is None:
-            return None
-        mounts = {sonar.child_frame_id: sonar.mount for sonar in robot.transducers}
-        return RobotFrames(
-            self._transforms,
-            self._world,
-            base_frame,
-            mounts if parameters.publish_transducer_tf else {},
-            # Where TF says where the base is, somebody else broadcasts it.
-            parameters.publish_base_tf and parameters.pose_source != "tf",
-        )
+        if self._transforms and parameters.publish_tf and parameters.publish_transducer_tf:
+            mounts = {sonar.child_frame_id: sonar.mount for sonar in robot.transducers}
+            self._transforms.broadcast_for_good(self._base_frame, mounts)
+
+    def _broadcast_base(self, base: Pose, stamp_ns: int) -> None:
+        """Say where the robot truly is, unless TF says so: then somebody else broadcasts it."""
+        parameters = self.parameters.value
+        is_ours = parameters.publish_base_tf and parameters.pose_source != "tf"
+        if self._transforms and parameters.publish_tf and is_ours:
+            self._transforms.broadcast(base, self._world, self._base_frame, stamp_ns)
 
     def _make_turns(
         self, robot: SimulatedRobot, scene: Scene, others: list[SimulatedRobot]
@@ -179,8 +171,7 @@ class EchoDriver(Node):
         if stamp_ns == self._latest_ns.get(turn):
             return  # Nothing new is known of where it is.
         self._latest_ns[turn] = stamp_ns
-        if self._frames is not None:
-            self._frames.move(base, stamp_ns)
+        self._broadcast_base(base, stamp_ns)
         self._outputs.publish(
             turn.ping(stamp_ns, base), with_ranges=self.parameters.value.publish_range
         )

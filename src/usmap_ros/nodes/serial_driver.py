@@ -28,7 +28,7 @@ class SerialDriver(DeviceDriver):
         """The device on its port."""
         parameters: SerialDriverParameters = self.parameters.value
         if not parameters.device:
-            raise self.refuse("device", "is missing")
+            raise self.parameters.refused("device", "is missing")
         port = Port(parameters.device, parameters.baud_rate)
         return SerialTransducer(port, sensor, parameters.answer_timeout_s)
 

@@ -80,15 +80,9 @@ class DeviceDriver(Node):
         self._worker.stop()
         self._source.close()
 
-    def refuse(self, name: str, cause: str) -> ConfigurationError:
-        """Error of a parameter that cannot be used."""
-        return ConfigurationError(
-            f"parameters of {self.get_fully_qualified_name()}", f"{name}: {cause}"
-        )
-
     def _load_description(self) -> Recording:
         if not self.parameters.value.sensor:
-            raise self.refuse("sensor", "is missing")
+            raise self.parameters.refused("sensor", "is missing")
         path = Path(self.parameters.value.sensor).expanduser()
         description = Recording.load(path)
         samples = description.samples
@@ -107,7 +101,7 @@ class DeviceDriver(Node):
         if parameters.pose_source == "odometry":
             return OdometryPose(self, self.health, parameters.pose_timeout_s)
         transforms = Transforms(self, "the robot's pose cannot be taken from TF")
-        transforms.require(self)
+        transforms.require(self.parameters)
         return TransformPose(transforms, self._base_frame, world, parameters.pose_timeout_s)
 
     def _look_at_device(self) -> Remark | None:

@@ -9,8 +9,9 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.time import Time
 
-from usmap_ros.errors import ConfigurationError, UsmapError
+from usmap_ros.errors import UsmapError
 from usmap_ros.io.conversions import transform_from_message, transform_to_message
+from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone
@@ -54,12 +55,11 @@ class Transforms:
         self._broadcaster: Any = None
         self._static_broadcaster: Any = None
 
-    def require(self, node: Node) -> None:
+    def require(self, parameters: ParameterServer[Any]) -> None:
         """Raise `ConfigurationError` without TF, where poses are to come from there."""
         if not self.is_available:
-            raise ConfigurationError(
-                f"parameters of {node.get_fully_qualified_name()}",
-                "pose_source: is 'tf', and tf2_ros is not installed; 'odometry' needs no TF",
+            raise parameters.refused(
+                "pose_source", "is 'tf', and tf2_ros is not installed; 'odometry' needs no TF"
             )
 
     def pose_of(self, frame_id: str, world: str, stamp_ns: int | None = None) -> tuple[Pose, int]:

@@ -115,15 +115,18 @@ class ParameterServer(Generic[_Parameters]):
             if node.has_parameter(name):
                 given[name] = node.get_parameter(name).value
                 node.undeclare_parameter(name)
-        self.value = validated(
-            f"parameters of {node.get_fully_qualified_name()}", group, nested_values(given)
-        )
+        self._named = f"parameters of {node.get_fully_qualified_name()}"
+        self.value = validated(self._named, group, nested_values(given))
         self._warn_of_unknown(fields)
         for name, value in flat_values(self.value).items():
             descriptor = descriptor_of(name, fields[name], is_among(name, group.fixed))
             node.declare_parameter(name, value, descriptor, ignore_override=True)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
+
+    def refused(self, name: str, cause: str) -> ConfigurationError:
+        """Error of a parameter that cannot be used."""
+        return ConfigurationError(self._named, f"{name}: {cause}")
 
     def _warn_of_unknown(self, fields: dict[str, FieldInfo]) -> None:
         # Only a warning: a file may be shared by several nodes under the wildcard /**.

@@ -32,6 +32,8 @@ GATES = {
     # Few poles can be heard by so few pings; a single one would decide.
     "few_pings": tuple(Case("poles", "few_pings", seed) for seed in range(4715, 4721)),
     "range_only": (Case("swarm", "ranges", 4721),),
+    # Of sonars that report the first echo only, which smooth walls answer as mirrors do.
+    "first_echoes": (Case("flat_smooth", "first_echoes", 4722),),
 }
 
 

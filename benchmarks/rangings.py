@@ -88,6 +88,22 @@ def range_traces(scenario: Scenario) -> Iterator[tuple[str, EchoTrace]]:
         yield topic, replace(trace, child_frame_id=sensor.child_frame_id)
 
 
+def first_echoes(
+    heard: list[tuple[str, EchoCone]], scenario: Scenario
+) -> list[tuple[str, EchoCone]]:
+    """The first echo of each cone as the cone of a range reading, none as the greatest range."""
+    found = []
+    for topic, cone in heard:
+        sensor = cone.transducer
+        reading = RangeReading(
+            cone.stamp_ns, cone.child_frame_id, 2.0 * sensor.beam.half_angle_rad,
+            sensor.min_range_m, sensor.max_range_m,
+            float(cone.ranges_m[0]) if len(cone.ranges_m) else sensor.max_range_m,
+        )  # fmt: skip
+        found.append((topic, reading.cone(cone.pose, scenario.frame_id)))
+    return found
+
+
 def nearest_m(scene: Scene, place_m: FloatArray, yaw_rad: float, half_angle_rad: float) -> float:
     """Distance of the nearest surface in a beam, in m; infinite if there is none.
 

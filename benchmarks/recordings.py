@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import rangings
-from rangings import range_cones, range_traces
+from rangings import first_echoes, range_cones, range_traces
 
 import usmap_ros
 from usmap_ros.io.bag_reader import BagReader
@@ -61,7 +61,8 @@ def _simulated(scenario: Scenario, parameters: ReconstructionParameters, sensor:
     if sensor == "ranges":
         return list(range_cones(scenario))
     traces = range_traces(scenario) if sensor == "range_traces" else simulate(scenario)
-    return [(topic, reconstruct(trace, parameters).cone) for topic, trace in traces]
+    found = [(topic, reconstruct(trace, parameters).cone) for topic, trace in traces]
+    return first_echoes(found, scenario) if sensor == "first_echoes" else found
 
 
 def _name(scenario: Scenario, parameters: ReconstructionParameters, sensor: str) -> str:

@@ -72,7 +72,8 @@ class Condition:
     sensor : str
         ``sonar``: echo traces.  ``ranges``: sensors that measure ranges only, as
         ``sensor_msgs/Range`` has them, four on each robot.  ``range_traces``: the same readings
-        as traces with one pulse.
+        as traces with one pulse.  ``first_echoes``: of echo traces, the first echo of each as
+        ``sensor_msgs/Range`` has it.
     """
 
     shown: str
@@ -87,6 +88,8 @@ class Condition:
     sensor: str = "sonar"
 
 
+#: Sensors that hear echo traces, whatever they tell of them.
+SONARS = ("sonar", "first_echoes")
 CONDITIONS = {
     "plain": Condition("three robots, 200 pings each"),
     "noisy": Condition("noise of 0.04", noise_std=0.04),
@@ -105,6 +108,7 @@ CONDITIONS = {
     "range_traces": Condition(
         "range readings as traces", robots=5, pings=120, sensor="range_traces"
     ),
+    "first_echoes": Condition("first echoes alone", sensor="first_echoes"),
     "one_robot": Condition("one robot", robots=1),
     "six_robots": Condition("six robots", robots=6),
     "poses_off": Condition("poses off by 3 cm and 0.6°", position_std_m=0.03, yaw_std_rad=0.01),
@@ -163,7 +167,7 @@ def robot(
     if starts:
         x_m, y_m = starts[number % len(starts)]
         motion["start"] = [x_m, y_m, 2.4 * number]
-    if recorded.sensor != "sonar":
+    if recorded.sensor not in SONARS:
         motion |= {"speed_m_s": 0.4, "clearance_m": 0.12}
     return {
         "name": f"robot{number + 1}",
@@ -180,7 +184,7 @@ def robot(
 
 def transducers(recorded: Condition) -> list[dict[str, Any]]:
     """What a robot carries: a sonar, or range sensors all around."""
-    if recorded.sensor == "sonar":
+    if recorded.sensor in SONARS:
         sonar: dict[str, Any] = {"receiver": {"noise_std": recorded.noise_std}}
         if recorded.floor_reflectivity:
             sonar["mount"] = {"z_m": 0.5}

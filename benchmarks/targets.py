@@ -76,6 +76,8 @@ TARGETS = (
     Target("corridors", _plain("corridors"), 0.0),
     Target("swarm of range sensors", (("swarm", "ranges"),), 0.90, 0.93, lost=0.02),
     Target("the same as traces", (("swarm", "range_traces"),), 0.90, 0.93, lost=0.02),
+    Target("sonars' first echoes alone, rough", (("flat_rough", "first_echoes"),), 0.0),
+    Target("sonars' first echoes alone, smooth", (("flat_smooth", "first_echoes"),), 0.0),
 )
 # Nav2's own world is not always at hand.
 if "sandbox" in KINDS:

@@ -9,7 +9,10 @@ from types import ModuleType
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
-NAMES = ("clutter", "rough_rooms", "smooth_rooms", "corridors", "few_pings", "range_only")
+NAMES = (
+    "clutter", "rough_rooms", "smooth_rooms", "corridors", "few_pings", "range_only",
+    "first_echoes",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

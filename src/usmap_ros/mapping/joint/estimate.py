@@ -70,8 +70,7 @@ class JointEstimate:
     proofs : float
         Pings whose sound must have come back through a cell, to prove that it is free.
     first_only : (pings,) bool array, optional
-        Pings of sensors that report the first thing only: no smooth thing is needed to explain
-        what they hear.
+        Pings of sensors that report the first thing only.
     """
 
     def __init__(  # noqa: PLR0913, PLR0917 - all that an estimate is made from
@@ -105,8 +104,7 @@ class JointEstimate:
 
     def estimate_walls(self) -> Walls:
         """Find walls, and beliefs with them, after powers."""
-        index, _, _ = self._smooth.echo_bins
-        self._smooth.find(self._explained(), ~self._first_only[index], self.depth)
+        self._smooth.find(self._explained(), self._first_only, self.depth)
         self._smooth.take_out()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
@@ -216,14 +214,14 @@ class JointEstimate:
     # ------------------------------------------------------------------ walls
 
     def _explained(self) -> BoolArray:
-        """Whether reliable cells explain each echo, or it needs no smooth thing to explain it."""
+        """Whether reliable cells explain each echo."""
         log_odds = cell_log_odds(self.evidence, self.field.shape)
         expected = self._powers.expected_of((log_odds > RELIABLE).ravel())
         index, bins, inside = self._smooth.echo_bins
         rows = self.pings[index]
         noise = self.looks.numbers[rows, NOISE]
         share = (expected[index, bins] - noise) / np.maximum(self.looks.power[rows, bins], 1e-12)
-        explained: BoolArray = (inside & (share > EXPLAINED_SHARE)) | self._first_only[index]
+        explained: BoolArray = inside & (share > EXPLAINED_SHARE)
         return explained
 
     def walls(self) -> Walls:
@@ -241,7 +239,7 @@ class JointEstimate:
         """
         space = FreeSpace(
             self.looks, self.pings, self.weights, self.field, self._standing, self._stood,
-            self._proofs,
+            self._proofs, self._first_only,
         )  # fmt: skip
         walls, free = space.find(walls, self._smooth, self._powers, self.evidence)
         self.heard, self.silence = space.heard, space.silence

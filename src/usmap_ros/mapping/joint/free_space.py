@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence
-from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, Field, X, Y
+from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, LEAST_RANGE, Field, X, Y
 from usmap_ros.mapping.joint.going_on import ENDS, behind, behind_alone, go_on
 from usmap_ros.mapping.joint.lines import (
     BEGIN,
@@ -73,6 +73,9 @@ FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
 BEHIND_M = 0.5
 #: Range bins, in cells, to either side of a cell's that belong to it.
 LISTENING_CELLS = 0.75
+#: By how much things are taken to be fainter from where they are near to where they are as far as
+#: a sensor that reports the first thing only hears, and louder where they are near, dB.
+FADING_DB, NEAR_DB = 20.0, 6.0
 
 
 class Silence(NamedTuple):
@@ -132,6 +135,8 @@ class FreeSpace:
         Cells that are known to be occupied from before, and where robots stood.
     proofs : float
         Pings whose sound must have come back through a cell, to prove that it is free.
+    first_only : (pings,) bool array
+        Pings of sensors that report the first thing only.
 
     Attributes
     ----------
@@ -151,9 +156,11 @@ class FreeSpace:
         standing: BoolArray,
         stood: BoolArray,
         proofs: float,
+        first_only: BoolArray,
     ) -> None:
         self._looks, self._pings, self._weights, self._field = looks, pings, weights, field
         self._standing, self._stood, self._proofs = standing, stood, proofs
+        self._first_only = first_only
 
     def find(
         self, walls: Walls, smooth: SmoothThings, powers: Powers, evidence: CellEvidence
@@ -338,7 +345,21 @@ class FreeSpace:
         expected = powers.expected_of(over_block(walls.shown).ravel())
         bin_m = float(np.median(self._looks.numbers[self._pings, BIN_M]))
         reach = max(1, round(LISTENING_CELLS * self._field.resolution_m / bin_m))
-        return listen(smooth.put_back(expected), self._pings, expected, reach)
+        listening = listen(smooth.put_back(expected), self._pings, expected, reach)
+        self._fade(listening.limit)
+        return listening
+
+    def _fade(self, limit: NDArray[np.float32]) -> None:
+        """Let what is far be fainter to sensors that report the first thing only.
+
+        They do not say how loud things are: a surface that is sure to be heard nearby may be too
+        faint far away.  Where it is not, that is learnt.
+        """
+        numbers = self._looks.numbers[self._pings[self._first_only]]
+        bins = np.arange(limit.shape[1]) + 0.5
+        ranges_m = numbers[:, LEAST_RANGE, np.newaxis] + numbers[:, BIN_M, np.newaxis] * bins
+        share = np.minimum(ranges_m / numbers[:, GREATEST_RANGE, np.newaxis], 1.0)
+        limit[self._first_only] *= 10.0 ** (0.1 * (share * FADING_DB - NEAR_DB))
 
     def _surfaces(self, walls: Walls, evidence: CellEvidence) -> tuple[FloatArray, BoolArray]:
         """Row, column and normal of what stands; and cells near lines."""

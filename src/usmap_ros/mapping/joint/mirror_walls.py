@@ -142,8 +142,7 @@ def mirror_walls(
     is_usable : (echoes,) bool array
         Whether a mirror may explain an echo.
     """
-    search = Search(looks, pings, echoes, ~is_explained, LEAST_MIRROR, MOST_MIRROR)
-    found = _found(search, ANY)
+    found = perpendicular_walls(looks, pings, echoes, ~is_explained)
     hits = np.array([len(wall.echoes) for wall in found])
     are_mirrors = np.array([wall.following < MOST_FOLLOWING for wall in found], bool)
     if not found or hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
@@ -154,9 +153,8 @@ def mirror_walls(
     if alike[most] @ hits < max(LEAST_ALIKE * hits.sum(), LEAST_HITS_ALIKE):
         return []
     usual = float(np.average(logs[alike[most]], weights=hits[alike[most]]))
-    search = search._replace(
-        is_open=is_usable, faintest=math.exp(usual - BAND), loudest=math.exp(usual + BAND)
-    )
+    faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
+    search = Search(looks, pings, echoes, is_usable, faintest, loudest)
     walls = _without_doubles(_found(search, ANY))
     is_left = is_usable.copy()
     for wall in walls:
@@ -165,6 +163,21 @@ def mirror_walls(
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
     return _squared(_without_doubles(walls), looks.numbers[pings][:, [X, Y]], echoes)
+
+
+def perpendicular_walls(
+    looks: Looks, pings: NDArray[np.int64], echoes: Echoes, is_open: BoolArray
+) -> list[MirrorWall]:
+    """Walls that are heard at the feet of perpendiculars, whether or not from elsewhere, too.
+
+    Parameters
+    ----------
+    looks, pings, echoes
+        As in `mirror_walls`.
+    is_open : (echoes,) bool array
+        Whether an echo may be one's.
+    """
+    return _found(Search(looks, pings, echoes, is_open, LEAST_MIRROR, MOST_MIRROR), ANY)
 
 
 def face_usually(walls: list[MirrorWall], among: list[MirrorWall]) -> BoolArray:

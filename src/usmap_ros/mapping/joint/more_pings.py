@@ -66,7 +66,7 @@ class MorePings:
         )  # fmt: skip
         space = FreeSpace(
             pings.looks, pings.rows, pings.weights, self.field, before.standing, self._stood,
-            parameters.proof_rays,
+            parameters.proof_rays, pings.first_only,
         )  # fmt: skip
         more = space.more(walls, before.free, smooth, powers, known.silence)
         known.put(self._freed(cells, walls, more, known), self.field)

@@ -20,7 +20,8 @@ from usmap_ros.mapping.joint.field import (
     X,
     Y,
 )
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls
+from usmap_ros.mapping.joint.first_returns import answer_as_mirrors
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls, perpendicular_walls
 from usmap_ros.mapping.joint.open_ways import trace_open
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, drawn_columns, round_columns
@@ -96,7 +97,7 @@ class SmoothThings:
         return self._ping, self._bin, self._inside
 
     def find(
-        self, is_explained: BoolArray, is_usable: BoolArray, depth: NDArray[np.float32]
+        self, is_explained: BoolArray, first_only: BoolArray, depth: NDArray[np.float32]
     ) -> None:
         """Find mirrors, and round columns, by echoes that nothing else explains.
 
@@ -104,15 +105,16 @@ class SmoothThings:
         ----------
         is_explained : (echoes,) bool array
             Whether reliable cells explain an echo.
-        is_usable : (echoes,) bool array
-            Whether a mirror may explain an echo.
+        first_only : (pings,) bool array
+            Pings of sensors that report the first thing only.
         depth : (rows, columns) float32 array
             Optical depth of cells.
         """
         looks, pings, echoes = self._looks, self._pings, self._echoes
         left = cast_all_rays(looks, pings, self._field, depth)
+        is_usable = ~first_only[self._ping] | self._mirror_first_returns(first_only)
+        is_explained = is_explained | ~is_usable
         found = mirror_walls(looks, pings, echoes, is_explained, is_usable)
-        is_explained = is_explained.copy()
         for wall in found:
             is_explained[wall.echoes] = True
         # What scatters as much as its radius may be is no circle.
@@ -122,6 +124,14 @@ class SmoothThings:
         self._suspected = [column for column in columns if not column.is_certain]
         ends = WallEnds(looks, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
+
+    def _mirror_first_returns(self, first_only: BoolArray) -> bool:
+        """Whether the walls that sensors hear which report the first thing only are mirrors."""
+        looks, pings, echoes = self._looks, self._pings, self._echoes
+        if not first_only.any():
+            return False
+        walls = perpendicular_walls(looks, pings, echoes, first_only[self._ping])
+        return answer_as_mirrors(walls, looks, pings, echoes)
 
     @property
     def recognised(self) -> Recognised:

@@ -1,0 +1,66 @@
+"""Sensors that report the first thing only, among walls that scatter and among mirrors."""
+
+import math
+
+import numpy as np
+import pytest
+
+from usmap_ros.mapping.joint.first_returns import answer_as_mirrors
+from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.mirror_walls import perpendicular_walls
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.range_cones import RangeReading
+
+HALF_ANGLE_RAD, WALL_M, GREATEST_M = math.radians(20.0), 1.5, 4.0
+#: A sensor that looks squarely at the wall, and one that looks aslant.
+YAWS_RAD = 0.5 * math.pi, math.radians(35.0)
+
+
+def readings_along_a_wall(is_mirror: bool) -> list[EchoCone]:
+    """Drives to the right, 1.5 m below a wall."""
+    cones = []
+    for number in range(60):
+        for sensor, yaw_rad in enumerate(YAWS_RAD):
+            off_rad = max(0.0, 0.5 * math.pi - yaw_rad - HALF_ANGLE_RAD)
+            is_heard = off_rad == 0.0 or not is_mirror
+            reading = RangeReading(
+                1_000_000 * (2 * number + sensor), f"sensor{sensor}", 2.0 * HALF_ANGLE_RAD,
+                0.02, GREATEST_M, WALL_M / math.cos(off_rad) if is_heard else GREATEST_M,
+            )  # fmt: skip
+            cones.append(reading.cone(Pose.planar(0.06 * number, 0.0, yaw_rad), "map"))
+    return cones
+
+
+@pytest.mark.parametrize("is_mirror", [True, False])
+def test_a_wall_that_is_not_heard_aslant_is_a_mirror(is_mirror: bool) -> None:
+    kept = KeptPings(MappingParameters())
+    for cone in readings_along_a_wall(is_mirror):
+        kept.add(cone, "robot")
+    looks, rows, _, echoes = kept.pings()[:4]
+    walls = perpendicular_walls(looks, rows, echoes, np.ones(len(echoes.range_m), bool))
+    assert any(abs(wall.distance_m - WALL_M) < 0.01 for wall in walls)
+    assert answer_as_mirrors(walls, looks, rows, echoes) is is_mirror
+
+
+def test_where_there_is_no_wall_there_is_no_mirror(views: list[EchoCone]) -> None:
+    kept = KeptPings(MappingParameters())
+    for cone in views:
+        kept.add(cone, "robot")
+    looks, rows, _, echoes = kept.pings()[:4]
+    walls = perpendicular_walls(looks, rows, echoes, np.ones(len(echoes.range_m), bool))
+    assert not answer_as_mirrors(walls, looks, rows, echoes)
+
+
+def test_a_mirror_that_is_not_heard_aslant_is_shown_and_not_free() -> None:
+    fusion = JointFusion(MappingParameters())
+    for cone in readings_along_a_wall(is_mirror=True):
+        fusion.fuse(cone, "robot")
+    occupancy = fusion.occupancy_map()
+    geometry = occupancy.geometry
+    x_m, y_m = np.arange(0.1, 3.5, geometry.resolution_m), WALL_M + 0.5 * geometry.resolution_m
+    row = math.floor((y_m - geometry.origin_m[1]) / geometry.resolution_m)
+    columns = np.floor((x_m - geometry.origin_m[0]) / geometry.resolution_m).astype(int)
+    assert (occupancy.trinary()[row, columns] == 100).mean() > 0.9

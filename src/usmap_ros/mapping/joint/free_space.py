@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence
-from usmap_ros.mapping.joint.field import BIN_M, GREATEST_RANGE, LEAST_RANGE, Field, X, Y
+from usmap_ros.mapping.joint.field import (
+    BIN_M,
+    GREATEST_RANGE,
+    LEAST_RANGE,
+    QUARTERS,
+    Field,
+    X,
+    Y,
+)
 from usmap_ros.mapping.joint.going_on import ENDS, behind, behind_alone, go_on
 from usmap_ros.mapping.joint.lines import (
     BEGIN,
@@ -183,7 +191,6 @@ class FreeSpace:
         response = learn_response(looked, surfaces)
         shape = learn_shape(looked, response.log_silent)
         proofs = self._proven(occupied, left, powers, smooth)
-        proven = proofs >= self._proofs
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         closed |= smooth.suspected()
@@ -193,15 +200,15 @@ class FreeSpace:
         things = len(walls.lines) + np.count_nonzero(surfaces[:, 2] == NO_NORMAL)
         kinds = log_priors(smooth.mirrors, smooth.columns_likely, int(things))
         self.silence = Silence(response, shape, kinds, refuted, unknown)
+        self._refute(left, listening, self.silence, wanted, changed, worst)
+        proven = proven_open(proofs, worst, self._proofs)
+        walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
+        closed |= may_be
+        closed |= self._behind(walls, evidence) & ~proven & (worst.max(axis=2) >= ENDS)
+        occupied, hides = walls.shown, walls.shown | self._standing
+        wanted &= ~occupied
+        stood &= ~occupied
         for turn in range(FREE_ROUNDS):
-            self._refute(left, listening, self.silence, wanted, changed, worst)
-            if turn == 0:
-                walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
-                closed |= may_be
-                closed |= self._behind(walls, evidence) & ~proven & (worst.max(axis=2) >= ENDS)
-                occupied, hides = walls.shown, walls.shown | self._standing
-                wanted &= ~occupied
-                stood &= ~occupied
             is_refuted = (worst < refuted) | (proven | stood)[:, :, np.newaxis]
             if smooth.mirrors:
                 self._close(is_refuted, worst, wanted, kinds, refuted)
@@ -212,6 +219,7 @@ class FreeSpace:
                 before = left
                 left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown)))
                 changed = (left != before).any(axis=(1, 2))
+                self._refute(left, listening, self.silence, wanted, changed, worst)
         self.heard = Heard(worst, proofs, closed)
         return walls, connected(free, stood | (free & proven), occupied)
 
@@ -388,14 +396,34 @@ class FreeSpace:
         powers: Powers,
         smooth: SmoothThings,
     ) -> NDArray[np.float32]:
-        """Pings whose sound is known to have passed each cell."""
+        """Pings whose sound is known to have passed each cell, as far as it is."""
         proven = np.zeros(self._field.shape, np.float32)
+        power = powers.power.reshape(*self._field.shape, QUARTERS).sum(axis=2)
+        believed = np.where(over_block(occupied), power, np.float32(0.0))
         prove_open(
-            self._looks, self._pings, self._field, left, powers.expected, powers.power, occupied,
-            proven, self._weights,
+            self._looks, self._pings, self._field, left, powers.expected, believed, proven,
+            self._weights,
         )  # fmt: skip
         smooth.trace_open(proven, self._weights)
         return proven
+
+
+def proven_open(
+    proven: NDArray[np.float32], worst: NDArray[np.float32], proofs: float
+) -> BoolArray:
+    """Cells that enough sound came back through; more, where echoes speak for a surface.
+
+    Parameters
+    ----------
+    proven : (rows, columns) float32 array
+        Pings whose sound is known to have passed each cell.
+    worst : (rows, columns, GROUPS) float32 array
+        Log-likelihood ratio of a surface in it, by `refute_surfaces`.
+    proofs : float
+        How many are enough where no echo does.
+    """
+    enough: BoolArray = proven >= proofs + np.maximum(0.0, worst.max(axis=2))
+    return enough
 
 
 def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolArray:

@@ -7,33 +7,34 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import BIN_M, QUARTERS, Field, X, Y
+from usmap_ros.mapping.joint.field import BIN_M, Field, X, Y
 from usmap_ros.mapping.joint.soundings import room_for, sound
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO
-from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.compiled import compiled
 
-#: Share of an echo's expected power that must come from a cell to prove the way to it, the share
-#: of the sound that must get there, and how far before it the proof ends, in cells.
-PROVING_SHARE, PROVING_SOUND, PROVEN_CELLS = 0.6, 0.3, 1.8
+#: Share of an echo's expected power below which what a cell returns proves nothing of the way
+#: there, the share of the sound that must get there, and how far before it the proof ends, cells.
+PROVING_SHARE, PROVING_SOUND, PROVEN_CELLS = 0.05, 0.3, 1.8
 #: Before what returned it, sound must be left up to so many cells before its middle.
 OWN_CELLS = 3.0
 
 
 @compiled
-def prove_open(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+def prove_open(
     looks: Looks,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
     expected: NDArray[np.float32],
     power: NDArray[np.float32],
-    believed: BoolArray,
     proven: NDArray[np.float32],
     weights: NDArray[np.float32],
 ) -> None:
     """Count pings whose sound came back through each cell from what is believed behind it.
+
+    Each counts by the share of its echo that comes from there: neighbours share the echoes of a
+    wall, and sound that came from any of them came by much the same way.
 
     Parameters
     ----------
@@ -41,52 +42,43 @@ def prove_open(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         The pings.
     expected : (pings, bins) float32 array
         λ.
-    power : (quarters,) float32 array
-        Of each.
-    believed : (rows, columns) bool array
-        Cells that hold something.
+    power : (rows, columns) float32 array
+        Of each cell that is believed to hold something; 0 elsewhere.
     proven : (rows, columns) float32 array
         Added to.
     weights : (pings,) float32 array
         How much each ping counts.
     """
     res = field.resolution_m
-    last = np.full((field.rows, field.columns), -1, np.int32)
-    loudest, angle = np.zeros(expected.shape[1]), np.zeros(expected.shape[1])
-    way = np.zeros(expected.shape[1])
-    rows, columns = np.nonzero(believed)
-    seen, total = room_for(len(rows)), np.zeros(len(rows))
+    last, ways = np.full((field.rows, field.columns), -1, np.int32), 0
+    rows, columns = np.nonzero(power)
+    seen = room_for(len(rows))
     for place in range(len(rows)):
         seen.right[place], seen.up[place] = (columns[place] + 0.5) * res, (rows[place] + 0.5) * res
-        cell = (rows[place] * field.columns + columns[place]) * QUARTERS
-        for part in range(QUARTERS):
-            total[place] += power[cell + part]
     for index in range(len(pings)):
         ping = pings[index]
         x0, y0, bins = looks.numbers[ping, X], looks.numbers[ping, Y], looks.bins[ping]
         x_m, y_m = field.first_column * res - x0, field.first_row * res - y0
-        loudest[:] = 0.0
         per_bin = max(1.0, 1.1 * res / looks.numbers[ping, BIN_M])
         count = sound(
             looks, ping, left[index], expected[index], x_m, y_m, OWN_CELLS * res, len(rows), seen
         )
         for place in range(count):
-            which, b = seen.which[place], seen.bin[place]
+            which, b, share = seen.which[place], seen.bin[place], 0.0
             if seen.sound[place] < PROVING_SOUND:
                 continue
-            x, y = x_m + seen.right[which], y_m + seen.up[which]
-            returned = seen.loudness[place] * expected[index, b] * seen.sound[place] * total[which]
+            returned = seen.loudness[place] * expected[index, b] * seen.sound[place]
+            returned *= power[rows[which], columns[which]] / per_bin
             for near in range(max(0, b - 2), min(bins, b + 3)):
-                if (
-                    looks.kind[ping, near] == ECHO
-                    and returned / per_bin > PROVING_SHARE * expected[index, near]
-                    and returned > loudest[near]
-                ):
-                    loudest[near], angle[near] = returned, math.atan2(y, x)
-                    way[near] = math.sqrt(x * x + y * y) - PROVEN_CELLS * res
-        for b in range(bins):
-            if loudest[b] > 0.0:
-                trace_open(x0, y0, angle[b], way[b], field, index, last, proven, weights[index])
+                if looks.kind[ping, near] == ECHO:
+                    share = max(share, returned / expected[index, near])
+            if share < PROVING_SHARE:
+                continue
+            x, y = x_m + seen.right[which], y_m + seen.up[which]
+            angle_rad, way_m = math.atan2(y, x), math.sqrt(x * x + y * y) - PROVEN_CELLS * res
+            ways += 1
+            weight = weights[index] * min(1.0, share)
+            trace_open(x0, y0, angle_rad, way_m, field, ways, last, proven, weight)
 
 
 @compiled

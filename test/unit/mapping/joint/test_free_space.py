@@ -1,8 +1,20 @@
-"""What is free is connected with where robots were."""
+"""What is free: where sound came back through, connected with where robots were."""
+
+from collections.abc import Callable
 
 import numpy as np
+import pytest
 
-from usmap_ros.mapping.joint.free_space import connected
+from usmap_ros.mapping.joint.field import BIN_M, field_around
+from usmap_ros.mapping.joint.free_space import connected, proven_open
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.open_space import GROUPS
+from usmap_ros.mapping.joint.open_ways import PROVING_SHARE, prove_open
+from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+RESOLUTION_M = 0.05
 
 
 def test_free_cells_that_nothing_leads_to_are_none() -> None:
@@ -13,3 +25,40 @@ def test_free_cells_that_nothing_leads_to_are_none() -> None:
     stood = np.zeros_like(free)
     stood[3, 2] = True
     assert np.flatnonzero(connected(free, stood, occupied)[3]).tolist() == [1, 2, 3, 4, 6, 7, 8]
+
+
+@pytest.mark.parametrize("shares", [[0.5], [0.5, 0.25], [0.5, 0.02]])
+def test_ways_are_proven_by_the_share_of_an_echo_that_came_by_them(
+    make_cone: Callable[..., EchoCone], shares: list[float]
+) -> None:
+    """On a grid of cells of 5 cm, from the origin eastwards."""
+    kept = KeptPings(MappingParameters())
+    kept.add(make_cone((2.0, 0.5)), "robot")
+    looks, rows, weights = kept.pings()[:3]
+    field = field_around(looks, rows, RESOLUTION_M)
+    left = np.full((1, RAYS, STEPS), WHOLE, np.uint8)
+    power, proven = np.zeros(field.shape, np.float32), np.zeros(field.shape, np.float32)
+    expected = np.ones((1, looks.kind.shape[1]), np.float32)
+
+    def cell_at(x_m: float, y_m: float) -> tuple[int, int]:
+        row, column = np.argwhere(field.cells_at(np.array([x_m]), np.array([y_m])))[0]
+        return int(row), int(column)
+
+    # Cells beside each other, as far away as the echo.
+    for number, share in enumerate(shares):
+        x_m, y_m = 1.975, RESOLUTION_M * (number + 0.5)
+        loudness = looks.power_gain[rows[0], 0] / (x_m**2 + y_m**2) ** 2
+        bins = 1.1 * RESOLUTION_M / looks.numbers[rows[0], BIN_M]
+        power[cell_at(x_m, y_m)] = share * bins / loudness
+    prove_open(looks, rows, field, left, expected, power, proven, weights)
+    near, behind = cell_at(0.51, 0.001), cell_at(2.2, 0.001)
+    told = sum(share for share in shares if share >= PROVING_SHARE)
+    assert proven[near] == pytest.approx(told, rel=0.1)
+    assert proven[behind] == 0.0
+
+
+def test_what_echoes_speak_for_takes_more_proof() -> None:
+    proven = np.array([[2.9, 3.1, 3.1, 5.1]], np.float32)
+    worst = np.zeros((1, 4, GROUPS), np.float32)
+    worst[0, :, 1] = [-4.0, -4.0, 2.0, 2.0]
+    assert proven_open(proven, worst, 3.0)[0].tolist() == [False, True, False, True]

@@ -57,8 +57,8 @@ class KeptResults:
         assert self._folder is not None
         digest = hashlib.sha256(code(_MAKERS) + world(scenario))
         digest.update(sensor.encode())
-        for module in ("methods.py", "rangings.py", "audible.py"):
+        for module in ("methods.py", "parts.py", "rangings.py", "audible.py"):
             digest.update((Path(__file__).parent / module).read_bytes())
-        digest.update(repr((method.merges_by_maximum, method.trusted_axes)).encode())
+        digest.update(repr((method.shown, method.merges_by_maximum, method.trusted_axes)).encode())
         digest.update(method.parameters().model_dump_json().encode())
         return self._folder / f"{digest.hexdigest()[:24]}.json"

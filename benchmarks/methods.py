@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from parts import PARTS, Instead, left_out
 from recordings import Cones
 
 from usmap_ros.grids import GridGeometry, OccupancyMap
@@ -32,12 +33,15 @@ class Method:
     trusted_axes : tuple of int
         Rows of poses' covariance (x, y, z, and turns about them) that are taken to be exact,
         whatever it says.
+    instead : tuple of Instead
+        What stands in the places of parts of the product, see `parts`.
     """
 
     shown: str
     settings: dict[str, Any] = field(default_factory=dict)
     merges_by_maximum: bool = False
     trusted_axes: tuple[int, ...] = ()
+    instead: tuple[Instead, ...] = ()
 
     def parameters(self) -> PipelineParameters:
         """The defaults with the method's own settings.
@@ -63,22 +67,21 @@ class Method:
             return _max_merged(
                 [_fused([c for t, c in cones if t == topic], parameters) for topic in topics]
             )
-        return _fused([cone for _, cone in cones], parameters)
+        with left_out(self.instead):
+            return _fused([cone for _, cone in cones], parameters)
 
 
-#: The product with one of its parts taken out, to see what each is worth.
+#: The product with one of its parts left out, to see what each is worth.
 ABLATIONS = {
-    "no_occlusion": Method("ours, nothing hides anything", {"mapping.occlusion": False}),
-    "no_forgetting": Method("ours, nothing forgotten", {"mapping.forgetting": 0.0}),
-    "no_proof": Method("ours, free by silence alone", {"mapping.proof_rays": 1000.0}),
-    "no_walls": Method("ours, gaps in walls left open", {"mapping.wall_gap_m": 0.0}),
-    "no_covariance": Method("ours, poses' covariance ignored", trusted_axes=(0, 1, 5)),
-    "no_heading": Method("ours, headings taken to be exact", trusted_axes=(5,)),
+    f"no_{name}": Method(part.shown, part.settings, instead=part.instead)
+    for name, part in PARTS.items()
 }
 
 METHODS = {
     "ours": Method("ours"),
     **ABLATIONS,
+    "no_covariance": Method("ours, poses' covariance ignored", trusted_axes=(0, 1, 5)),
+    "no_heading": Method("ours, headings taken to be exact", trusted_axes=(5,)),
     "additive": Method("additive log-odds", {"mapping.method": "additive"}),
     "range_only": Method("range only (nav2's model)", {"mapping.method": "range_only"}),
     "max_merging": Method("robots' maps merged by maximum", merges_by_maximum=True),

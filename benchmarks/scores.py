@@ -1,4 +1,4 @@
-"""How good maps are: the product, what it is without one of its parts, and other methods.
+"""How good maps are: the product and other methods; `ablations` has it without its parts.
 
 Every scene is drawn at random by `scenes`, recorded under a condition, and mapped by each method.
 F1, recall, known, leak, lost, escape and log loss are those of `usmap evaluate`; "off" is the
@@ -7,9 +7,8 @@ right if it holds or touches a surface.  Among lone poles those are asked for th
 to be heard twice (`audible`).  Means over the seeds, with the standard deviation behind ±.
 
 python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ... | --targets]
-    [--conditions plain ...] [--seeds 901 ... | --report] [--methods ours ...] [--ablations]
-    [--nav2-map MAP.yaml ...] [--cache DIR] [--jobs 2] [--page docs/benchmarks.md]
-    [--place ablations]
+    [--conditions plain ...] [--seeds 901 ... | --report] [--methods ours ...]
+    [--nav2-map MAP.yaml ...] [--cache DIR] [--jobs 2] [--page docs/benchmarks.md] [--place poses]
 """
 
 from __future__ import annotations
@@ -229,9 +228,6 @@ def _parsed() -> argparse.Namespace:
     )
     usual = [name for name in METHODS if name not in ABLATIONS]
     parser.add_argument("--methods", nargs="+", choices=list(METHODS))
-    parser.add_argument(
-        "--ablations", action="store_true", help="also ours without each of its parts"
-    )
     parser.add_argument("--nav2-map", nargs="+", type=Path, default=[], help="further worlds")
     parser.add_argument("--cache", type=Path, help="folder to keep cones and scores in")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
@@ -241,8 +237,6 @@ def _parsed() -> argparse.Namespace:
     arguments = parser.parse_args()
     if arguments.methods is None:
         arguments.methods = list(SHOWN_METHODS) if arguments.targets else usual
-    if arguments.ablations:
-        arguments.methods += [name for name in ABLATIONS if name not in arguments.methods]
     return arguments
 
 

@@ -157,6 +157,41 @@ def test_every_method_has_parameters_that_exist(methods: ModuleType) -> None:
         method.parameters()
 
 
+def test_parts_are_left_out_for_the_time_of_a_map_alone(methods: ModuleType) -> None:
+    parts = importlib.import_module("parts")
+    for part in parts.PARTS.values():
+        before = [getattr(owner, name) for owner, name, _ in part.instead]
+        with parts.left_out(part.instead):
+            assert all(getattr(owner, name) is other for owner, name, other in part.instead)
+        assert [getattr(owner, name) for owner, name, _ in part.instead] == before
+        assert part.instead or part.settings
+    assert methods.ABLATIONS.keys() <= methods.METHODS.keys()
+
+
+@pytest.mark.usefixtures("benchmark")
+def test_parts_are_worth_means_of_what_is_found_and_the_worst_of_what_is_freed(
+    tmp_path: Path,
+) -> None:
+    ablations = importlib.import_module("ablations")
+    rows = [
+        {"method": method, "f1": f1, "known": 0.5, "leak": leak, "lost": 0.01, "escape_m2": 0.0}
+        for method, f1, leak in [
+            ("ours", 0.9, 0.0), ("ours", 0.7, 0.01), ("no_room", 0.6, 0.03), ("no_room", 0.8, 0.0),
+        ]
+    ]  # fmt: skip
+    found = ablations.worth(rows)
+    assert found["ours"] == pytest.approx(
+        {"f1": 0.8, "known": 0.5, "leak": 0.01, "lost": 0.01, "escape_m2": 0.0}
+    )
+    lines = ablations.markdown(found).splitlines()
+    assert (
+        lines[-1]
+        == "| walls need no room | 0.700 | -0.100 | 0.500 | +0.000 | 0.030 | 0.010 | 0.00 |"
+    )
+    ablations.draw(found, tmp_path / "ablations.png")
+    assert (tmp_path / "ablations.png").stat().st_size > 1000
+
+
 def test_maps_are_merged_by_the_larger_probability_of_those_observed(methods: ModuleType) -> None:
     def single(left_m: float, log_odds: list[float], observed: list[bool]) -> OccupancyMap:
         geometry = GridGeometry(0.5, (left_m, 0.0), (1, len(log_odds)))

@@ -44,7 +44,6 @@ from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.response import (
     NO_NORMAL,
     Listening,
-    Response,
     learn_response,
     listen,
     look_at,
@@ -91,8 +90,8 @@ class Silence(NamedTuple):
 
     Parameters
     ----------
-    response : Response
-        How its surfaces answer.
+    log_silent : (LOUDNESSES, INCIDENCES) array
+        By `usmap_ros.mapping.joint.response.learn_response`.
     shape : float
         How far looks from one side repeat each other.
     kinds : (KINDS, 3) array
@@ -101,7 +100,7 @@ class Silence(NamedTuple):
         Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide.
     """
 
-    response: Response
+    log_silent: FloatArray
     shape: float
     kinds: FloatArray
     refuted: float
@@ -188,8 +187,8 @@ class FreeSpace:
         left = self._left(np.where(hides, OCCUPIED, 0.0))
         surfaces, on_lines = self._surfaces(walls, evidence)
         looked = look_at(self._looks, self._pings, field, left, listening, surfaces)
-        response = learn_response(looked, surfaces)
-        shape = learn_shape(looked, response.log_silent)
+        log_silent = learn_response(looked, surfaces)
+        shape = learn_shape(looked, log_silent)
         proofs = self._proven(occupied, left, powers, smooth)
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
@@ -199,7 +198,7 @@ class FreeSpace:
         changed = np.ones(len(self._pings), bool)
         things = len(walls.lines) + np.count_nonzero(surfaces[:, 2] == NO_NORMAL)
         kinds = log_priors(smooth.mirrors, smooth.columns_likely, int(things))
-        self.silence = Silence(response, shape, kinds, refuted, unknown)
+        self.silence = Silence(log_silent, shape, kinds, refuted, unknown)
         self._refute(left, listening, self.silence, wanted, changed, worst)
         proven = proven_open(proofs, worst, self._proofs)
         walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
@@ -269,7 +268,7 @@ class FreeSpace:
         """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
         for_each(
             lambda band: refute_surfaces(
-                self._looks, self._pings, band[1], left, listening, silence.response.log_silent,
+                self._looks, self._pings, band[1], left, listening, silence.log_silent,
                 silence.shape, silence.kinds, wanted[band[0]], changed, worst[band[0]],
             ),
             self._field.bands(BAND),
@@ -353,7 +352,8 @@ class FreeSpace:
         expected = powers.expected_of(over_block(walls.shown).ravel())
         bin_m = float(np.median(self._looks.numbers[self._pings, BIN_M]))
         reach = max(1, round(LISTENING_CELLS * self._field.resolution_m / bin_m))
-        listening = listen(smooth.put_back(expected), self._pings, expected, reach)
+        smooth.expect(expected)
+        listening = listen(self._looks, self._pings, expected, reach)
         self._fade(listening.limit)
         return listening
 

@@ -9,7 +9,6 @@ only when they are struck squarely: silence is trusted accordingly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -97,22 +96,6 @@ class Listening(NamedTuple):
     heard: NDArray[np.uint8]
     chance: NDArray[np.float32]
     limit: NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Response:
-    """How a place answers.
-
-    Parameters
-    ----------
-    log_silent : (LOUDNESSES, INCIDENCES) array
-        Logarithm of P(silent | surface), as far as silence is trusted.
-    diffuseness : float
-        How often surfaces answer obliquely, relative to squarely.
-    """
-
-    log_silent: FloatArray
-    diffuseness: float
 
 
 @compiled
@@ -237,13 +220,18 @@ def _look_at(
     )  # fmt: skip
 
 
-def learn_response(looked: Looked, surfaces: FloatArray) -> Response:
+def learn_response(looked: Looked, surfaces: FloatArray) -> FloatArray:
     """Learn how the surfaces of a place answer.
 
     Parameters
     ----------
     looked, surfaces
         By and as in `look_at`.
+
+    Returns
+    -------
+    log_silent : (LOUDNESSES, INCIDENCES) array
+        Logarithm of P(silent | surface), as far as silence is trusted.
     """
     has_normal = (surfaces[:, 2] != NO_NORMAL)[looked.surface]
     silent, beside = (
@@ -264,8 +252,7 @@ def learn_response(looked: Looked, surfaces: FloatArray) -> Response:
     # What is louder, or struck more squarely, is not more often silent.
     table = np.maximum.accumulate(np.minimum.accumulate(table, axis=0), axis=1)
     table = np.clip(table, LEAST_SILENT, MOST_SILENT)
-    diffuseness = _diffuseness(table, oblique, surfaces)
-    return Response(_trusted(table, diffuseness), diffuseness)
+    return _trusted(table, _diffuseness(table, oblique, surfaces))
 
 
 def _tally(looked: Looked, weights: FloatArray, has_normal: BoolArray) -> FloatArray:

@@ -1,0 +1,146 @@
+"""Parts of the product's map, and what stands in the place of each when it is left out.
+
+The product has no switches for them: functions and numbers of it are put aside for the time of a
+map, as `stages` does to see how long they take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint import (
+    free_space,
+    mirror_walls,
+    response,
+    smooth_things,
+    usual_directions,
+    walls,
+)
+from usmap_ros.mapping.joint.field import NOISE
+from usmap_ros.mapping.joint.going_on import GoingOn
+from usmap_ros.mapping.joint.mirror_walls import MirrorWall
+from usmap_ros.mapping.joint.open_space import ORIENTATIONS
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import FloatArray
+
+#: Where it stands, what it is called, and what stands there instead.
+Instead = tuple[Any, str, Any]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the product.
+
+    Parameters
+    ----------
+    shown : str
+        What maps are without it, in words.
+    instead : tuple of Instead
+        What stands in its place when it is left out.
+    settings : dict
+        Parameters that leave it out, as in `methods.Method`.
+    """
+
+    shown: str
+    instead: tuple[Instead, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+@contextmanager
+def left_out(instead: tuple[Instead, ...]) -> Iterator[None]:
+    """Put something else in some places meanwhile."""
+    with ExitStack() as stack:
+        for owner, name, other in instead:
+            stack.enter_context(patch.object(owner, name, other))
+        yield
+
+
+class _AsFound:
+    """Smooth walls that end where their feet do."""
+
+    def __init__(self, *given: Any) -> None:
+        *_, self._walls, _ = given
+
+    def extended(self) -> list[Any]:
+        """The walls as they were found."""
+        return list(self._walls)
+
+
+def _none_like(place: int) -> Callable[..., NDArray[np.bool_]]:
+    """Give a function that finds no cells, of the shape of one of its arguments."""
+    return lambda *given: np.zeros(given[place].shape[:2], bool)
+
+
+def _by_noise(
+    looks: Looks, pings: NDArray[np.int64], expected: NDArray[np.float32], reach: int
+) -> response.Listening:
+    """What was heard where nothing is expected to be."""
+    noise = np.repeat(looks.numbers[pings, NOISE, np.newaxis], expected.shape[1], axis=1)
+    return response.listen(looks, pings, noise.astype(np.float32), reach)
+
+
+def _anywhere(_: list[MirrorWall], columns: float, things: int) -> FloatArray:
+    """Orientations as they are asked for where no smooth walls are."""
+    return usual_directions.log_priors([], columns, things)
+
+
+def _nothing_round(found: list[MirrorWall], columns: float, things: int) -> FloatArray:
+    """Orientations alone."""
+    kinds = usual_directions.log_priors(found, columns, things)
+    kinds[ORIENTATIONS:, 1] = usual_directions.NEVER
+    return kinds
+
+
+def _none(*given: Any) -> list[Any]:
+    """Find nothing."""
+    return []
+
+
+PARTS = {
+    "occlusion": Part("nothing hides anything", settings={"mapping.occlusion": False}),
+    "forgetting": Part("nothing is forgotten", settings={"mapping.forgetting": 0.0}),
+    "lines": Part("no lines through believed cells", settings={"mapping.wall_gap_m": 0.0}),
+    "doubles": Part(
+        "ghosts beside lines stay",
+        ((walls, "without_doubles", lambda lines: lines), (walls, "GHOST_MARGIN", -np.inf)),
+    ),
+    "mirrors": Part("no smooth walls", ((smooth_things, "mirror_walls", _none),)),
+    "usual_mirrors": Part(
+        "smooth walls all need as many hits",
+        ((mirror_walls, "face_usually", lambda found, among: np.zeros(len(found), bool)),),
+    ),
+    "wall_ends": Part("smooth walls end at their feet", ((smooth_things, "WallEnds", _AsFound),)),
+    "columns": Part("no round columns", ((smooth_things, "round_columns", _none),)),
+    "going_on": Part(
+        "rough walls do not go on",
+        ((free_space, "go_on", lambda lines, *given: GoingOn(lines, _none_like(0)(*given))),),
+    ),
+    "behind": Part(
+        "nothing is solid behind what one side heard",
+        tuple((free_space, name, _none_like(1)) for name in ("behind", "behind_alone")),
+    ),
+    "explained": Part(
+        "echoes that what is shown explains count", ((free_space, "listen", _by_noise),)
+    ),
+    "grazing": Part(
+        "grazing silence is not learnt from", ((response, "SMOOTH", 8.0), (response, "ROUGH", 9.0))
+    ),
+    "overdispersion": Part(
+        "each silent look counts", ((free_space, "learn_shape", lambda *given: 1e6),)
+    ),
+    "directions": Part("surfaces face anywhere", ((free_space, "log_priors", _anywhere),)),
+    "room": Part("walls need no room", ((free_space, "lacks_room", _none_like(0)),)),
+    "round": Part("nothing round is asked for", ((free_space, "log_priors", _nothing_round),)),
+    "proofs": Part("free by silence alone", settings={"mapping.proof_rays": 1000.0}),
+    "rounds": Part("one round of free space", ((free_space, "FREE_ROUNDS", 1),)),
+    "connected": Part(
+        "free without a way there", ((free_space, "connected", lambda free, *given: free),)
+    ),
+}

@@ -118,6 +118,10 @@ PARTS = {
     ),
     "wall_ends": Part("smooth walls end at their feet", ((smooth_things, "WallEnds", _AsFound),)),
     "columns": Part("no round columns", ((smooth_things, "round_columns", _none),)),
+    "taken_out": Part(
+        "echoes of smooth things stay",
+        ((smooth_things.SmoothThings, "take_out", lambda things: None),),
+    ),
     "going_on": Part(
         "rough walls do not go on",
         ((free_space, "go_on", lambda lines, *given: GoingOn(lines, _none_like(0)(*given))),),

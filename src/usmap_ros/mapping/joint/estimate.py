@@ -50,7 +50,7 @@ class JointEstimate:
     Parameters
     ----------
     looks : Looks
-        Pings.
+        Pings; `kind` is changed where mirrors explain echoes.
     pings : (pings,) integer array
         Rows of those that count, in the order of their stamps.
     weights : (pings,) float32 array
@@ -105,6 +105,7 @@ class JointEstimate:
     def estimate_walls(self) -> Walls:
         """Find walls, and beliefs with them, after powers."""
         self._smooth.find(self._explained(), self._first_only, self.depth)
+        self._smooth.take_out()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
             self._cast_shadows(filled, WALL_DAMPING, WALL_SHADOWS)

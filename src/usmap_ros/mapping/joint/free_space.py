@@ -352,8 +352,7 @@ class FreeSpace:
         expected = powers.expected_of(over_block(walls.shown).ravel())
         bin_m = float(np.median(self._looks.numbers[self._pings, BIN_M]))
         reach = max(1, round(LISTENING_CELLS * self._field.resolution_m / bin_m))
-        smooth.expect(expected)
-        listening = listen(self._looks, self._pings, expected, reach)
+        listening = listen(smooth.put_back(expected), self._pings, expected, reach)
         self._fade(listening.limit)
         return listening
 

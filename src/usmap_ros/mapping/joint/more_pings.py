@@ -36,7 +36,7 @@ class MorePings:
     Parameters
     ----------
     pings : Pings
-        The new ones.
+        The new ones; those that smooth things explain are changed.
     parameters : MappingParameters
         Of the map.
     """
@@ -55,6 +55,7 @@ class MorePings:
         before = known.part(self.field)
         smooth = SmoothThings(pings.looks, pings.rows, pings.echoes, self.field)
         smooth.recognise(known.smooth)
+        smooth.take_out()
         powers = Powers(pings.looks, pings.rows, pings.weights, self.field)
         cells = self._explained(powers, before)
         walls = find_walls(cells.belief, self.field, parameters.wall_gap_m, smooth, self._stood)

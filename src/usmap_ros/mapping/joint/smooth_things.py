@@ -1,7 +1,8 @@
-"""Smooth things of an area: mirrors and round columns."""
+"""Smooth things of an area: mirrors and round columns, whose echoes say nothing of cells."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,11 +27,12 @@ from usmap_ros.mapping.joint.ray_casting import cast_all_rays
 from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, drawn_columns, round_columns
 from usmap_ros.mapping.joint.wall_ends import WallEnds
 from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Pings whose ranges are less certain, by their poses, find no round columns, m.
 MOST_RANGE_STD_M = 0.01
-#: Range bins around a smooth thing's echo in which it is expected.
+#: Range bins around a smooth thing's echo that say nothing of cells.
 AROUND_BINS = 2
 #: Share of suspected columns that are some.
 SUSPECTED_SHARE = 0.5
@@ -162,21 +164,26 @@ class SmoothThings:
             own = np.flatnonzero(heard(expected_m, np.arctan2(up_m, right_m), expected_m > 0.0))
             self.columns.append(replace(column, pings=self._ping[own], echoes=own))
 
-    def expect(self, expected: NDArray[np.float32]) -> None:
-        """Let what smooth things return be expected.
+    def take_out(self) -> None:
+        """Let the echoes of smooth things say nothing of cells."""
+        for ping, around, _ in self._echo_places():
+            self._looks.kind[self._pings[ping], around] = UNJUDGED
+
+    def put_back(self, expected: NDArray[np.float32]) -> Looks:
+        """Pings as they were before `take_out`; what smooth things return is then expected.
 
         Parameters
         ----------
         expected : (pings, bins) float32 array
             λ; raised.
         """
-        for thing in self._things():
-            own = self._inside[thing.echoes]
-            for ping, b in zip(thing.pings[own], self._bin[thing.echoes[own]], strict=True):
-                around = slice(max(0, b - AROUND_BINS), b + AROUND_BINS + 1)
-                loud = LOUD * self._looks.limit[self._pings[ping], around]
-                here = expected[ping, around]
-                here[:] = np.maximum(here, loud[: len(here)])
+        kind = self._looks.kind.copy()
+        for ping, around, middle in self._echo_places():
+            row = self._pings[ping]
+            here = expected[ping, around]
+            here[:] = np.maximum(here, LOUD * self._looks.limit[row, around][: len(here)])
+            kind[row, middle] = ECHO
+        return self._looks._replace(kind=kind)
 
     def lines(self) -> FloatArray:
         """Mirrors as lines, see `usmap_ros.mapping.joint.lines`."""
@@ -217,3 +224,13 @@ class SmoothThings:
 
     def _things(self) -> list[MirrorWall | RoundColumn]:
         return [*self.mirrors, *self.columns]
+
+    def _echo_places(self) -> Iterator[tuple[int, slice, int]]:
+        """Ping, range bins around, and the middle one, of each echo of a smooth thing."""
+        for thing in self._things():
+            for ping, echo in zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True):
+                if self._inside[echo]:
+                    middle = int(self._bin[echo])
+                    yield (
+                        ping, slice(max(0, middle - AROUND_BINS), middle + AROUND_BINS + 1), middle
+                    )  # fmt: skip

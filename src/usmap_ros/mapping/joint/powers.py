@@ -12,16 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.cell_evidence import (
-    CellEvidence,
-    Cells,
-    Said,
-    add_said,
-    cells_of,
-    no_evidence,
-    weigh_pings,
-)
+from usmap_ros.mapping.joint.cell_evidence import CellEvidence, add_said, no_evidence
+from usmap_ros.mapping.joint.cell_parts import Cells, cells_of
 from usmap_ros.mapping.joint.field import QUARTERS, Field
+from usmap_ros.mapping.joint.likelihood_ratios import Said, weigh_pings
 from usmap_ros.mapping.joint.power_estimation import (
     FIRST_POWER,
     LEAST_POWER,

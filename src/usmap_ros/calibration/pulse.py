@@ -109,14 +109,15 @@ def measure_pulse(
     aligned = _aligned(snippets, max(2, round(pulse.length_s * rate_hz)))
     fine_hz = _FINER * rate_hz
     # What is farther beside it in every ping, as it is while a robot stands, is not the pulse.
-    template = _trimmed(aligned.template, fine_hz, pulse)
-    stated = _misfit_of(pulse, template, fine_hz)
+    risen, faded = _extent(aligned.template, fine_hz, pulse)
+    stated = _misfit_of(pulse, aligned.template[risen : faded + 1], fine_hz)
     residual = float(np.median(aligned.misfits))
     is_better = (
         stated > _STATED_MISFIT and residual < _MEASURED_MISFIT and residual < _IMPROVEMENT * stated
     )
     if not is_better:
         return MeasuredPulse(PulseParameters(), residual, stated, _LEAST_ERROR, len(snippets))
+    template = _from_onset(aligned.template, risen, faded, fine_hz, pulse)
     told_pulse = PulseParameters(
         kind="measured",
         template_rate_hz=float(fine_hz),
@@ -266,8 +267,8 @@ def _misfit_of(pulse: Pulse, template: Signal, rate_hz: float) -> float:
     return float(np.sqrt(max(0.0, 1.0 - alike**2)))
 
 
-def _trimmed(template: Signal, rate_hz: float, pulse: Pulse) -> Signal:
-    """From the onset to where it has faded."""
+def _extent(template: Signal, rate_hz: float, pulse: Pulse) -> tuple[int, int]:
+    """Where it rises from silence, and where it has faded."""
     magnitude = np.abs(template) / np.abs(template).max()
     peak = int(np.argmax(magnitude))
     # A loud later point belongs to it as long as it has not been silent for a burst's length.
@@ -276,11 +277,14 @@ def _trimmed(template: Signal, rate_hz: float, pulse: Pulse) -> Signal:
     gaps = np.flatnonzero(np.diff(loud) > quiet)
     last = peak + int(loud[gaps[0]] if len(gaps) else loud[-1])
     silent = np.flatnonzero(magnitude[:peak] < _SILENT)
-    risen = int(silent[-1]) if len(silent) else 0
-    # The onset of a burst that rises slowly is before anything is seen of it.
-    begins_s = onset_s(template[: last + 1], rate_hz, pulse)
+    return int(silent[-1]) if len(silent) else 0, last + 1
+
+
+def _from_onset(template: Signal, risen: int, faded: int, rate_hz: float, pulse: Pulse) -> Signal:
+    """From the onset, which in a burst that rises slowly is before anything is seen of it."""
+    begins_s = onset_s(template[:faded], rate_hz, pulse)
     first = risen if begins_s is None else max(0, round(begins_s * rate_hz))
-    trimmed = template[first : last + 2].copy()
+    trimmed = template[first : faded + 1].copy()
     trimmed[: max(0, risen - first)] *= np.linspace(0.0, 1.0, max(0, risen - first))
     return Profile.of(trimmed, rate_hz).values
 

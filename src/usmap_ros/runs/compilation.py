@@ -25,12 +25,15 @@ import numpy as np
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
+from usmap_ros.mapping.joint.estimate import JointEstimate
+from usmap_ros.mapping.joint.field import field_around
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap, kept_pings
 from usmap_ros.mapping.joint.surface_lines import surface_lines
 from usmap_ros.mapping.next_view import best_views, candidate_poses
 from usmap_ros.numerics import compiled
 from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.processes.cores import available_cores
@@ -47,6 +50,8 @@ EACH_TIME = (
 SLOW = "the inner loops run as Python, some eighty times slower"
 #: Versions of each module whose machine code is kept; characters of what a compiler complains of.
 VERSIONS_KEPT, MOST_SAID = 8, 300
+#: Pings that are mapped.
+PINGS = 10
 
 
 def reconstruct_all_kinds() -> None:
@@ -76,10 +81,22 @@ def map_pings() -> None:
 
     pipeline, cones = _mapped(TRANSDUCER)
     pipeline.occupancy_map()
-    # Two objects are no wall.
-    surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)
     robots = {"one": cones[:5], "other": cones[5:]}
     LeaveOneOutMap(robots, pipeline.parameters.mapping).expected(robots)
+
+
+def find_free_space() -> None:
+    """Ask what is free, before anything is known of what stands: what mapping does last."""
+    from usmap_ros.simulation.points import TRANSDUCER
+
+    parameters = MappingParameters()
+    cones = [_cone_from(0.1 * number, TRANSDUCER) for number in range(PINGS)]
+    pings = kept_pings({"": cones}, parameters).pings()
+    field = field_around(pings.looks, pings.rows, parameters.resolution_m)
+    estimate = JointEstimate(pings.looks, pings.rows, pings.weights, pings.echoes, field)
+    estimate.free_space(estimate.walls())
+    # Two objects are no wall.
+    surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)
 
 
 def plan_views() -> None:
@@ -98,9 +115,11 @@ def refine_odometry() -> None:
     refine_poses([("/robot/echo", cone) for cone in _mapped(TRANSDUCER)[1]], insists=True)
 
 
-#: What is compiled at the same time, by what has it compiled.
+#: What is compiled at the same time, by what has it compiled, each about as long: by the time that
+#: `map_pings` gets to free space, it finds on disk what `find_free_space` has compiled.
 SESSION: dict[str, Callable[[], None]] = {
     reconstruct_all_kinds.__name__: reconstruct_all_kinds,
+    find_free_space.__name__: find_free_space,
     map_pings.__name__: map_pings,
 }
 #: The same with what is rarely needed.
@@ -185,7 +204,9 @@ def _one_at_a_time(folder: Path) -> Iterator[None]:
 
 
 def _compile_apart(marks: Mapping[str, Path]) -> str | None:
-    """Run parts in processes of their own, as many at once as there are cores.
+    """Run parts in processes of their own, one more at once than there are cores.
+
+    Else, on two cores, the last of three would have one of them for itself.
 
     Returns
     -------
@@ -197,7 +218,7 @@ def _compile_apart(marks: Mapping[str, Path]) -> str | None:
     running: dict[str, subprocess.Popen[str]] = {}
     try:
         while waiting or running:
-            while waiting and len(running) < available_cores():
+            while waiting and len(running) <= available_cores():
                 part = waiting.pop(0)
                 started = subprocess.Popen([*command, part], stderr=subprocess.PIPE, text=True)
                 running[part] = started
@@ -237,7 +258,7 @@ def main(parent: str, name: str) -> None:
 def _mapped(transducer: Transducer) -> tuple[Pipeline, list[EchoCone]]:
     """A pipeline with a map of some cones, and these."""
     pipeline = Pipeline()
-    cones = [_cone_from(0.1 * number, transducer) for number in range(10)]
+    cones = [_cone_from(0.1 * number, transducer) for number in range(PINGS)]
     for cone in cones:
         pipeline.fuse(cone)
     return pipeline, cones

@@ -200,7 +200,8 @@ class FreeSpace:
         kinds = log_priors(smooth.mirrors, smooth.columns_likely, int(things))
         self.silence = Silence(log_silent, shape, kinds, refuted, unknown)
         self._refute(left, listening, self.silence, wanted, changed, worst)
-        proven = proven_open(proofs, worst, self._proofs)
+        is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
+        proven = (proofs >= self._proofs) & is_refuted.all(axis=2)
         walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
         closed |= may_be
         closed |= self._behind(walls, evidence) & ~proven & (worst.max(axis=2) >= ENDS)
@@ -208,7 +209,8 @@ class FreeSpace:
         wanted &= ~occupied
         stood &= ~occupied
         for turn in range(FREE_ROUNDS):
-            is_refuted = (worst < refuted) | (proven | stood)[:, :, np.newaxis]
+            is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
+            is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
                 self._close(is_refuted, worst, wanted, kinds, refuted)
             free = (wanted & is_refuted.all(axis=2) & ~closed) | stood
@@ -407,22 +409,28 @@ class FreeSpace:
         return proven
 
 
-def proven_open(
-    proven: NDArray[np.float32], worst: NDArray[np.float32], proofs: float
+def are_refuted(
+    worst: NDArray[np.float32], proven: NDArray[np.float32], refuted: float, proofs: float
 ) -> BoolArray:
-    """Cells that enough sound came back through; more, where echoes speak for a surface.
+    """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
+
+    Each ping whose sound came back through it says an equal part of what silence would have to say,
+    and is outweighed by echoes in the same way.
 
     Parameters
     ----------
-    proven : (rows, columns) float32 array
-        Pings whose sound is known to have passed each cell.
     worst : (rows, columns, GROUPS) float32 array
-        Log-likelihood ratio of a surface in it, by `refute_surfaces`.
+        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
+    proven : (rows, columns) float32 array
+        Pings whose sound is known to have passed it.
+    refuted : float
+        Log-likelihood ratio at which silence alone refutes a surface.
     proofs : float
-        How many are enough where no echo does.
+        Pings that do, alone.
     """
-    enough: BoolArray = proven >= proofs + np.maximum(0.0, worst.max(axis=2))
-    return enough
+    needed = refuted * (1.0 - proven / proofs)
+    fails: BoolArray = worst < needed[:, :, np.newaxis]
+    return fails
 
 
 def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolArray:

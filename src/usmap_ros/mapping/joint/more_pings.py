@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.estimate import FIRST_DAMPING, STOOD_M, SWEEPS
 from usmap_ros.mapping.joint.field import X, Y, field_around
-from usmap_ros.mapping.joint.free_space import SUSPECTED, FreeSpace, Heard, connected, proven_open
+from usmap_ros.mapping.joint.free_space import SUSPECTED, FreeSpace, Heard, are_refuted, connected
 from usmap_ros.mapping.joint.kept_pings import Pings
 from usmap_ros.mapping.joint.known import Cells, Known
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_depth
@@ -99,10 +99,10 @@ class MorePings:
         worst[asked] = together(worst[asked], more.worst[asked], silence.shape)
         proven = cells.proven + more.proven
         closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
-        is_open = self._stood | proven_open(proven, worst, self._parameters.proof_rays)
-        is_refuted = ((worst < silence.refuted) | is_open[:, :, np.newaxis]).all(axis=2)
+        proofs = self._parameters.proof_rays
+        is_refuted = are_refuted(worst, proven, silence.refuted, proofs).all(axis=2)
         free = ((cells.free | is_refuted) & ~closed & ~shown) | (self._stood & ~shown)
-        is_open = (self._stood | cells.free | is_open) & free
+        is_open = (self._stood | cells.free | (proven >= proofs)) & free
         return cells._replace(
             worst=worst, proven=proven, closed=closed, free=connected(free, is_open, shown),
             occupied=walls.occupied, filled=walls.filled,

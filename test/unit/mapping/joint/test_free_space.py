@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.field import BIN_M, field_around
-from usmap_ros.mapping.joint.free_space import connected, proven_open
+from usmap_ros.mapping.joint.free_space import are_refuted, connected
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.open_space import GROUPS
 from usmap_ros.mapping.joint.open_ways import PROVING_SHARE, prove_open
@@ -57,8 +57,9 @@ def test_ways_are_proven_by_the_share_of_an_echo_that_came_by_them(
     assert proven[behind] == 0.0
 
 
-def test_what_echoes_speak_for_takes_more_proof() -> None:
-    proven = np.array([[2.9, 3.1, 3.1, 5.1]], np.float32)
-    worst = np.zeros((1, 4, GROUPS), np.float32)
-    worst[0, :, 1] = [-4.0, -4.0, 2.0, 2.0]
-    assert proven_open(proven, worst, 3.0)[0].tolist() == [False, True, False, True]
+def test_silence_and_sound_that_came_back_refute_surfaces_together() -> None:
+    proven = np.array([[0.0, 0.0, 1.4, 1.6, 3.0, 3.0, 5.0]], np.float32)
+    worst = np.zeros((1, 7, GROUPS), np.float32)
+    worst[0, :, 1] = [-1.9, -2.1, -1.0, -1.0, -0.1, 1.0, 1.0]
+    refuted = are_refuted(worst, proven, -2.0, 3.0)[0, :, 1]
+    assert refuted.tolist() == [False, True, False, True, True, False, True]

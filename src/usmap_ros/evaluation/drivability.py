@@ -59,8 +59,8 @@ def drivability(maps: AlignedMaps, views: PingViews) -> Drivability:
     lost = free & ~binary_dilation(predicted, _AROUND)
     way_out = unseen & reachable(free, predicted, maps.geometry, views.positions_m)
     return Drivability(
-        leak=_share(unseen, free),
-        lost=_share(lost, known),
+        leak=share(unseen, free),
+        lost=share(lost, known),
         escape_m2=float(np.count_nonzero(way_out) * maps.geometry.resolution_m**2),
     )
 
@@ -109,7 +109,7 @@ def _distances(cells: BoolArray) -> FloatArray:
     return distances
 
 
-def _share(property_: BoolArray, among: BoolArray) -> float:
+def share(property_: BoolArray, among: BoolArray) -> float:
     """Share of the cells `among` that have a property; 0 if there are none."""
     count = np.count_nonzero(among)
     return float(np.count_nonzero(property_ & among) / count) if count else 0.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from usmap_ros.evaluation.alignment import AlignedMaps, align
-from usmap_ros.evaluation.drivability import Drivability, drivability
+from usmap_ros.evaluation.drivability import Drivability, drivability, share
 from usmap_ros.evaluation.sight import InSight, in_sight
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.pings.fields_of_view import PingViews
@@ -92,8 +92,8 @@ def score(
         seen = replace(seen, surface=seen.surface & align(occupancy, audible).occupied)
     predicted = maps.predicted
     neighbourhood = np.ones((2 * TOLERANCE_CELLS + 1,) * 2, dtype=bool)
-    precision = _share(binary_dilation(maps.occupied, neighbourhood), predicted)
-    recall = _share(binary_dilation(predicted, neighbourhood), seen.surface)
+    precision = share(binary_dilation(maps.occupied, neighbourhood), predicted)
+    recall = share(binary_dilation(predicted, neighbourhood), seen.surface)
     total = precision + recall
     driving = Drivability(*[float("nan")] * 3) if views is None else drivability(maps, views)
     log_loss, brier = _losses(maps, seen)
@@ -101,7 +101,7 @@ def score(
         f1=2.0 * precision * recall / total if total > 0.0 else 0.0,
         precision=precision,
         recall=recall,
-        known=_share(maps.free, seen.open),
+        known=share(maps.free, seen.open),
         leak=driving.leak,
         lost=driving.lost,
         escape_m2=driving.escape_m2,
@@ -123,12 +123,6 @@ def _losses(maps: AlignedMaps, seen: InSight) -> tuple[float, float]:
     clipped = np.clip(probability, LOG_LOSS_CLIP, 1.0 - LOG_LOSS_CLIP)
     losses = -np.log(np.where(is_occupied, clipped, 1.0 - clipped))
     return _mean(losses), _mean((probability - is_occupied) ** 2)
-
-
-def _share(property_: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:
-    """Share of the cells `among` that have a property; 0 if there are none."""
-    count = np.count_nonzero(among)
-    return float(np.count_nonzero(property_ & among) / count) if count else 0.0
 
 
 def _mean(values: NDArray[np.float64]) -> float:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.numerics.arrays import FloatArray
@@ -98,30 +98,32 @@ def associate(estimate: Trajectory, truth: Trajectory) -> tuple[Trajectory, Traj
 def score_path(estimate: Trajectory, truth: Trajectory) -> PathScore:
     """Compare poses one by one; both have as many, at least one."""
     distances_m = np.linalg.norm(estimate.positions_m - truth.positions_m, axis=1)
-    turns, true_turns = estimate.rotations(), truth.rotations()
-    angles_rad = _angles(np.swapaxes(true_turns, 1, 2) @ turns)
-    steps_m, steps_rad = _relative(estimate, truth, turns, true_turns)
+    turns, true_turns = (Rotation.from_quat(path.orientations) for path in (estimate, truth))
+    steps_m = steps_rad = np.zeros(0)
+    if len(estimate) > 1:
+        ways_m, changes = _steps(estimate, turns)
+        true_ways_m, true_changes = _steps(truth, true_turns)
+        steps_m = np.linalg.norm(ways_m - true_ways_m, axis=1)
+        steps_rad = _angles(changes, true_changes)
     return PathScore(
         len(estimate),
         _rms(distances_m),
         float(distances_m.max()),
-        _rms(angles_rad),
+        _rms(_angles(turns, true_turns)),
         _rms(steps_m),
         _rms(steps_rad),
     )
 
 
-def _relative(
-    estimate: Trajectory, truth: Trajectory, turns: FloatArray, true_turns: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Lengths (m) and angles (rad) of what changes from pose to pose differ by."""
-    ways, back = [], []
-    for path, matrices in ((estimate, turns), (truth, true_turns)):
-        inverse = np.swapaxes(matrices[:-1], 1, 2)
-        ways.append(np.einsum("nij,nj->ni", inverse, np.diff(path.positions_m, axis=0)))
-        back.append(inverse @ matrices[1:])
-    lengths_m: FloatArray = np.linalg.norm(ways[0] - ways[1], axis=1)
-    return lengths_m, _angles(np.swapaxes(back[1], 1, 2) @ back[0])
+def _angles(turns: Rotation, true_turns: Rotation) -> FloatArray:
+    """How far turns are from others, rad."""
+    return np.asarray((true_turns.inv() * turns).magnitude())
+
+
+def _steps(path: Trajectory, turns: Rotation) -> tuple[FloatArray, Rotation]:
+    """Ways (m), and turns, from each pose to the next, as seen from there."""
+    back = turns[:-1].inv()
+    return back.apply(np.diff(path.positions_m, axis=0)), back * turns[1:]
 
 
 def _aligned(
@@ -140,28 +142,9 @@ def _aligned(
 
 
 def _moved(path: Trajectory, turn: FloatArray, shift_m: FloatArray) -> Trajectory:
-    from scipy.spatial.transform import Rotation
-
     orientations = (Rotation.from_matrix(turn) * Rotation.from_quat(path.orientations)).as_quat()
     return Trajectory(path.stamps_ns, path.positions_m @ turn.T + shift_m, orientations)
 
 
-def _angles(matrices: FloatArray) -> FloatArray:
-    """By how much matrices turn, rad."""
-    # By sine and cosine: near 0 the cosine alone has half of the digits.
-    sine = 0.5 * np.linalg.norm(
-        np.stack(
-            [
-                matrices[:, 2, 1] - matrices[:, 1, 2],
-                matrices[:, 0, 2] - matrices[:, 2, 0],
-                matrices[:, 1, 0] - matrices[:, 0, 1],
-            ]
-        ),
-        axis=0,
-    )
-    cosine = 0.5 * (np.trace(matrices, axis1=1, axis2=2) - 1.0)
-    return np.asarray(np.arctan2(sine, cosine))
-
-
-def _rms(values: FloatArray | NDArray[np.float64]) -> float:
+def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -70,13 +70,3 @@ class Trajectory:
     def at(self, rows: NDArray[np.intp]) -> Trajectory:
         """Those of some rows."""
         return Trajectory(self.stamps_ns[rows], self.positions_m[rows], self.orientations[rows])
-
-    def rotations(self) -> FloatArray:
-        """Orientations as matrices, shape (n, 3, 3)."""
-        x, y, z, w = self.orientations.T
-        rows = [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-        return np.moveaxis(np.array(rows), -1, 0)

@@ -42,6 +42,9 @@ LOUD = 100.0
 PROOFS = 2.0
 #: The way to a smooth thing is proven to be open up to so many cells before it.
 PROVEN_CELLS = 1.5
+#: How far beside the way nothing stands, either, that would let no sound through, m: the first Fresnel
+#: zone of an echo of 40 kHz is so wide from 0.25 m on.
+BESIDE_M = (-0.04, 0.0, 0.04)
 #: An echo is that of a smooth thing that is known if it is so near to where it should be, beyond
 #: what its range is uncertain by, m.
 RECOGNISED_M = 0.03
@@ -217,10 +220,13 @@ class SmoothThings:
             for ping, echo in zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True):
                 x_m, y_m = self._looks.numbers[self._pings[ping], [X, Y]]
                 way_m = self._echoes.range_m[echo] - PROVEN_CELLS * self._field.resolution_m
-                trace_open(
-                    x_m, y_m, thing.bearing_from(x_m, y_m), way_m, self._field, ping, last, proven,
-                    PROOFS * weights[ping],
-                )  # fmt: skip
+                bearing_rad = thing.bearing_from(x_m, y_m)
+                for beside_m in BESIDE_M:
+                    left_m = -beside_m * np.sin(bearing_rad), beside_m * np.cos(bearing_rad)
+                    trace_open(
+                        x_m + left_m[0], y_m + left_m[1], bearing_rad, way_m, self._field, ping,
+                        last, proven, PROOFS * weights[ping],
+                    )  # fmt: skip
 
     def _things(self) -> list[MirrorWall | RoundColumn]:
         return [*self.mirrors, *self.columns]

@@ -64,3 +64,14 @@ def test_a_mirror_that_is_not_heard_aslant_is_shown_and_not_free() -> None:
     row = math.floor((y_m - geometry.origin_m[1]) / geometry.resolution_m)
     columns = np.floor((x_m - geometry.origin_m[0]) / geometry.resolution_m).astype(int)
     assert (occupancy.trinary()[row, columns] == 100).mean() > 0.9
+
+
+def test_all_is_free_before_a_mirror_whose_echoes_came_from_ways_side_by_side() -> None:
+    fusion = JointFusion(MappingParameters())
+    for cone in readings_along_a_wall(is_mirror=True)[::2]:
+        fusion.fuse(cone, "robot")
+    occupancy = fusion.occupancy_map()
+    geometry = occupancy.geometry
+    left, right = (int((x_m - geometry.origin_m[0]) / geometry.resolution_m) for x_m in (0.3, 3.2))
+    low, high = (int((y_m - geometry.origin_m[1]) / geometry.resolution_m) for y_m in (0.2, 1.3))
+    assert (occupancy.trinary()[low:high, left:right] == 0).mean() > 0.9

@@ -42,8 +42,8 @@ LOUD = 100.0
 PROOFS = 2.0
 #: The way to a smooth thing is proven to be open up to so many cells before it.
 PROVEN_CELLS = 1.5
-#: How far beside the way nothing stands, either, that would let no sound through, m: the first Fresnel
-#: zone of an echo of 40 kHz is so wide from 0.25 m on.
+#: How far beside the way nothing stands, either, that would let no sound through, m: the first
+#: Fresnel zone of an echo of 40 kHz is so wide from 0.25 m on.
 BESIDE_M = (-0.04, 0.0, 0.04)
 #: An echo is that of a smooth thing that is known if it is so near to where it should be, beyond
 #: what its range is uncertain by, m.

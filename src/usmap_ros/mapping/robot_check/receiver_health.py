@@ -9,6 +9,7 @@ import numpy as np
 
 from usmap_ros.mapping.robot_check.finding import Finding, Verdict
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.range_cones import is_deaf_behind
 
 #: Pings that are needed to tell.
 LEAST_PINGS = 10
@@ -43,8 +44,15 @@ class ReceiverHealth:
 
 
 def receiver_health(cones: Sequence[EchoCone]) -> ReceiverHealth | None:
-    """How a robot hears; None if it has too few pings to tell."""
+    """How a robot hears; None if it has too few pings to tell, or reports ranges only.
+
+    A range reading states no noise and no loudness.  The limits of its cone say where its echo
+    was, behind which it hears nothing: they tell a corridor from a hall, not receivers.
+    """
     if len(cones) < LEAST_PINGS:
+        return None
+    heard = [cone for cone in cones if len(cone.ranges_m)]
+    if sum(map(is_deaf_behind, heard)) > 0.5 * len(heard):
         return None
     counts = np.array([len(cone.ranges_m) for cone in cones])
     amplitudes = np.concatenate([cone.amplitudes for cone in cones]).astype(float)

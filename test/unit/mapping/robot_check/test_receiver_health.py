@@ -1,8 +1,15 @@
 """Receivers that are deaf, noisy or wrongly scaled are told from one another without a map."""
 
+import numpy as np
 import pytest
 
-from usmap_ros.mapping.robot_check.receiver_health import ReceiverHealth, odd_receivers
+from usmap_ros.mapping.robot_check.receiver_health import (
+    ReceiverHealth,
+    odd_receivers,
+    receiver_health,
+)
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.range_cones import RangeReading
 
 USUAL = [
     ReceiverHealth(echoes=3.0, full=0.1, limit_db=-34.0, loudness_db=-25.0),
@@ -62,3 +69,15 @@ def test_of_two_only_noise_tells_which_is_odd() -> None:
 
 def test_one_alone_is_not_judged() -> None:
     assert odd_receivers({"/1": ODD["too much gain"][0]}) == {}
+
+
+def test_sensors_of_ranges_that_look_at_near_and_far_things_are_not_odd() -> None:
+    """What is heard behind a reading's echo is nothing, which is no receiver's detection limit."""
+
+    def health(range_m: float) -> ReceiverHealth | None:
+        reading = RangeReading(0, "sonar", 0.5, 0.15, 5.0, range_m)
+        return receiver_health([reading.cone(Pose.planar(0.0, 0.0, 0.0), "map")] * 20)
+
+    healths = {f"/{range_m}": health(range_m) for range_m in (0.8, 4.0, np.inf)}
+
+    assert odd_receivers({topic: own for topic, own in healths.items() if own}) == {}

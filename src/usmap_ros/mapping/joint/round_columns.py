@@ -29,6 +29,7 @@ from usmap_ros.mapping.joint.field import (
     HALF_ANGLE,
     HEADING,
     LEAST_RANGE,
+    RANGE_STD,
     Field,
     X,
     Y,
@@ -42,15 +43,19 @@ from usmap_ros.numerics.compiled import compiled
 
 #: Radii that are tried, m.
 RADII_M = np.array([0.08, 0.12, 0.16, 0.2, 0.25, 0.32])
-#: An echo is a column's if it is so near to where it should be.
-TOLERANCE_M = 0.03
+#: An echo is a column's if it is so near to where it should be, m, or within so many standard
+#: deviations of the range by the ping's pose.
+TOLERANCE_M, WITHIN_STDS = 0.03, 2.5
+#: Pings whose ranges are less certain, by their poses, find no columns, m: what scatters as much as
+#: its radius may be is no circle.
+MOST_RANGE_STD_M = 0.04
 #: Candidates that are looked at, and columns that are found, at the most.
 MOST_TRIES, MOST_COLUMNS = 600, 60
 #: Hits that a column has, and hits that one is suspected by; how far the directions of hits must
 #: spread for the first: least eigenvalue of the mean of u uᵀ.
 LEAST_HITS, SUSPECT_HITS, LEAST_SPREAD = 12, 6, 0.1
 #: A column is heard by such a share of the pings that should hear it; its ranges scatter so much,
-#: m, but for the share of those that are something else's.
+#: m, or as the poses do, but for the share of those that are something else's.
 HIT_SHARE, RANGE_STD_M, STRAY_SHARE = 0.9, 0.006, 0.1
 #: Log-likelihood ratio of a column to chance, among the echoes that crowd around within a reach,
 #: m: in all, and on the mean of its hits, times the spread of directions; least radius, m, for
@@ -122,9 +127,10 @@ def round_columns(
     left : (pings, RAYS, STEPS) uint8 array
         By `usmap_ros.mapping.joint.ray_casting.cast_rays`.
     """
-    is_open, found = ~is_explained, list[RoundColumn]()
+    stds_m = np.repeat(looks.numbers[pings, RANGE_STD], np.diff(echoes.start))
+    is_open, found = ~is_explained & (stds_m <= MOST_RANGE_STD_M), list[RoundColumn]()
     candidates = []
-    telling = _telling(echoes)
+    telling = _telling(echoes, stds_m)
     for radius_m in RADII_M:
         votes = np.zeros(field.shape, np.float32)
         _vote(looks, pings, echoes, is_open, telling, field, radius_m, votes)
@@ -192,15 +198,13 @@ def _fitted(
     """The column near a candidate, if it is one."""
     hit_pings, hit_echoes = (np.empty(len(pings), np.int64) for _ in range(2))
     place = np.array([x_m, y_m, radius_m])
-    hits, misses = _look_at(
-        looks, pings, echoes, is_open, left, place, 2.0 * TOLERANCE_M, hit_pings, hit_echoes
-    )
+    hits, misses = _look_at(looks, pings, echoes, is_open, left, place, 2.0, hit_pings, hit_echoes)
     for _ in range(3):
         if hits < SUSPECT_HITS:
             return None
         _refine(looks.numbers[pings[hit_pings[:hits]]], echoes.range_m[hit_echoes[:hits]], place)
         hits, misses = _look_at(
-            looks, pings, echoes, is_open, left, place, TOLERANCE_M, hit_pings, hit_echoes
+            looks, pings, echoes, is_open, left, place, 1.0, hit_pings, hit_echoes
         )
     if hits < SUSPECT_HITS:
         return None
@@ -214,12 +218,14 @@ def _fitted(
         return None
     crowd = count_between(echoes, hit_pings[:hits], across_m - CROWD_M, across_m + CROWD_M) - 1
     off_m = echoes.range_m[hit_echoes[:hits]] - across_m
-    log_ratio = _log_ratio(off_m, crowd, misses)
+    stds_m = numbers[:, RANGE_STD]
+    log_ratio = _log_ratio(off_m, stds_m, crowd, misses)
     is_certain = hits >= LEAST_HITS and spread >= LEAST_SPREAD
-    is_certain &= log_ratio >= max(LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT / spread * hits)
+    is_certain &= log_ratio >= LEAST_LOG_RATIO
+    is_certain &= log_ratio * spread >= LEAST_LOG_RATIO_A_HIT * hits
     off_point_m = _off_point(numbers, echoes.range_m[hit_echoes[:hits]], place)
-    is_certain &= log_ratio > _log_ratio(off_point_m, crowd, misses)
-    is_certain &= not _is_corner(echoes, hit_pings[:hits], across_m)
+    is_certain &= log_ratio > _log_ratio(off_point_m, stds_m, crowd, misses)
+    is_certain &= not _is_corner(echoes, hit_pings[:hits], across_m, stds_m)
     if not is_certain and log_ratio < max(SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits):
         return None
     return RoundColumn(
@@ -228,10 +234,19 @@ def _fitted(
     )  # fmt: skip
 
 
-def _is_corner(echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray) -> bool:
+def _tolerance(stds_m: FloatArray) -> FloatArray:
+    """How near to where it should be an echo is a column's, m, by how uncertain ranges are."""
+    tolerances_m: FloatArray = np.maximum(TOLERANCE_M, WITHIN_STDS * stds_m)
+    return tolerances_m
+
+
+def _is_corner(
+    echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray, stds_m: FloatArray
+) -> bool:
     """Whether most is heard before: two walls are heard before their corner, and after columns."""
-    before = count_between(echoes, pings, across_m - CROWD_M, across_m - TOLERANCE_M)
-    behind = count_between(echoes, pings, across_m + TOLERANCE_M, across_m + CROWD_M)
+    near_m = _tolerance(stds_m)
+    before = count_between(echoes, pings, across_m - CROWD_M, across_m - near_m)
+    behind = count_between(echoes, pings, across_m + near_m, across_m + CROWD_M)
     return bool(before.mean() > behind.mean() + MOST_MORE_BEFORE)
 
 
@@ -255,11 +270,12 @@ def _echoes_per_m(crowd: NDArray[np.int64]) -> FloatArray:
     return density
 
 
-def _telling(echoes: Echoes) -> FloatArray:
+def _telling(echoes: Echoes, stds_m: FloatArray) -> FloatArray:
     """Log-likelihood ratio of a hit just where it should be, for each echo."""
+    std_m = np.maximum(stds_m, RANGE_STD_M)
     crowd = np.zeros(len(echoes.range_m), np.int64)
     _count_around(echoes, crowd)
-    peak = HIT_SHARE * (1.0 - STRAY_SHARE) / (RANGE_STD_M * math.sqrt(2.0 * math.pi))
+    peak = HIT_SHARE * (1.0 - STRAY_SHARE) / (std_m * math.sqrt(2.0 * math.pi))
     telling: FloatArray = np.log(np.maximum(peak / _echoes_per_m(crowd), 1.0))
     return telling
 
@@ -274,23 +290,28 @@ def _count_around(echoes: Echoes, crowd: NDArray[np.int64]) -> None:
                     crowd[echo] += 1
 
 
-def _log_ratio(off_m: FloatArray, crowd: NDArray[np.int64], misses: int) -> float:
+def _log_ratio(
+    off_m: FloatArray, stds_m: FloatArray, crowd: NDArray[np.int64], misses: int
+) -> float:
     """Log-likelihood ratio of what was heard, with a column to with echoes of anything there.
 
     Parameters
     ----------
     off_m : (hits,) array
         Distance of each hit from where the column's echo should be.
+    stds_m : (hits,) array
+        Standard deviation of each range by the ping's pose.
     crowd : (hits,) integer array
         Other echoes of the ping within `CROWD_M` of it.
     misses : int
         Pings that should have heard the column but did not.
     """
     echoes_per_m = _echoes_per_m(crowd)
-    normal = np.exp(-0.5 * (off_m / RANGE_STD_M) ** 2) / (RANGE_STD_M * math.sqrt(2.0 * math.pi))
-    stray = 1.0 / (2.0 * TOLERANCE_M)
+    std_m, width_m = np.maximum(stds_m, RANGE_STD_M), 2.0 * _tolerance(stds_m)
+    normal = np.exp(-0.5 * (off_m / std_m) ** 2) / (std_m * math.sqrt(2.0 * math.pi))
+    stray = 1.0 / width_m
     of_column = HIT_SHARE * ((1.0 - STRAY_SHARE) * normal + STRAY_SHARE * stray)
-    silent = math.exp(-2.0 * TOLERANCE_M * float(echoes_per_m.mean()))
+    silent = math.exp(-float((width_m * echoes_per_m).mean()))
     missed = misses * math.log((1.0 - HIT_SHARE) / silent)
     return float(np.log(of_column / echoes_per_m).sum() + missed)
 
@@ -352,7 +373,7 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     is_open: BoolArray,
     left: NDArray[np.uint8],
     place: FloatArray,
-    tolerance_m: float,
+    tolerance: float,
     hit_pings: NDArray[np.int64],
     hit_echoes: NDArray[np.int64],
 ) -> tuple[int, int]:
@@ -377,10 +398,11 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         step = min(max(int((across - 0.15) * STEPS / numbers[GREATEST_RANGE]), 0), STEPS - 1)
         if left[index, ray, step] < CLEAR_SHARE * WHOLE:
             continue
-        nearest, nearest_echo, any_echo = tolerance_m, -1, False
+        widest = max(TOLERANCE_M, WITHIN_STDS * numbers[RANGE_STD])
+        nearest, nearest_echo, any_echo = tolerance * widest, -1, False
         for echo in range(echoes.start[index], echoes.start[index + 1]):
             away = abs(echoes.range_m[echo] - across)
-            any_echo = any_echo or away < 2.0 * tolerance_m
+            any_echo = any_echo or away < 2.0 * tolerance * widest
             if is_open[echo] and away < nearest:
                 nearest, nearest_echo = away, echo
         if nearest_echo >= 0:

@@ -30,8 +30,6 @@ from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Pings whose ranges are less certain, by their poses, find no round columns, m.
-MOST_RANGE_STD_M = 0.01
 #: Range bins around a smooth thing's echo that say nothing of cells.
 AROUND_BINS = 2
 #: Share of suspected columns that are some.
@@ -120,8 +118,6 @@ class SmoothThings:
         found = mirror_walls(looks, pings, echoes, is_explained, is_usable)
         for wall in found:
             is_explained[wall.echoes] = True
-        # What scatters as much as its radius may be is no circle.
-        is_explained |= looks.numbers[pings, RANGE_STD][self._ping] > MOST_RANGE_STD_M
         columns = round_columns(looks, pings, echoes, is_explained, self._field, left)
         self.columns = [column for column in columns if column.is_certain]
         self._suspected = [column for column in columns if not column.is_certain]

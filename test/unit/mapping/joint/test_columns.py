@@ -27,9 +27,11 @@ def pings_around(
     error_m: float,
     radius_m: float = RADIUS_M,
     *others_m: float,
+    pose_std_m: float = 0.0,
 ) -> list[EchoCone]:
     """Pings that look at the column, each with its echo, errors of its range, and others off it."""
     cones, rng = [], np.random.default_rng(5)
+    covariance = np.diag([pose_std_m**2, pose_std_m**2, 0.0])
     for number, bearing_rad in enumerate(np.linspace(first_rad, last_rad, count)):
         away_m = 1.1 + 0.3 * math.sin(2.3 * number)
         x_m, y_m = X_M + away_m * math.cos(bearing_rad), Y_M + away_m * math.sin(bearing_rad)
@@ -37,7 +39,10 @@ def pings_around(
         others = [(echo[0] + off_m * rng.uniform(0.7, 1.3), 0.15) for off_m in others_m]
         yaw_rad = bearing_rad + math.pi
         pose = {"x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}
-        cones.append(make_cone(*sorted([echo, *others]), stamp_ns=number, **pose))
+        pose["x_m"] += pose_std_m * rng.normal()
+        pose["y_m"] += pose_std_m * rng.normal()
+        echoes = sorted([echo, *others])
+        cones.append(make_cone(*echoes, stamp_ns=number, planar_covariance=covariance, **pose))
     return cones
 
 
@@ -57,6 +62,20 @@ def test_a_column_is_found_from_around(make_cone: Callable[..., EchoCone]) -> No
     assert column.is_certain
     found = column.x_m, column.y_m, column.radius_m
     assert found == pytest.approx((X_M, Y_M, RADIUS_M), abs=0.02)
+
+
+def test_a_column_is_found_from_uncertain_poses(make_cone: Callable[..., EchoCone]) -> None:
+    """As every localisation's are: without it, what is round would be called free."""
+    (column,) = columns_of(pings_around(make_cone, 0.0, 4.0, 60, 0.003, pose_std_m=0.02))
+    assert column.is_certain
+    found = column.x_m, column.y_m, column.radius_m
+    assert found == pytest.approx((X_M, Y_M, RADIUS_M), abs=0.03)
+
+
+def test_a_pole_from_uncertain_poses_is_no_column(make_cone: Callable[..., EchoCone]) -> None:
+    for last_rad in (1.6, 4.0):
+        cones = pings_around(make_cone, 0.0, last_rad, 60, 0.003, 0.0, pose_std_m=0.02)
+        assert not any(column.is_certain for column in columns_of(cones))
 
 
 def test_a_column_heard_from_one_side_is_suspected(make_cone: Callable[..., EchoCone]) -> None:

@@ -63,8 +63,9 @@ HIT_SHARE, RANGE_STD_M, STRAY_SHARE = 0.9, 0.006, 0.1
 LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT, CROWD_M, LEAST_RADIUS_M = 55.0, 0.16, 0.4, 0.1
 #: In all, and on the mean of its hits, at which a column is suspected, from wherever it was heard.
 SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
-#: How many more echoes of a ping there may be within `CROWD_M` before a column than behind it.
-MOST_MORE_BEFORE = 0.5
+#: How many more echoes of a ping there may be within `CROWD_M` before a column than behind it: of
+#: one thing beside it, but not of the two walls of a corner.
+MOST_MORE_BEFORE = 1.2
 #: Amplitude reflectivity of the faintest column that a silent ping counts against, how much louder
 #: than what would have been reported it would be, and share of the sound that must get there.
 FAINTEST, LOUD, CLEAR_SHARE = 0.3, 1.3, 0.6

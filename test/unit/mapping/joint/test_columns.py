@@ -91,19 +91,20 @@ def test_a_pole_is_no_column(make_cone: Callable[..., EchoCone]) -> None:
         assert not any(column.is_certain for column in found)
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_what_walls_are_heard_before_is_no_column(
-    make_cone: Callable[..., EchoCone], sign: float
+@pytest.mark.parametrize(
+    ("others_m", "is_column"), [((-0.15, -0.27), False), ((-0.15,), True), ((0.15, 0.27), True)]
+)
+def test_what_two_walls_are_heard_before_is_no_column(
+    make_cone: Callable[..., EchoCone], others_m: tuple[float, ...], is_column: bool
 ) -> None:
-    """A corner of two walls is heard after them; a column before what stands behind it."""
-    walls_m = 0.15 * sign, 0.27 * sign
-    found = columns_of(pings_around(make_cone, 0.0, 4.0, 40, 0.002, RADIUS_M, *walls_m))
+    """A corner of two walls is heard after them; a column after one thing or before others."""
+    found = columns_of(pings_around(make_cone, 0.0, 4.0, 40, 0.002, RADIUS_M, *others_m))
     is_there = [
         column.is_certain
         for column in found
         if math.hypot(column.x_m - X_M, column.y_m - Y_M) < 0.05
     ]
-    assert is_there == [sign > 0.0]
+    assert is_there == [is_column]
 
 
 def test_echoes_that_scatter_are_no_column(make_cone: Callable[..., EchoCone]) -> None:

@@ -72,8 +72,15 @@ class Checkpoint:
             raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
         return target
 
-    def keep(self, fusion: LiveFusion) -> None:
+    def keep(self, fusion: LiveFusion, *, in_time: bool = False) -> None:
         """Write the map, if it has changed since the last time.
+
+        Parameters
+        ----------
+        fusion : LiveFusion
+            Whose map.
+        in_time : bool
+            Whether that of late will do, where to explain all pings together would take long.
 
         Raises
         ------
@@ -83,8 +90,9 @@ class Checkpoint:
         version = fusion.version
         if self._path is not None and version != self._kept_version:
             try:
-                occupancy = fusion.occupancy_map()
+                occupancy = fusion.live_map() if in_time else fusion.occupancy_map()
             except MapSizeError as error:
                 raise MapFileError(self._path, str(error)) from error
             save_map(self._path, occupancy)
-            self._kept_version = version
+            # One that is better is kept when it is there.
+            self._kept_version = version if fusion.is_whole else -1

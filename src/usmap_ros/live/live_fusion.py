@@ -290,7 +290,7 @@ class LiveFusion:
         return self._made(is_live=False)
 
     def live_map(self) -> OccupancyMap:
-        """The same while pings come: mostly, what is new alone is worked out."""
+        """The same while pings come: what is new alone is worked out, all the rest beside it."""
         return self._made(is_live=True)
 
     @property
@@ -310,8 +310,9 @@ class LiveFusion:
     def _made(self, is_live: bool) -> OccupancyMap:
         with self._map_lock:
             fusion = self._pipeline.fusion
-            snapshot = fusion.live_snapshot if is_live else fusion.snapshot
-            make = self.poses.snapshot(is_live) or snapshot()
+            make = self.poses.snapshot(is_live) or (
+                fusion.live_snapshot(in_time=True) if is_live else fusion.snapshot()
+            )
             generation = self.poses.generation
         occupancy = make()
         with self._map_lock:

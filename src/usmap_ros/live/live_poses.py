@@ -268,7 +268,7 @@ class LivePoses:
                 return None
             on.take_up(told)
             try:
-                return on.pipeline.fusion.live_snapshot()()
+                return on.pipeline.fusion.live_snapshot(in_time=True)()
             except MapSizeError:
                 # All of them together tell which pings are far off.
                 self._going_on = None

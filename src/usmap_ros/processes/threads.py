@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
 
@@ -12,6 +14,8 @@ from usmap_ros.processes.cores import available_cores
 
 Part = TypeVar("Part")
 Result = TypeVar("Result")
+
+_of_thread = threading.local()
 
 
 def for_each(work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Result]:
@@ -26,9 +30,19 @@ def for_each(work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Resu
     """
     parts = list(parts)
     threads = min(available_cores(), len(parts))
-    if threads < 2:
+    if threads < 2 or getattr(_of_thread, "is_alone", False):
         return [work(part) for part in parts]
     return list(_executor(os.getpid(), threads).map(work, parts))
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Let `for_each` work in this thread alone meanwhile: what others ask for does not wait."""
+    _of_thread.is_alone = True
+    try:
+        yield
+    finally:
+        _of_thread.is_alone = False
 
 
 @cache

@@ -1,9 +1,11 @@
 """Work that is divided among threads."""
 
+import threading
+
 import pytest
 
 from usmap_ros.processes import threads
-from usmap_ros.processes.threads import for_each
+from usmap_ros.processes.threads import alone, for_each
 
 
 @pytest.mark.parametrize("cores", [1, 2, 5])
@@ -18,3 +20,10 @@ def test_what_a_part_raises_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "available_cores", lambda: 2)
     with pytest.raises(ZeroDivisionError):
         for_each(lambda number: 1 // number, [1, 0])
+
+
+def test_a_thread_that_is_to_work_alone_asks_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "available_cores", lambda: 2)
+    with alone():
+        assert set(for_each(lambda _: threading.get_ident(), range(9))) == {threading.get_ident()}
+    assert threading.get_ident() not in for_each(lambda _: threading.get_ident(), range(9))

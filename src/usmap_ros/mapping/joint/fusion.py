@@ -14,12 +14,12 @@ from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.known import Known, least_credit
 from usmap_ros.mapping.joint.live_map import LiveMap
 from usmap_ros.mapping.joint.survey import Survey
-from usmap_ros.mapping.looks import BY_BIN
-from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
+#: Variance of a bearing, rad², below which its weight may be beyond all numbers.
+LEAST_VARIANCE = 1e-30
 #: Share of the window that goes at once when it is full; what it said stays in the map.
 RETIRED_SHARE = 4
 
@@ -85,13 +85,10 @@ class JointFusion(Fusion):
     def mend(self, cone: EchoCone | None = None) -> int:
         """Let the newest ping go if its numbers are not finite; or such cells of an earlier map."""
         if cone is not None:
-            look = look_of(cone, self.parameters)
-            values = [look.x_m, look.y_m, look.noise, look.greatest_range_m]
-            wrong = sum(np.count_nonzero(~np.isfinite(getattr(look, name))) for name in BY_BIN)
-            if np.isfinite(values).all() and not wrong:
-                return 0
-            self._forget_newest()
-            return max(1, int(wrong))
+            wrong = _not_finite(cone)
+            if wrong:
+                self._forget_newest()
+            return wrong
         if self._earlier is None:
             return 0
         before = self._earlier()
@@ -136,7 +133,7 @@ class JointFusion(Fusion):
         """What makes the map as it is now, in its own time and in any thread."""
         return self._surveyed().occupancy_map
 
-    def live_snapshot(self) -> Callable[[], OccupancyMap]:
+    def live_snapshot(self, in_time: bool = False) -> Callable[[], OccupancyMap]:
         """What makes the map of late: where most is known, new pings alone are visited.
 
         From time to time, by how many pings there are, all are explained together as in `snapshot`.
@@ -144,18 +141,19 @@ class JointFusion(Fusion):
         if self._live is None:
             self._live = LiveMap(self.parameters)
             self._survey = None
-        live, whole, retired = self._live, self._surveyed(), self._retired
-        earlier, newest = self._earlier, self._count
+        live, whole, retired, newest = self._live, self._surveyed(), self._retired, self._count
 
         def made() -> OccupancyMap:
-            if whole.is_made or live.is_due:
-                due = whole if retired is None or retired.is_made else retired
-                due.occupancy_map()
+            is_waiting = retired is not None and not retired.is_made
+            if not whole.is_made and (is_waiting or live.is_due):
+                due = retired if retired is not None and is_waiting else whole
+                if in_time and live.is_begun:
+                    live.renew(due.occupancy_map)
+                else:
+                    due.occupancy_map()
             if whole.is_made:
                 return whole.occupancy_map()
-            found = live.occupancy_map(
-                earlier and earlier(), whole.frame_id, whole.stamp_ns, newest
-            )
+            found = live.occupancy_map(whole.frame_id, whole.stamp_ns, newest)
             return whole.occupancy_map() if found is None else found
 
         return made
@@ -169,11 +167,12 @@ class JointFusion(Fusion):
         """The survey of today's pings, which is worked out when it is asked."""
         if self._survey is None:
             live, count = self._live, self._count
+            epoch = 0 if live is None else live.epoch
 
-            def tell(areas: list[Known], kept: KeptPings) -> None:
+            def tell(areas: list[Known], kept: KeptPings, earlier: OccupancyMap | None) -> None:
                 self._doubted = least_credit(areas)
                 if live is not None:
-                    live.begin(areas, kept, count)
+                    live.begin(areas, kept, earlier, count, epoch)
 
             self._survey = Survey(
                 self._kept.copy(), self.parameters, self._earlier, self._more_rounds, self.frame_id,
@@ -193,3 +192,15 @@ class JointFusion(Fusion):
         before = copied(occupancy)
         self._earlier, self._retired = (lambda: before), None
         self._changed()
+
+
+def _not_finite(cone: EchoCone) -> int:
+    """Numbers of a cone that are not finite in the range bins that maps are made from."""
+    numbers = [*cone.pose.position_m, cone.pose.yaw_rad, cone.transducer.max_range_m]
+    squares = np.square(np.asarray(cone.amplitudes, np.float32))
+    wrong = np.count_nonzero(~np.isfinite(numbers)) + np.count_nonzero(~np.isfinite(squares))
+    if cone.bearings_rad is not None and cone.bearing_stds_rad is not None:
+        # What is that certain has a weight beyond all numbers.
+        stds = cone.bearing_stds_rad[~np.isnan(cone.bearings_rad)]
+        wrong += np.count_nonzero(np.square(np.asarray(stds, np.float32)) < LEAST_VARIANCE)
+    return int(wrong)

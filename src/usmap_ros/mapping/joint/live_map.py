@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.drawing import drawn_map
@@ -12,12 +13,15 @@ from usmap_ros.mapping.joint.known import Known
 from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes.threads import alone
 
 #: All pings are explained together again when there are such a share more than the last time; and
 #: always as long as there are so few.
 MORE_SHARE, FEW_PINGS = 0.5, 150
 #: Pings that are explained at once beside those before them.
 BATCH = 32
+#: Name of the thread in which all pings are explained together while maps go on being made.
+BESIDE = "usmap whole map"
 
 #: A ping, who heard it, and its number.
 Numbered = tuple[EchoCone, str, int]
@@ -30,17 +34,26 @@ class LiveMap:
     ----------
     parameters : MappingParameters
         Of the map.
+
+    Attributes
+    ----------
+    epoch : int
+        Rises whenever what is known is forgotten.
     """
 
     def __init__(self, parameters: MappingParameters) -> None:
         self._parameters, self._lock = parameters, threading.Lock()
         self._areas: list[Known] = []
+        self._earlier: OccupancyMap | None = None
+        self.epoch = 0
         self._first_only: set[str] = set()
         # Numbers of the newest ping of the areas, and of those by which they were known at first;
         # and how many pings that were.
         self._newest = self._first = self._pings = 0
         # Pings after that.
         self._more: list[Numbered] = []
+        self._renewal: threading.Thread | None = None
+        self._failure: Exception | None = None
 
     def add(self, cone: EchoCone, source: str, number: int) -> None:
         """Take up a ping."""
@@ -51,9 +64,17 @@ class LiveMap:
         """Begin with all pings at the next time."""
         with self._lock:
             self._areas, self._pings, self._more = [], 0, []
+            self.epoch += 1
 
-    def begin(self, areas: list[Known], kept: KeptPings, number: int) -> None:
-        """Go on from what is known by all pings.
+    def begin(
+        self,
+        areas: list[Known],
+        kept: KeptPings,
+        earlier: OccupancyMap | None,
+        number: int,
+        epoch: int,
+    ) -> None:
+        """Go on from what is known by all pings, with those that have come since.
 
         Parameters
         ----------
@@ -61,31 +82,76 @@ class LiveMap:
             What is known.
         kept : KeptPings
             By which pings.
+        earlier : OccupancyMap, optional
+            What was known before any of them.
         number : int
             Of the newest of them.
+        epoch : int
+            When they were told: nothing holds that was told before the last `forget`.
         """
-        with self._lock:
-            if number >= self._first:
-                self._areas, self._newest, self._first = areas, number, number
-                self._pings, self._first_only = len(kept), kept.first_only()
-                self._more = [ping for ping in self._more if ping[2] > number]
+        first_only, newest = kept.first_only(), number
+        while True:
+            with self._lock:
+                if number < self._first or epoch != self.epoch:
+                    return
+                # Maps are made meanwhile of what was known until now.
+                behind = [ping for ping in self._more if newest < ping[2] <= self._newest][:BATCH]
+                if not behind:
+                    self._areas, self._newest, self._first = areas, newest, number
+                    self._pings, self._first_only, self._earlier = len(kept), first_only, earlier
+                    self._more = [ping for ping in self._more if ping[2] > number]
+                    return
+            if not self._add(areas, behind, first_only):
+                self.forget()
+                return
+            newest = behind[-1][2]
+
+    def renew(self, explain: Callable[[], object]) -> None:
+        """Have all pings explained together in a thread beside, unless they are being.
+
+        Parameters
+        ----------
+        explain : callable
+            Does it, and calls `begin`.
+
+        Raises
+        ------
+        Exception
+            What it has raised the last time.
+        """
+
+        def work() -> None:
+            try:
+                with alone():
+                    explain()
+            except Exception as error:
+                self._failure = error
+
+        if self._renewal is not None and self._renewal.is_alive():
+            return
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+        self._renewal = threading.Thread(target=work, name=BESIDE, daemon=True)
+        self._renewal.start()
 
     @property
     def is_due(self) -> bool:
         """Whether all pings are to be explained together."""
         with self._lock:
-            few = self._pings < FEW_PINGS
-            return few or len(self._more) > MORE_SHARE * self._pings
+            return self._pings < FEW_PINGS or len(self._more) > MORE_SHARE * self._pings
 
-    def occupancy_map(
-        self, earlier: OccupancyMap | None, frame_id: str, stamp_ns: int, newest: int
-    ) -> OccupancyMap | None:
+    @property
+    def is_begun(self) -> bool:
+        """Whether there are so many that a map is worth having that they alone tell."""
+        with self._lock:
+            return self._pings >= FEW_PINGS
+
+    def occupancy_map(self, frame_id: str, stamp_ns: int, newest: int) -> OccupancyMap | None:
         """The map; None if new pings are where nothing is known.
 
         Parameters
         ----------
-        earlier : OccupancyMap, optional
-            What was known before any of the pings.
         frame_id, stamp_ns
             Of the map.
         newest : int
@@ -99,26 +165,26 @@ class LiveMap:
                 is_whole = len(batch) == BATCH
                 # The others are explained anew with those that come.
                 areas = areas if is_whole else [area.copy() for area in areas]
-                if not self._add(areas, batch):
+                if not self._add(areas, batch, self._first_only):
                     return None
                 self._newest = batch[-1][2] if is_whole else self._newest
-            return drawn_map(areas, self._parameters, earlier, frame_id, stamp_ns)
+            return drawn_map(areas, self._parameters, self._earlier, frame_id, stamp_ns)
 
-    def _add(self, areas: list[Known], batch: list[Numbered]) -> bool:
+    def _add(self, areas: list[Known], batch: list[Numbered], first_only: set[str]) -> bool:
         """Add some more pings to what is known, unless any of them is in no area, or in two."""
         kept = KeptPings(self._parameters)
         for cone, source, _ in batch:
             kept.add(cone, source)
         known = areas.copy()
         for group in kept.islands():
-            pings = kept.pings(group, first_only=self._first_only)
+            pings = kept.pings(group, first_only=first_only)
             field = field_around(pings.looks, pings.rows, self._parameters.resolution_m)
             here = [place for place, area in enumerate(known) if area.overlaps(field)]
             if len(here) != 1:
                 return False
             believed = [known[here[0]].credit.get(source, 1.0) for source in pings.sources]
             if min(believed) < 1.0 and max(believed) > 0.0:
-                pings = kept.pings(group, known[here[0]].credit, self._first_only)
+                pings = kept.pings(group, known[here[0]].credit, first_only)
             if max(believed) > 0.0:
                 known[here[0]] = MorePings(pings, self._parameters).add_to(known[here[0]])
         areas[:] = known

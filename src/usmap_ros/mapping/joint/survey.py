@@ -22,6 +22,8 @@ from usmap_ros.mapping.looks import look_in_row
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
 
+Tell = Callable[[list[Known], KeptPings, OccupancyMap | None], None]
+
 
 class Survey:
     """The map of some pings; to make it takes little, to ask it for anything seconds.
@@ -39,7 +41,8 @@ class Survey:
     frame_id, stamp_ns
         Of the map.
     tell : callable
-        Told what is known of the areas, and by which pings, when that is worked out.
+        Told what is known of the areas, by which pings, and beside what was known before them, when
+        that is worked out.
     """
 
     def __init__(
@@ -50,7 +53,7 @@ class Survey:
         more_rounds: int,
         frame_id: str,
         stamp_ns: int,
-        tell: Callable[[list[Known], KeptPings], None] = lambda areas, kept: None,
+        tell: Tell = lambda areas, kept, earlier: None,
     ) -> None:
         self._kept, self._parameters, self._before = kept, parameters, earlier
         self._more_rounds, self.frame_id, self.stamp_ns = more_rounds, frame_id, stamp_ns
@@ -67,11 +70,11 @@ class Survey:
                 self._map = drawn_map(
                     areas, self._parameters, self._earlier, self.frame_id, self.stamp_ns
                 )
-                self._tell(areas, self._kept)
+                self._tell(areas, self._kept, self._earlier)
                 # Nothing stays but the map: what it was made from is many times as large, and
                 # earlier surveys hold those that were before them.
                 self._kept, self._before = KeptPings(self._parameters), None
-                self._earlier, self._tell = None, lambda areas, kept: None
+                self._earlier, self._tell = None, lambda areas, kept, earlier: None
             return copied(self._map)
 
     @property

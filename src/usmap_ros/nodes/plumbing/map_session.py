@@ -237,7 +237,7 @@ class MapSession:
         # What is promised of the map on disk does not wait until a large map has been sent.
         if self._is_to_be_kept:
             self._is_to_be_kept = False
-            self._keep()
+            self._keep(in_time=True)
         if not self._is_to_be_published:
             return None
         if self._is_better_later():
@@ -293,8 +293,8 @@ class MapSession:
         self._publisher.forget_extent()
         self._was_reset = self._is_unpublished = True
 
-    def _keep(self) -> None:
+    def _keep(self, *, in_time: bool = False) -> None:
         try:
-            self._checkpoint.keep(self.fusion)
+            self._checkpoint.keep(self.fusion, in_time=in_time)
         except MapFileError as error:
             self._health.problem("not kept", str(error), is_error=True)

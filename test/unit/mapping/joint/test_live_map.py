@@ -1,5 +1,6 @@
 """The map while pings come: what it costs, and what it tells."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -19,6 +20,8 @@ from usmap_ros.pings.cone import EchoCone
 #: Another object, which later pings hear.
 LATE = (1.0, -0.9, 0.6)
 KNOWN, BATCH = 8, 4
+#: Nothing that a test waits for takes as long.
+WAIT_S = 300.0
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +161,105 @@ def test_who_is_left_out_is_in_no_later_map(
     np.testing.assert_array_equal(
         fusion.live_snapshot()().log_odds, fused(pings[:20]).occupancy_map().log_odds
     )
+
+
+@pytest.fixture
+def held(monkeypatch: pytest.MonkeyPatch) -> tuple[threading.Event, threading.Event]:
+    """Give what tells that a thread beside explains all pings, and what lets it go on."""
+    monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
+    monkeypatch.setattr(live_map, "BATCH", BATCH)
+    begun, may_go_on = threading.Event(), threading.Event()
+
+    class Whole(JointEstimate):
+        def __init__(self, *given: Any, **named: Any) -> None:
+            super().__init__(*given, **named)
+            if threading.current_thread() is not threading.main_thread():
+                begun.set()
+                may_go_on.wait(WAIT_S)
+
+    monkeypatch.setattr(survey, "JointEstimate", Whole)
+    return begun, may_go_on
+
+
+def beside() -> threading.Thread:
+    """The thread that explains all pings together."""
+    return next(one for one in threading.enumerate() if one.name == live_map.BESIDE)
+
+
+def test_maps_are_made_in_time_while_all_pings_are_explained_together(
+    pings: list[EchoCone],
+    held: tuple[threading.Event, threading.Event],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begun, may_go_on = held
+    fusion = fused(pings[:KNOWN])
+    fusion.live_snapshot(in_time=True)()
+    for ping in pings[KNOWN:20]:
+        fusion.fuse(ping)
+    before = fusion.live_snapshot(in_time=True)()
+    assert begun.wait(WAIT_S)
+    thread = beside()
+    for ping in pings[20:]:
+        fusion.fuse(ping)
+        fusion.live_snapshot(in_time=True)()
+    meanwhile = fusion.live_snapshot(in_time=True)()
+    assert thread.is_alive()
+    assert np.count_nonzero(meanwhile.observed) > np.count_nonzero(before.observed)
+    may_go_on.set()
+    thread.join()
+    # What has come meanwhile is taken up before, and what all say together is in the next map.
+    expected = fused(pings[:20])
+    expected.live_snapshot()()
+    for ping in pings[20:]:
+        expected.fuse(ping)
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    late, known = fusion.live_snapshot(in_time=True)(), expected.live_snapshot()()
+    np.testing.assert_array_equal(late.log_odds, known.log_odds)
+    np.testing.assert_array_equal(
+        fusion.occupancy_map().log_odds, fused(pings).occupancy_map().log_odds
+    )
+
+
+def test_who_is_left_out_meanwhile_does_not_come_back(
+    pings: list[EchoCone], held: tuple[threading.Event, threading.Event]
+) -> None:
+    begun, may_go_on = held
+    fusion = JointFusion(MappingParameters())
+    for number, ping in enumerate(pings[:20]):
+        fusion.fuse(ping, "odd" if number % 2 else "sound")
+        if number == KNOWN:
+            fusion.live_snapshot(in_time=True)()
+    fusion.live_snapshot(in_time=True)()
+    assert begun.wait(WAIT_S)
+    thread = beside()
+    fusion.leave_out(lambda source: source == "odd")
+    may_go_on.set()
+    thread.join()
+    np.testing.assert_array_equal(
+        fusion.live_snapshot(in_time=True)().log_odds,
+        fused(pings[:20:2]).occupancy_map().log_odds,
+    )
+
+
+def test_what_goes_wrong_beside_is_said_the_next_time(
+    pings: list[EchoCone], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
+    fusion = fused(pings[:KNOWN])
+    fusion.live_snapshot(in_time=True)()
+    for ping in pings[KNOWN:]:
+        fusion.fuse(ping)
+
+    def wrong(*given: Any, **named: Any) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(survey, "JointEstimate", wrong)
+    fusion.live_snapshot(in_time=True)()
+    for thread in threading.enumerate():
+        if thread.name == live_map.BESIDE:
+            thread.join()
+    with pytest.raises(ZeroDivisionError):
+        fusion.live_snapshot(in_time=True)()
 
 
 def test_silence_of_two_groups_says_no_more_than_their_sum() -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.cell_parts import LEAST_SHARE, Cells
 from usmap_ros.mapping.joint.field import Field, X, Y
 from usmap_ros.mapping.joint.likelihood_ratios import Said
+from usmap_ros.mapping.joint.projection import first_from
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.compiled import compiled, inlined
 
@@ -59,7 +60,7 @@ def no_evidence(field: Field) -> CellEvidence:
 
 
 @compiled
-def add_said(
+def add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     pings: NDArray[np.int64],
     weights: NDArray[np.float32],
@@ -68,8 +69,10 @@ def add_said(
     field: Field,
     forgetting: float,
     evidence: CellEvidence,
+    first: int,
+    stop: int,
 ) -> None:
-    """Add what some pings say, one after the other, to what was said before.
+    """Add what some pings say of some cells, one after the other, to what was said before.
 
     Parameters
     ----------
@@ -81,10 +84,14 @@ def add_said(
         Share of what speaks for a cell that is forgotten with a ping that contradicts it.
     evidence : CellEvidence
         Added to.
+    first, stop : int
+        The first of the cells, and the end.
     """
     for index in range(len(pings)):
         weight, numbers = weights[index], looks.numbers[pings[index]]
-        for row in range(said.start[index], said.start[index + 1]):
+        end = said.start[index + 1]
+        begin = first_from(said.cell, said.start[index], end, first)
+        for row in range(begin, first_from(said.cell, begin, end, stop)):
             cell = cells.number[said.cell[row]]
             evidence.own[cell] = _added(evidence.own[cell], said.own[row], weight, forgetting)
             evidence.block[cell] = _added(evidence.block[cell], said.block[row], weight, forgetting)

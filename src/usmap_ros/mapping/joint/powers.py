@@ -34,7 +34,7 @@ from usmap_ros.mapping.joint.projection import (
     faintest_weights,
     project,
 )
-from usmap_ros.mapping.joint.ray_casting import cast_rays
+from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, cast_rays
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.processes.threads import for_each
@@ -167,11 +167,15 @@ class Powers:
         if self._before is not None:
             self._before = Settled(self._before.power[alive], self._before.known[alive])
 
+        hides, open_everywhere = depth.any(), np.zeros((0, RAYS, STEPS), np.uint8)
+
         def renewed(group: _Group) -> _Group:
             which, rows, heard = group
             if heard is rows:
                 heard = empty_rows(int(rows.start[-1]) + 1, np.zeros_like(rows.start))
-            left = cast_rays(self._looks, self._pings[which], self._field, depth)
+            left = open_everywhere
+            if hides:
+                left = cast_rays(self._looks, self._pings[which], self._field, depth)
             cast_shadows(rows, number, self._power, left, self._faintest[which], heard)
             return _Group(which, rows, heard)
 
@@ -232,11 +236,18 @@ class Powers:
         evidence = no_evidence(self._field)
         if before is not None:
             evidence = CellEvidence(*(values.copy() for values in before))
-        for group, each in zip(self._groups, self._say(cells), strict=True):
-            add_said(
-                self._looks, self._pings[group.which], weights[group.which], each, cells,
-                self._field, forgetting, evidence,
-            )  # fmt: skip
+        said = list(zip(self._groups, self._say(cells), strict=True))
+
+        def add(band: tuple[int, int]) -> None:
+            for group, each in said:
+                add_said(
+                    self._looks, self._pings[group.which], weights[group.which], each, cells,
+                    self._field, forgetting, evidence, *band,
+                )  # fmt: skip
+
+        # What one ping says after another, of some cells in each thread.
+        edges = [len(cells.number) * band // MOST_GROUPS for band in range(MOST_GROUPS + 1)]
+        for_each(add, pairwise(edges))
         return evidence
 
     def weigh_apart(

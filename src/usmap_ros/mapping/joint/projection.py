@@ -141,7 +141,7 @@ def cast_shadows(
     power : (scatterers,) float32 array
         Of each that there is from now on.
     left : (pings, RAYS, STEPS) uint8 array
-        By `usmap_ros.mapping.joint.ray_casting.cast_rays`.
+        By `usmap_ros.mapping.joint.ray_casting.cast_rays`; of no pings if nothing is in the way.
     faintest : (pings,) float32 array
         Weight below which nothing of a row is heard, of each ping.
     heard : Projection
@@ -160,7 +160,8 @@ def cast_shadows(
             rows.low[kept], rows.high[kept], rows.heard[kept] = low, high, is_heard
             rows.ray[kept], rows.step[kept] = ray, step
             kept += 1
-            weight *= left[index, ray, step] * np.float32(1.0 / WHOLE)
+            if len(left) > 0:
+                weight *= left[index, ray, step] * np.float32(1.0 / WHOLE)
             heard.scatterer[count], heard.weight[count] = scatterer, weight
             heard.low[count], heard.high[count], heard.heard[count] = low, high, is_heard
             loud = min(power[scatterer] * np.float32(MOST_RISE / LOUD_POWER), np.float32(1.0))
@@ -240,8 +241,8 @@ def _in_cone(
     for row in range(bottom, top):
         y_m = (field.first_row + row + 0.5) * res - y0
         first, (left, right) = row * field.columns, columns_in_beam(looks.numbers[ping], field, y_m)
-        begin = _first_from(scatterers.cell, begins[row], begins[row + 1], first + left)
-        end = _first_from(scatterers.cell, begin, begins[row + 1], first + right)
+        begin = first_from(scatterers.cell, begins[row], begins[row + 1], first + left)
+        end = first_from(scatterers.cell, begin, begins[row + 1], first + right)
         cell_y, origin = np.float32(y_m), np.float32((field.first_column + 0.5) * res - x0)
         for scatterer in range(begin, end):
             part = scatterers.part[scatterer]
@@ -258,7 +259,7 @@ def _in_cone(
 
 
 @inlined
-def _first_from(cells: NDArray[np.int32], begin: int, end: int, cell: int) -> int:
+def first_from(cells: NDArray[np.int32], begin: int, end: int, cell: int) -> int:
     """First place of some with this cell or one behind it."""
     while begin < end:
         middle = (begin + end) >> 1

@@ -29,11 +29,16 @@ def cast_all_rays(
     looks: Looks, pings: NDArray[np.int64], field: Field, depth: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
     """The same as `cast_rays`, with as many threads as there are cores."""
-    batches = [pings[first : first + BATCH] for first in range(0, len(pings), BATCH)]
-    return np.concatenate(for_each(lambda batch: cast_rays(looks, batch, field, depth), batches))
+    left = np.empty((len(pings), RAYS, STEPS), np.uint8)
+
+    def cast(first: int) -> None:
+        batch = slice(first, first + BATCH)
+        _cast(looks, pings[batch], field, depth, left[batch])
+
+    for_each(cast, range(0, len(pings), BATCH))
+    return left
 
 
-@compiled
 def cast_rays(
     looks: Looks, pings: NDArray[np.int64], field: Field, depth: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
@@ -55,10 +60,23 @@ def cast_rays(
     left : (pings, RAYS, STEPS) uint8 array
         exp(-optical depth) up to sample k, at range k / STEPS of the greatest, times `WHOLE`.
     """
-    left = np.zeros((len(pings), RAYS, STEPS), np.uint8)
+    left = np.empty((len(pings), RAYS, STEPS), np.uint8)
+    _cast(looks, pings, field, depth, left)
+    return left
+
+
+@compiled
+def _cast(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    field: Field,
+    depth: NDArray[np.float32],
+    left: NDArray[np.uint8],
+) -> None:
+    """Set what `cast_rays` returns."""
     if not depth.any():
         left[:] = WHOLE
-        return left
+        return
     res = field.resolution_m
     near = _near(depth)
     for index in range(len(pings)):
@@ -88,7 +106,6 @@ def cast_rays(
                         left[index, ray, step + 1 :] = share
                 if passed > OPAQUE:
                     break
-    return left
 
 
 @inlined

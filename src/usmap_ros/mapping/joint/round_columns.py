@@ -224,10 +224,14 @@ def _fitted(
     is_certain = hits >= LEAST_HITS and spread >= LEAST_SPREAD
     is_certain &= log_ratio >= LEAST_LOG_RATIO
     is_certain &= log_ratio * spread >= LEAST_LOG_RATIO_A_HIT * hits
+    is_suspected = log_ratio >= max(SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits)
+    if not is_certain and not is_suspected:
+        # Most are neither, and are not compared with points.
+        return None
     off_point_m = _off_point(numbers, echoes.range_m[hit_echoes[:hits]], place)
     is_certain &= log_ratio > _log_ratio(off_point_m, stds_m, crowd, misses)
     is_certain &= not _is_corner(echoes, hit_pings[:hits], across_m, stds_m)
-    if not is_certain and log_ratio < max(SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits):
+    if not is_certain and not is_suspected:
         return None
     return RoundColumn(
         float(place[0]), float(place[1]), float(place[2]),

@@ -27,6 +27,9 @@ from usmap_ros.pings.cone import EchoCone
 
 #: Of the pings of each robot that are remembered, so many are compared, spread evenly.
 COMPARED = 80
+#: The latest pings of each robot, by which alone its receiver is judged as well: one that fails on
+#: the way would else be named only when half of all that are remembered are wrong.
+LATEST = 60
 #: A robot has moved, between one ping and the next, from so far on.
 MOVED_M, MOVED_RAD = 0.01, 0.01
 #: Pings with echoes from a robot that moves that are needed to say that it repeats itself, and the
@@ -126,9 +129,14 @@ class Consistency:
                 reason = f"{share:.0%} of its pings repeat the one before though it has moved"
                 found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
         rest = {t: list(robot.cones) for t, robot in self._robots.items() if t not in found}
-        receivers = {t: own for t, cones in rest.items() if (own := receiver_health(cones))}
-        echoes = {t: heard for t, cones in rest.items() if (heard := echo_health(cones))}
-        return found | odd_echoes(echoes) | odd_receivers(receivers)
+        latest = {t: cones[-LATEST:] for t, cones in rest.items()}
+        found |= odd_echoes(
+            {t: heard for t, cones in rest.items() if (heard := echo_health(cones))}
+        )
+        for pings in (latest, rest):
+            receivers = {t: own for t, cones in pings.items() if (own := receiver_health(cones))}
+            found |= odd_receivers(receivers)
+        return found
 
 
 def _cleared(screened: Mapping[str, Finding]) -> dict[str, Finding]:

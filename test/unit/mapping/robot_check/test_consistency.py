@@ -139,6 +139,21 @@ def test_one_whose_receiver_is_wrong_is_named_without_a_map(
     assert named(consistency.findings()) == {LIAR: verdict}
 
 
+@pytest.mark.parametrize(
+    ("factor", "noise", "verdict"), [(1.0, 30.0, "noisy"), (10.0, 0.0, "loud")]
+)
+def test_one_whose_receiver_fails_on_the_way_is_named_soon(
+    factor: float, noise: float, verdict: str
+) -> None:
+    """It was not until half of all pings that are remembered were wrong."""
+    failed = of_samples(11, factor, noise, is_stated=verdict == "loud")
+    consistency = Consistency(MappingParameters())
+    for topic, cone in [*cones(11), *cones(11), *failed]:
+        consistency.add(topic, cone)
+
+    assert named(consistency.findings()) == {LIAR: verdict}
+
+
 def test_one_that_repeats_itself_while_it_moves_is_named() -> None:
     first = next(cone for topic, cone in cones(11) if topic == LIAR and len(cone.ranges_m))
     pings = [

@@ -49,13 +49,12 @@ class WallEquations:
         weight: float,
     ) -> None:
         self._walls = walls
-        echo, wall = np.nonzero(heard.shares > _LEAST_SHARE)
+        kept = np.flatnonzero(heard.shares > _LEAST_SHARE)
+        echo, wall = heard.echo[kept], heard.wall[kept]
         ping, rows = echoes.ping[echo], np.arange(len(echo))
-        weights = heard.shares[echo, wall] * echoes.weight[echo] * weight
-        weights *= heard.precision[echo, wall]
-        off_m = heard.off_m[echo, wall]
+        weights = heard.shares[kept] * echoes.weight[echo] * weight * heard.precision[kept]
+        off_m, along_m = heard.off_m[kept], heard.along_m[kept]
         number, lines = len(walls.normals_rad), len(echo)
-        along_m = heard.along_m[echo, wall]
         # Walls turn about the middle of their feet.
         total = np.bincount(wall, weights, number)
         middle = np.bincount(wall, weights * along_m, number)
@@ -64,7 +63,7 @@ class WallEquations:
         before, share = np.maximum(knots.before[ping], 0), knots.share[ping]
         after, normals = np.minimum(before + 1, count - 1), walls.normals()[:, wall]
         parts = np.stack([1.0 - share, share]) * is_free
-        changes = np.vstack([normals, heard.per_rad_m[echo, wall]])
+        changes = np.vstack([normals, heard.per_rad_m[kept]])
         values = (parts[:, np.newaxis] * changes).reshape(6, -1)
         columns = np.stack([3 * knot + axis for knot in (before, after) for axis in range(3)])
         by_pose = sparse.csr_matrix(

@@ -12,8 +12,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.localisation.echo_table import Echoes, of_rows
+from usmap_ros.localisation.line_fits import Bearers, fit_line, put_on_line
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
@@ -24,8 +26,6 @@ _DIRECTIONS, _STEP_M = 120, 0.04
 _MOST, _LEAST_ECHOES, _LEAST_PLACES = 50, 5.0, 4
 #: Share of the half angle within which the foot must be.
 _WITHIN = 0.95
-#: How well the peak of the votes says the direction, rad, and the farthest step from it.
-_PEAK_RAD, _MOST_TURN_RAD = 0.02, 0.05
 #: Echoes per metre of range that no wall explains.
 _BACKGROUND = 0.6
 #: Stretch of a wall, m, of which it is asked how many of the pings that face it hear it; what is
@@ -35,6 +35,8 @@ _STRETCH_M, _LEAST_RATE, _FIRST_RATE, _PRIOR_LOOKS = 0.3, 0.05, 0.3, 2.0
 _MOST_RATE = 0.9
 #: How well the edge of a beam is known, rad.
 _EDGE_RAD = 0.05
+#: Echoes farther from a wall, standard deviations, are not its.
+_REACH = 5.0
 #: Times that this is asked anew, with what is thought of it then.
 _ROUNDS = 3
 
@@ -94,22 +96,26 @@ def look(walls: Walls, echoes: Echoes, poses: FloatArray) -> Looks:
 
 
 class Heard(NamedTuple):
-    """Which echoes are whose.
+    """Which echoes are whose: a row for each echo and each wall that it may well be of.
 
     Parameters
     ----------
-    shares : (echoes, walls) array
-        Of each wall in each echo.
-    off_m : (echoes, walls) array
-        By how much the place that an echo would be from is behind the wall.
-    along_m, per_rad_m : (echoes, walls) arrays
+    echo, wall : (n,) int arrays
+        Which.
+    shares : (n,) array
+        Of the wall in the echo.
+    off_m : (n,) array
+        By how much the place that the echo would be from is behind the wall.
+    along_m, per_rad_m : (n,) arrays
         Where that is along the wall, and by how much it goes behind it as the robot turns.
-    precision : (echoes, walls) array
+    precision : (n,) array
         Of `off_m`, in units of that of an echo from the foot of the perpendicular.
     log_likelihood : float
         Of all echoes, relative to none of them being a wall's.
     """
 
+    echo: NDArray[np.intp]
+    wall: NDArray[np.intp]
     shares: FloatArray
     off_m: FloatArray
     along_m: FloatArray
@@ -157,6 +163,10 @@ class _Votes:
         self._range_m, self._reach = echoes.range_m, _WITHIN * echoes.half_angle_rad
         self._place_m = poses[echoes.ping, :2] - self.centre_m
         self._yaw, self._aslant = poses[echoes.ping, 2], echoes.aslant_rad
+        x_m, y_m = np.ascontiguousarray(self._place_m.T)
+        self._rows = Bearers(
+            x_m, y_m, self._yaw, self._range_m, self._reach, self._aslant, self._weight
+        )
         self._step_m = max(_STEP_M, sigma_m)
         self._left = np.ones(len(self._yaw), np.bool_)
         angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
@@ -192,7 +202,8 @@ class _Votes:
             return None
         direction, step = divmod(int(self._cells[best]), self._steps)
         angle = direction * 2.0 * np.pi / _DIRECTIONS
-        return self._fitted(angle, (self._lowest + step + 1) * self._step_m)
+        distance_m = (self._lowest + step + 1) * self._step_m
+        return fit_line(self._rows, self._left, (angle, distance_m), self._step_m, self._sigma_m)
 
     def _to_place_m(self, angle: FloatArray, echo: np.ndarray) -> FloatArray:
         """From where echoes were heard to where walls that face so would answer from, (n, 2)."""
@@ -202,37 +213,10 @@ class _Votes:
         rays = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
         return np.asarray(self._range_m[echo, np.newaxis] * rays)
 
-    def _on(self, angle: float, distance_m: float) -> tuple[FloatArray, FloatArray]:
-        """Places that a wall would answer from along it and behind it, infinite if it cannot."""
-        everyone = np.arange(len(self._yaw))
-        place_m = self._place_m + self._to_place_m(np.array(angle), everyone)
-        normal = np.array([math.cos(angle), math.sin(angle)])
-        off_rad = np.abs(wrapped(angle - self._yaw))
-        is_its = self._left & (off_rad <= self._reach + self._aslant)
-        behind_m = np.where(is_its, place_m @ normal - distance_m, np.inf)
-        return place_m @ np.array([-normal[1], normal[0]]), behind_m
-
-    def _fitted(self, angle: float, distance_m: float) -> tuple[float, float]:
-        """A line through what is near it, by least squares."""
-        scale_m = max(self._step_m, self._sigma_m)
-        for _ in range(4):
-            along_m, off_m = self._on(angle, distance_m)
-            near = np.flatnonzero(np.abs(off_m) < 3.0 * scale_m)
-            weight = self._weight[near] * np.exp(-0.5 * (off_m[near] / scale_m) ** 2)
-            if weight.sum() < 1e-3:
-                break
-            change = np.stack([along_m[near], -np.ones(len(near))], axis=-1)
-            prior = np.diag([(self._sigma_m / _PEAK_RAD) ** 2, 1e-6])
-            matrix = (change * weight[:, np.newaxis]).T @ change + prior
-            turn, shift_m = np.linalg.solve(matrix, -change.T @ (weight * off_m[near]))
-            angle += float(np.clip(turn, -_MOST_TURN_RAD, _MOST_TURN_RAD))
-            distance_m += float(shift_m)
-            scale_m = self._sigma_m
-        return angle, distance_m
-
     def take(self, angle: float, distance_m: float) -> bool:
         """Take the votes of a line's echoes out; whether there are enough of them for a wall."""
-        along_m, off_m = self._on(angle, distance_m)
+        along_m, off_m = np.empty((2, len(self._yaw)))
+        put_on_line(self._rows, self._left, angle, distance_m, along_m, off_m)
         off_m = np.abs(off_m)
         hits = np.flatnonzero(off_m < 2.0 * self._sigma_m)
         places = np.unique(np.floor(along_m[hits] / 0.1))
@@ -261,44 +245,45 @@ def share_out(
         Lines.
     """
     count, seen, ping = len(walls.normals_rad), look(walls, echoes, poses), echoes.ping
-    range_m, cosine = echoes.range_m[:, np.newaxis], np.cos(seen.aslant_rad[ping])
-    per_rad_m = -range_m * np.sin(seen.aslant_rad[ping])
-    off_m = range_m * cosine - seen.far_m[ping]
+    aslant_rad = seen.aslant_rad[ping]
+    cosine, per_rad_m = np.cos(aslant_rad), -echoes.range_m[:, np.newaxis] * np.sin(aslant_rad)
+    off_m = echoes.range_m[:, np.newaxis] * cosine - seen.far_m[ping]
     std_m = np.hypot(sigma_m * cosine, per_rad_m * _EDGE_RAD)
-    density = cosine * np.exp(-0.5 * (off_m / std_m) ** 2) * seen.faced[ping]
-    density *= wanted[ping, np.newaxis] / (math.sqrt(2.0 * math.pi) * std_m)
+    is_its = seen.faced[ping] & wanted[ping, np.newaxis]
+    echo, wall = rows = np.nonzero(is_its & (np.abs(off_m) < _REACH * std_m))
+    density = cosine[rows] * np.exp(-0.5 * (off_m[rows] / std_m[rows]) ** 2)
+    density /= math.sqrt(2.0 * math.pi) * std_m[rows]
     stretch = np.floor(seen.along_m / _STRETCH_M).astype(np.int64)
     stretch -= stretch.min(initial=0)
     shape = int(stretch.max(initial=0)) + 1, count
-    cell = stretch * count + np.arange(count)
+    cells = stretch * count + np.arange(count)
     first_only = echoes.aslant_rad[:, np.newaxis] > 0.0
-    is_through = first_only & seen.faced[ping] & (off_m > 3.0 * std_m)
     hidden = np.zeros(seen.faced.shape, np.bool_)
     hidden[ping] = first_only & (off_m < -2.0 * std_m)
     looks = np.zeros(len(poses))
     looks[ping] = echoes.weight * wanted[ping]
-    asked = _by_stretch(cell, (seen.faced & ~hidden) * looks[:, np.newaxis], shape)
-    rate: FloatArray = np.full(shape, _FIRST_RATE)
+    asked = _by_stretch(cells, (seen.faced & ~hidden) * looks[:, np.newaxis], shape)
+    cell, rate = cells[ping[echo], wall], np.full(shape, _FIRST_RATE)
     for _ in range(_ROUNDS):
-        shares, _ = _shares(rate.ravel()[cell[ping]] * density)
-        heard = _by_stretch(cell[ping], shares * echoes.weight[:, np.newaxis], shape)
+        shares, _ = _shares(echo, rate.ravel()[cell] * density, len(ping))
+        heard = _by_stretch(cell, shares * echoes.weight[echo], shape)
         rate = (heard + _LEAST_RATE * _PRIOR_LOOKS) / (asked + _PRIOR_LOOKS)
-    rates = rate.ravel()[cell[ping]]
-    shares, evidence = _shares(rates * density)
-    through = np.sum(np.log1p(-np.minimum(rates, _MOST_RATE)) * is_through, axis=1)
-    precision = (sigma_m / std_m) ** 2
-    likelihood = np.log(evidence / _BACKGROUND) + through
-    along_m = seen.along_m[ping]
+    shares, evidence = _shares(echo, rate.ravel()[cell] * density, len(ping))
+    beyond, past = np.nonzero(first_only & seen.faced[ping] & (off_m > 3.0 * std_m))
+    through = rate.ravel()[cells[ping[beyond], past]]
+    likelihood = np.log(evidence / _BACKGROUND)
+    likelihood += np.bincount(beyond, np.log1p(-np.minimum(through, _MOST_RATE)), len(ping))
+    precision = (sigma_m / std_m[rows]) ** 2
     return Heard(
-        shares, off_m, along_m, per_rad_m, precision,
-        float((echoes.weight * wanted[ping]) @ likelihood),
+        echo, wall, shares, off_m[rows], seen.along_m[ping[echo], wall], per_rad_m[rows],
+        precision, float((echoes.weight * wanted[ping]) @ likelihood),
     )  # fmt: skip
 
 
-def _shares(density: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What part of each echo is whose, and how likely it is in all."""
-    evidence = density.sum(axis=1) + _BACKGROUND
-    return density / evidence[:, np.newaxis], evidence
+def _shares(echo: np.ndarray, density: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """What part of each echo is whose, and how likely each echo is in all."""
+    evidence = np.asarray(np.bincount(echo, density, count), float) + _BACKGROUND
+    return density / evidence[echo], evidence
 
 
 def _by_stretch(cell: np.ndarray, values: FloatArray, shape: tuple[int, int]) -> FloatArray:

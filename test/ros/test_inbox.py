@@ -13,7 +13,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from usmap_ros.io.cdr import CdrReader
 from usmap_ros.live.interfaces import Qos, Topic
 from usmap_ros.nodes.plumbing import wait_set_inbox
-from usmap_ros.nodes.plumbing.inbox import Inbox, open_inbox
+from usmap_ros.nodes.plumbing.inbox import Inbox
+from usmap_ros.nodes.plumbing.open_inbox import open_inbox
 from usmap_ros.nodes.plumbing.wait_set_inbox import WaitSetInbox
 
 STRING = "std_msgs/msg/String"

@@ -36,7 +36,7 @@ from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.mapping.free_scan import free_scan
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import advertise, subscribe, within
-from usmap_ros.nodes.plumbing.inbox import open_inbox
+from usmap_ros.nodes.plumbing.open_inbox import open_inbox
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.pose_sources import NoPoseError
 from usmap_ros.nodes.plumbing.range_input import RangeInput

@@ -10,7 +10,7 @@ from math import inf
 from rclpy.node import Node
 
 from usmap_ros.live.interfaces import CONE
-from usmap_ros.nodes.plumbing.inbox import open_inbox
+from usmap_ros.nodes.plumbing.open_inbox import open_inbox
 from usmap_ros.parameters.nodes.common import is_one_of
 
 

@@ -2,7 +2,7 @@
 
 This is the one file that uses what rclpy does not document: its wait sets, and handles to put into
 them.  rclpy has no other way to wait for some of a node's subscriptions and to take what has come;
-where it lacks any of this, `usmap_ros.nodes.plumbing.inbox.open_inbox` does without.
+where it lacks any of this, `usmap_ros.nodes.plumbing.open_inbox.open_inbox` does without.
 """
 
 from __future__ import annotations

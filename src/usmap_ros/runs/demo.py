@@ -158,7 +158,9 @@ class _Observer:
 
     def _snapshot(self, stamp_ns: int) -> None:
         behind = {topic: len(path) for topic, path in self.paths.positions_m.items()}
-        occupancy = self.pipeline.occupancy_map()
+        is_last = self._seen == self._pings
+        fusion = self.pipeline.fusion
+        occupancy = (fusion.snapshot() if is_last else fusion.live_snapshot())()
         self.frames.append(MapFrame(occupancy, dict(self._cones), behind, stamp_ns))
 
 

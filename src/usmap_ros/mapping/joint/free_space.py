@@ -476,11 +476,11 @@ def _flood(leads: BoolArray, reached: BoolArray) -> None:
     for row in range(rows):
         for column in range(columns):
             if reached[row, column]:
-                waiting[count] = row, column
+                waiting[count, 0], waiting[count, 1] = row, column
                 count += 1
     while count > 0:
         count -= 1
-        row, column = waiting[count]
+        row, column = waiting[count, 0], waiting[count, 1]
         for step in range(4):
             beside_row = row + (step == 0) - (step == 1)
             beside = column + (step == 2) - (step == 3)
@@ -488,5 +488,5 @@ def _flood(leads: BoolArray, reached: BoolArray) -> None:
                 continue
             if leads[beside_row, beside] and not reached[beside_row, beside]:
                 reached[beside_row, beside] = True
-                waiting[count] = beside_row, beside
+                waiting[count, 0], waiting[count, 1] = beside_row, beside
                 count += 1

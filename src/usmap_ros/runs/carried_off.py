@@ -2,14 +2,15 @@
 
 What a robot hears is mapped in blocks.  Where all that come after some ping have things where those
 before it know of free space, and little in common with them, the robot is somewhere else: it begins
-anew, as another robot in a frame of its own, until its map is joined.
+anew, as another robot in a frame of its own, until its map is joined.  Blocks that contradict those
+next to them as well say that poses drift, not where the robot is: such a robot goes on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from itertools import combinations, count
+from itertools import combinations, count, pairwise
 
 import numpy as np
 
@@ -30,6 +31,9 @@ _FOR_LONG = 2
 #: Pieces of earlier and later blocks that stand in each other's free space: so many, and such a
 #: share of those that stand in both.  On robots that were not carried off it was 0.1 at the most.
 _AGAINST, _SHARE = 10.0, 0.5
+#: The largest such share among blocks between which it was not carried off: they agree, up to 0.01
+#: where it was carried off once, and 0.1 to 0.4 where a robot drifts more than could be made good.
+_AT_ODDS = 0.05
 #: Directions of an echo that are asked for what is there; from which worth on it is explained, and
 #: up to which contradicted.
 _BEARINGS, _EXPLAINED, _CONTRADICTED = 15, 0.3, -1.0
@@ -98,8 +102,10 @@ def moments(pings: Sequence[Ping], parameters: PipelineParameters) -> list[int]:
     counts = np.zeros((len(blocks), len(blocks), 2))
     for one, other in combinations(range(len(blocks)), 2):
         counts[one, other] = in_common(blocks[one], blocks[other])
-    found = []
-    for number in _splits(counts, 0, len(blocks)):
+    numbers, found = _splits(counts, 0, len(blocks)), []
+    if not _agree_between(counts, numbers):
+        return []
+    for number in numbers:
         # Either of the blocks on both sides may have seen the moment.
         begin, end = (number - 1) * size, min((number + 1) * size, len(pings))
         among = [cone for _, cone in pings[begin:end]]
@@ -128,6 +134,16 @@ def _splits(counts: FloatArray, first: int, end: int) -> list[int]:
     if best is None:
         return []
     return [*_splits(counts, first, best), best, *_splits(counts, best, end)]
+
+
+def _agree_between(counts: FloatArray, numbers: Sequence[int]) -> bool:
+    """Whether blocks agree with those of the same place, from each moment to the next."""
+    ends = [0, *numbers, len(counts)]
+    both, against = sum(
+        (counts[first:end, first:end].sum(axis=(0, 1)) for first, end in pairwise(ends)),
+        start=np.zeros(2),
+    )
+    return bool(against <= _AT_ODDS * both)
 
 
 def _moment(cones: Sequence[EchoCone], before: Sequence[Submap], after: Sequence[Submap]) -> int:

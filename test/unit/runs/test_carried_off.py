@@ -34,6 +34,17 @@ def test_a_robot_that_is_left_alone_goes_on(carried: Carried) -> None:
     assert moments(there, PipelineParameters()) == []
 
 
+def test_a_robot_whose_heading_drifts_goes_on(carried: Carried) -> None:
+    pings, true = carried
+    # Twice to both sides by 10 degrees about the origin: no block agrees with the next one.
+    errors_rad = 0.1745 * np.sin(np.linspace(0.0, 4.0 * np.pi, len(pings), endpoint=False))
+    there = [
+        (topic, replace(one, pose=Pose.planar(0.0, 0.0, float(error)).compose(pose)))
+        for (topic, one), pose, error in zip(pings, true, errors_rad, strict=True)
+    ]
+    assert moments(there, PipelineParameters()) == []
+
+
 def test_poses_that_are_absolute_cannot_be_lost(carried: Carried) -> None:
     pings, _ = carried
     kinds = {"robot1": PoseKind.ABSOLUTE}

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import copy
+from operator import itemgetter
+
+import numpy as np
 
 from usmap_ros.localisation.equations import covariances
-from usmap_ros.localisation.found import Found, of_pings
+from usmap_ros.localisation.found import Found, average, of_pings
 from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.localisation.walls import Walls, find_walls
 from usmap_ros.numerics.arrays import FloatArray
@@ -14,9 +17,15 @@ from usmap_ros.numerics.arrays import FloatArray
 _WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
 #: Knots that are added at once on the way along walls, one search for each: in short stretches
 #: little drift is added at once, in long ones much is seen of walls that are new.
-_STRETCHES = (12, 3)
-#: How far walls may seem to be off at the end of a search, m, one after the other, and last of all.
-_TOWARDS_THE_END_M, _AT_THE_END_M = (0.05, 0.05, 0.04, 0.03), 0.03
+_STRETCHES = (12, 6, 3)
+#: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
+#: are found by, at the least, or a wall would be found twice.
+_TOWARDS_THE_END_M, _FOUND_M = (0.05, 0.05, 0.04, 0.03, 0.03), 0.03
+#: The same last of all, but for readings of the first thing only: ways of drones got worse by that.
+_AT_THE_END_M = 0.02
+#: Ends that differ by less of log-likelihood are much alike: so much it is off by which lines are
+#: found.  Of readings of the first thing only the likeliest end is taken, for the same reason.
+_ALIKE = 20.0
 #: Stretches at the most.
 _MOST_STRETCHES = 40
 
@@ -29,7 +38,7 @@ def gained_by_walls(told: Smoother) -> float:
 
 
 def along_walls(start: Smoother) -> Found | None:
-    """Go along with all robots, and take what walls and odometry make most likely in the end.
+    """Go along with all robots, and average ends by how likely walls and odometry make them.
 
     Parameters
     ----------
@@ -42,25 +51,40 @@ def along_walls(start: Smoother) -> Found | None:
         None where no end is more likely than what was told.
     """
     start.active[:] = True
-    best, most = None, _likely_by_walls(start)
+    first_only = bool(np.median(start.echoes.aslant_rad) > 0.0)
+    finest_m = _FOUND_M if first_only else _AT_THE_END_M
+    ends, least = [], _likely_by_walls(start, finest_m)
     for stretch in _STRETCHES:
         one = copy.deepcopy(start)
-        _go_along_walls(one, stretch)
-        _, factor = _adjust_to_walls(one, _AT_THE_END_M)
-        likely = _likely_by_walls(one)
-        if likely > most:
-            best, most = of_pings(one, covariances(factor, one.knot_count)), likely
-    return best
+        _, factor = _go_along_walls(one, stretch)
+        if not first_only:
+            _adjust_to_walls(one, finest_m)
+        likely = _likely_by_walls(one, finest_m)
+        if likely > least:
+            found = of_pings(one, covariances(factor, one.knot_count))
+            ends.append((likely / _ALIKE, found))
+    if first_only:
+        ends = sorted(ends, key=itemgetter(0))[-1:]
+    return average(ends) if ends else None
 
 
-def _likely_by_walls(smoother: Smoother) -> float:
+def _likely_by_walls(smoother: Smoother, sigma_m: float) -> float:
     """How likely poses are by the walls that they show, whatever others they were adjusted to."""
-    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, _AT_THE_END_M)
-    return smoother.log_posterior_of(walls, _AT_THE_END_M)
+    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, _FOUND_M)
+    return smoother.log_posterior_of(walls, sigma_m)
 
 
-def _go_along_walls(smoother: Smoother, stretch: int) -> None:
-    """Adjust what was gone so far to the walls that it shows, each time with so many knots more."""
+def _go_along_walls(smoother: Smoother, stretch: int) -> tuple[Walls, tuple[FloatArray, bool]]:
+    """Adjust what was gone so far to the walls that it shows, each time with so many knots more.
+
+    Returns
+    -------
+    Walls
+        Where they are in the end.
+    factor
+        Decomposition for `covariances`.  By finer ranges poses would seem to be known better than
+        they are: what walls are off, they are off for many pings alike.
+    """
     longest = max(map(len, smoother.knots))
     stretches = min(-(-longest // stretch), _MOST_STRETCHES)
     for number in range(1, stretches + 1):
@@ -73,12 +97,14 @@ def _go_along_walls(smoother: Smoother, stretch: int) -> None:
         for robot in smoother.first:
             smoother.predict(robot, min(last, len(smoother.knots[robot]) - 1))
         smoother.spread()
-    for blur_m in _TOWARDS_THE_END_M:
+    for blur_m in _TOWARDS_THE_END_M[:-1]:
         _adjust_to_walls(smoother, blur_m)
+    return _adjust_to_walls(smoother, _TOWARDS_THE_END_M[-1])
 
 
 def _adjust_to_walls(smoother: Smoother, sigma_m: float) -> tuple[Walls, tuple[FloatArray, bool]]:
-    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, sigma_m)
+    found_m = max(sigma_m, _FOUND_M)
+    walls = find_walls(smoother.echoes, smoother.poses, smoother.active, found_m)
     for _ in range(_WALL_STEPS):
         walls, _ = smoother.adjust_to(walls, sigma_m)
     return smoother.adjust_to(walls, sigma_m)

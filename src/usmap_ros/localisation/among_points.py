@@ -6,7 +6,7 @@ import copy
 
 import numpy as np
 
-from usmap_ros.localisation.found import Found, of_pings
+from usmap_ros.localisation.found import Found, average, of_pings
 from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
@@ -88,9 +88,9 @@ def most_likely(ends: list[Smoother], told: Smoother) -> Found | None:
                 one.adjust(blur_m)
     told.trust(ends[0].weight)
     least = told.log_posterior(_FINEST_M)
-    found = [(one.log_posterior(_FINEST_M), one) for one in ends]
-    found = [(gained, one) for gained, one in found if gained > least]
-    return _average(found) if found else None
+    likely = [(one.log_posterior(_FINEST_M), one) for one in ends]
+    found = [(gained, _at_pings(one)) for gained, one in likely if gained > least]
+    return average(found) if found else None
 
 
 def _weight(smoother: Smoother) -> float:
@@ -212,27 +212,6 @@ def _set_knots(smoother: Smoother, knots: FloatArray) -> None:
     change = knots - _knots(smoother)
     change[:, 2] = wrapped(change[:, 2])
     smoother.move(change)
-
-
-def _average(ends: list[tuple[float, Smoother]]) -> Found:
-    """Poses that the ends of several searches have on average, by how likely they are.
-
-    What they differ by is uncertain, and counts as such.
-    """
-    gained = np.array([one for one, _ in ends])
-    weights = np.exp(gained - gained.max())
-    weights /= weights.sum()
-    found = [_at_pings(one) for _, one in ends]
-    first = found[0].poses
-    apart = np.array([one.poses - first for one in found])
-    apart[:, :, 2] = wrapped(apart[:, :, 2])
-    mean = np.einsum("e,enj->nj", weights, apart)
-    off = apart - mean
-    spread = np.einsum("e,eni,enj->nij", weights, off, off)
-    within = np.einsum("e,enij->nij", weights, np.array([one.covariances for one in found]))
-    poses = first + mean
-    poses[:, 2] = wrapped(poses[:, 2])
-    return Found(poses, within + spread)
 
 
 def _at_pings(smoother: Smoother) -> Found:

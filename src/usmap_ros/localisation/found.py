@@ -8,6 +8,7 @@ import numpy as np
 
 from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 
 @dataclass(frozen=True)
@@ -43,3 +44,28 @@ def of_pings(smoother: Smoother, at_knots: FloatArray) -> Found:
         after = np.minimum(before + 1, first + len(smoother.knots[number]) - 1)
         known[rows] = (1.0 - share) * at_knots[before] + share * at_knots[after]
     return Found(smoother.poses.copy(), known)
+
+
+def average(ends: list[tuple[float, Found]]) -> Found:
+    """Poses that the ends of several searches have on average, by how likely they are.
+
+    What they differ by is uncertain, and counts as such.
+
+    Parameters
+    ----------
+    ends : list of (float, Found)
+        With the logarithm of how likely each is.
+    """
+    gained = np.array([one for one, _ in ends])
+    weights = np.exp(gained - gained.max())
+    weights /= weights.sum()
+    first = ends[0][1].poses
+    apart = np.array([one.poses - first for _, one in ends])
+    apart[:, :, 2] = wrapped(apart[:, :, 2])
+    mean = np.einsum("e,enj->nj", weights, apart)
+    off = apart - mean
+    spread = np.einsum("e,eni,enj->nij", weights, off, off)
+    within = np.einsum("e,enij->nij", weights, np.array([one.covariances for _, one in ends]))
+    poses = first + mean
+    poses[:, 2] = wrapped(poses[:, 2])
+    return Found(poses, within + spread)

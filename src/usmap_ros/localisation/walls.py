@@ -35,6 +35,9 @@ _STRETCH_M, _LEAST_RATE, _FIRST_RATE, _PRIOR_LOOKS = 0.3, 0.05, 0.3, 2.0
 _MOST_RATE = 0.9
 #: How well the edge of a beam is known, rad.
 _EDGE_RAD = 0.05
+#: Ranges and poses that are off by so much at the most, m, tell walls whose echoes scatter less;
+#: echoes that outweigh what is thought of that beforehand; and the least of their variance.
+_TELLING_M, _USUAL_ECHOES, _LEAST_SCATTER = 0.025, 10.0, 0.1
 #: Echoes farther from a wall, standard deviations, are not its.
 _REACH = 5.0
 #: Times that this is asked anew, with what is thought of it then.
@@ -251,8 +254,7 @@ def share_out(
     std_m = np.hypot(sigma_m * cosine, per_rad_m * _EDGE_RAD)
     is_its = seen.faced[ping] & wanted[ping, np.newaxis]
     echo, wall = rows = np.nonzero(is_its & (np.abs(off_m) < _REACH * std_m))
-    density = cosine[rows] * np.exp(-0.5 * (off_m[rows] / std_m[rows]) ** 2)
-    density /= math.sqrt(2.0 * math.pi) * std_m[rows]
+    apart, facing, tight = off_m[rows] / std_m[rows], cosine[rows] / std_m[rows], np.ones(count)
     stretch = np.floor(seen.along_m / _STRETCH_M).astype(np.int64)
     stretch -= stretch.min(initial=0)
     shape = int(stretch.max(initial=0)) + 1, count
@@ -265,19 +267,40 @@ def share_out(
     asked = _by_stretch(cells, (seen.faced & ~hidden) * looks[:, np.newaxis], shape)
     cell, rate = cells[ping[echo], wall], np.full(shape, _FIRST_RATE)
     for _ in range(_ROUNDS):
+        density = _density(apart, tight[wall]) * facing
         shares, _ = _shares(echo, rate.ravel()[cell] * density, len(ping))
         heard = _by_stretch(cell, shares * echoes.weight[echo], shape)
         rate = (heard + _LEAST_RATE * _PRIOR_LOOKS) / (asked + _PRIOR_LOOKS)
+        if sigma_m <= _TELLING_M:
+            tight = _tightness(wall, shares, apart, count)
+    density = _density(apart, tight[wall]) * facing
     shares, evidence = _shares(echo, rate.ravel()[cell] * density, len(ping))
     beyond, past = np.nonzero(first_only & seen.faced[ping] & (off_m > 3.0 * std_m))
     through = rate.ravel()[cells[ping[beyond], past]]
     likelihood = np.log(evidence / _BACKGROUND)
     likelihood += np.bincount(beyond, np.log1p(-np.minimum(through, _MOST_RATE)), len(ping))
-    precision = (sigma_m / std_m[rows]) ** 2
+    precision = (tight[wall] * sigma_m / std_m[rows]) ** 2
     return Heard(
         echo, wall, shares, off_m[rows], seen.along_m[ping[echo], wall], per_rad_m[rows],
         precision, float((echoes.weight * wanted[ping]) @ likelihood),
     )  # fmt: skip
+
+
+def _density(apart: FloatArray, tight: FloatArray) -> FloatArray:
+    """Density of echoes that are so many standard deviations off."""
+    return np.asarray(tight * np.exp(-0.5 * (apart * tight) ** 2) / math.sqrt(2.0 * math.pi))
+
+
+def _tightness(
+    wall: NDArray[np.intp], shares: FloatArray, apart: FloatArray, count: int
+) -> FloatArray:
+    """By how much less than usual the echoes of each wall scatter, as a factor of 1 and more.
+
+    Of what is no wall, but echoes in a row by chance, they scatter as widely as they may.
+    """
+    variance = np.bincount(wall, shares * apart**2, count) + _USUAL_ECHOES
+    variance /= np.bincount(wall, shares, count) + _USUAL_ECHOES
+    return np.asarray(1.0 / np.sqrt(np.clip(variance, _LEAST_SCATTER, 1.0)))
 
 
 def _shares(echo: np.ndarray, density: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:

@@ -113,6 +113,21 @@ def test_lines_are_found_by_the_feet_of_their_perpendiculars() -> None:
     assert np.abs(heard.off_m[heard.shares > 0.5]).max() < 0.02
 
 
+def test_walls_whose_echoes_scatter_little_count_for_more() -> None:
+    rng, true = np.random.default_rng(2), way(240)
+    # The walls to the east and the west are as even as walls are, the others are not.
+    uneven = np.array([0.001, 0.03, 0.001, 0.03])
+    walls = ROOM._replace(distances_m=ROOM.distances_m + uneven * rng.normal(size=(240, 1)))
+    heard_m = [ranges_m(pose, ROOM._replace(distances_m=far_m))
+               for pose, far_m in zip(true, walls.distances_m, strict=True)]  # fmt: skip
+    echoes = tabulate(
+        [cone(at(pose), each) for pose, each in zip(true, heard_m, strict=True)], np.ones(240)
+    )
+    heard = share_out(echoes, true, np.ones(240, bool), ROOM, 0.02)
+    even, others = (heard.precision[(heard.wall % 2 == side)].mean() for side in (0, 1))
+    assert even > 3.0 * others
+
+
 def test_where_nobody_hears_anything_there_are_no_walls() -> None:
     silent = tabulate([cone(at(pose)) for pose in way(9)], np.ones(9))
     assert len(find_walls(silent, way(9), np.ones(9, bool), 0.05).normals_rad) == 0
@@ -176,16 +191,17 @@ def test_a_wrong_closure_does_not_bend_the_way() -> None:
 
 
 def test_echoes_of_what_is_not_there_do_not_bend_the_way() -> None:
-    rng = np.random.default_rng(9)
+    rng, true = np.random.default_rng(9), way(400)
     # Half of all pings hear a wall that is parallel to another and nearer, all hear something.
     ghost = Walls(np.array([0.0]), np.array([5.6]))
     lies = [
         np.concatenate(
             [ranges_m(pose), ranges_m(pose, ghost)[: rng.integers(2)], rng.uniform(0.3, 4.5, 1)]
         )
-        for pose in way(400)
+        for pose in true
     ]
-    assert bent_m(lies, np.arange(400)) < 0.03
+    told = recording(lies, true)
+    assert off_m(refine_poses(told).pings, true) < 0.25 * off_m(told, true)
 
 
 def test_poses_that_are_right_stay() -> None:

@@ -165,16 +165,15 @@ def test_a_robot_is_found_in_the_map_that_was_kept() -> None:
 
 def test_what_old_pings_said_stays_and_robots_go_on_from_there() -> None:
     pings = drifting(100)
-    fusion, whole = live(pings, window=60), live(pings)
-    occupancy, exact = fusion.occupancy_map(), offline(drifting(100, 0.0))
-    whole.occupancy_map()
+    fusion, true = live(pings, window=60), drifting(100, 0.0)
+    occupancy, exact = fusion.occupancy_map(), offline(true)
     corrected = fusion.poses.latest.corrected.pings
     # No more than the window and what came between two looks.
     assert 40 <= len(corrected) <= 85
-    all_of_them = whole.poses.latest.corrected.pings[-len(corrected) :]
-    for (_, one), (_, other) in zip(corrected, all_of_them, strict=True):
+    # As told they would be 0.12 to 0.2 m off by now.
+    for (_, one), (_, other) in zip(corrected, true[-len(corrected) :], strict=True):
         assert one.stamp_ns == other.stamp_ns
-        assert np.hypot(*(one.pose.position_m - other.pose.position_m)[:2]) < 0.15
+        assert np.hypot(*(one.pose.position_m - other.pose.position_m)[:2]) < 0.1
     recent = Pipeline()
     for topic, one in corrected:
         recent.fuse(one, topic)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import copy
 from operator import itemgetter
 
-import numpy as np
-
 from usmap_ros.localisation.equations import covariances
 from usmap_ros.localisation.found import Found, average, of_pings
 from usmap_ros.localisation.smoother import Smoother
-from usmap_ros.localisation.walls import Walls, find_walls
+from usmap_ros.localisation.walls import find_walls
 from usmap_ros.numerics.arrays import FloatArray
 
 #: How far walls may seem to be off, m, one after the other; steps for each before the last one.
@@ -51,12 +49,12 @@ def along_walls(start: Smoother) -> Found | None:
         None where no end is more likely than what was told.
     """
     start.active[:] = True
-    first_only = bool(np.median(start.echoes.aslant_rad) > 0.0)
+    first_only = start.echoes.are_first_only
     finest_m = _FOUND_M if first_only else _AT_THE_END_M
     ends, least = [], _likely_by_walls(start, finest_m)
     for stretch in _STRETCHES:
         one = copy.deepcopy(start)
-        _, factor = _go_along_walls(one, stretch)
+        factor = _go_along_walls(one, stretch)
         if not first_only:
             _adjust_to_walls(one, finest_m)
         likely = _likely_by_walls(one, finest_m)
@@ -74,13 +72,11 @@ def _likely_by_walls(smoother: Smoother, sigma_m: float) -> float:
     return smoother.log_posterior_of(walls, sigma_m)
 
 
-def _go_along_walls(smoother: Smoother, stretch: int) -> tuple[Walls, tuple[FloatArray, bool]]:
+def _go_along_walls(smoother: Smoother, stretch: int) -> tuple[FloatArray, bool]:
     """Adjust what was gone so far to the walls that it shows, each time with so many knots more.
 
     Returns
     -------
-    Walls
-        Where they are in the end.
     factor
         Decomposition for `covariances`.  By finer ranges poses would seem to be known better than
         they are: what walls are off, they are off for many pings alike.
@@ -102,9 +98,11 @@ def _go_along_walls(smoother: Smoother, stretch: int) -> tuple[Walls, tuple[Floa
     return _adjust_to_walls(smoother, _TOWARDS_THE_END_M[-1])
 
 
-def _adjust_to_walls(smoother: Smoother, sigma_m: float) -> tuple[Walls, tuple[FloatArray, bool]]:
+def _adjust_to_walls(smoother: Smoother, sigma_m: float) -> tuple[FloatArray, bool]:
+    """Adjust poses and walls together; gives the decomposition for `covariances`."""
     found_m = max(sigma_m, _FOUND_M)
     walls = find_walls(smoother.echoes, smoother.poses, smoother.active, found_m)
     for _ in range(_WALL_STEPS):
         walls, _ = smoother.adjust_to(walls, sigma_m)
-    return smoother.adjust_to(walls, sigma_m)
+    _, factor = smoother.adjust_to(walls, sigma_m)
+    return factor

@@ -49,6 +49,11 @@ class Echoes(NamedTuple):
     weight: FloatArray
     aslant_rad: FloatArray
 
+    @property
+    def are_first_only(self) -> bool:
+        """Whether most are of sensors that report the first thing only."""
+        return bool(np.median(self.aslant_rad) > 0.0)
+
 
 def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> Echoes:
     """Echoes of cones.

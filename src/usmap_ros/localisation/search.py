@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from usmap_ros.localisation.along_walls import along_walls, gained_by_walls
 from usmap_ros.localisation.among_points import among_points, make_field, most_likely, with_all
 from usmap_ros.localisation.found import Found
@@ -32,7 +30,7 @@ def search(start: Smoother) -> Found | None:
     if len(start.echoes.ping) == 0:
         return None
     # Sensors that hear surfaces from any side hear some in every beam, poles or not.
-    if np.median(start.echoes.aslant_rad) > 0.0:
+    if start.echoes.are_first_only:
         return along_walls(start)
     told = with_all(start)
     gained = gained_by_walls(told)

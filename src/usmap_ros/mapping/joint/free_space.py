@@ -209,7 +209,6 @@ class FreeSpace:
         wanted &= ~occupied
         stood &= ~occupied
         for turn in range(FREE_ROUNDS):
-            is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
                 self._close(is_refuted, worst, wanted, kinds, refuted)
@@ -221,6 +220,7 @@ class FreeSpace:
                 left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown)))
                 changed = (left != before).any(axis=(1, 2))
                 self._refute(left, listening, self.silence, wanted, changed, worst)
+                is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
         self.heard = Heard(worst, proofs, closed)
         return walls, connected(free, stood | (free & proven), occupied)
 

@@ -29,6 +29,7 @@ from usmap_ros.mapping.joint.wall_ends import WallEnds
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import wrapped
 
 #: Range bins around a smooth thing's echo that say nothing of cells.
 AROUND_BINS = 2
@@ -143,7 +144,7 @@ class SmoothThings:
         self._suspected = known.suspected
 
         def heard(expected_m: FloatArray, bearing_rad: FloatArray, may: BoolArray) -> BoolArray:
-            off_rad = (bearing_rad - where[:, HEADING] + np.pi) % (2.0 * np.pi) - np.pi
+            off_rad = wrapped(bearing_rad - where[:, HEADING])
             is_ahead = np.abs(off_rad) < where[:, HALF_ANGLE]
             near_m = RECOGNISED_M + where[:, RANGE_STD]
             there: BoolArray = may & is_ahead & (np.abs(ranges_m - expected_m) < near_m)

@@ -12,6 +12,7 @@ import numpy as np
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
 from usmap_ros.mapping.far_off import Ping
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.fields_of_view import Beam
@@ -137,17 +138,20 @@ class _Watch:
 
     def __init__(self) -> None:
         self.cones: list[EchoCone] = []
-        self.way_m = 0.0
+        # Of each transducer: from one to the next one is no way that the robot goes.
+        self._ways_m: dict[str, float] = {}
+        self._last_m: dict[str, FloatArray] = {}
 
     def add(self, cone: EchoCone) -> PoseKind | None:
         """What its poses are; None while that is not known."""
-        if self.cones:
-            step_m = (cone.pose.position_m - self.cones[-1].pose.position_m)[:2]
-            self.way_m += float(np.hypot(*step_m))
+        transducer, place_m = cone.child_frame_id, cone.pose.position_m[:2]
+        step_m = place_m - self._last_m.get(transducer, place_m)
+        way_m = self._ways_m.get(transducer, 0.0) + float(np.hypot(*step_m))
+        self._ways_m[transducer], self._last_m[transducer] = way_m, place_m
         self.cones.append(cone)
         kind = pose_kind([self.cones[0], cone])
         if kind is not PoseKind.ABSOLUTE:
             # Between the two it may have gone up and down; only all of them tell.
             kind = pose_kind(self.cones)
-        is_settled = self.way_m >= _WAY_M or len(self.cones) >= _PINGS
+        is_settled = way_m >= _WAY_M or len(self.cones) >= _PINGS
         return kind if kind is not PoseKind.ABSOLUTE or is_settled else None

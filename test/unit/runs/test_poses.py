@@ -69,6 +69,17 @@ def test_a_robot_that_parks_at_first_is_waited_for() -> None:
     assert run.summary()["used"] == "refined"
 
 
+def test_from_one_sensor_of_a_robot_to_its_next_one_is_no_way() -> None:
+    two = []
+    for topic, one in pings(2e-5):
+        left = one.pose.compose(Pose.planar(0.0, 1.2, 0.0))
+        beside = replace(left, covariance=one.pose.covariance)
+        two += [(topic, one), (topic, replace(one, pose=beside, child_frame_id="robot1/left"))]
+    run = PoseRun()
+    assert len(list(run.corrected(two))) == 120
+    assert run.summary()["used"] == "refined"
+
+
 def test_no_pings_are_no_error() -> None:
     for choice in ("auto", "told", "refined"):
         assert list(PoseRun(choosing(choice)).corrected([])) == []

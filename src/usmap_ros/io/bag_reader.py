@@ -194,8 +194,8 @@ class BagReader:
             if not self._is_alone(topic):
                 continue
             try:
-                place, world = poses.pose(topic, reading.frame_id, reading.stamp_ns)
-                yield topic, reading.cone(place, world)
+                place = poses.locate(topic, reading.frame_id, reading.stamp_ns)
+                yield topic, reading.on(place.robot).cone(place.pose, place.world)
             except MalformedMessageError as error:
                 self.skipped.add(f"{topic} at {reading.stamp_ns / 1e9:.6f} s", error)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import odometry_from_message, transform_from_message
@@ -14,6 +16,25 @@ from usmap_ros.numerics.geometry import Pose
 _LONGEST_GAP_NS = 500_000_000
 #: Frames from a sensor up to the world, at most: more are a circle.
 _MOST_FRAMES = 32
+
+
+class Located(NamedTuple):
+    """Where a frame was.
+
+    Parameters
+    ----------
+    pose : Pose
+        Of the frame, in `world`.
+    world : str
+        The frame that no other recorded one stands above.
+    robot : str
+        Of which robot it is: sensors that ride on the same moving frame share its odometry, so that
+        what their topics and frames are called does not tell them apart.
+    """
+
+    pose: Pose
+    world: str
+    robot: str
 
 
 @dataclass
@@ -40,10 +61,12 @@ class _Track:
             return pose
         first, last = near
         share = (stamp_ns - self.stamps_ns[first]) / (self.stamps_ns[last] - self.stamps_ns[first])
-        between_m = self.poses[first].position_m + share * (
-            self.poses[last].position_m - self.poses[first].position_m
-        )
-        return Pose(between_m, pose.orientation, pose.covariance)
+        one, other = self.poses[first], self.poses[last]
+        between_m = one.position_m + share * (other.position_m - one.position_m)
+        # A quaternion and its negative are the same turn.
+        sign = np.copysign(1.0, one.orientation @ other.orientation)
+        turned = (1.0 - share) * one.orientation + share * sign * other.orientation
+        return Pose(between_m, turned / np.linalg.norm(turned), pose.covariance)
 
 
 class RecordedPoses:
@@ -72,8 +95,8 @@ class RecordedPoses:
             )
             _append(track, stamp_ns, pose)
 
-    def pose(self, topic: str, frame_id: str, stamp_ns: int) -> tuple[Pose, str]:
-        """Pose of the frame of a message on `topic`, and the world frame that it is in.
+    def locate(self, topic: str, frame_id: str, stamp_ns: int) -> Located:
+        """Where the frame of a message on `topic` was, and of which robot it is.
 
         A sensor of which no transform is known sits where its robot's odometry is.
 
@@ -82,7 +105,7 @@ class RecordedPoses:
         MalformedMessageError
             If it is not known.
         """
-        frame, found = frame_id, None
+        frame, found, moving = frame_id, None, ""
         if frame not in self._transforms and frame not in self._odometry:
             frame = self._base_above(topic)
         for _ in range(_MOST_FRAMES):
@@ -95,12 +118,20 @@ class RecordedPoses:
                     "header.stamp", f"is of a time at which it is not known where {frame!r} was"
                 )
             found = inner if found is None else inner.compose(found)
+            if not track.is_static:
+                moving = moving or frame
             frame = track.parent
         if found is None:
             raise MalformedMessageError(
                 "header.frame_id", f"is {frame_id!r}, of which neither TF nor odometry is recorded"
             )
-        return found, frame
+        return Located(found, frame, self._robot(moving or frame, frame))
+
+    def _robot(self, base: str, world: str) -> str:
+        """Name of the robot whose base moves: its frames' prefix, its topics', or the base's."""
+        of_topics = (name for name, odometry_of in self._base_of.items() if odometry_of == base)
+        names = (_namespace(base), _namespace(world), *of_topics, base)
+        return next(name.strip("/") for name in names if name.strip("/"))
 
     def _base_above(self, topic: str) -> str:
         """Base frame of the robot in whose namespace a topic is; empty if there is none."""

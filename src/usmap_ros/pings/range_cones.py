@@ -60,6 +60,11 @@ class RangeReading:
     range_m: float
     variance_m2: float = 0.0
 
+    def on(self, robot: str) -> RangeReading:
+        """The same reading, its frame called ``ROBOT/...`` as that of the robot it rides on."""
+        own = self.frame_id.removeprefix(f"{robot}/").strip("/").replace("/", "_")
+        return replace(self, frame_id=f"{robot}/{own}")
+
     def cone(self, pose: Pose, frame_id: str) -> EchoCone:
         """Cone of a reading that was taken at a pose in a world frame.
 

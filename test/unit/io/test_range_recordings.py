@@ -18,6 +18,7 @@ from usmap_ros.io.message_types import (
     typestore,
 )
 from usmap_ros.io.recorded_poses import RecordedPoses
+from usmap_ros.localisation.pose_kind import robot_of
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.range_cones import RangeReading
 from usmap_ros.pings.robot_paths import RobotPaths
@@ -41,9 +42,9 @@ def range_message(stamp_ns, range_m, frame_id="robot2/sonar"):
     )
 
 
-def odometry(stamp_ns, x_m, frame_id="robot2/base"):
-    pose = Pose.planar(x_m, 0.0, 0.0)
-    return odometry_to_message(pose, "map", frame_id, stamp_ns, TYPES)
+def odometry(stamp_ns, x_m, frame_id="robot2/base", yaw_rad=0.0, world="map"):
+    pose = Pose.planar(x_m, 0.0, yaw_rad)
+    return odometry_to_message(pose, world, frame_id, stamp_ns, TYPES)
 
 
 def mounted(stamp_ns=0):
@@ -154,12 +155,46 @@ def test_poses_are_found_between_those_recorded():
     poses = RecordedPoses()
     for number in range(3):
         poses.add_odometry("/robot2/odom", odometry(number * SECOND // 10, 0.1 * number))
-    pose, world = poses.pose("/robot2/range", "elsewhere", SECOND // 20)
+    pose, world, _ = poses.locate("/robot2/range", "elsewhere", SECOND // 20)
 
     assert pose.position_m[0] == pytest.approx(0.05)
     assert world == "map"
     circle = SimpleNamespace(transforms=[mounted().transforms[0]])
     poses.add_transforms(circle, is_static=True)
-    assert poses.pose("/robot2/range", "robot2/sonar", SECOND // 10)[0].position_m == pytest.approx(
-        [0.2, 0.0, 0.0]
-    )
+    pose = poses.locate("/robot2/range", "robot2/sonar", SECOND // 10).pose
+    assert pose.position_m == pytest.approx([0.2, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("turned_rad", [-3.0, -2.8])
+def test_robot_that_turns_is_found_between_the_yaws_recorded(turned_rad):
+    poses = RecordedPoses()
+    poses.add_odometry("/odom", odometry(0, 0.0, yaw_rad=3.0))
+    poses.add_odometry("/odom", odometry(SECOND // 10, 0.0, yaw_rad=turned_rad))
+    pose = poses.locate("/range", "elsewhere", SECOND // 40).pose
+
+    a_quarter_of_the_way = 3.0 + 0.25 * (turned_rad + 2.0 * np.pi - 3.0)
+    assert np.exp(1j * pose.yaw_rad) == pytest.approx(np.exp(1j * a_quarter_of_the_way), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("base", "world", "name"),
+    [
+        ("base_link", "odom", "base_link"),
+        ("base_link", "robot1/odom", "robot1"),
+        ("robot1/base_link", "map", "robot1"),
+    ],
+)
+def test_sensors_of_one_base_are_of_one_robot_whatever_their_topics(tmp_path, base, world, name):
+    entries = []
+    for side, yaw_rad in (("left", 0.5), ("right", -0.5)):
+        mount = transform_to_message(Pose.planar(0.1, 0.0, yaw_rad), base, f"us/{side}", 0, TYPES)
+        transforms = TYPES.message_class(TRANSFORMS)(transforms=[mount])
+        entries.append(("/tf_static", TRANSFORMS, 0, transforms))
+        reading = range_message(SECOND, 1.5, f"us/{side}")
+        entries.append((f"/ultrasonic_{side}", RANGE, SECOND, reading))
+    entries.append(("/odom", ODOMETRY, SECOND, odometry(SECOND, 0.0, base, world=world)))
+    with BagReader([record(tmp_path / "bag", entries)]) as bag:
+        pings = list(bag.range_cones())
+
+    assert {robot_of(*ping) for ping in pings} == {name}
+    assert len({cone.child_frame_id for _, cone in pings}) == 2

@@ -5,9 +5,8 @@ CoSaMP on it, as they are defined: every sample of every column, and Φ q with t
 Both run on one core, turn by turn, and what counts is the processor's time, so that whatever
 else the machine does changes little.
 
-`by_scene` has the time a ping by encoding and number of echoes, and how many times longer the same
-search takes by NumPy alone; `by_range` that by range, and `by_cell` that of the product's own
-version of the paper's dictionary by its cells.
+`by_scene` has the time a ping by encoding and number of echoes, `by_range` that by range, and
+`by_cell` that of the product's own version of the paper's dictionary by its cells.
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ from usmap_ros.pings.preparation.valid_part import valid_part
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.cells import reconstruct_cells
 from usmap_ros.reconstruction.cone_cells import ConeCells
-from usmap_ros.reconstruction.delay_search import compiled_search, operator_search
 from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
@@ -76,7 +74,7 @@ def run(pings: int = 60, dense_pings: int = 5) -> dict[str, Any]:
 
 
 def by_scene(pings: int) -> dict[str, float]:
-    """Milliseconds a ping by scene and encoding, echoes in it, and how much longer NumPy takes."""
+    """Milliseconds a ping by scene and encoding, and echoes in it."""
     figures = {}
     parameters = ReconstructionParameters()
     for scene in SCENES:
@@ -85,14 +83,6 @@ def by_scene(pings: int) -> dict[str, float]:
             reconstruct(traces[0], parameters)
             spent = spent_ms(traces, parameters)
             found = [reconstruct_delays(valid_part(trace), parameters) for trace in traces]
-            pairs = [
-                (
-                    _milliseconds(lambda one=one: operator_search(*one, parameters)),
-                    _milliseconds(lambda one=one: compiled_search(*one, parameters)),
-                )
-                for one in ((one.operator, one.baseband) for one in found)
-            ]
-            by_numpy, compiled = np.sum(pairs, axis=0)
             echoes = [len(one.cone.ranges_m) for one in found]
             most = np.array(echoes) >= np.quantile(echoes, 0.9)
             name = f"{scene}_{encoding}"
@@ -100,7 +90,6 @@ def by_scene(pings: int) -> dict[str, float]:
             figures[f"{name}_ms"] = float(spent.mean())
             figures[f"{name}_most_echoes"] = float(np.mean(np.array(echoes)[most]))
             figures[f"{name}_most_echoes_ms"] = float(spent[most].mean())
-            figures[f"{name}_search_times_longer_by_numpy"] = float(by_numpy / compiled)
     return figures
 
 

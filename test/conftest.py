@@ -5,9 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -30,9 +29,6 @@ settings.load_profile("steady")
 #: Recordings and maps that others made: beside the checkout, or where USMAP_SHARED says.
 SHARED = Path(os.environ.get("USMAP_SHARED", Path(__file__).parents[2] / "shared"))
 
-if TYPE_CHECKING:
-    from usmap_ros.reconstruction.operators import SensingOperator
-
 
 @pytest.fixture(autouse=True)
 def _untouched_logging() -> Iterator[None]:
@@ -41,29 +37,6 @@ def _untouched_logging() -> Iterator[None]:
     before = logger.level, logger.propagate, logger.handlers
     yield
     logger.level, logger.propagate, logger.handlers = before
-
-
-@pytest.fixture(scope="session")
-def passes_dot_test() -> Callable[..., bool]:
-    """Give a function that tells whether an operator's adjoint is one.
-
-    ⟨Φ x, y⟩ must equal ⟨x, Φᴴ y⟩ for random complex x and y, after the test of the same name in
-    Claerbout, "Earth Soundings Analysis" (1992).
-    """
-
-    import numpy as np
-
-    def passes(operator: SensingOperator, seed: int, tolerance: float = 1e-10) -> bool:
-        generator = np.random.default_rng(seed)
-        parts = generator.normal(size=(2, operator.block_count, operator.block_size))
-        x = parts[0] + 1j * parts[1]
-        parts = generator.normal(size=(2, operator.sample_count))
-        y = parts[0] + 1j * parts[1]
-        left = complex(np.vdot(operator.forward(x), y))
-        right = complex(np.vdot(x, operator.adjoint(y)))
-        return abs(left - right) <= tolerance * max(abs(left), abs(right), 1.0)
-
-    return passes
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

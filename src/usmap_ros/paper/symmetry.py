@@ -122,7 +122,7 @@ def recover(pair: Pair) -> tuple[ConeCells, FloatArray, int]:
     operator, generator = MatrixOperator(matrix), np.random.default_rng(0)
     alike = in_company(identical(operator, generator))
     reduced, shares = merged(operator, same_direction(operator, generator))
-    solution = cosamp(reduced, signal, SPARSITY, thresholds=1e-6, non_negative=True)
+    solution = cosamp(reduced, signal, SPARSITY, threshold=1e-6, non_negative=True)
     return cells, shares[:, solution.support] @ solution.coefficients[:, 0], alike
 
 

@@ -1,1 +1,1 @@
-"""From an echo trace to the echoes in its cone: sensing operators, CoSaMP, off-grid refinement."""
+"""From an echo trace to the echoes in its cone: sensing matrices, CoSaMP, off-grid refinement."""

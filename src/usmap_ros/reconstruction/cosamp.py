@@ -1,15 +1,10 @@
-"""Compressive sampling matching pursuit on any sensing operator.
+"""Compressive sampling matching pursuit on a stored matrix, such as the paper's of cells.
 
-This one runs for the dictionary of cells, for several pulses in the air at once, and wherever
-nothing is compiled.  For the echoes of one pulse, which is the default, its compiled twin runs:
-`usmap_ros.reconstruction.sampled.cosamp`; `usmap_ros.reconstruction.delay_search.search` chooses,
-and tests hold the two to the same echoes.
+By default echoes are looked for by their delays, on a matrix that is never formed:
+`usmap_ros.reconstruction.sampled.cosamp` does that, by steps of the same names.
 
 Needell & Tropp, "CoSaMP: Iterative signal recovery from incomplete and inaccurate samples",
-Appl. Comput. Harmon. Anal. 26 (2009) 301-321; in blocks after Baraniuk, Cevher, Duarte &
-Hegde, "Model-based compressive sensing", IEEE Trans. Inf. Theory 56 (2010) 1982-2001; with a
-band about each chosen atom excluded after Fannjiang & Liao, "Coherence pattern-guided
-compressive sensing with unresolved grids", SIAM J. Imaging Sci. 5 (2012) 179-202.
+Appl. Comput. Harmon. Anal. 26 (2009) 301-321.
 
 The private functions are the steps that Needell & Tropp list in section 2, by their names: signal
 proxy, identification, support merger, estimation by least squares (`LeastSquares`), pruning, sample
@@ -25,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.reconstruction.operators import SensingOperator
+from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 
 #: Weight of the ridge that keeps least squares on coherent columns solvable, relative to
 #: the mean squared norm of the columns.  Small enough not to be seen in the coefficients;
@@ -80,64 +75,60 @@ class Solution:
 
 
 def cosamp(
-    operator: SensingOperator,
+    operator: MatrixOperator,
     signal: Signal,
     sparsity: int,
     *,
-    thresholds: FloatArray | float = 0.0,
+    threshold: float = 0.0,
     tolerance: float = 0.0,
     non_negative: bool = False,
-    warm_start: IndexArray | None = None,
     max_iterations: int = 20,
 ) -> Solution:
-    """Approximate `signal` by at most `sparsity` blocks of `operator`.
+    """Approximate `signal` by at most `sparsity` columns of `operator`.
 
     Parameters
     ----------
-    operator : SensingOperator
+    operator : MatrixOperator
         The sensing matrix Φ.
     signal : (samples,) array
         y, real or complex.
     sparsity : int
-        k, the largest number of blocks in the solution.
-    thresholds : float or (blocks,) array
-        Score that a block must exceed to be taken up, and to be kept.
+        k, the largest number of columns in the solution.
+    threshold : float
+        Score that a column must exceed to be taken up, and to be kept.
     tolerance : float
         Norm of the residual at which it counts as noise.
     non_negative : bool
         Fit with coefficients that are real and not negative.
-    warm_start : (n,) array, optional
-        Support to start from; of it no more is kept than the thresholds and `sparsity` allow.
     max_iterations : int
         Iterations at most.
 
     Returns
     -------
     Solution
-        Never more than `sparsity` blocks; the residual is never larger than that of what is
-        kept of the start.
+        Never more than `sparsity` columns, whose residual is never larger than the signal.
 
     Raises
     ------
     ValueError
         If the signal is not finite, or has not as many samples as the operator.
     """
-    check_signal(operator, signal)
+    check_signal(operator.sample_count, signal)
     fit = LeastSquares(operator, signal, non_negative)
-    limits = np.broadcast_to(np.asarray(thresholds, dtype=float), (operator.block_count,))
-    best = _start(fit, warm_start, limits, sparsity)
+    best = fit.on(np.empty(0, dtype=np.intp), 0, Halt.ITERATIONS)
     if not np.any(signal):
         return best.halted(Halt.SILENCE)
     for iteration in range(1, max_iterations + 1):
         if best.residual_norm <= tolerance:
             return best.halted(Halt.NOISE_LEVEL)
         proxy = _signal_proxy(fit, best.residual)
-        identified = _identification(operator, proxy, best.support, limits, 2 * sparsity)
+        scores = operator.scores(proxy)
+        identified = _identification(scores, best.support, threshold, 2 * sparsity)
         if len(identified) == 0:
             return best.halted(Halt.NOTHING_LEFT)
         merged = _support_merger(best.support, identified)
         estimate = fit.on(merged, iteration, Halt.ITERATIONS)
-        pruned = _pruning(operator, estimate, limits, sparsity)
+        pruned = _pruning(operator, estimate, threshold, sparsity)
         if np.array_equal(pruned, best.support):
             return best.halted(Halt.STABLE_SUPPORT)
         latest = _sample_update(fit, estimate, pruned)
@@ -145,16 +136,6 @@ def cosamp(
             return best.halted(Halt.NO_PROGRESS)
         best = latest
     return best
-
-
-def _start(
-    fit: LeastSquares, warm_start: IndexArray | None, limits: FloatArray, sparsity: int
-) -> Solution:
-    """Fit what the thresholds leave of the support to start from."""
-    start = np.sort(warm_start) if warm_start is not None else np.empty(0, dtype=np.intp)
-    solution = fit.on(start, 0, Halt.ITERATIONS)
-    kept = _pruning(fit.operator, solution, limits, sparsity)
-    return fit.on(kept, 0, Halt.ITERATIONS) if len(kept) < len(start) else solution
 
 
 def _signal_proxy(fit: LeastSquares, residual: Signal) -> Signal:
@@ -165,13 +146,14 @@ def _signal_proxy(fit: LeastSquares, residual: Signal) -> Signal:
 
 
 def _identification(
-    operator: SensingOperator, proxy: Signal, support: IndexArray, limits: FloatArray, count: int
+    scores: FloatArray, support: IndexArray, threshold: float, count: int
 ) -> IndexArray:
-    """Identify large components: Ω ← supp(y_2s).
-
-    Columns are compared as if of norm 1, and none within the bands of the support is taken.
-    """
-    return strongest(operator, operator.scores(proxy), limits, support, count)
+    """Identify large components: Ω ← supp(y_2s), as if of norm 1, none of the support."""
+    free = scores > threshold
+    free[support] = False
+    candidates = np.flatnonzero(free)
+    strongest: IndexArray = candidates[np.argsort(-scores[candidates], kind="stable")[:count]]
+    return strongest
 
 
 def _support_merger(support: IndexArray, identified: IndexArray) -> IndexArray:
@@ -180,12 +162,12 @@ def _support_merger(support: IndexArray, identified: IndexArray) -> IndexArray:
 
 
 def _pruning(
-    operator: SensingOperator, estimate: Solution, limits: FloatArray, sparsity: int
+    operator: MatrixOperator, estimate: Solution, threshold: float, sparsity: int
 ) -> IndexArray:
-    """Prune to obtain next approximation: the support of b_s, less what is below its limit."""
+    """Prune to obtain next approximation: the support of b_s, less what is below the threshold."""
     strengths = operator.echo_scores(estimate.support, estimate.coefficients)
     order = np.argsort(-strengths, kind="stable")[:sparsity]
-    kept = order[strengths[order] > limits[estimate.support[order]]]
+    kept = order[strengths[order] > threshold]
     return np.sort(estimate.support[kept])
 
 
@@ -200,46 +182,12 @@ def _sample_update(fit: LeastSquares, estimate: Solution, pruned: IndexArray) ->
     return fit.on(pruned, estimate.iterations, estimate.halt)
 
 
-def strongest(
-    operator: SensingOperator,
-    scores: FloatArray,
-    limits: FloatArray,
-    support: IndexArray,
-    count: int,
-) -> IndexArray:
-    """Blocks of highest score above their limits, at most `count`, outside each other's bands.
-
-    Parameters
-    ----------
-    operator : SensingOperator
-        Says which blocks exclude each other.
-    scores, limits : (blocks,) arrays
-        Scores, and what they must exceed.
-    support : (n,) array
-        Blocks already chosen, whose bands are excluded too.
-    count : int
-        How many to return at the most.
-    """
-    free = scores > limits
-    for block in support:
-        free[operator.excluded(block)] = False
-    candidates = np.flatnonzero(free)
-    chosen: list[int] = []
-    for block in candidates[np.argsort(-scores[candidates], kind="stable")]:
-        if len(chosen) == count:
-            break
-        if free[block]:
-            chosen.append(block)
-            free[operator.rivals(block)] = False
-    return np.array(chosen, dtype=np.intp)
-
-
 class LeastSquares:
     """Signal estimation by least squares: b|_T ← Φ_T† u, of one signal u on any support T.
 
     Parameters
     ----------
-    operator : SensingOperator
+    operator : MatrixOperator
         Has the columns.
     signal : (samples,) array
         What they are fitted to.
@@ -247,11 +195,11 @@ class LeastSquares:
         Whether coefficients must be real and not negative.
     """
 
-    def __init__(self, operator: SensingOperator, signal: Signal, non_negative: bool) -> None:
+    def __init__(self, operator: MatrixOperator, signal: Signal, non_negative: bool) -> None:
         self.operator, self.signal, self.non_negative = operator, signal, non_negative
 
     def on(self, support: IndexArray, iterations: int, halt: Halt) -> Solution:
-        """Fit the blocks of `support`; `iterations` and `halt` are put into the solution."""
+        """Fit the columns of `support`; `iterations` and `halt` are put into the solution."""
         columns = self.operator.columns(support)
         coefficients = (
             _solve_non_negative(columns, self.signal)
@@ -259,8 +207,7 @@ class LeastSquares:
             else least_squares(columns, self.signal)
         )
         residual = self.signal - columns @ coefficients
-        blocks = coefficients.reshape(len(support), self.operator.block_size)
-        return Solution(support, blocks, residual, iterations, halt)
+        return Solution(support, coefficients[:, np.newaxis], residual, iterations, halt)
 
 
 def least_squares(columns: Signal, signals: Signal) -> Signal:
@@ -292,9 +239,9 @@ def _solve_non_negative(columns: Signal, signal: Signal) -> FloatArray:
     return nnls(columns, signal)[0]
 
 
-def check_signal(operator: SensingOperator, signal: Signal) -> None:
-    """Raise ValueError unless the signal is finite and has as many samples as the operator."""
-    if signal.shape != (operator.sample_count,):
-        raise ValueError(f"signal has shape {signal.shape}, not ({operator.sample_count},)")
+def check_signal(sample_count: int, signal: Signal) -> None:
+    """Raise ValueError unless the signal is finite and has so many samples."""
+    if signal.shape != (sample_count,):
+        raise ValueError(f"signal has shape {signal.shape}, not ({sample_count},)")
     if not np.isfinite(signal).all():
         raise ValueError("signal is not finite")

@@ -16,15 +16,10 @@ from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
 from usmap_ros.reconstruction.cones import Echoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
-from usmap_ros.reconstruction.delay_domain import DelayDomainOperator
-from usmap_ros.reconstruction.delay_search import Searched, of_pulses, pulse_numbers, search
-from usmap_ros.reconstruction.detection import (
-    binned_maximum,
-    crowding,
-    unreported,
-)
+from usmap_ros.reconstruction.delay_domain import DelayDictionary
+from usmap_ros.reconstruction.delay_search import Searched, search
+from usmap_ros.reconstruction.detection import binned_maximum, crowding, unreported
 from usmap_ros.reconstruction.envelope import std_factors, unbiased
-from usmap_ros.reconstruction.joint import DelayOperator, JointOperator
 
 #: Error of amplitudes, relative to them, that the rounding of samples may amount to.
 ROUNDING = 1e-5
@@ -40,7 +35,7 @@ class DelayReconstruction:
     ----------
     baseband : Baseband
         The signal that was explained.
-    operator : DelayDomainOperator or JointOperator
+    dictionary : DelayDictionary
         The sensing matrix, with its atoms on the grid.
     solution : Solution
         Support, complex coefficients and residual.
@@ -52,7 +47,7 @@ class DelayReconstruction:
     """
 
     baseband: Baseband
-    operator: DelayOperator
+    dictionary: DelayDictionary
     solution: Solution
     cone: EchoCone
     echoes: tuple[Echoes, ...]
@@ -76,23 +71,29 @@ def reconstruct_delays(
         If the trace cannot be brought to the baseband.
     """
     baseband = to_baseband(trace)
-    operator = _operator(trace, baseband, parameters)
-    found = search(operator, baseband, parameters)
+    dictionary = _dictionary(
+        baseband.templates,
+        baseband.sampling,
+        trace.channel,
+        trace.transducer.min_range_m,
+        trace.transducer.max_range_m,
+        parameters.oversampling,
+        tuple(parameters.exclusion * one.pulse.resolution_s for one in baseband.templates),
+    )
+    found = search(dictionary, baseband, parameters)
     solution = found.solution
-    echoes = _echoes(trace, baseband, operator, found, parameters)
-    by_pulse: tuple[Echoes, ...] = (echoes,)
-    if len(trace.sent) > 1:
-        numbers = pulse_numbers(operator, solution.support, len(trace.sent))
-        by_pulse = tuple(echoes.where(numbers == number) for number in range(len(trace.sent)))
+    echoes = _echoes(trace, baseband, dictionary, found, parameters)
+    numbers = dictionary.pulse_numbers(solution.support)
+    by_pulse = tuple(echoes.where(numbers == number) for number in range(len(trace.sent)))
     norm = math.sqrt(np.vdot(baseband.signal, baseband.signal).real)
     cone = make_cone(
         _from_the_middle(trace),
         by_pulse[0],
-        _limits(trace, baseband, operator, found, parameters),
+        _limits(trace, baseband, dictionary, found, parameters),
         parameters.limit_step_m,
         residual=solution.residual_norm / norm if norm > 0.0 else 0.0,
     )
-    return DelayReconstruction(baseband, operator, solution, cone, by_pulse)
+    return DelayReconstruction(baseband, dictionary, solution, cone, by_pulse)
 
 
 def _from_the_middle(trace: EchoTrace) -> EchoTrace:
@@ -108,38 +109,20 @@ def _from_the_middle(trace: EchoTrace) -> EchoTrace:
     return replace(trace, pose=replace(trace.pose, position_m=middle.position_m))
 
 
-def _operator(
-    trace: EchoTrace, baseband: Baseband, parameters: ReconstructionParameters
-) -> DelayOperator:
-    parts = [
-        _cached_operator(
-            template,
-            baseband.sampling,
-            trace.channel,
-            trace.transducer.min_range_m,
-            trace.transducer.max_range_m,
-            parameters.oversampling,
-            parameters.exclusion * template.pulse.resolution_s,
-        )
-        for template in baseband.templates
-    ]
-    return parts[0] if len(parts) == 1 else JointOperator(parts)
-
-
-#: One operator for all pings that were sent and sampled alike.
-_cached_operator = lru_cache(maxsize=64)(DelayDomainOperator)
+#: One dictionary for all pings that were sent and sampled alike.
+_dictionary = lru_cache(maxsize=64)(DelayDictionary)
 
 
 def _echoes(
     trace: EchoTrace,
     baseband: Baseband,
-    operator: DelayOperator,
+    dictionary: DelayDictionary,
     found: Searched,
     parameters: ReconstructionParameters,
 ) -> Echoes:
     """Range and amplitude of every block of the support, in its order."""
     support = found.solution.support
-    unit_norms = operator.unit_norms[support]
+    unit_norms = dictionary.unit_norms[support]
     amplitudes = found.strengths / unit_norms
     of_delay = of_amplitude = np.ones(len(support))
     if trace.encoding is Encoding.ENVELOPE:
@@ -147,7 +130,7 @@ def _echoes(
         if baseband.template.is_smooth:
             of_delay, of_amplitude = std_factors(amplitudes, *known)
         amplitudes = unbiased(amplitudes, *known)
-    jitter = of_pulses(operator, support, [one.amplitude_jitter for one in baseband.templates])
+    jitter = dictionary.of_pulses(support, [one.amplitude_jitter for one in baseband.templates])
     return Echoes(
         ranges_m=found.ranges_m,
         range_stds_m=0.5 * trace.channel.sound_speed_m_s * of_delay * found.delay_stds_s,
@@ -163,23 +146,23 @@ def _echoes(
 def _limits(
     trace: EchoTrace,
     baseband: Baseband,
-    operator: DelayOperator,
+    dictionary: DelayDictionary,
     found: Searched,
     parameters: ReconstructionParameters,
 ) -> FloatArray:
     """Amplitude below which an echo of the first pulse could have gone unreported, by range."""
     limits = unreported(
-        operator,
+        dictionary,
         found.thresholds,
         found.residual_scores,
         found.solution.support,
         found.strengths,
         parameters.masking,
     )
-    own = operator.blocks(0)
+    ranges_m = dictionary.ranges_m
     minimum_m, maximum_m = trace.transducer.min_range_m, trace.transducer.max_range_m
     greatest = binned_maximum(
-        limits[own], operator.ranges_m[own], minimum_m, parameters.limit_step_m, maximum_m
+        limits[: len(ranges_m)], ranges_m, minimum_m, parameters.limit_step_m, maximum_m
     )
     if trace.encoding is Encoding.ENVELOPE:
         return unbiased(greatest, baseband.template, baseband.echo_noise_std)

@@ -8,33 +8,33 @@ from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.numerics.special import normal_quantile
 from usmap_ros.reconstruction.baseband import RAYLEIGH_MEAN, Baseband
-from usmap_ros.reconstruction.joint import DelayOperator
+from usmap_ros.reconstruction.delay_domain import DelayDictionary
 
 
 def noise_thresholds(
-    operator: DelayOperator, baseband: Baseband, false_alarms: float
+    dictionary: DelayDictionary, baseband: Baseband, false_alarms: float
 ) -> FloatArray:
     """Scores that noise alone exceeds `false_alarms` times a ping, shape (blocks,).
 
     The modulus of a matched filter's complex output is Rayleigh distributed, that of a real
     one is normal; an envelope's noise is skewed, which the first Cornish-Fisher term corrects.
     """
-    independent = max(1.0, operator.block_count / operator.oversampling)
+    independent = max(1.0, dictionary.block_count / dictionary.oversampling)
     tail = false_alarms / independent
     if np.iscomplexobj(baseband.signal):
         deviations = np.sqrt(-np.log(tail))
     else:
         quantile = -normal_quantile(tail)
-        skewness = baseband.noise_skewness * operator.template_skewness
+        skewness = baseband.noise_skewness * dictionary.template_skewness
         deviations = quantile + (quantile**2 - 1.0) * skewness / 6.0
     # Every further path adds the mean modulus of its noise to the weighted sum of `scores`.
-    extra = RAYLEIGH_MEAN * operator.extra_paths
+    extra = RAYLEIGH_MEAN * dictionary.extra_paths
     thresholds: FloatArray = baseband.noise_std * (deviations + extra)
     return thresholds
 
 
 def unreported(
-    operator: DelayOperator,
+    dictionary: DelayDictionary,
     thresholds: FloatArray,
     residual_scores: FloatArray,
     support: IndexArray,
@@ -47,10 +47,10 @@ def unreported(
     echo, where no second one is reported, it is `masking` times that echo: a louder object
     would have made the echo itself louder.
     """
-    begins, ends = operator.bands(support)
+    begins, ends = dictionary.bands(support)
     scores = np.maximum(thresholds, residual_scores)
     _mask(scores, thresholds, begins, ends, masking * echo_scores)
-    amplitudes: FloatArray = np.divide(scores, operator.unit_norms, out=scores)
+    amplitudes: FloatArray = np.divide(scores, dictionary.unit_norms, out=scores)
     return amplitudes
 
 

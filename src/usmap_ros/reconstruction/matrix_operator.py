@@ -18,7 +18,7 @@ SAME_DIRECTION = 1e-7
 
 
 class MatrixOperator:
-    """A real matrix, dense or sparse, in which every column is a block of its own.
+    """A real matrix, dense or sparse, as a linear operator on coefficients (columns, 1).
 
     Parameters
     ----------
@@ -44,16 +44,6 @@ class MatrixOperator:
         """Columns of Φ."""
         return int(self.matrix.shape[1])
 
-    @property
-    def block_size(self) -> int:
-        """One column a block."""
-        return 1
-
-    def forward(self, coefficients: Signal) -> Signal:
-        """Φ x."""
-        signal: Signal = self.matrix @ coefficients[:, 0]
-        return signal
-
     def adjoint(self, signal: Signal) -> Signal:
         """Φᵀ r, which is Φᴴ r because Φ is real."""
         proxy: Signal = (self.matrix.T @ signal)[:, np.newaxis]
@@ -76,14 +66,6 @@ class MatrixOperator:
         """Norm of what each column contributes."""
         scores: FloatArray = np.abs(coefficients[:, 0]) * self.norms[support]
         return scores
-
-    def excluded(self, block: int) -> slice:
-        """Only the block itself: CoSaMP as in Needell & Tropp (2009) excludes no band."""
-        return slice(block, block + 1)
-
-    def rivals(self, block: int) -> slice | IndexArray:
-        """Only the block itself."""
-        return self.excluded(block)
 
 
 def same_direction(operator: MatrixOperator, generator: np.random.Generator) -> IndexArray:

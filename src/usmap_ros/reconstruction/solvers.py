@@ -53,7 +53,7 @@ def solve(problem: Problem, solver: SolverName) -> Solution:
             problem.operator,
             problem.signal,
             problem.sparsity,
-            thresholds=problem.threshold,
+            threshold=problem.threshold,
             tolerance=problem.tolerance,
             non_negative=problem.non_negative,
             max_iterations=problem.max_iterations,

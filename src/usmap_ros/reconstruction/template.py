@@ -69,19 +69,13 @@ class Template:
         slope: Signal = (self(time_s + step_s) - self(time_s - step_s)) / (2.0 * step_s)
         return slope
 
-    def overlap(self, delay_s: FloatArray) -> FloatArray:
-        """Correlation of two echoes whose delays differ by `delay_s`, 1 at 0; its magnitude."""
-        lags_s, correlation = _autocorrelation(self)
-        return np.interp(delay_s, lags_s, correlation)
+    def overlap(self, other: Template, delay_s: FloatArray) -> FloatArray:
+        """Correlation with an echo that comes `delay_s` earlier, 1 of equal ones; its magnitude."""
+        lags_s, correlation = _correlation(self, other)
+        return np.interp(delay_s, lags_s, correlation, left=0.0, right=0.0)
 
-    def overlaps(self, delays_s: FloatArray) -> FloatArray:
-        """Correlation of each two of several echoes, 0 of one with itself."""
-        overlaps = self.overlap(np.abs(delays_s[:, np.newaxis] - delays_s))
-        np.fill_diagonal(overlaps, 0.0)
-        return overlaps
-
-    def grid_s(self, least: int, per_cycle: int, per_point: int) -> FloatArray:
-        """Times from its start to its end at which it is to be tabulated.
+    def point_count(self, least: int, per_cycle: int, per_point: int) -> int:
+        """Points from its start to its end at which it is to be tabulated.
 
         Parameters
         ----------
@@ -90,10 +84,9 @@ class Template:
         per_point : int
             Points for each of its own, if it is a table.
         """
-        points = least + int(per_cycle * self.highest_hz * self.duration_s)
         if self.table is not None:
-            points = 1 + per_point * (len(self.table) - 1)
-        return np.linspace(self.start_s, self.start_s + self.duration_s, points)
+            return 1 + per_point * (len(self.table) - 1)
+        return least + int(per_cycle * self.highest_hz * self.duration_s)
 
     @property
     def highest_hz(self) -> float:
@@ -112,12 +105,17 @@ class Template:
         return is_drawn or self.pulse.shape in smooth
 
 
-@lru_cache(maxsize=16)
-def _autocorrelation(template: Template) -> tuple[FloatArray, FloatArray]:
-    """Lags from 0 to the template's length, and its normalised autocorrelation there."""
-    cycles = template.highest_hz * template.duration_s
-    count = LAGS + int(LAGS_PER_CYCLE * cycles)
-    time_s = np.linspace(template.start_s, template.start_s + template.duration_s, count)
-    values = template(time_s)
-    correlation = np.abs(np.correlate(values, values, mode="full")[count - 1 :])
-    return time_s - template.start_s, correlation / correlation[0]
+@lru_cache(maxsize=64)
+def _correlation(one: Template, other: Template) -> tuple[FloatArray, FloatArray]:
+    """Lags of one behind the other, and their normalised correlation there."""
+    longest_s = max(one.duration_s, other.duration_s)
+    cycles = max(one.highest_hz, other.highest_hz) * longest_s
+    step_s = float(longest_s / (LAGS + int(LAGS_PER_CYCLE * cycles) - 1))
+    first, second = (
+        template(template.start_s + np.arange(0.0, template.duration_s + 0.5 * step_s, step_s))
+        for template in (one, other)
+    )
+    products = np.abs(np.correlate(second, first, mode="full"))
+    correlation: FloatArray = products / (np.linalg.norm(first) * np.linalg.norm(second))
+    lags = np.arange(len(correlation), dtype=np.float64) - (len(first) - 1)
+    return step_s * lags, correlation

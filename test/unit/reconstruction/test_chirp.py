@@ -132,7 +132,7 @@ def test_overlap_falls_with_the_sweep():
     pulse = Pulse(PulseShape.CHIRP, 50e3, 2e-3, 20e3)
     template = Template(0.0, pulse.duration_s, pulse)
 
-    overlap = template.overlap(np.array([0.0, 0.35 * pulse.resolution_s, 6.0 / 20e3]))
+    overlap = template.overlap(template, np.array([0.0, 0.35 * pulse.resolution_s, 6.0 / 20e3]))
 
     assert overlap[0] == pytest.approx(1.0)
     assert 0.2 < overlap[1] < 0.5

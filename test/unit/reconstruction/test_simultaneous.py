@@ -9,7 +9,6 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.soundings import soundings
 from usmap_ros.reconstruction.delays import reconstruct_delays
-from usmap_ros.reconstruction.joint import JointOperator
 from usmap_ros.reconstruction.reconstructor import reconstruct, reconstruct_sounding
 from usmap_ros.simulation import Scenario, simulate
 
@@ -160,23 +159,6 @@ def test_cells_sum_the_echoes_of_both_pulses(encoding):
     for trace in pair(poles=poles, encoding=encoding, noise_std=0.0):
         found = reconstruct(trace, parameters)
         assert np.linalg.norm(found.residual) < 1e-4 * np.linalg.norm(found.received)
-
-
-def test_the_joint_operator_is_one(passes_dot_test):
-    trace = pair()[0]
-    operator = reconstruct_delays(trace, PARAMETERS).operator
-
-    assert isinstance(operator, JointOperator)
-    assert passes_dot_test(operator, 1)
-    generator = np.random.default_rng(2)
-    support = generator.choice(operator.block_count, 7, replace=False)
-    coefficients = np.zeros((operator.block_count, 1), dtype=complex)
-    coefficients[support, 0] = generator.normal(size=7) + 1j * generator.normal(size=7)
-    np.testing.assert_allclose(
-        operator.columns(support) @ coefficients[support, 0],
-        operator.forward(coefficients),
-        atol=1e-9,
-    )
 
 
 def test_equal_pulses_at_once_are_refused():

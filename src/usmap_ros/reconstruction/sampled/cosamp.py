@@ -1,12 +1,15 @@
-"""CoSaMP in the delay domain, compiled: the steps of `usmap_ros.reconstruction.cosamp`.
+"""CoSaMP in the delay domain, compiled: the one that runs by default.
 
-This is the one that runs by default: for the echoes of one pulse on the delay axis.  The other runs
-for the dictionary of cells, for several pulses at once, and where nothing is compiled.
+Needell & Tropp, "CoSaMP: Iterative signal recovery from incomplete and inaccurate samples",
+Appl. Comput. Harmon. Anal. 26 (2009) 301-321; in blocks after Baraniuk, Cevher, Duarte &
+Hegde, "Model-based compressive sensing", IEEE Trans. Inf. Theory 56 (2010) 1982-2001; with a
+band about each chosen atom excluded after Fannjiang & Liao, "Coherence pattern-guided
+compressive sensing with unresolved grids", SIAM J. Imaging Sci. 5 (2012) 179-202.
 
-They have the same names, and find the same: proxy, identification, support merger, least squares
-(`fit.least_squares`), pruning, sample update.  What differs is how: the matched filter is kept and
-brought up to date where the residual has changed, and least squares goes by runs of echoes that
-overlap.
+The steps have the names of `usmap_ros.reconstruction.cosamp`, the paper's on a stored matrix of
+cells: proxy, identification, support merger, least squares (`fit.least_squares`), pruning, sample
+update.  What differs is how: the matched filter is kept and brought up to date where the residual
+has changed, and least squares goes by runs of echoes that overlap.
 """
 
 from __future__ import annotations
@@ -34,7 +37,7 @@ def cosamp(
     warm_start: IndexArray,
     limits: tuple[int, int, bool],
 ) -> tuple[Fit, int, int]:
-    """Approximate a signal by few blocks; see `usmap_ros.reconstruction.cosamp.cosamp`.
+    """Approximate a signal by few blocks, from a support on.
 
     Parameters
     ----------
@@ -128,8 +131,11 @@ def _identification(
     loudest, free = np.empty(stretches), np.zeros(stretches * STRETCH)
     for block in range(len(scores)):
         free[block] = scores[block] if scores[block] > limits[block] else 0.0
+    ranges = len(matrix.delays_s)
     for block in support:
-        free[max(0, block - matrix.band) : block + matrix.band + 1] = 0.0
+        pulse = block // ranges
+        band, first = matrix.bands[pulse], pulse * ranges
+        free[max(first, block - band) : min(first + ranges, block + band + 1)] = 0.0
     for stretch in range(stretches):
         loudest[stretch] = _loudest(free, stretch)
     chosen = np.empty(count, np.int64)
@@ -174,17 +180,28 @@ def _support_merger(support: IndexArray, identified: IndexArray) -> IndexArray:
 
 @inlined
 def _drop_rivals(matrix: SampledMatrix, free: FloatArray, loudest: FloatArray, chosen: int) -> None:
-    """Leave out blocks of which any path falls into the band of any path of the chosen one."""
-    band_s = (matrix.band + 0.5) * matrix.delay_step_s
-    blocks, paths = matrix.delays_s.shape
-    for near_s in matrix.delays_s[chosen]:
-        for path in range(paths):
-            first = block = first_at(matrix.delays_s[:, path], near_s - band_s)
-            while block < blocks and matrix.delays_s[block, path] < near_s + band_s:
-                free[block] = 0.0
-                block += 1
-            for stretch in range(first // STRETCH, (block + STRETCH - 1) // STRETCH):
-                loudest[stretch] = _loudest(free, stretch)
+    """Leave out blocks of which any path falls into the band of any path of the chosen one.
+
+    Where several pulses are in the air, so are those that overlap with it: different pulses
+    correlate a little wherever they overlap, and what is left of a score is known only when louder
+    echoes about it are accounted for.
+    """
+    (ranges, paths), pulses = matrix.delays_s.shape, len(matrix.pulses)
+    own, number = chosen // ranges, chosen % ranges
+    for pulse in range(pulses):
+        before_s = after_s = (matrix.bands[own] + 0.5) * matrix.delay_step_s
+        if pulses > 1:
+            before_s, after_s = matrix.durations_s[pulse], matrix.durations_s[own]
+        for near_s in matrix.delays_s[number]:
+            for path in range(paths):
+                at = first_at(matrix.delays_s[:, path], near_s - before_s)
+                first = pulse * ranges + at
+                while at < ranges and matrix.delays_s[at, path] < near_s + after_s:
+                    free[pulse * ranges + at] = 0.0
+                    at += 1
+                last = pulse * ranges + at
+                for stretch in range(first // STRETCH, (last + STRETCH - 1) // STRETCH):
+                    loudest[stretch] = _loudest(free, stretch)
 
 
 @compiled_within

@@ -22,9 +22,9 @@ class MatchedFilter(NamedTuple):
     ----------
     signal, residual : (samples,) arrays
         The signal between its margins, and what is left of it.
-    output : (oversampling, windows) array
+    output : (pulses * oversampling, windows) array
         The matched filter's output for what is left.
-    magnitudes : (oversampling * windows,) array
+    magnitudes : (pulses * oversampling * windows,) array
         Its magnitudes, or its positive parts where coefficients must not be negative.
     scores : (blocks,) array
         How well each block, on the grid and by itself, explains what is left.
@@ -44,7 +44,7 @@ def matched_filter(matrix: SampledMatrix, signal: Signal, non_negative: bool) ->
     residual = np.zeros(len(padded), np.complex128)
     rows, windows = matrix.polyphase.shape[0], matrix.sample_count + margin(matrix) - 1
     output = np.zeros((rows, windows), np.complex128)
-    magnitudes, scores = np.zeros(rows * windows), np.zeros(len(matrix.delays_s))
+    magnitudes, scores = np.zeros(rows * windows), np.zeros(len(matrix.places))
     matched = MatchedFilter(padded, residual, output, magnitudes, scores)
     refilter(matrix, matched, padded, non_negative)
     return matched
@@ -113,20 +113,21 @@ def score(
             for window in range(begin, end):
                 magnitudes[window] = np.sqrt(row[window].real ** 2 + row[window].imag ** 2)
     # Half a step before the first delay of a window.
-    start_s = matrix.grid_start_s + (begin * rows - 0.5) * matrix.delay_step_s
-    stop_s = matrix.grid_start_s + (end * rows - 0.5) * matrix.delay_step_s
-    done = len(matched.scores)
+    oversampling, ranges = rows // len(matrix.pulses), len(matrix.delays_s)
+    start_s = matrix.grid_start_s + (begin * oversampling - 0.5) * matrix.delay_step_s
+    stop_s = matrix.grid_start_s + (end * oversampling - 0.5) * matrix.delay_step_s
+    done = ranges
     for path in range(matrix.delays_s.shape[1]):
         delays_s = matrix.delays_s[:, path]
         # Longer paths that take as long are of nearer blocks.
         first, stop = first_at(delays_s, start_s), min(done, first_at(delays_s, stop_s))
-        for block in range(first, stop):
-            total = 0.0
-            for one in range(matrix.delays_s.shape[1]):
-                total += (
-                    matrix.weights[0, block, one] * matched.magnitudes[matrix.places[block, one]]
-                )
-            matched.scores[block] = total
+        for pulse in range(len(matrix.pulses)):
+            for block in range(pulse * ranges + first, pulse * ranges + stop):
+                total = 0.0
+                for one in range(matrix.delays_s.shape[1]):
+                    place = matrix.places[block, one]
+                    total += matrix.weights[0, block, one] * matched.magnitudes[place]
+                matched.scores[block] = total
         done = first
 
 

@@ -1,4 +1,4 @@
-"""The sensing matrix of one pulse: what its columns are, and how the matched filter meets them."""
+"""The sensing matrix of delays: what its columns are, and how the matched filter meets them."""
 
 from __future__ import annotations
 
@@ -19,29 +19,32 @@ POINTS_PER_POINT = 16
 class SampledMatrix(NamedTuple):
     """The sensing matrix Φ as numbers and few arrays, for compiled code.
 
+    It has a block for every pulse in the air and every range, those of the first pulse before
+    those of the second: block b is of pulse b // ranges at range number b % ranges.
+
     Attributes
     ----------
-    polyphase : (oversampling, taps) array
-        The pulse at every delay between two samples.
-    delays_s : (blocks, paths) array
-        Where each path of a block is on the grid of delays.
+    polyphase : (pulses * oversampling, taps) array
+        Every pulse at every delay between two samples.
+    delays_s : (ranges, paths) array
+        Where each path of an object at a range is on the grid of delays.
     places : (blocks, paths) integer array
         Where that is in the matched filter's output, which has all windows of one delay between
         samples together.
     weights : (2, blocks, paths) array
         What a block's score has of each path's product with a signal, and of its coefficient.
-    pulse : (2, points) array
-        The pulse and its derivative (1/s), from its start to its end.
-    duration_s : float
-        Length of the pulse.
+    pulses : (pulses, 2, points) array
+        Each pulse and its derivative (1/s), from its start to its end.
+    durations_s : (pulses,) array
+        Their lengths.
     sample_rate_hz, start_delay_s : float
         When samples are taken.
     sample_count : int
         How many they are.
     grid_start_s, delay_step_s : float
         First delay of the grid, and from one to the next.
-    band : int
-        Blocks to either side of a chosen one in which no other is chosen.
+    bands : (pulses,) integer array
+        Blocks to either side of a chosen one in which no other of its pulse is chosen.
     sound_speed_m_s, floor_detour_m2 : float
         Of the channel: the square of a leg over the floor is longer than that of the straight one
         by the latter.
@@ -53,14 +56,14 @@ class SampledMatrix(NamedTuple):
     delays_s: FloatArray
     places: IndexArray
     weights: FloatArray
-    pulse: Signal
-    duration_s: float
+    pulses: Signal
+    durations_s: FloatArray
     sample_rate_hz: float
     start_delay_s: float
     sample_count: int
     grid_start_s: float
     delay_step_s: float
-    band: int
+    bands: IndexArray
     sound_speed_m_s: float
     floor_detour_m2: float
     floor_legs: int
@@ -122,7 +125,7 @@ def with_margin(matrix: SampledMatrix, signal: Signal) -> Signal:
 @inlined
 def on_grid(matrix: SampledMatrix) -> Places:
     """All blocks where the grid has them."""
-    return Places(np.empty(0, np.int64), np.zeros(len(matrix.delays_s)))
+    return Places(np.empty(0, np.int64), np.zeros(len(matrix.places)))
 
 
 @inlined
@@ -130,7 +133,8 @@ def range_m(matrix: SampledMatrix, places: Places, block: int) -> float:
     """Range of a block."""
     if places.ranges_m[block] > 0.0:
         return float(places.ranges_m[block])
-    return float(0.5 * matrix.sound_speed_m_s * matrix.delays_s[block, 0])
+    direct_s = matrix.delays_s[block % len(matrix.delays_s), 0]
+    return float(0.5 * matrix.sound_speed_m_s * direct_s)
 
 
 @inlined
@@ -138,7 +142,7 @@ def delay_s(matrix: SampledMatrix, places: Places, block: int, path: int) -> flo
     """Delay of a path of a block: on the grid rounded to it, off the grid exact."""
     direct_m = places.ranges_m[block]
     if direct_m == 0.0:
-        return float(matrix.delays_s[block, path])
+        return float(matrix.delays_s[block % len(matrix.delays_s), path])
     legs = path * matrix.floor_legs
     if legs == 0:
         return float(2.0 * direct_m / matrix.sound_speed_m_s)
@@ -200,13 +204,16 @@ def columns_of(matrix: SampledMatrix, places: Places, support: IndexArray) -> Co
             at -= 1
         delays_s[at], of_block[at], of_path[at] = later_s, block, path
     first, ages_s = np.empty(count, np.int64), np.empty(count)
-    values = np.zeros((count, taps), matrix.pulse.dtype)
+    values = np.zeros((count, taps), matrix.pulses.dtype)
     for column in range(count):
+        pulse = support[of_block[column]] // len(matrix.delays_s)
         number = int(np.ceil((delays_s[column] - matrix.start_delay_s) * matrix.sample_rate_hz))
         number = max(-taps, min(number, matrix.sample_count))
         ages_s[column] = number / matrix.sample_rate_hz + matrix.start_delay_s - delays_s[column]
         first[column] = number + beside
         for tap in range(max(0, -number), min(taps, matrix.sample_count - number)):
             age_s = (number + tap) / matrix.sample_rate_hz + matrix.start_delay_s - delays_s[column]
-            values[column, tap] = looked_up(matrix.pulse[0], matrix.duration_s, age_s)
+            values[column, tap] = looked_up(
+                matrix.pulses[pulse, 0], matrix.durations_s[pulse], age_s
+            )
     return Columns(of_block, of_path, first, values, ages_s)

@@ -42,7 +42,7 @@ class Search(NamedTuple):
     model_error : float
         Amplitude near an echo, relative to it, that may be due to an imperfect pulse.
     refinements : int
-        Rounds of moving delays off the grid; 0 where pulses have edges.
+        Rounds of moving delays off the grid; below 0 where pulses have edges.
     settled, small : float
         Shares of a grid step: below the one no step is taken any more, below the other none needs
         another after it.
@@ -153,7 +153,7 @@ def _begun(
 ) -> tuple[MatchedFilter, FloatArray]:
     """The matched filter's output for a signal, and what a score has to exceed."""
     matched = matched_filter(matrix, signal, rectified)
-    thresholds = noise + how.model_error * loudness(matched.scores, _pulse_blocks(matrix))
+    thresholds = noise + how.model_error * _loud(matrix, matched.scores)
     if how.non_negative:
         score(matrix, matched, 0, matched.output.shape[1], how.non_negative)
     return matched, thresholds
@@ -176,6 +176,13 @@ def _what_is_left(
 
 
 @inlined
-def _pulse_blocks(matrix: SampledMatrix) -> int:
-    """Blocks that a pulse spans."""
-    return int(np.ceil(matrix.duration_s / matrix.delay_step_s))
+def _loud(matrix: SampledMatrix, scores: FloatArray) -> FloatArray:
+    """Loudest score of any pulse within a pulse of each block."""
+    ranges, pulses = len(matrix.delays_s), len(matrix.pulses)
+    loudest = np.zeros(len(scores))
+    for pulse in range(pulses):
+        reach = int(np.ceil(matrix.durations_s[pulse] / matrix.delay_step_s))
+        loud = loudness(scores[pulse * ranges : (pulse + 1) * ranges], reach)
+        for block in range(len(scores)):
+            loudest[block] = max(loudest[block], loud[block % ranges])
+    return loudest

@@ -22,7 +22,11 @@ DELAY_RIDGE = 1e-6
 
 @compiled_within
 def delay_step(matrix: SampledMatrix, places: Places, fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """One Gauss-Newton step on the delays of all echoes together; see `refinement.delay_step`.
+    """One Gauss-Newton step on the delays of all echoes together.
+
+    The residual is linearised in the delays, D = ∂(Φ x)/∂τ, and the part of D that the
+    coefficients can explain is projected out, so that step and variance (the Cramér-Rao bound)
+    account for amplitudes and phases being unknown too.
 
     Returns
     -------
@@ -149,9 +153,11 @@ def _slopes(matrix: SampledMatrix, places: Places, fit: Fit) -> Signal:
             rate = 0.5 * ((2 - legs) + legs * slope)
         factor = -rate * fit.fitted[number]
         sample = columns.first[number] - beside
+        pulse = fit.support[columns.blocks[number]] // len(matrix.delays_s)
+        table, duration_s = matrix.pulses[pulse, 1], matrix.durations_s[pulse]
         for tap in range(max(0, -sample), min(taps, matrix.sample_count - sample)):
             age_s = columns.ages_s[number] + tap / matrix.sample_rate_hz
-            slopes[number, tap] = factor * looked_up(matrix.pulse[1], matrix.duration_s, age_s)
+            slopes[number, tap] = factor * looked_up(table, duration_s, age_s)
     return slopes
 
 

@@ -198,6 +198,12 @@ class BagReader:
                 yield topic, reading.on(place.robot).cone(place.pose, place.world)
             except MalformedMessageError as error:
                 self.skipped.add(f"{topic} at {reading.stamp_ns / 1e9:.6f} s", error)
+        for robot, frames in poses.unplaced.items():
+            if len(frames) > 1:
+                logger.warning(
+                    "%s: the recording's TF does not say where its sensors %s sit: all are taken"
+                    " to look straight ahead; record /tf_static, too", robot, sorted(frames),
+                )  # fmt: skip
 
     def _is_alone(self, topic: str) -> bool:
         """Whether a topic's robot, or transducer, has no traces or cones beside it."""

@@ -10,10 +10,12 @@ import numpy as np
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import odometry_from_message, transform_from_message
-from usmap_ros.numerics.geometry import Pose
+from usmap_ros.numerics.geometry import Pose, way_between
 
-#: A pose is not known longer than this before or behind the nearest one that was recorded.
+#: A pose is not known longer than this before or behind the nearest one that was recorded, unless
+#: the frame hardly moves until the next one, as what a localisation corrects odometry by: m, rad.
 _LONGEST_GAP_NS = 500_000_000
+_STILL_M, _STILL_RAD = 0.1, 0.05
 #: Frames from a sensor up to the world, at most: more are a circle.
 _MOST_FRAMES = 32
 
@@ -52,7 +54,8 @@ class _Track:
             return self.poses[-1]
         after = bisect_left(self.stamps_ns, stamp_ns)
         near = [n for n in (after - 1, after) if 0 <= n < len(self.stamps_ns)]
-        near = [n for n in near if abs(self.stamps_ns[n] - stamp_ns) <= _LONGEST_GAP_NS]
+        if len(near) < 2 or not self._is_still(*near):
+            near = [n for n in near if abs(self.stamps_ns[n] - stamp_ns) <= _LONGEST_GAP_NS]
         if not near:
             return None
         nearest = min(near, key=lambda n: abs(self.stamps_ns[n] - stamp_ns))
@@ -68,6 +71,10 @@ class _Track:
         turned = (1.0 - share) * one.orientation + share * sign * other.orientation
         return Pose(between_m, turned / np.linalg.norm(turned), pose.covariance)
 
+    def _is_still(self, first: int, last: int) -> bool:
+        way_m, turn_rad = way_between(self.poses[first], self.poses[last])
+        return way_m <= _STILL_M and turn_rad <= _STILL_RAD
+
 
 class RecordedPoses:
     """Frames of a recording, each in its parent; what TF says of one goes before odometry."""
@@ -76,6 +83,8 @@ class RecordedPoses:
         self._transforms: dict[str, _Track] = {}
         self._odometry: dict[str, _Track] = {}
         self._base_of: dict[str, str] = {}
+        #: By robot, the frames of sensors that no transform says the place of.
+        self.unplaced: dict[str, set[str]] = {}
 
     def add_odometry(self, topic: str, message: Any) -> None:
         """Take up a ``nav_msgs/Odometry``; messages come in the order of their stamps."""
@@ -106,7 +115,8 @@ class RecordedPoses:
             If it is not known.
         """
         frame, found, moving = frame_id, None, ""
-        if frame not in self._transforms and frame not in self._odometry:
+        is_placed = frame in self._transforms or frame in self._odometry
+        if not is_placed:
             frame = self._base_above(topic)
         for _ in range(_MOST_FRAMES):
             track = self._transforms.get(frame) or self._odometry.get(frame)
@@ -125,7 +135,10 @@ class RecordedPoses:
             raise MalformedMessageError(
                 "header.frame_id", f"is {frame_id!r}, of which neither TF nor odometry is recorded"
             )
-        return Located(found, frame, self._robot(moving or frame, frame))
+        robot = self._robot(moving or frame, frame)
+        if not is_placed:
+            self.unplaced.setdefault(robot, set()).add(frame_id)
+        return Located(found, frame, robot)
 
     def _robot(self, base: str, world: str) -> str:
         """Name of the robot whose base moves: its frames' prefix, its topics', or the base's."""

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from usmap_ros.mapping.common_frame import CommonFrame
 from usmap_ros.mapping.far_off import FarOff, FarOffError, Ping
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.restarts import MARK
 
 #: Why pings are set apart.
 OTHER_FRAME, FAR_OFF = "in another frame", "far off"
@@ -69,8 +70,7 @@ def in_one_frame(pings: Iterable[Ping], frame: CommonFrame, apart: SetApart) -> 
             if ping[1].frame_id == frame.frame_id:
                 yield ping
             else:
-                cause = f"header.frame_id: is '{ping[1].frame_id}', the map's is '{frame.frame_id}'"
-                apart.came(OTHER_FRAME, ping, cause)
+                apart.came(OTHER_FRAME, ping, _why_other(ping[1].frame_id, frame.frame_id))
 
     waiting: list[Ping] = []
     for ping in pings:
@@ -84,6 +84,13 @@ def in_one_frame(pings: Iterable[Ping], frame: CommonFrame, apart: SetApart) -> 
             waiting = []
     frame.decide(is_over=True)
     yield from sorted_out(waiting)
+
+
+def _why_other(own: str, common: str) -> str:
+    why = f"header.frame_id: is '{own}', the map's is '{common}'"
+    # Nobody but this program called a frame so.
+    begun_anew = "its odometry jumped, or it was carried off: '--poses told' takes it as told"
+    return f"{why} ({begun_anew})" if MARK in own else why
 
 
 def in_one_place(pings: Iterable[Ping], far: FarOff, apart: SetApart) -> Iterator[Ping]:

@@ -165,6 +165,30 @@ def test_poses_are_found_between_those_recorded():
     assert pose.position_m == pytest.approx([0.2, 0.0, 0.0])
 
 
+@pytest.mark.parametrize(("moved_m", "is_known"), [(0.05, True), (1.0, False)])
+def test_only_what_hardly_moves_is_known_in_a_long_gap(moved_m, is_known):
+    poses = RecordedPoses()
+    poses.add_odometry("/odom", odometry(0, 0.0))
+    poses.add_odometry("/odom", odometry(4 * SECOND, moved_m))
+    if is_known:
+        pose = poses.locate("/range", "elsewhere", SECOND).pose
+        assert pose.position_m[0] == pytest.approx(0.25 * moved_m)
+    else:
+        with pytest.raises(MalformedMessageError, match="not known where"):
+            poses.locate("/range", "elsewhere", SECOND)
+
+
+@pytest.mark.parametrize(("frames", "warnings"), [(("left", "right"), 1), (("front",), 0)])
+def test_sensors_that_nobody_says_the_place_of_are_warned_of(tmp_path, caplog, frames, warnings):
+    entries = [("/odom", ODOMETRY, SECOND, odometry(SECOND, 0.0))]
+    for frame in frames:
+        entries.append((f"/{frame}", RANGE, SECOND, range_message(SECOND, 1.5, frame)))
+    with BagReader([record(tmp_path / "bag", entries)]) as bag:
+        assert len(list(bag.range_cones())) == len(frames)
+    said = [entry.getMessage() for entry in caplog.records]
+    assert sum("look straight ahead" in one for one in said) == warnings
+
+
 @pytest.mark.parametrize("turned_rad", [-3.0, -2.8])
 def test_robot_that_turns_is_found_between_the_yaws_recorded(turned_rad):
     poses = RecordedPoses()

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from pings_among_poles import Ping, cone
 
+from usmap_ros.mapping.common_frame import CommonFrame
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.runs.restarts import Restarts, first_name
+from usmap_ros.runs.set_apart import SetApart, in_one_frame
 
 SECOND_NS = 10**9
 
@@ -83,3 +85,10 @@ def test_robots_do_not_meddle_with_each_other() -> None:
     other = replace(way([50.0])[0][1], frame_id="robot2/odom", child_frame_id="robot2/sonar")
     ping = ("/robot2/echo", other)
     assert restarts.renamed(ping) is ping
+
+
+def test_a_user_learns_why_a_later_life_is_not_in_the_map() -> None:
+    restarts, apart = Restarts(), SetApart()
+    pings = [restarts.renamed(ping) for ping in way([0.0, 1.0, 2.0, 9.0])]
+    assert len(list(in_one_frame(pings, CommonFrame(), apart))) == 3
+    assert "its odometry jumped" in apart.causes()["/robot1/echo"]

@@ -6,6 +6,8 @@ where there is one, and the cause.  The command line prints it behind ``usmap: e
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 #: Longest cause that an error gives: what it quotes may be a megabyte of somebody's text.
@@ -56,6 +58,25 @@ class MapFileError(FileError):
 
 class ConfigurationError(FileError):
     """A YAML file with an unknown key or a value out of range."""
+
+
+@contextmanager
+def file_errors(kind: type[FileError], path: str | Path, action: str = "written") -> Iterator[None]:
+    """Turn what the operating system says of a file into an error that names it.
+
+    Parameters
+    ----------
+    kind : type of FileError
+        The error to raise.
+    path : path-like
+        The file or folder, as the user named it.
+    action : str
+        What is done to it: written, read, made.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(path, f"cannot be {action}: {error.strerror or error}") from error
 
 
 class MapSizeError(UsmapError):

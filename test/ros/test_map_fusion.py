@@ -20,9 +20,6 @@ from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing.map_publisher import (
-    BLOCK_CELLS,
-    block_geometry,
-    changed_part,
     normal_columns,
     placed,
 )
@@ -541,27 +538,6 @@ def test_a_silent_robot_does_not_stop_the_others(live: Any, cones: Cones) -> Non
     for number, cone in enumerate((cones[0][1], cones[3][1])):
         publisher.publish(cone_to_cdr(cone))
         live.until(lambda n=number: node.health.total("fused") == n + 1)
-
-
-def test_blocks_lie_at_fixed_places() -> None:
-    side_m = BLOCK_CELLS * 0.05
-    small = GridGeometry(0.05, (-0.05, 0.1), (3, 3))
-    first = block_geometry(small)
-    assert first.origin_m == (-side_m, 0.0)
-    assert first.shape == (BLOCK_CELLS, 2 * BLOCK_CELLS)
-    grown = block_geometry(GridGeometry(0.05, (10.0, 0.1), (3, 3)), first)
-    assert grown.origin_m == first.origin_m
-    assert grown.shape[1] > first.shape[1]
-
-
-def test_the_changed_part_is_the_smallest_rectangle() -> None:
-    before = np.zeros((5, 6), dtype=np.int8)
-    after = before.copy()
-    after[1, 2] = after[3, 3] = 100
-    assert changed_part(before, before) is None
-    first, part = changed_part(before, after) or ((0, 0), before)
-    assert first == (1, 2)
-    np.testing.assert_array_equal(part, after[1:4, 2:4])
 
 
 def test_two_reconstructors_of_a_robot_count_once(live: Any, cones: Cones) -> None:

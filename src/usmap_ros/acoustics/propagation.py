@@ -86,18 +86,6 @@ class Channel:
             lengths_m += [direct_m + via_floor_m, 2.0 * via_floor_m]
         return np.stack(lengths_m, axis=-1) / self.sound_speed_m_s
 
-    def delay_rates(self, range_m: FloatArray) -> FloatArray:
-        """Change of every path's delay per change of the direct path's, shape (..., paths)."""
-        if self.has_corners:
-            direct_m, corner_m = self._corner_legs_m(range_m)
-            return np.stack([np.ones_like(direct_m), direct_m / corner_m], axis=-1)
-        direct_m, via_floor_m = self._legs_m(range_m)
-        slope = direct_m / via_floor_m
-        rates = [np.ones_like(direct_m)]
-        if self.has_floor:
-            rates += [0.5 * (1.0 + slope), slope]
-        return np.stack(rates, axis=-1)
-
     def amplitudes(self, range_m: FloatArray) -> FloatArray:
         """Amplitude of every path of `delays_s`: spreading, absorption and reflection.
 

@@ -28,7 +28,7 @@ from usmap_ros.calibration.loudness import (
 )
 from usmap_ros.calibration.pulse import measure_pulse
 from usmap_ros.calibration.result import Calibration, Estimate
-from usmap_ros.calibration.ringing import Ringing, find_ringing
+from usmap_ros.calibration.ringing import Ringing, ringing_of
 from usmap_ros.calibration.target import Target
 from usmap_ros.errors import UsmapError
 from usmap_ros.parameters import PipelineParameters, ReconstructionParameters
@@ -127,14 +127,10 @@ def _ringing(
 
     Where ranges come out too short by an offset below 0, the transducer's least range does too.
     """
-    if target is None or len({trace.child_frame_id for trace in traces}) > 1:
+    if target is None:
         return None
-    some = traces[:: max(1, len(traces) // _RINGING_PINGS)]
-    table = listen(some, parameters, nearer_m=max(0.0, -offset_m))
-    if table is None or not len(table.ranges_m):
-        return None
-    ringing = find_ringing(table, target)
-    return ringing if len(ringing.ranges_m) else None
+    nearer_m = max(0.0, -offset_m)
+    return ringing_of(traces, parameters, target, pings=_RINGING_PINGS, nearer_m=nearer_m)
 
 
 def _at_stated_speed(table: EchoTable, target: Target) -> Explained | None:

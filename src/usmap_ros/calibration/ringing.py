@@ -61,7 +61,14 @@ class Ringing:
         )
 
 
-def ringing_of(traces: Sequence[EchoTrace], parameters: ReconstructionParameters) -> Ringing | None:
+def ringing_of(
+    traces: Sequence[EchoTrace],
+    parameters: ReconstructionParameters,
+    target: Target | None = None,
+    *,
+    pings: int = _ENOUGH_PINGS,
+    nearer_m: float = 0.0,
+) -> Ringing | None:
     """What a transducer hears of itself; None: nothing, or that cannot be told.
 
     Parameters
@@ -70,13 +77,19 @@ def ringing_of(traces: Sequence[EchoTrace], parameters: ReconstructionParameters
         From places apart.
     parameters : ReconstructionParameters
         What they are reconstructed with.
+    target : Target, optional
+        An object that is known; its echo ends the search.
+    pings : int
+        About so many of the traces are looked at.
+    nearer_m : float
+        How far below the least range of its transducer it is looked for.
     """
     if len(traces) < _LEAST_PINGS or len({trace.child_frame_id for trace in traces}) > 1:
         return None
-    table = listen(traces[:: max(1, len(traces) // _ENOUGH_PINGS)], parameters)
+    table = listen(traces[:: max(1, len(traces) // pings)], parameters, nearer_m)
     if table is None or not len(table.ranges_m):
         return None
-    ringing = find_ringing(table)
+    ringing = find_ringing(table, target)
     return ringing if len(ringing.ranges_m) else None
 
 

@@ -56,7 +56,7 @@ def calibrate(
     """Find sound speed, floor, range offset and gain from a recording's own echoes."""
     from usmap_ros.calibration import calibrate as calibrated
     from usmap_ros.calibration import report
-    from usmap_ros.errors import FileError
+    from usmap_ros.errors import FileError, file_errors
     from usmap_ros.io.atomic import write_atomically
     from usmap_ros.io.yaml_files import read_mapping
 
@@ -73,10 +73,8 @@ def calibrate(
         found, name, read_mapping(parameters_file) if parameters_file else {}
     )
     if output is not None and output.suffix in _PARAMETER_FILES:
-        try:
+        with file_errors(FileError, output):
             write_atomically(output, text.encode())
-        except OSError as error:
-            raise FileError(output, f"cannot be written: {error.strerror}") from error
     elif output is not None:
         if not found.correction().model_fields_set:
             raise FileError(

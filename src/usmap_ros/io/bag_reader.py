@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, TypeVar
 
-from usmap_ros.errors import BagError, MalformedMessageError, UsmapError
+from usmap_ros.errors import BagError, MalformedMessageError, UsmapError, file_errors
 from usmap_ros.io.conversions import (
     array_from_cdr,
     cone_from_cdr,
@@ -233,7 +233,7 @@ class BagReader:
         """Index every file; fills `_storages` and `topics`."""
         indexes = []
         for path in self.paths:
-            try:
+            with file_errors(BagError, path, "read"):
                 storages = open_storage(path, self._scratch)
                 for storage in storages:
                     self._storages.append(storage)
@@ -241,8 +241,6 @@ class BagReader:
                     storage.close()
                     self._check(storage, index)
                     indexes.append(index)
-            except OSError as error:
-                raise BagError(path, f"cannot be read: {error.strerror}") from error
         return indexes
 
     def _check(self, storage: Storage, index: MessageIndex) -> None:

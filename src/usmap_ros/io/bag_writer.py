@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 from mcap.writer import CompressionType, Writer
 
-from usmap_ros.errors import BagError
+from usmap_ros.errors import BagError, file_errors
 from usmap_ros.io.atomic import new_folder, write_atomically
 from usmap_ros.io.conversions import array_to_cdr, cone_to_cdr, trace_to_cdr
 from usmap_ros.io.message_types import (
@@ -276,7 +276,7 @@ def new_bag(path: Path, *, replace: bool = False, compression: str = "none") -> 
     BagError
         If there is something at `path` that may not be replaced, or it cannot be written.
     """
-    try:
+    with file_errors(BagError, path):
         _check_target(path, replace)
         with new_folder(path) as folder:
             writer = BagWriter(folder, path.name, compression)
@@ -285,8 +285,6 @@ def new_bag(path: Path, *, replace: bool = False, compression: str = "none") -> 
                 writer.finish()
             finally:
                 writer.abandon()
-    except OSError as error:
-        raise BagError(path, f"cannot be written: {error.strerror}") from error
 
 
 def _check_target(path: Path, replace: bool) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.bounds import MAX_NAME
-from usmap_ros.errors import MapFileError
+from usmap_ros.errors import MapFileError, file_errors
 from usmap_ros.grids import (
     FREE_VALUE,
     LAYERS,
@@ -74,13 +74,11 @@ def map_folder(folder: Path) -> Iterator[None]:
     """
     existed = folder.exists()
     folder = Path(folder)
-    try:
+    with file_errors(MapFileError, folder):
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".usmap"
         write_atomically(probe, b"")
         probe.unlink()
-    except OSError as error:
-        raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
     try:
         yield
     except BaseException:
@@ -125,11 +123,9 @@ def save_map(
     files |= nav2_files(folder / NAV2_FILE, occupancy.geometry, occupancy.trinary())
     if summary := summarize():
         files[SUMMARY_FILE] = (json.dumps(summary, indent=2) + "\n").encode()
-    try:
+    with file_errors(MapFileError, folder):
         folder.mkdir(parents=True, exist_ok=True)
         replace_files(folder, files, gone=[SUMMARY_FILE])
-    except OSError as error:
-        raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
     return summary
 
 

@@ -14,7 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from usmap_ros.bounds import MAX_PIXELS
-from usmap_ros.errors import MapFileError, shortened
+from usmap_ros.errors import MapFileError, file_errors, shortened
 from usmap_ros.grids import FREE_VALUE, OCCUPIED_PROBABILITY, OCCUPIED_VALUE, GridGeometry
 from usmap_ros.io.file_set import replace_files
 from usmap_ros.io.yaml_text import read_yaml
@@ -58,10 +58,8 @@ def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) 
     MapFileError
         If a file cannot be written: then both are as they were.
     """
-    try:
+    with file_errors(MapFileError, path):
         replace_files(path.parent, nav2_files(path, geometry, values))
-    except OSError as error:
-        raise MapFileError(path, f"cannot be written: {error.strerror}") from error
 
 
 def nav2_files(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> dict[str, bytes]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from usmap_ros import bounds
-from usmap_ros.errors import FileError
+from usmap_ros.errors import FileError, file_errors
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.numerics.geometry import QUATERNION_TOLERANCE
 from usmap_ros.pings.trajectory import Trajectory
@@ -46,11 +46,9 @@ def save_trajectory(path: Path, trajectory: Trajectory) -> None:
         numbers = " ".join(f"{value:.9g}" for value in [*position, *orientation])
         # By integers: as a float a stamp is off by a quarter of a microsecond.
         lines.append(f"{stamp_ns // 10**9}.{stamp_ns % 10**9:09d} {numbers}\n")
-    try:
+    with file_errors(TrajectoryFileError, path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, "".join(lines).encode("ascii"))
-    except OSError as error:
-        raise TrajectoryFileError(path, f"cannot be written: {error.strerror}") from error
 
 
 def load_trajectory(path: Path) -> Trajectory:

@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from usmap_ros.errors import BagError
+from usmap_ros.errors import BagError, file_errors
 from usmap_ros.io.bag_writer import BagWriter, qos_to_record
 from usmap_ros.live.interfaces import BAG_RECORDER, Qos
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
@@ -124,13 +124,11 @@ def _start_recording(folder: Path) -> BagWriter:
     BagError
         If there is something already, or it cannot be written.
     """
-    try:
+    with file_errors(BagError, folder):
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise BagError(folder, "exists already and is not empty")
         return BagWriter(folder, folder.resolve().name, chunk_bytes=_CHUNK_BYTES)
-    except OSError as error:
-        raise BagError(folder, f"cannot be written: {error.strerror}") from error
 
 
 def main() -> None:

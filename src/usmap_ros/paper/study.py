@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from usmap_ros.errors import FileError
+from usmap_ros.errors import FileError, file_errors
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.paper.choosing_cells import choosing_a_cell
 from usmap_ros.paper.coefficients import kinds_of_coefficients
@@ -74,10 +74,8 @@ def run_study(folder: Path, done: Callable[[], None] = lambda: None) -> dict[str
         If the folder or a file in it cannot be written.
     """
     started = time.perf_counter()
-    try:
+    with file_errors(FileError, folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made: {error.strerror or error}") from error
     numbers: dict[str, Any] = {}
     for part in PARTS:
         result = part()
@@ -86,8 +84,6 @@ def run_study(folder: Path, done: Callable[[], None] = lambda: None) -> dict[str
         done()
     numbers["seconds"] = time.perf_counter() - started
     path = folder / NUMBERS_FILE
-    try:
+    with file_errors(FileError, path):
         write_atomically(path, (json.dumps(numbers, indent=2) + "\n").encode())
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
     return numbers

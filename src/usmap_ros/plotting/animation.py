@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from usmap_ros.errors import FileError
+from usmap_ros.errors import FileError, file_errors
 from usmap_ros.grids import GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.numerics.arrays import FloatArray
@@ -95,10 +95,8 @@ def save_animation(
     indexed[0].save(
         content, format="GIF", save_all=True, append_images=indexed[1:], duration=durations, loop=0
     )
-    try:
+    with file_errors(FileError, path):
         write_atomically(path, content.getvalue())
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror}") from error
 
 
 def _common_palette(images: list[Image.Image]) -> Image.Image:

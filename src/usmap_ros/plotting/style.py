@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from usmap_ros.errors import FileError
+from usmap_ros.errors import FileError, file_errors
 
 INK = "#22303c"
 FAINT = "#8a97a3"
@@ -143,8 +143,5 @@ def save_figure(figure: Figure, path: Path) -> None:
         raise FileError(path, f"has a suffix that is no kind of picture; use one of {known}")
     # Without these, the same picture would differ from run to run.
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
-    try:
-        with styled():
-            figure.savefig(path, metadata=metadata.get(suffix))
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+    with file_errors(FileError, path), styled():
+        figure.savefig(path, metadata=metadata.get(suffix))

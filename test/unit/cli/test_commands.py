@@ -25,12 +25,6 @@ def files(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
-def test_the_same_scenario_gives_the_same_bag(usmap: Run, workspace: Path) -> None:
-    (workspace / "other").mkdir()
-    usmap("simulate", "scenario.yaml", "-o", "other/bag", cwd=workspace)
-    assert files(workspace / "other" / "bag") == files(workspace / "bag")
-
-
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])
 def test_a_compressed_bag_gives_the_same_map(usmap: Run, workspace: Path, compression: str) -> None:
     usmap("simulate", "scenario.yaml", "-o", "b", "--compression", compression, cwd=workspace)
@@ -263,12 +257,6 @@ def test_a_map_without_ambiguity_has_no_plan(usmap: Run, workspace: Path) -> Non
     assert "bare: has no layer ambiguity" in done.stderr
 
 
-def test_a_bag_has_no_layers(usmap: Run, workspace: Path) -> None:
-    done = usmap("plot", "bag", "-o", "layer.png", "--layer", "normal_rad", cwd=workspace)
-    assert done.returncode == 2
-    assert "is for maps only" in done.stderr
-
-
 @pytest.mark.parametrize("source", ["bag", "map", "map/map.npz"])
 @pytest.mark.parametrize("suffix", ["png", "svg"])
 def test_plot(usmap: Run, workspace: Path, source: str, suffix: str) -> None:
@@ -301,13 +289,6 @@ class TestProcess:
         done = self.run("map", str(tmp_path / "none"), "-o", str(tmp_path / "map"))
         assert done.returncode == 1
         assert done.stderr == f"usmap: error: {tmp_path / 'none'}: does not exist\n"
-
-    def test_help_needs_no_heavy_module(self) -> None:
-        program = "import sys, usmap_ros.cli; print(*sys.modules)"
-        loaded = subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, check=True
-        ).stdout.split()
-        assert not {"numpy", "scipy", "matplotlib", "pydantic", "rosbags"} & set(loaded)
 
     def test_a_reader_that_stops_reading_is_no_error(self, recorded: Path) -> None:
         program = f"{sys.executable} -m usmap_ros"

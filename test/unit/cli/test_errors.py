@@ -29,16 +29,14 @@ def test_a_missing_bag(usmap: Run, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_empty_file(usmap: Run, tmp_path: Path) -> None:
-    (tmp_path / "empty.mcap").touch()
-    assert_refused(usmap("map", "empty.mcap", "-o", "m", cwd=tmp_path), "empty.mcap: is empty")
-    assert not (tmp_path / "m").exists()
-
-
-def test_a_text_file(usmap: Run, tmp_path: Path) -> None:
-    (tmp_path / "text.mcap").write_text("Dear diary,\n")
+@pytest.mark.parametrize(
+    ("content", "cause"), [("", "is empty"), ("Dear diary,\n", "is not an MCAP file")]
+)
+def test_a_file_that_is_no_recording(usmap: Run, tmp_path: Path, content: str, cause: str) -> None:
+    (tmp_path / "text.mcap").write_text(content)
     done = usmap("map", "text.mcap", "-o", "m", cwd=tmp_path)
-    assert_refused(done, "text.mcap: is not an MCAP file")
+    assert_refused(done, f"text.mcap: {cause}")
+    assert not (tmp_path / "m").exists()
 
 
 def test_a_bag_without_traces(usmap: Run, tmp_path: Path) -> None:
@@ -245,14 +243,9 @@ def test_other_unusable_files(
         ["map", "bag", "-o", "m", "--resolution", "coarse"],
         ["map", "bag", "-o", "m", "--resolution", "-1"],
         ["map", "bag", "-o", "m", "--method", "guess"],
-        ["plot", "map", "-o", "m.png", "--ping", "0"],
-        ["plot", "map", "-o", "m.png", "--set", "mapping.resolution_m=0.1"],
-        ["calibrate", "bag", "--force"],
         ["map", "bag", "-o", "m", "--set", "resolution"],
         ["map", "bag", "-o", "m", "--set", "mapping.resolution=0.1"],
-        ["evaluate", "map"],
         ["plot", "bag", "-o", "p.png", "--ping", "-1"],
-        ["plot", "map", "-o", "p.png", "--extent", "2,1,2,1"],
         ["simulate", "scenario.yaml", "-o", "b", "--compression", "rar"],
         ["simulate", "scenario.yaml", "-o", "b", "--truth", "truth.pgm"],
     ],

@@ -128,12 +128,6 @@ CLOSED[:, 7] = "#"
 
 
 class TestDrivability:
-    def test_a_perfect_map_has_no_fault(self) -> None:
-        truth = CLOSED.copy()
-        truth[:, 8:] = " "
-        result = drivability(align(make_map(truth), make_truth(truth)), looking((2, 2), (4, 9)))
-        assert (result.leak, result.lost, result.escape_m2) == (0.0, 0.0, 0.0)
-
     def test_free_space_behind_a_wall_leaks(self) -> None:
         result = drivability(align(make_map(ROOM), make_truth(CLOSED)), looking((3, 5)))
         # Of 10 × 4 cells called free behind the wall, the column beside it is within one cell of

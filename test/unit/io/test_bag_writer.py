@@ -74,31 +74,6 @@ def test_checksums_are_written_and_right(
     assert len(summary.chunk_indexes) > 2
 
 
-def test_a_recording_is_not_replaced_unless_asked(
-    messages: list[tuple[str, EchoTrace]], write_bag: WriteBag
-) -> None:
-    bag = write_bag("bag", messages)
-    before = content(bag)
-    with pytest.raises(BagError, match=r"exists already; --force replaces it$"), new_bag(bag):
-        pass
-    assert content(bag) == before
-    with new_bag(bag, replace=True) as writer:
-        writer.write_trace(*messages[0])
-    assert content(bag) != before
-    assert [entry.name for entry in bag.parent.iterdir()] == ["bag"]
-
-
-def test_what_is_no_recording_is_never_replaced(tmp_path: Path) -> None:
-    (tmp_path / "thesis").mkdir()
-    (tmp_path / "thesis" / "chapter1.tex").touch()
-    with (
-        pytest.raises(BagError, match=r"is in the way and no recording, so it is not replaced$"),
-        new_bag(tmp_path / "thesis", replace=True),
-    ):
-        pass
-    assert (tmp_path / "thesis" / "chapter1.tex").exists()
-
-
 def test_an_empty_folder_is_filled(messages: list[tuple[str, EchoTrace]], tmp_path: Path) -> None:
     (tmp_path / "bag").mkdir()
     with new_bag(tmp_path / "bag") as writer:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import sparse
 from scipy.optimize import linprog
 
 from usmap_ros.reconstruction.analysis_form import (
@@ -32,14 +31,6 @@ def sparse_signal(columns, count, seed=0):
     x = np.zeros(columns)
     x[generator.choice(columns, count, replace=False)] = generator.uniform(0.5, 1.5, count)
     return x
-
-
-def walls_and_object():
-    """Image with two walls, of eight cells and of six, and an object by itself."""
-    image = np.zeros((SIDE, SIDE))
-    image[8, 1:9] = image[1:7, 1] = 1.0
-    image[3, 6] = 1.0
-    return image.reshape(-1)
 
 
 def programme(matrix, signal, analysis, *, non_negative):
@@ -134,30 +125,6 @@ def test_a_wall_costs_its_ends_whatever_its_length():
     assert operator.cost(np.concatenate([along, nothing])) == 2.0
     assert operator.cost(np.concatenate([nothing, along])) == 10.0
     assert operator.cost(np.concatenate([nothing, across])) == 2.0
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_walls_come_back_from_fewer_samples_than_sparse_cells_need(noise):
-    truth = walls_and_object()
-    generator = np.random.default_rng(4)
-    matrix = generator.normal(size=(30, SIDE**2))
-    errors = generator.normal(size=30)
-    signal = matrix @ truth + noise * errors
-    bound = noise * np.linalg.norm(errors)
-    cells = least_analysis_cost(
-        matrix, signal, bound, identity_operator(SIDE**2), non_negative=True
-    )
-    both = least_analysis_cost(
-        sparse.csc_array(np.hstack([matrix, matrix])),
-        signal,
-        bound,
-        walls_operator(PLACES),
-        non_negative=True,
-    )
-    walls = both[: SIDE**2] + both[SIDE**2 :]
-
-    assert np.abs(walls - truth).max() < 0.001 + 10.0 * noise
-    assert np.abs(cells - truth).max() > 0.2
 
 
 def test_total_variation_finds_a_block_from_few_samples():

@@ -7,7 +7,7 @@ from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.reconstruction.baseband import Baseband, to_baseband
+from usmap_ros.reconstruction.baseband import Baseband
 from usmap_ros.reconstruction.cosamp import Halt
 from usmap_ros.reconstruction.delay_domain import DelayDictionary
 from usmap_ros.reconstruction.delay_search import search
@@ -110,16 +110,6 @@ def test_unit_norm_is_the_norm_of_the_echo_of_amplitude_one():
     for block in (30, len(dictionary.ranges_m) + 30):
         formed = columns(dictionary, block)
         np.testing.assert_allclose(dictionary.unit_norms[block], np.linalg.norm(formed))
-
-
-@pytest.mark.parametrize("reception", ["iq", "envelope"])
-def test_silence(hear, reception):
-    baseband = to_baseband(hear([], reception=reception))
-    dictionary = DelayDictionary(baseband.templates, baseband.sampling, AIR, 0.2, 5.0, 4, [1e-4])
-    found = search(dictionary, baseband, ReconstructionParameters())
-
-    assert found.solution.halt is Halt.SILENCE
-    assert len(found.ranges_m) == 0
 
 
 def test_what_is_not_finite_is_refused():

@@ -54,7 +54,7 @@ def test_finds_what_is_there(problem, solver):
     )
 
 
-@pytest.mark.parametrize("solver", OTHERS)
+@pytest.mark.parametrize("solver", ["cosamp", *OTHERS])
 def test_silence(problem, solver):
     solution = solve(problem(np.zeros(36)), solver)
 

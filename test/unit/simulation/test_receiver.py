@@ -51,34 +51,6 @@ def test_a_square_pulse_has_no_phase():
     np.testing.assert_array_equal(pairs.real, raw)
 
 
-def test_raw_mixed_down_is_iq():
-    rate, delays, amplitudes = 1e6, [0.003, 0.0031237, 0.008], [1.0, -0.5, 0.3]
-    count = 12_000
-    raw = receive(Encoding.RAW, delays, amplitudes, rate=rate, count=count)
-    pairs = receive(Encoding.IQ, delays, amplitudes, rate=rate, count=count).view(np.complex64)
-    time = np.arange(count) / rate
-    mixed = raw * np.exp(-2j * np.pi * 50_000.0 * time)
-    spectrum = np.fft.fft(mixed)
-    # Half of the signal is at twice the carrier; the pulse's own band ends well before the carrier.
-    spectrum[np.abs(np.fft.fftfreq(count, 1.0 / rate)) > 50_000.0] = 0.0
-    baseband = 2.0 * np.fft.ifft(spectrum)
-    # sin x = (e^jx − e^−jx) / 2j: mixing leaves the constant phase −90°.
-    np.testing.assert_allclose(1j * baseband, pairs, atol=2e-3)
-
-
-def test_echoes_add_up():
-    both = receive(Encoding.IQ, [0.002, 0.0021], [1.0, 0.5])
-    one, other = receive(Encoding.IQ, [0.002], [1.0]), receive(Encoding.IQ, [0.0021], [0.5])
-    np.testing.assert_allclose(both, one + other, atol=1e-6)
-
-
-def test_half_a_wavelength_of_delay_cancels():
-    delays = [0.01, 0.01 + 0.5 / 50_000.0]
-    pairs = receive(Encoding.IQ, delays, [1.0, 1.0])
-    assert np.abs(pairs).max() < 0.12
-    assert np.abs(receive(Encoding.IQ, [0.01, 0.01 + 1.0 / 50_000.0], [1.0, 1.0])).max() > 1.9
-
-
 def test_echoes_at_either_end_are_cut_off():
     samples = receive(Encoding.RAW, [-0.0001, 0.0299], [1.0, 1.0], rate=250_000.0, count=7500)
     time = np.arange(7500) / 250_000.0

@@ -131,14 +131,6 @@ def test_pose_errors_have_the_covariance_that_is_stated():
     assert kstest(squares, "chi2", args=(3,)).pvalue > 0.01
 
 
-def test_the_same_scenario_gives_the_same_traces():
-    first, again = list(simulate(scenario())), list(simulate(scenario()))
-    assert [topic for topic, _ in first] == [topic for topic, _ in again]
-    for (_, one), (_, other) in zip(first, again, strict=True):
-        np.testing.assert_array_equal(one.samples, other.samples)
-        np.testing.assert_array_equal(one.pose.position_m, other.pose.position_m)
-
-
 @pytest.mark.parametrize("hash_seed", ["1", "2"])
 def test_the_order_of_hashes_does_not_matter(hash_seed):
     script = (

@@ -6,7 +6,7 @@ import pytest
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import MovingDisc
-from usmap_ros.simulation.surfaces import Surface, Walls
+from usmap_ros.simulation.surfaces import Walls
 from usmap_ros.simulation.view import View, targets_in_view
 
 AHEAD = View(Pose.planar(0.0, 0.0, 0.0), np.deg2rad(40.0), 5.0)
@@ -35,22 +35,9 @@ def test_a_cylinder_answers_from_its_nearest_point(scene, points):
     np.testing.assert_allclose(targets.reflectivities, [0.8])
 
 
-def test_a_cylinder_hides_what_is_behind_it(scene, points):
-    discs = points((2, 0), (4, 0), (4, 1), radius=0.2)
-    targets = targets_in_view(scene(discs), AHEAD, 0.0)
-    assert sorted(targets.ranges_m.round(3)) == [1.8, round(np.hypot(4, 1) - 0.2, 3)]
-
-
 def test_inside_a_cylinder_nothing_is_heard(scene, points):
     discs = points((0.05, 0), (2, 0), radius=0.2)
     assert len(targets_in_view(scene(discs), AHEAD, 0.0).ranges_m) == 0
-
-
-def test_a_wall_hides_a_point(scene, points, walls):
-    surface = Surface(0.0, 0.0, 1.0, 0.0)
-    wall = walls((2, -1), (2, 1), surface=surface)
-    targets = targets_in_view(scene(points((1, 0), (3, 0), (3, 2)), wall), AHEAD, 0.0)
-    np.testing.assert_allclose(np.sort(targets.ranges_m), [1.0, np.hypot(3, 2)])
 
 
 def test_a_smooth_wall_answers_as_a_mirror(scene, walls):

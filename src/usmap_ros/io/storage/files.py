@@ -11,7 +11,7 @@ from typing import Any
 
 import zstandard
 
-from usmap_ros.errors import BagError
+from usmap_ros.errors import BagError, file_errors
 from usmap_ros.io.storage.compression import Allowance, TooMuchError
 from usmap_ros.io.storage.index import Storage
 from usmap_ros.io.storage.mcap_file import McapFile
@@ -69,12 +69,10 @@ def is_recording(path: Path) -> bool:
 
 def _read_folder(folder: Path) -> _Recording:
     metadata = folder / "metadata.yaml"
-    try:
+    with file_errors(BagError, folder, "read"):
         present = sorted(filter(_is_storage, folder.iterdir()), key=_natural_order)
         if metadata.is_file() and metadata.stat().st_size:
             return _read_metadata(metadata, present)
-    except OSError as error:
-        raise BagError(folder, f"cannot be read: {error.strerror}") from error
     if not present:
         raise BagError(folder, "is not a recording: it holds no .mcap or .db3 file")
     logger.warning("%s: has no metadata.yaml, so its recorder was not closed properly", folder)

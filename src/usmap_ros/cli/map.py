@@ -13,7 +13,12 @@ import typer
 
 from usmap_ros.cli import console
 from usmap_ros.cli.elapsed import seconds_since_start
-from usmap_ros.cli.parameters import ParametersFile, Settings, pipeline_parameters
+from usmap_ros.cli.parameters import (
+    ParametersFile,
+    Settings,
+    pipeline_parameters,
+    with_short_options,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -121,12 +126,12 @@ def map_bags(
     # Programs are not asked: whoever writes one says what it replaces.
     if (output / GRID_FILE).exists() and sys.stdin.isatty() and not (force or is_continued):
         typer.confirm(f"{output}: holds a map already; replace it?", abort=True, err=True)
-    _refuse_twice("mapping.method", "--method", method, settings)
-    _refuse_twice("mapping.resolution_m", "--resolution", resolution, settings)
-    _refuse_twice("poses.use", "--poses", poses, settings)
-    chosen = [f"mapping.method={method}"] if method else []
-    chosen += [f"poses.use={poses.value}"] if poses else []
-    parameters = pipeline_parameters(parameters_file, [*(settings or []), *chosen], resolution)
+    short = {
+        "--method": ("mapping.method", method),
+        "--resolution": ("mapping.resolution_m", resolution),
+        "--poses": ("poses.use", poses and poses.value),
+    }
+    parameters = pipeline_parameters(parameters_file, with_short_options(settings, short))
     order = _Order(output, parameters, jobs, passes, without or [], frame or "")
     _refuse_idle(order, scheduler)
     recordings = find_recordings(bags, besides=output)
@@ -152,12 +157,6 @@ class _Order:
     passes: int
     without: list[str]
     frame: str
-
-
-def _refuse_twice(key: str, option: str, value: object, settings: list[str] | None) -> None:
-    """Refuse a parameter that is set in two ways: one of them would do nothing."""
-    if value is not None and any(text.partition("=")[0].strip() == key for text in settings or []):
-        raise typer.BadParameter(f"{key} is set by --set as well", param_hint=f"'{option}'")
 
 
 def _refuse_idle(order: _Order, scheduler: str | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,9 +39,33 @@ Settings = Annotated[
 ]
 
 
-def pipeline_parameters(
-    file: Path | None, settings: list[str] | None, resolution_m: float | None = None
-) -> PipelineParameters:
+def with_short_options(
+    settings: list[str] | None, options: Mapping[str, tuple[str, object]]
+) -> list[str]:
+    """Settings as --set takes them, with those that have an option of their own.
+
+    Parameters
+    ----------
+    settings : list of str, optional
+        What --set was given.
+    options : mapping of str to (str, object)
+        By the name of an option: the parameter it is short for, and its value; None if not given.
+
+    Raises
+    ------
+    typer.BadParameter
+        If a parameter is set in both ways: one of them would do nothing.
+    """
+    joined = list(settings or [])
+    keys = {text.partition("=")[0].strip() for text in joined}
+    for option, (key, value) in options.items():
+        if value is not None and key in keys:
+            raise typer.BadParameter(f"{key} is set by --set as well", param_hint=f"'{option}'")
+        joined += [] if value is None else [f"{key}={value}"]
+    return joined
+
+
+def pipeline_parameters(file: Path | None, settings: list[str] | None) -> PipelineParameters:
     """Parameters from a file, with single ones set on the command line on top.
 
     Raises
@@ -58,9 +83,7 @@ def pipeline_parameters(
     parameters = validated(file or "defaults", PipelineParameters, content)
     for setting in settings or []:
         _apply(content, setting)
-    if resolution_m is not None:
-        content.setdefault("mapping", {})["resolution_m"] = resolution_m
-    if settings or resolution_m is not None:
+    if settings:
         try:
             parameters = validated("command line", PipelineParameters, content)
         except ConfigurationError as error:

@@ -171,20 +171,8 @@ class TestFolder:
             raise RuntimeError
         assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
 
-    def test_a_file_in_its_place_is_told(self, tmp_path: Path) -> None:
-        (tmp_path / "map").touch()
-        with (
-            pytest.raises(MapFileError, match=r"map: cannot be written: "),
-            map_folder(tmp_path / "map"),
-        ):
-            pass
-
 
 class TestUnusable:
-    def test_no_map(self, tmp_path: Path) -> None:
-        with pytest.raises(MapFileError, match=r"does not exist; 'usmap map' writes it$"):
-            load_map(tmp_path)
-
     @pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 no archive"])
     def test_no_archive(self, tmp_path: Path, content: bytes) -> None:
         (tmp_path / "map.npz").write_bytes(content)

@@ -14,7 +14,6 @@ from usmap_ros.mapping.far_off import FarOffError
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.pings.repeats import RepeatedPingError
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
@@ -38,23 +37,6 @@ def fusion(clock: Any) -> LiveFusion:
     return made
 
 
-def test_a_silent_robot_holds_the_others_up_once(
-    fusion: LiveFusion, cones: list[EchoCone], clock: Any
-) -> None:
-    fusion.receive("a", cones[0])
-    # It has gone on for as long as the other has been silent.
-    fusion.receive("a", replace(cones[1], stamp_ns=cones[0].stamp_ns + round(WAIT_S * 1e9)))
-    assert fusion.fuse_next() is None
-    clock.pass_time(0.2)
-    assert fusion.due_in_s() == pytest.approx(WAIT_S - 0.2)
-    clock.pass_time(0.3)
-    fused = fusion.fuse_next()
-    assert fused is not None
-    assert (fused.topic, fused.latency_s) == ("a", pytest.approx(WAIT_S))
-    assert fusion.due_in_s() == 0.0
-    assert fusion.fuse_next() is not None
-
-
 def test_it_is_behind_while_a_cone_waits_whose_turn_has_come(
     fusion: LiveFusion, cones: list[EchoCone]
 ) -> None:
@@ -66,13 +48,6 @@ def test_it_is_behind_while_a_cone_waits_whose_turn_has_come(
     fusion.fuse_next()
     fusion.fuse_next()
     assert not fusion.is_behind
-
-
-def test_a_robot_that_left_holds_nobody_up(fusion: LiveFusion, cones: list[EchoCone]) -> None:
-    fusion.receive("a", cones[0])
-    assert fusion.fuse_next() is None
-    fusion.set_sources({"a": True, "b": False})
-    assert fusion.fuse_next() is not None
 
 
 def test_a_shorter_wait_holds_at_once(fusion: LiveFusion, cones: list[EchoCone]) -> None:
@@ -151,35 +126,6 @@ def test_no_map_is_longer_than_nav2_takes(cones: list[EchoCone], clock: Any) -> 
 
     with pytest.raises(FarOffError, match="32767 cells, which nav2 does not take"):
         drive()
-
-
-def test_a_ping_that_comes_twice_is_fused_once(fusion: LiveFusion, cones: list[EchoCone]) -> None:
-    fusion.set_limits(0.0, 3)
-    fusion.receive("a", cones[0])
-    assert fusion.fuse_next() is not None
-    expected = fusion.occupancy_map()
-    with pytest.raises(RepeatedPingError):
-        fusion.receive("b", cones[0])
-    assert fusion.fuse_next() is None
-    np.testing.assert_array_equal(fusion.occupancy_map().log_odds, expected.log_odds)
-    fusion.reset()
-    fusion.receive("b", cones[0])
-    assert fusion.fuse_next() is not None
-
-
-def test_what_a_robot_said_is_taken_back_when_it_is_left_out(
-    cones: list[EchoCone], clock: Any
-) -> None:
-    fusion = LiveFusion(MappingParameters(resolution_m=0.2), 0.0, capacity=3, clock=clock)
-    fusion.receive("/a/cone", cones[0])
-    assert fusion.fuse_next() is not None
-    version = fusion.version
-    fusion.leave_out(["b"])
-    assert fusion.version == version
-    assert fusion.occupancy_map().observed.any()
-    fusion.leave_out(["a"])
-    assert fusion.version == version + 1
-    assert not fusion.occupancy_map().observed.any()
 
 
 def test_nothing_is_left_of_a_robot_that_is_left_out_but_what_the_others_said(

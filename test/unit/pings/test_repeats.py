@@ -1,18 +1,12 @@
 """The same ping counts once, offline too."""
 
 from dataclasses import replace
-from pathlib import Path
 
-import numpy as np
 import pytest
 
-from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.repeats import RepeatedPingError, SeenPings
-from usmap_ros.pings.robot_paths import RobotPaths
-from usmap_ros.runs.offline import map_bag
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
@@ -60,19 +54,3 @@ def test_memory_has_a_bound(cones: list[EchoCone], monkeypatch: pytest.MonkeyPat
     # Of the last two transducers eight at most are known still, and nothing of the others.
     seen.add(replace(cones[0], child_frame_id="r4", stamp_ns=21))
     seen.add(replace(cones[0], child_frame_id="r0", stamp_ns=29))
-
-
-def test_the_same_bag_given_twice_counts_once(cones: list[EchoCone], tmp_path: Path) -> None:
-    for name in ("one", "other"):
-        with new_bag(tmp_path / name) as writer:
-            for cone in cones:
-                writer.write_cone("/robot/cone", cone)
-    maps, runs = [], []
-    for bags in ([tmp_path / "one"], [tmp_path / "one", tmp_path / "other"]):
-        pipeline = Pipeline()
-        with BagReader(bags) as bag:
-            runs.append(map_bag(bag, pipeline, RobotPaths()))
-        maps.append(pipeline.occupancy_map())
-    np.testing.assert_array_equal(maps[0].log_odds, maps[1].log_odds)
-    assert [run.pings for run in runs] == [12, 12]
-    assert [run.skipped for run in runs] == [{}, {"header.stamp": 12}]

@@ -13,7 +13,6 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.errors import FileError
 from usmap_ros.grids import AMBIGUITY, NORMAL, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.numerics.geometry import Pose
@@ -221,16 +220,6 @@ def test_the_same_picture_gives_the_same_bytes(
         save_figure(map_figure(occupancy), tmp_path / f"{name}.{suffix}")
         contents.append((tmp_path / f"{name}.{suffix}").read_bytes())
     assert contents[0] == contents[1]
-
-
-def test_a_kind_of_picture_that_is_none_is_refused(occupancy: OccupancyMap, tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="has a suffix that is no kind of picture"):
-        save_figure(map_figure(occupancy), tmp_path / "map.docx")
-
-
-def test_a_folder_that_is_missing_is_told(occupancy: OccupancyMap, tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="cannot be written: No such file or directory"):
-        save_figure(map_figure(occupancy), tmp_path / "none" / "map.png")
 
 
 def test_an_animation_may_shrink_and_move(

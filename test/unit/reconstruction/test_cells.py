@@ -6,9 +6,8 @@ from pydantic import ValidationError
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.parameters import PipelineParameters, ReconstructionParameters
+from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.cells import cell_cone, reconstruct_cells
-from usmap_ros.runs.pipeline import Pipeline
 
 AT_EDGE = Pose.planar(0.0, 0.5, 0.0)
 #: On the axis, and twice off it.
@@ -158,15 +157,6 @@ def test_cone_has_the_range_and_loudness_of_each_echo(hear):
     limits = cone.limit_amplitudes()
     assert limits[int((4.5 - 0.2) / cone.limit_step_m)] < cone.amplitudes[2]
     assert limits[int((ranges_m[0] - 0.2) / cone.limit_step_m)] > cone.amplitudes[0]
-
-
-def test_pipeline_maps_with_the_dictionary_of_cells(hear):
-    parameters = PipelineParameters(reconstruction=paper())
-    pipeline = Pipeline(parameters)
-    cone = pipeline.process(hear(OBJECTS, pose=AT_EDGE, noise_std=1e-4, max_range_m=10.0))
-
-    assert len(cone.ranges_m) == 3
-    assert pipeline.occupancy_map().observed.any()
 
 
 def test_cone_without_a_cell_says_nothing(hear):

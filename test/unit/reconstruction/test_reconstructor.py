@@ -136,21 +136,6 @@ def test_detection_limits_say_how_loud_an_object_had_to_be(hear):
     assert LIMIT_STEP_DB <= 1.0
 
 
-@pytest.mark.parametrize("reception", ["iq", "raw"])
-def test_stated_deviation_of_range_is_honest(hear, reception):
-    errors, stds = [], []
-    for seed in range(60):
-        range_m = 1.5 + 0.0071 * seed
-        trace = hear([(range_m, 0.0)], [1.0], reception=reception, noise_std=0.01, seed=seed)
-        cone = reconstruct(trace, PARAMETERS).cone
-        nearest = np.argmin(np.abs(cone.ranges_m - range_m))
-        errors.append(cone.ranges_m[nearest] - range_m)
-        stds.append(cone.range_stds_m[nearest])
-
-    spread = np.sqrt(np.mean((np.array(errors) / stds) ** 2))
-    assert 0.7 < spread < 1.4
-
-
 def strong_scene(seed):
     generator = np.random.default_rng(seed)
     count = generator.integers(1, 7)

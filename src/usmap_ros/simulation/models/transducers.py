@@ -163,14 +163,9 @@ class ConverterModel(ParameterGroup):
     full_scale: float = quantity(
         2.0, "Amplitude at which it saturates, in units of the samples.", gt=0.0, le=1e9
     )
-
     unipolar: bool = quantity(
         False, "Whether it has no sign at all, so that samples of either sign need an offset."
     )
-
-    def build(self) -> Converter:
-        """The converter itself."""
-        return Converter(self.bits, self.full_scale, self.unipolar)
 
 
 class RingDownModel(ParameterGroup):
@@ -242,22 +237,21 @@ class ReceiverModel(ParameterGroup):
             gain=self.gain,
             offset=self.offset,
             latency_s=self.latency_s,
-            ring_down=None if ring is None else RingDown(ring.amplitude, ring.decay_s),
+            ring_down=None if ring is None else RingDown(**ring.model_dump()),
             blanking_s=self.blanking_s,
-            muting=None if mute is None else Muting(mute.threshold, mute.hold_s, mute.from_s),
+            muting=None if mute is None else Muting(**mute.model_dump()),
             own_echoes=tuple((one.delay_s, one.amplitude) for one in self.own_echoes),
         )
 
     def build(self) -> Receiver:
         """The receiver itself."""
-        converter = None if self.converter is None else self.converter.build()
-        encoding = Encoding[self.encoding.upper()]
+        converter = self.converter
         return Receiver(
-            encoding,
+            Encoding[self.encoding.upper()],
             self.sample_rate_hz,
             self.start_delay_s,
             self.noise_std,
-            converter,
+            None if converter is None else Converter(**converter.model_dump()),
             self.imperfections(),
         )
 

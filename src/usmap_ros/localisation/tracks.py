@@ -98,9 +98,12 @@ class Track:
         cost = turn @ cost @ np.swapaxes(turn, 1, 2)
         # Where the start is uncertain and nothing is added to it, nothing is said of the way.
         is_stated = bool(np.abs(cost).max(initial=0.0) > _NOTHING)
-        values, vectors = np.linalg.eigh(0.5 * (cost + np.swapaxes(cost, 1, 2)))
-        cost = (vectors * np.maximum(values, 0.0)[:, np.newaxis]) @ np.swapaxes(vectors, 1, 2)
         way_m = np.diff(self.along_m[knots])
+        if known[:, :2, 2].any():
+            values, vectors = np.linalg.eigh(0.5 * (cost + np.swapaxes(cost, 1, 2)))
+            cost = (vectors * np.maximum(values, 0.0)[:, np.newaxis]) @ np.swapaxes(vectors, 1, 2)
+        else:
+            cost = _by_variances(known, way_m)
         floor = np.stack(
             [_FLOOR_M + _FLOOR_M_PER_M * way_m] * 2 + [_FLOOR_RAD + _FLOOR_RAD_PER_M * way_m],
             axis=-1,
@@ -169,3 +172,14 @@ class Track:
                 weights[own[first:ping]] = 1.0 / (ping - first)
                 first = ping
         return weights
+
+
+def _by_variances(known: FloatArray, way_m: FloatArray) -> FloatArray:
+    """What steps cost by the growth of variances alone, (n, 3, 3).
+
+    Many drivers state no correlation of places and headings: that headings which are off take
+    places along.  Places are then off by that above all, and steps by no more than is usual.
+    """
+    grown = np.maximum(np.diff(np.diagonal(known, axis1=1, axis2=2), axis=0), 0.0)
+    grown[:, :2] = np.minimum(grown[:, :2].mean(axis=1), _SLIP_M**2 * way_m)[:, np.newaxis]
+    return np.asarray(grown[:, :, np.newaxis] * np.eye(3))

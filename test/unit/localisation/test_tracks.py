@@ -112,3 +112,23 @@ def test_without_covariances_wheels_are_as_wheels_usually_are() -> None:
     way_m = float(np.hypot(*np.diff(exact.told[:, :2], axis=0).T).sum())
     turn_std_rad = 1.0 / np.sqrt(exact.informations[0, 2, 2])
     assert turn_std_rad == pytest.approx(0.026 * np.sqrt(way_m), rel=0.3)
+
+
+def test_variances_without_correlation_say_how_headings_drift_and_not_more() -> None:
+    # Straight on for 30 m: what is off in heading by 0.01 rad a step takes places along, of which
+    # a driver that states variances alone says nothing.
+    count, turn_rad, step_m = 61, 0.01, 0.5
+    told = np.column_stack([step_m * np.arange(count), np.zeros(count), np.zeros(count)])
+    known = [np.zeros((3, 3))]
+    carry = np.eye(3)
+    carry[1, 2] = step_m
+    for _ in range(count - 1):
+        known.append(carry @ known[-1] @ carry.T + np.diag([1e-4, 1e-4, turn_rad**2]))
+    whole = np.array(known)
+    alone = whole * np.eye(3)
+    alone[:, 0, 0] = alone[:, 1, 1] = 0.5 * (whole[:, 0, 0] + whole[:, 1, 1])
+    for covariances in (whole, alone):
+        one = Track(np.arange(count), told, covariances, np.zeros(count, np.intp), 1)
+        stds = np.sqrt(np.diagonal(np.linalg.inv(one.informations), axis1=1, axis2=2))
+        assert stds[:, 2].max() < 1.2 * turn_rad
+        assert stds[:, :2].max() < 0.02

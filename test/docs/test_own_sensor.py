@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import usmap_ros
+from usmap_ros.importing import imported_ranges
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "own_sensor.md").read_text(encoding="utf-8")
 EXAMPLE, _ = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-(DESCRIPTION,) = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
+DESCRIPTION, RANGES = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
+(TABLE,) = re.findall(r"```\n(time_s.*?)```", PAGE, flags=re.DOTALL)
 (COMMANDS,) = re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL)
 #: What the page describes: a burst that resonances round off, late, in a converter's counts.
 SENSOR = {
@@ -86,3 +88,12 @@ def test_files_and_names_of_the_page_exist() -> None:
     assert (
         "class RosMessageTypes" in (ROOT / "src/usmap_ros/nodes/plumbing/ros_types.py").read_text()
     )
+
+
+def test_the_table_of_ranges_is_imported(tmp_path):
+    (tmp_path / "log.csv").write_text(TABLE, encoding="utf-8")
+    (tmp_path / "ranges.yaml").write_text(RANGES, encoding="utf-8")
+    cones = [cone for _, cone in imported_ranges(tmp_path / "ranges.yaml")]
+
+    assert [len(cone.ranges_m) for cone in cones] == [1, 1, 0, 1, 1]
+    assert {cone.frame_id for cone in cones} == {"robot1/odom"}

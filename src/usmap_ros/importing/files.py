@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -74,21 +74,9 @@ def read_poses(folder: Path, path: str, samples_path: str) -> dict[str, FloatArr
         If they cannot be read, or one is missing.
     """
     file = folder / (path or samples_path)
-    columns: dict[str, FloatArray] = {}
     if path:
-        columns = _read_columns(file)
-    elif file.suffix.lower() == ".npz":
-        archive = _arrays_of(file, COLUMNS)
-        columns = {name: _numbers(file, name, archive[name]) for name in COLUMNS if name in archive}
-    missing = [name for name in COLUMNS if name not in columns and name not in OPTIONAL]
-    if missing:
-        raise FileError(file, f"has no {', '.join(missing)} of the poses")
-    count = len(columns["time_s"])
-    for name, value in OPTIONAL.items():
-        columns.setdefault(name, np.full(count, value))
-    if any(len(column) != count for column in columns.values()):
-        raise FileError(file, "has columns of poses of different lengths")
-    return columns
+        return poses_of(file, read_cells(file, COLUMNS))
+    return poses_of(file, _arrays_of(file, COLUMNS) if file.suffix.lower() == ".npz" else {})
 
 
 def _loaded(file: Path) -> Any:
@@ -128,7 +116,14 @@ def _read_table(file: Path) -> FloatArray:
         raise FileError(file, "is not a table of numbers with as many in each row") from error
 
 
-def _read_columns(file: Path) -> dict[str, FloatArray]:
+def read_cells(file: Path, known: Collection[str]) -> dict[str, list[str]]:
+    """Cells of a .csv file by the names in its header, which all are known ones.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, or holds something else.
+    """
     try:
         with file.open(newline="", encoding="utf-8") as stream:
             header, *rows = list(csv.reader(stream)) or [[]]
@@ -137,15 +132,32 @@ def _read_columns(file: Path) -> dict[str, FloatArray]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(file, "is not a text file with columns") from error
     names = [name.strip() for name in header]
-    unknown = [name for name in names if name not in COLUMNS]
+    unknown = [name for name in names if name not in known]
     if unknown:
-        raise FileError(file, f"has a column {unknown[0]!r}; known are {', '.join(COLUMNS)}")
+        raise FileError(file, f"has a column {unknown[0]!r}; known are {', '.join(known)}")
     if any(len(row) != len(names) for row in rows):
         raise FileError(file, "has rows of another length than its header")
-    return {
-        name: _numbers(file, name, [row[number] for row in rows])
-        for number, name in enumerate(names)
-    }
+    return {name: [row[number] for row in rows] for number, name in enumerate(names)}
+
+
+def poses_of(file: Path, cells: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """Columns of poses among others, those that need not be there with the value they have then.
+
+    Raises
+    ------
+    FileError
+        If one is missing, or they are not numbers.
+    """
+    columns = {name: _numbers(file, name, cells[name]) for name in COLUMNS if name in cells}
+    missing = [name for name in COLUMNS if name not in columns and name not in OPTIONAL]
+    if missing:
+        raise FileError(file, f"has no {', '.join(missing)} of the poses")
+    count = len(columns["time_s"])
+    for name, value in OPTIONAL.items():
+        columns.setdefault(name, np.full(count, value))
+    if any(len(column) != count for column in columns.values()):
+        raise FileError(file, "has columns of poses of different lengths")
+    return columns
 
 
 def _numbers(file: Path, name: str, values: Any) -> FloatArray:

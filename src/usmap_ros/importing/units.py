@@ -52,7 +52,7 @@ def unit_problem(
         *_of_samples(recording, largest_sample, has_whole_samples, rate_hz),
         *_of_times(recording, poses["time_s"]),
         *_of_beam(recording),
-        *_of_poses(poses),
+        *pose_problems(poses),
         *_of_ranges(recording, trace_s),
     ]
     if not problems:
@@ -113,7 +113,8 @@ def _of_beam(recording: Recording) -> Iterator[str]:
         )
 
 
-def _of_poses(poses: Mapping[str, FloatArray]) -> Iterator[str]:
+def pose_problems(poses: Mapping[str, FloatArray]) -> Iterator[str]:
+    """What looks like another unit in columns of poses."""
     widest = float(np.abs(poses["yaw_rad"]).max(initial=0.0))
     if widest > 2.0 * np.pi and float(np.abs(np.diff(poses["yaw_rad"])).max(initial=0.0)) > 0.2:
         yield (

@@ -8,6 +8,7 @@ from pathlib import Path
 from usmap_ros.errors import BagError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
 
 
@@ -34,15 +35,15 @@ def read_bag(*paths: str | Path) -> Iterator[tuple[str, EchoTrace]]:
 
 
 def write_bag(
-    path: str | Path, traces: Iterable[tuple[str, EchoTrace]], *, replace: bool = False
+    path: str | Path, pings: Iterable[tuple[str, EchoTrace | EchoCone]], *, replace: bool = False
 ) -> int:
-    """Record traces into a new rosbag2 folder; returns how many there were.
+    """Record traces or cones into a new rosbag2 folder; returns how many there were.
 
     Parameters
     ----------
     path : path-like
         The folder, which appears when all is written.
-    traces : iterable of (topic, EchoTrace)
+    pings : iterable of (topic, EchoTrace or EchoCone)
         In the order of their stamps.
     replace : bool
         Whether a recording that is there may be replaced.
@@ -54,7 +55,10 @@ def write_bag(
     """
     count = 0
     with new_bag(Path(path), replace=replace) as writer:
-        for topic, trace in traces:
-            writer.write_trace(topic, trace)
+        for topic, ping in pings:
+            if isinstance(ping, EchoTrace):
+                writer.write_trace(topic, ping)
+            else:
+                writer.write_cone(topic, ping)
             count += 1
     return count

@@ -55,18 +55,18 @@ class Baseband:
         white noise as dense as it is within the pulse's band.
     echo_noise_std : float
         The same for the part of the noise that is in phase with an echo, within it.
-    noise_skewness : float
-        Third standardised moment of the noise: 0 unless the trace is an envelope.
     templates : tuple of Template
         What one echo of each pulse in the air looks like in it, in the order of `EchoTrace.sent`.
+    noise_skewness : float
+        Third standardised moment of the noise: 0 unless the trace is an envelope.
     """
 
     signal: Signal
     sampling: Sampling
     noise_std: float
     echo_noise_std: float
-    noise_skewness: float
     templates: tuple[Template, ...]
+    noise_skewness: float = 0.0
 
     @property
     def template(self) -> Template:
@@ -85,31 +85,23 @@ def to_baseband(trace: EchoTrace) -> Baseband:
     check_pulses(trace)
     if trace.encoding is Encoding.RAW and trace.transducer.pulse.has_carrier:
         return _demodulated(trace)
-    signal, noise_std = trace.signal(), trace.noise_std
-    if noise_std == 0.0:
-        noise_std = _estimate_noise(signal)
-    skewness, echo_noise_std = 0.0, noise_std
+    signal = trace.signal()
+    noise_std = echo_noise_std = trace.noise_std or _estimate_noise(signal)
     if trace.encoding is not Encoding.RAW:
         # Of complex noise an echo feels the half that is in phase with it.
-        echo_noise_std = noise_std / float(np.sqrt(2.0))
-    if trace.encoding is Encoding.ENVELOPE:
-        signal = signal - RAYLEIGH_MEAN * noise_std
-        noise_std, skewness = RAYLEIGH_STD * noise_std, RAYLEIGH_SKEWNESS
-    return Baseband(
-        signal=signal,
-        sampling=trace.sampling,
-        noise_std=noise_std,
-        echo_noise_std=echo_noise_std,
-        noise_skewness=skewness,
-        templates=tuple(
-            _sampled_template(
-                emission.transducer.pulse,
-                trace.transducer.pulse.carrier_hz,
-                trace.encoding is Encoding.ENVELOPE,
-            )
-            for emission in trace.sent
-        ),
+        echo_noise_std = noise_std / math.sqrt(2.0)
+    is_envelope, carrier_hz = trace.encoding is Encoding.ENVELOPE, trace.transducer.pulse.carrier_hz
+    templates = tuple(
+        _sampled_template(emission.transducer.pulse, carrier_hz, is_envelope)
+        for emission in trace.sent
     )
+    if is_envelope:
+        signal = signal - RAYLEIGH_MEAN * noise_std
+        noise_std = RAYLEIGH_STD * noise_std
+        return Baseband(
+            signal, trace.sampling, noise_std, echo_noise_std, templates, RAYLEIGH_SKEWNESS
+        )
+    return Baseband(signal, trace.sampling, noise_std, echo_noise_std, templates)
 
 
 @lru_cache(maxsize=16)
@@ -140,16 +132,11 @@ def _demodulated(trace: EchoTrace) -> Baseband:
         # what is left is as dense as white noise that is stronger by this factor.
         taps = _low_pass(decimation, pulse.carrier_hz / rate_hz)
         noise_std = _estimate_noise(filtered) / float(np.sqrt(decimation * np.sum(taps**2)))
-    return Baseband(
-        signal=filtered,
-        sampling=Sampling(rate_hz / decimation, trace.start_delay_s, len(filtered)),
-        noise_std=noise_std,
-        echo_noise_std=noise_std / float(np.sqrt(2.0)),
-        noise_skewness=0.0,
-        templates=tuple(
-            _filtered_template(one, pulse.carrier_hz, rate_hz, decimation) for one in sent
-        ),
+    templates = tuple(
+        _filtered_template(one, pulse.carrier_hz, rate_hz, decimation) for one in sent
     )
+    sampling = Sampling(rate_hz / decimation, trace.start_delay_s, len(filtered))
+    return Baseband(filtered, sampling, noise_std, noise_std / math.sqrt(2.0), templates)
 
 
 @lru_cache(maxsize=16)
@@ -235,13 +222,8 @@ def _filtered_template(
         ]
     )
     template = Template(0.0, float(time_s[-1]), pulse, tuple(table), carrier_hz)
-    delay_jitter_s, amplitude_jitter, misfit = _sampling_errors(template, rate_hz, decimation)
-    return replace(
-        template,
-        delay_jitter_s=float(delay_jitter_s),
-        amplitude_jitter=float(amplitude_jitter),
-        misfit=float(misfit),
-    )
+    delay_s, amplitude, misfit = map(float, _sampling_errors(template, rate_hz, decimation))
+    return replace(template, delay_jitter_s=delay_s, amplitude_jitter=amplitude, misfit=misfit)
 
 
 def _envelope_between_samples(

@@ -31,7 +31,7 @@ def make(templates=(HANN,), channel=AIR, start_delay_s=0.0):
 
 
 def received(dictionary, signal):
-    return Baseband(signal, dictionary.sampling, 0.01, 0.007, 0.0, dictionary.templates)
+    return Baseband(signal, dictionary.sampling, 0.01, 0.007, dictionary.templates)
 
 
 def columns(dictionary, block):

@@ -97,14 +97,6 @@ def test_pulses_of_the_other_arrive_by_way_of_both():
     np.testing.assert_allclose(np.sort(other.ranges_m), halves, atol=2e-3)
 
 
-def test_a_single_receiver_tells_bearings_from_two_pulses():
-    cone = reconstruct(pair()[0], PARAMETERS).cone
-
-    _, bearings = polar_from(BASE_M / 2.0)
-    np.testing.assert_allclose(cone.bearings_rad, bearings, atol=0.02)
-    cone.validate()
-
-
 def test_bearings_are_within_their_standard_deviations():
     deviations = []
     for shift in range(24):

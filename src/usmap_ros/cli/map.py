@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -26,13 +25,6 @@ if TYPE_CHECKING:
     from usmap_ros.parameters import PipelineParameters
     from usmap_ros.runs.offline import MappingRun
     from usmap_ros.runs.pipeline import Pipeline
-
-
-class Poses(str, Enum):
-    """Which poses a recording is mapped with."""
-
-    told = "told"
-    refined = "refined"
 
 
 def _methods() -> list[str]:
@@ -83,7 +75,7 @@ def map_bags(
         ),
     ] = None,
     poses: Annotated[
-        Poses | None,
+        Literal["told", "refined"] | None,
         typer.Option(
             help="Short for --set poses.use=...: map with poses as they were told, or refine them"
             " by the echoes; without it, odometry, whose covariance grows or whose frame is the"
@@ -129,7 +121,7 @@ def map_bags(
     short = {
         "--method": ("mapping.method", method),
         "--resolution": ("mapping.resolution_m", resolution),
-        "--poses": ("poses.use", poses and poses.value),
+        "--poses": ("poses.use", poses),
     }
     parameters = pipeline_parameters(parameters_file, with_short_options(settings, short))
     order = _Order(output, parameters, jobs, passes, without or [], frame or "")

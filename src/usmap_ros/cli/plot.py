@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -21,11 +20,8 @@ if TYPE_CHECKING:
     from usmap_ros.pings.trajectory import Trajectory
 
 
-class Layer(str, Enum):
-    """What can be drawn of a map instead of its probability, or on it."""
-
-    NORMAL = "normal_rad"
-    AMBIGUITY = "ambiguity"
+#: What can be drawn of a map instead of its probability, or on it.
+Layer = Literal["normal_rad", "ambiguity"]
 
 
 def plot(
@@ -70,10 +66,10 @@ def plot(
     if path.name == GRID_FILE or (path / GRID_FILE).exists():
         _refuse({"--ping": ping, "--parameters": parameters_file, "--set": settings}, "recordings")
         occupancy, paths = load_map(path)
-        name, title = layer and layer.value, path.resolve().name
+        title = path.resolve().name
         try:
             told = _told(path, paths)
-            figure = map_figure(occupancy, paths, true_cells, title, shown, name, told)
+            figure = map_figure(occupancy, paths, true_cells, title, shown, layer, told)
         except ValueError as error:
             raise MapFileError(path, str(error)) from error
     else:

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from usmap_ros.cli import console
-
-
-class Compression(str, Enum):
-    """Compression of a recording's chunks."""
-
-    none = "none"
-    lz4 = "lz4"
-    zstd = "zstd"
 
 
 def simulate(
@@ -27,8 +18,8 @@ def simulate(
         Path, typer.Option("--output", "-o", metavar="BAG", help="Folder of the recording.")
     ],
     compression: Annotated[
-        Compression, typer.Option(help="Compression of the recording.")
-    ] = Compression.none,
+        Literal["none", "lz4", "zstd"], typer.Option(help="Compression of the recording.")
+    ] = "none",
     truth: Annotated[
         Path | None,
         typer.Option(metavar="MAP.yaml", help="Write the true map as well, in nav2's format."),
@@ -57,7 +48,7 @@ def simulate(
 
     scenario = Scenario.from_mapping(read_mapping(scenario_file), scenario_file)
     with (
-        new_bag(output, replace=force, compression=compression.value) as writer,
+        new_bag(output, replace=force, compression=compression) as writer,
         console.progress("simulating", scenario.ping_count) as step,
     ):
         # Before what takes long, and where an error takes the recording along.

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -202,7 +202,7 @@ def test_info_tells_of_saturated_pings(usmap: Run, workspace: Path) -> None:
     assert "saturated" in usmap("info", "loud", cwd=workspace).stdout
 
 
-@pytest.mark.parametrize("layer", [layer.value for layer in Layer])
+@pytest.mark.parametrize("layer", get_args(Layer))
 def test_layers_of_a_map_are_drawn(usmap: Run, workspace: Path, layer: str) -> None:
     assert layer in LAYERS
     done = usmap("plot", "map", "-o", "layer.png", "--layer", layer, cwd=workspace)

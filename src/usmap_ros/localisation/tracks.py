@@ -112,7 +112,7 @@ class Track:
             floor = np.hypot(
                 floor, np.sqrt(way_m)[:, np.newaxis] * np.array([_SLIP_M, _SLIP_M, _TURN_RAD])
             )
-        return np.linalg.inv(cost + floor[:, :, np.newaxis] ** 2 * np.eye(3))
+        return np.asarray(np.linalg.inv(cost + floor[:, :, np.newaxis] ** 2 * np.eye(3)), float)
 
     def _along_m(self) -> FloatArray:
         """How far the robot has gone at each ping, (n,)."""

@@ -90,7 +90,10 @@ class LeaveOneOutMap:
         self._areas = [_Area(kept.pings(group), parameters, between) for group in kept.islands()]
 
     def expected(
-        self, cones: Mapping[str, Sequence[EchoCone]], of: Collection[str] | None = None
+        self,
+        cones: Mapping[str, Sequence[EchoCone]],
+        of: Collection[str] | None = None,
+        of_one: Callable[[str], Collection[str]] = lambda robot: (robot,),
     ) -> dict[str, list[Expected]]:
         """What the map expects of robots' pings by what the others' pings say.
 
@@ -100,13 +103,15 @@ class LeaveOneOutMap:
             Pings of each robot, which need have no part in the map.
         of : collection of str, optional
             The robots that are asked about; all of them by default.
+        of_one : callable
+            All names of a robot, none of which has a word in what is expected of it.
         """
         found: dict[str, list[Expected]] = {}
         for robot in cones if of is None else of:
             pings = kept_pings({robot: cones[robot]}, self._parameters).pings()
-            ahead = self.levels(pings.rows, pings.looks, [robot])
+            ahead = self.levels(pings.rows, pings.looks, of_one(robot))
             turned = [
-                self.levels(pings.rows, turned_looks(pings.looks, by_rad), [robot])
+                self.levels(pings.rows, turned_looks(pings.looks, by_rad), of_one(robot))
                 for by_rad in TURNS_RAD
             ]
             found[robot] = []

@@ -21,6 +21,7 @@ from usmap_ros.mapping.joint.walls import SHOWN, Walls
 from usmap_ros.mapping.looks import look_in_row
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.processes.garbage import give_back_memory
 
 Tell = Callable[[list[Known], KeptPings, OccupancyMap | None], None]
 
@@ -75,6 +76,8 @@ class Survey:
                 # earlier surveys hold those that were before them.
                 self._kept, self._before = KeptPings(self._parameters), None
                 self._earlier, self._tell = None, lambda areas, kept, earlier: None
+                del areas
+                give_back_memory()
             return copied(self._map)
 
     @property

@@ -58,6 +58,11 @@ class Sayings(NamedTuple):
         agreed, against = (float(sums[robot, others].sum()) for sums in self)
         return agreed / (agreed + against) if agreed + against else 1.0
 
+    def borne_out_by_themselves(self, *robots: int) -> float:
+        """Share of what halves of these robots' pings say that their other halves agree with."""
+        agreed, against = (float(np.diag(sums)[list(robots)].sum()) for sums in self)
+        return agreed / (agreed + against) if agreed + against else 1.0
+
 
 def sayings(number: NDArray[np.int32], said: NDArray[np.float32], field: Field) -> Sayings:
     """Compare what robots say.

@@ -31,8 +31,19 @@ SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.6, 0.4, 1.0
 MOST_LEFT_OUT, AGREED = 4, 0.8
 #: `Agreement.turn_gain` and `turn_certainty` from which on a robot faces elsewhere than it says.
 LEAST_TURN_GAIN, LEAST_TURN_CERTAINTY = 1.0, 2.0
+#: Certainty of a turn that no others' word outweighs: healthy robots had up to 4.9.
+SURE_TURN = 6.0
 #: Share of what others bear out of any other robot's word, above which nobody is accused.
 LESS = 0.88
+#: Share of its own word that a robot bears out where it does not contradict itself.
+ITSELF = 0.9
+#: What follows a robot's topic in the name of its earlier pings.
+EARLIER_PINGS = " earlier"
+
+
+def robot_of(name: str) -> str:
+    """Whose pings they are, earlier ones or not."""
+    return name.removesuffix(EARLIER_PINGS)
 
 
 class RobotComparison:
@@ -43,7 +54,7 @@ class RobotComparison:
     parameters : MappingParameters
         Of the maps.
     cones : mapping of str to sequence of EchoCone
-        Pings of each robot.
+        Pings of each robot; and those that it heard earlier, by its name and `EARLIER_PINGS`.
     between : callable
         As in `Consistency.findings`.
     """
@@ -60,19 +71,35 @@ class RobotComparison:
         self._said = Sayings(nothing, nothing)
         self._agreements: dict[str, Agreement] = {}
         # What `_agreement_without` has found, which takes as long as to map everything again.
-        self._without: dict[str, tuple[Agreement, list[Agreement]]] = {}
+        self._without: dict[str, tuple[LeaveOneOutMap, list[Agreement]]] = {}
 
     def screen(self) -> dict[str, Finding]:
         """Judge all by the map that they have made together."""
         together = LeaveOneOutMap(self._cones, self._parameters, self._between)
-        expected = together.expected(self._cones)
+        expected = together.expected(self._cones, of_one=self._of_one)
         self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}
-        self._said = together.sayings(self._topics)
+        self._said = self._without_self_praise(together.sayings(self._topics))
         found = {}
         for topic, own in self._agreements.items():
             others = [a for t, a in self._agreements.items() if t != topic]
             found[topic] = finding_of(own, others, SUSPECT_FIT, most_asked=math.inf)
         return found
+
+    def _of_one(self, topic: str) -> list[str]:
+        """All that the robot says that has said this."""
+        return [name for name in self._cones if robot_of(name) == robot_of(topic)]
+
+    def _without_self_praise(self, said: Sayings) -> Sayings:
+        """The same, unless a robot's latest pings agree with its earlier ones.
+
+        It may be misplaced throughout.
+        """
+        for row, topic in enumerate(self._topics):
+            for name in self._of_one(topic):
+                column = self._topics.index(name)
+                if row != column and said.agreed[row, column] >= said.contradicted[row, column]:
+                    said.agreed[row, column] = said.contradicted[row, column] = 0.0
+        return said
 
     def culprits(self, screened: Mapping[str, Finding]) -> dict[str, Finding]:
         """The suspect that is a liar, or those of which one is; nobody if all are cleared."""
@@ -92,25 +119,55 @@ class RobotComparison:
             return {}
         shares = [self._said.borne_out(robot) for robot in range(len(self._topics))]
         found = {}
-        for robot, left in enumerate(credit(self._said)):
-            if left > 0.0:
-                continue
+        for robot, topic in enumerate(self._topics):
+            left = self._credit(topic)
             usual = float(
                 np.median([share for other, share in enumerate(shares) if other != robot])
             )
+            if left > 0.0 or shares[robot] > LESS * usual:
+                continue
             evidence: dict[str, float | int | None] = {
                 "borne_out": shares[robot],
                 "others_borne_out": usual,
             }
+            verdict = self._why_not_borne_out(topic)
             reason = f"others bear out {shares[robot]:.0%} of what it hears, of theirs {usual:.0%}"
-            found[self._topics[robot]] = Finding("misplaced", evidence, f"misplaced: {reason}")
+            found[topic] = Finding(verdict, evidence, f"{verdict}: {reason}")
         return found
 
+    def _credit(self, topic: str) -> float:
+        """How much of the trust in some pings is left, each other robot being one witness."""
+        robot = robot_of(topic)
+        who = [name if robot_of(name) == robot else robot_of(name) for name in self._topics]
+        names = sorted(set(who))
+        is_of = np.array([[one == name for one in who] for name in names], float)
+        said = Sayings(*(is_of @ sums @ is_of.T for sums in self._said))
+        return credit(said)[names.index(topic)]
+
+    def _why_not_borne_out(self, topic: str) -> Verdict:
+        others = [a.echoes for t, a in self._agreements.items() if t != topic]
+        few = FEW_ECHOES * float(np.median(others))
+        return "deaf" if self._agreements[topic].echoes < few else "misplaced"
+
     def _least_borne_out(self, named: dict[str, Finding]) -> dict[str, Finding]:
-        """Nobody, if others bear out an accused robot nearly as well as another, or better."""
+        """Nobody, if others bear out an accused robot nearly as well as another, or better.
+
+        But for a turn that is certain: echoes from all around bear out anybody a little.
+        """
+        if any((own.evidence.get("turn_certainty") or 0.0) >= SURE_TURN for own in named.values()):
+            return named
         shares = {t: self._said.borne_out(robot) for robot, t in enumerate(self._topics)}
-        accused = [topic for topic, finding in named.items() if finding.is_suspect]
-        least = min((shares[topic] for topic in shares if topic not in accused), default=1.0)
+        if len(shares) <= LEAST_ROBOTS_LEFT:
+            # Two bear each other out alike: halves of their own pings tell what can be asked here.
+            own = [self._said.borne_out_by_themselves(robot) for robot in (0, 1)]
+            if max(own) > ITSELF and min(own) < 0.5 * max(own):
+                # One contradicts itself where the other does not, as who faces elsewhere.
+                return named
+            accused, least = list(shares), self._said.borne_out_by_themselves(0, 1)
+        else:
+            accused = [topic for topic, finding in named.items() if finding.is_suspect]
+            beside = (shares[t] for t in shares if t == robot_of(t) and t not in accused)
+            least = min(beside, default=1.0)
         return named if all(shares[topic] <= LESS * least for topic in accused) else {}
 
     def _misplaced(self, suspects: Sequence[str]) -> dict[str, Finding]:
@@ -148,19 +205,19 @@ class RobotComparison:
 
     def _agreement_without(self, topic: str) -> tuple[Agreement, list[Agreement]]:
         """How a robot agrees with the map of the others, and they with one another, without it."""
-        if topic in self._without:
-            return self._without[topic]
-        others = {t: own for t, own in self._cones.items() if t != topic}
-        apart = LeaveOneOutMap(others, self._parameters, self._between)
-        own = apart.expected(self._cones, of=[topic])[topic]
-        among_them = apart.expected(others).values()
-        self._without[topic] = agreement(own), [agreement(pings) for pings in among_them]
-        return self._without[topic]
+        robot = robot_of(topic)
+        if robot not in self._without:
+            others = {t: own for t, own in self._cones.items() if robot_of(t) != robot}
+            apart = LeaveOneOutMap(others, self._parameters, self._between)
+            among_them = apart.expected(others, of_one=self._of_one).values()
+            self._without[robot] = apart, [agreement(pings) for pings in among_them]
+        apart, among = self._without[robot]
+        return agreement(apart.expected(self._cones, of=[topic])[topic]), among
 
 
 def _or_its_rivals(topic: str, named: Mapping[str, Finding]) -> Finding:
     """What was found of one of several that contradict one another, if nobody else can tell."""
-    rivals = " or ".join(other for other in sorted(named) if other != topic)
+    rivals = " or ".join(other for other in sorted(named) if robot_of(other) != robot_of(topic))
     finding = named[topic]
     if not rivals:
         return finding

@@ -17,7 +17,11 @@ from dataclasses import replace
 import numpy as np
 
 from usmap_ros.mapping.joint.kept_pings import REMEMBERED
-from usmap_ros.mapping.robot_check.comparison import LEAST_ROBOTS_LEFT, RobotComparison
+from usmap_ros.mapping.robot_check.comparison import (
+    EARLIER_PINGS,
+    LEAST_ROBOTS_LEFT,
+    RobotComparison,
+)
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
@@ -25,11 +29,10 @@ from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
-#: Of the pings of each robot that are remembered, so many are compared, spread evenly.
-COMPARED = 80
-#: The latest pings of each robot, by which alone its receiver is judged as well: one that fails on
-#: the way would else be named only when half of all that are remembered are wrong.
-LATEST = 60
+#: Each robot is judged by its latest pings, and of those before them so many, spread evenly, bear
+#: witness apart from them, if there are that many: one that fails on the way contradicts itself,
+#: and one that is mended does no more.
+LATEST, EARLIER = 60, 40
 #: A robot has moved, between one ping and the next, from so far on.
 MOVED_M, MOVED_RAD = 0.01, 0.01
 #: Pings with echoes from a robot that moves that are needed to say that it repeats itself, and the
@@ -42,7 +45,7 @@ class _Robot:
 
     def __init__(self) -> None:
         self.cones: deque[EchoCone] = deque(maxlen=REMEMBERED)
-        self.repeats: deque[bool] = deque(maxlen=REMEMBERED)
+        self.repeats: deque[bool] = deque(maxlen=LATEST)
         self._last: EchoCone | None = None
 
     def add(self, cone: EchoCone) -> None:
@@ -56,10 +59,15 @@ class _Robot:
         other.cones, other.repeats = self.cones.copy(), self.repeats.copy()
         return other
 
-    def chosen(self) -> list[EchoCone]:
-        """Pings to compare, spread evenly."""
-        places = np.linspace(0, len(self.cones) - 1, min(COMPARED, len(self.cones)))
-        return [self.cones[int(place)] for place in places]
+    def latest(self) -> list[EchoCone]:
+        """Pings by which it is judged."""
+        return list(self.cones)[-LATEST:]
+
+    def earlier(self) -> list[EchoCone]:
+        """Some of those before them; none if there are too few."""
+        before = list(self.cones)[:-LATEST]
+        places = np.linspace(0, len(before) - 1, EARLIER if len(before) >= EARLIER else 0)
+        return [before[int(place)] for place in places]
 
     def repeated(self) -> float:
         """Share of its pings that repeat the one before, though it has moved."""
@@ -105,38 +113,50 @@ class Consistency:
         between : callable
             Called between pieces of work; what it raises ends the judgement.
         """
-        found = self._by_themselves()
+        sources = {topic: robot.latest() for topic, robot in self._robots.items()}
+        if len(self._robots) > LEAST_ROBOTS_LEFT:
+            earlier = {t + EARLIER_PINGS: robot.earlier() for t, robot in self._robots.items()}
+            sources |= {name: cones for name, cones in earlier.items() if cones}
+        found = self._stuck()
+        found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
         while True:
-            chosen = {t: r.chosen() for t, r in self._robots.items() if t not in found}
-            if len(chosen) < 2:
-                unknown = {t: Finding("unknown", {}) for t in chosen}
-                return dict(sorted((found | unknown).items()))
-            comparison = RobotComparison(self._parameters, chosen, between)
+            left = {name: cones for name, cones in sources.items() if name not in found}
+            robots = len(left.keys() & self._robots.keys())
+            if robots < 2:
+                return self._of_robots(dict.fromkeys(left, Finding("unknown", {})) | found)
+            comparison = RobotComparison(self._parameters, left, between)
             screened = comparison.screen()
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
-            can_tell = not found or len(screened) > LEAST_ROBOTS_LEFT
+            can_tell = not found or robots > LEAST_ROBOTS_LEFT
             named = comparison.culprits(screened) if can_tell else {}
             if not named:
-                return dict(sorted((found | _cleared(screened)).items()))
+                return self._of_robots(_cleared(screened) | found)
             found |= named
 
-    def _by_themselves(self) -> dict[str, Finding]:
-        """Those who are found without a map, which they would spoil."""
+    def _stuck(self) -> dict[str, Finding]:
+        """Those who repeat themselves while they move."""
         found: dict[str, Finding] = {}
         for topic, robot in self._robots.items():
             share = robot.repeated()
             if share > REPEATED_SHARE:
                 reason = f"{share:.0%} of its pings repeat the one before though it has moved"
                 found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
-        rest = {t: list(robot.cones) for t, robot in self._robots.items() if t not in found}
-        latest = {t: cones[-LATEST:] for t, cones in rest.items()}
-        found |= odd_echoes(
-            {t: heard for t, cones in rest.items() if (heard := echo_health(cones))}
-        )
-        for pings in (latest, rest):
-            receivers = {t: own for t, cones in pings.items() if (own := receiver_health(cones))}
-            found |= odd_receivers(receivers)
         return found
+
+    def _of_robots(self, found: Mapping[str, Finding]) -> dict[str, Finding]:
+        """What is to be said of robots, and not of their earlier pings."""
+        return {topic: found[topic] for topic in sorted(self._robots)}
+
+
+def _by_themselves(sources: Mapping[str, list[EchoCone]]) -> dict[str, Finding]:
+    """Those who are found without a map, which they would spoil."""
+    heard = {name: echo_health(cones) for name, cones in sources.items()}
+    odd = odd_echoes({name: own for name, own in heard.items() if own})
+    # Who heard before may be where there is nothing: what others expect there tells.
+    hears = {name for name in sources if name + EARLIER_PINGS in heard.keys() - odd.keys()}
+    found = {name: own for name, own in odd.items() if own.verdict != "deaf" or name not in hears}
+    receivers = {name: receiver_health(cones) for name, cones in sources.items()}
+    return found | odd_receivers({name: own for name, own in receivers.items() if own})
 
 
 def _cleared(screened: Mapping[str, Finding]) -> dict[str, Finding]:

@@ -41,6 +41,14 @@ def test_those_of_whom_nobody_can_tell_are_believed(sayings: Sayings) -> None:
     assert credit(sayings) == [1.0] * len(sayings.agreed)
 
 
+def test_what_halves_bear_out_is_of_all_robots_that_are_asked_about() -> None:
+    sayings = said((0, 0, 30, 10), (1, 1, 0, 20), (0, 1, 9, 0))
+
+    assert sayings.borne_out_by_themselves(0, 1) == 0.5
+    assert sayings.borne_out_by_themselves(0) == 0.75
+    assert said((0, 1, 9, 5)).borne_out_by_themselves(0, 1) == 1.0
+
+
 def test_one_whom_others_contradict_that_agree_is_not_believed() -> None:
     assert credit(said((0, 1, 500, 50), (0, 2, 5, 300), (1, 2, 0, 400))) == [1.0, 1.0, 0.0]
 

@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
+from usmap_ros.mapping.joint.witnesses import Sayings
 from usmap_ros.mapping.robot_check.agreement import Agreement
 from usmap_ros.mapping.robot_check.comparison import RobotComparison, finding_of
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
@@ -222,6 +224,27 @@ def test_of_two_that_contradict_each_other_nobody_is_accused(
     assert "or /robot1/echo is misplaced" in found[LIAR].reason
 
 
+@pytest.mark.parametrize(
+    ("of_its_own", "verdicts"),
+    [((0.9, 0.9), {"contradicted"}), ((0.3, 0.3), {"healthy"}), ((0.3, 0.95), {"contradicted"})],
+)
+def test_of_two_that_contradict_themselves_alike_nobody_is_suspected(
+    monkeypatch: pytest.MonkeyPatch, of_its_own: tuple[float, float], verdicts: set[str]
+) -> None:
+    """Surfaces that answer irregularly contradict everybody, each robot's own other half too."""
+    share = np.array([[of_its_own[0], 0.3], [0.3, of_its_own[1]]])
+    said = Sayings(100.0 * share, 100.0 * (1.0 - share))
+    monkeypatch.setattr(LeaveOneOutMap, "sayings", lambda *_: said)
+    monkeypatch.setattr("usmap_ros.mapping.robot_check.comparison.SURE_TURN", np.inf)
+    pings = [
+        (topic, displaced(cone, 0.0) if topic == LIAR else cone)
+        for topic, cone in cones(11)
+        if topic != "/robot3/echo"
+    ]
+
+    assert {finding.verdict for finding in findings(pings).values()} == verdicts
+
+
 def test_a_robot_alone_is_not_judged() -> None:
     found = findings([(topic, cone) for topic, cone in cones(11) if topic == LIAR])
 
@@ -282,6 +305,23 @@ def test_nobody_is_accused_whom_the_others_bear_out(monkeypatch: pytest.MonkeyPa
     )
 
     assert comparison.culprits(screened | {LIAR: suspected}) == {}
+
+
+@pytest.mark.parametrize("is_mended", [False, True])
+def test_a_robot_is_judged_by_its_latest_pings(
+    monkeypatch: pytest.MonkeyPatch, is_mended: bool
+) -> None:
+    """What it said before bears witness as if another had: for it, or against it."""
+    for name in ("LATEST", "EARLIER"):
+        monkeypatch.setattr(f"usmap_ros.mapping.robot_check.consistency.{name}", 20)
+    begin_ns = cones(12)[0][1].stamp_ns
+    pings = [
+        (topic, displaced(cone, -1.4, (0.0, 0.0)) if is_wrong and topic == LIAR else cone)
+        for topic, cone in cones(12)
+        for is_wrong in [(cone.stamp_ns - begin_ns < 3e9) == is_mended]
+    ]
+
+    assert named(findings(pings)) == ({} if is_mended else {LIAR: "misplaced"})
 
 
 def test_one_whom_nobody_bears_out_is_named_among_many_who_contradict_it() -> None:

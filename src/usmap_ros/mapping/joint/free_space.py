@@ -49,7 +49,7 @@ from usmap_ros.mapping.joint.response import (
     look_at,
 )
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
-from usmap_ros.mapping.joint.usual_directions import lacks_room, log_priors
+from usmap_ros.mapping.joint.usual_directions import lacks_room, lengths, log_priors
 from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -66,9 +66,6 @@ FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
 LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
 #: The first at the least and the other at the most among mirrors, heard from one side only.
 MIRRORED = (-2.0, 0.05)
-#: How far it is from a place in a smooth wall to an end of it, on the mean, m.  As ends come by
-#: chance, that is the mean length of walls: rooms' have 3 to 6 m for each pair of ends.
-USUAL_WALL_M = 5.0
 #: Surfaces at the most, from which is learnt how this place answers.
 MOST_SURFACES = 3000
 #: Share of occupied cells on lines at which a place is one of walls.
@@ -197,7 +194,9 @@ class FreeSpace:
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         changed = np.ones(len(self._pings), bool)
         things = len(walls.lines) + np.count_nonzero(surfaces[:, 2] == NO_NORMAL)
-        kinds = log_priors(smooth.mirrors, smooth.columns_likely, int(things))
+        alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
+        kinds = log_priors(smooth.mirrors, smooth.columns_likely, int(things), alone_m)
+        long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
         self.silence = Silence(log_silent, shape, kinds, refuted, unknown)
         self._refute(left, listening, self.silence, wanted, changed, worst)
         is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
@@ -211,7 +210,7 @@ class FreeSpace:
         for turn in range(FREE_ROUNDS):
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
-                self._close(is_refuted, worst, wanted, kinds, refuted)
+                self._close(is_refuted, worst, wanted, kinds, long_and_short, refuted)
             free = (wanted & is_refuted.all(axis=2) & ~closed) | stood
             if turn < FREE_ROUNDS - 1:
                 # What was not refuted while all was open is not when less is.
@@ -324,14 +323,14 @@ class FreeSpace:
         worst: NDArray[np.float32],
         wanted: BoolArray,
         kinds: FloatArray,
+        long_and_short: FloatArray,
         refuted: float,
     ) -> None:
         """Refute walls that face as most do where there is too little room for them."""
-        usual_cells = USUAL_WALL_M / self._field.resolution_m
         for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
             here, said = is_refuted[:, :, group], worst[:, :, group]
             here |= lacks_room(
-                said, here.copy(), wanted, float(kinds[first, 0]), usual_cells, refuted
+                said, here.copy(), wanted, float(kinds[first, 0]), long_and_short, refuted
             )
 
     def _left(self, belief: FloatArray) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Directions in which the walls of a place face: mostly parallel, or square to one another."""
+"""How usual surfaces are: which way the walls of a place face, and how far they go on."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.lines import BEGIN, END
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, usual_direction
 from usmap_ros.mapping.joint.open_space import ACROSS, ALONG, KINDS, ORIENTATIONS, OTHERS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 
-#: Hits that speak for walls in directions in which none was heard.
-PSEUDO_HITS = 1.0
+#: Length of walls, m, that is expected in any direction: where nothing speaks for it, and what
+#: each metre of walls that are not square to most, and of things that stand alone, adds.
+EXPECTED_M, A_METRE_ASKEW, A_METRE_ALONE = 0.12, 0.1, 0.1
 #: What counts for an orientation is this near to it, by the sine of twice the angle.
 NEAR = math.sin(math.pi / ORIENTATIONS)
 #: Of what is never looked for.
@@ -23,9 +25,15 @@ NEVER = -1e3
 COLUMNS_A_WALL, PSEUDO_COLUMNS = 0.5, 1.0
 #: Ends that are so many times as far away as usual say nothing.
 FAR = 2.0
+#: How far it is from a place in what is long, and what is short, to an end of it, on the mean, m.
+#: As ends come by chance, the first is the mean length of long walls, which more walls continue.
+LONG_M, SHORT_M = 10.0, 0.3
+#: Lines that are shorter than this are short things, and how much of those is expected beside what
+#: was found, m.
+SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
 
 
-def log_priors(walls: list[MirrorWall], columns: float, things: int) -> FloatArray:
+def log_priors(walls: list[MirrorWall], columns: float, things: int, alone_m: float) -> FloatArray:
     """Orientations that are asked for in each cell, and how much rarer surfaces like these are.
 
     Parameters
@@ -38,6 +46,8 @@ def log_priors(walls: list[MirrorWall], columns: float, things: int) -> FloatArr
         Round columns that are likely: the more there are for each wall, the more others may stand.
     things : int
         Lines of walls, and what stands alone, if there are no mirrors.
+    alone_m : float
+        Length of what was found on no line: where much is, more may face anywhere.
 
     Returns
     -------
@@ -54,13 +64,41 @@ def log_priors(walls: list[MirrorWall], columns: float, things: int) -> FloatArr
     if not walls:
         return kinds
     normals = np.array([wall.normal_rad for wall in walls])
-    hits = np.array([len(wall.echoes) for wall in walls])
+    # By length: how often a wall was struck depends on where robots went.
+    lengths_m = np.array([wall.end_m - wall.begin_m for wall in walls])
     kinds[:ORIENTATIONS, 0] += usual_direction(walls)
     off = np.abs(np.sin(2.0 * (kinds[:ORIENTATIONS, :1] - normals)))
-    heard = (off < NEAR) @ hits + PSEUDO_HITS
-    kinds[:ORIENTATIONS, 1] = np.log(heard / heard.max())
+    askew_m = lengths_m[off[0] >= NEAR].sum()
+    expected_m = EXPECTED_M + A_METRE_ASKEW * askew_m + A_METRE_ALONE * alone_m
+    found_m = (off < NEAR) @ lengths_m + expected_m
+    kinds[:ORIENTATIONS, 1] = np.log(found_m / found_m.max())
     kinds[[0, ORIENTATIONS // 2], 2] = ALONG, ACROSS
     return kinds
+
+
+def lengths(lines: FloatArray, alone_m: float, resolution_m: float) -> FloatArray:
+    """How long surfaces are here: kinds of them, and the share of all surface that each is.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        All that were found, see `usmap_ros.mapping.joint.lines`.
+    alone_m : float
+        Length of what was found on no line.
+    resolution_m : float
+        Of a cell.
+
+    Returns
+    -------
+    kinds : (2, 2) array
+        Of what is long and of what is short: how far it is from a place in it to an end, cells on
+        the mean, and the share.
+    """
+    lengths_m = (lines[:, END] - lines[:, BEGIN]) * resolution_m
+    short_m = lengths_m[lengths_m < SHORTER_M].sum() + alone_m + PSEUDO_SHORT_M
+    total_m = lengths_m.sum() + alone_m + PSEUDO_SHORT_M
+    share = float(short_m / total_m)
+    return np.array([[LONG_M / resolution_m, 1.0 - share], [SHORT_M / resolution_m, share]])
 
 
 @compiled
@@ -69,13 +107,14 @@ def lacks_room(
     is_refuted: BoolArray,
     asked: BoolArray,
     normal_rad: float,
-    usual_cells: float,
+    kinds: FloatArray,
     refuted: float,
 ) -> BoolArray:
     """Whether walls are refuted by how little room there is for them, with what was heard.
 
     From anywhere in a wall it is as far to either end as chance has it, exponentially distributed;
-    a wall through a cell must end before the next cells on its line in which none can stand.
+    a wall through a cell must end before the next cells on its line in which none can stand.  There
+    are long ones and short ones: between boxes there is little room.
 
     Parameters
     ----------
@@ -87,27 +126,34 @@ def lacks_room(
         Cells that are asked for.
     normal_rad : float
         Direction that it faces.
-    usual_cells : float
-        How far it is from a place in a wall to an end, on the mean.
+    kinds : (kinds, 2) array
+        Of walls: how far it is from a place in one to an end, cells on the mean, and the share of
+        all surface that they are, by `lengths`.
     refuted : float
         Log-likelihood ratio at which one is refuted.
     """
     rows, columns = is_refuted.shape
     lacks = np.zeros((rows, columns), np.bool_)
-    up, right, farthest = math.cos(normal_rad), -math.sin(normal_rad), int(FAR * usual_cells)
+    up, right, farthest = math.cos(normal_rad), -math.sin(normal_rad), int(FAR * kinds[:, 0].max())
     for row in range(rows):
         for column in range(columns):
             if not asked[row, column] or is_refuted[row, column] or said[row, column] > 0.0:
                 continue
-            total = said[row, column]
-            for sign in (-1.0, 1.0):
+            ends = np.zeros(2)
+            for side in range(2):
                 for step in range(1, farthest):
-                    y = math.floor(row + sign * step * up + 0.5)
-                    x = math.floor(column + sign * step * right + 0.5)
+                    y = math.floor(row + (2 * side - 1) * step * up + 0.5)
+                    x = math.floor(column + (2 * side - 1) * step * right + 0.5)
                     if not (0 <= y < rows and 0 <= x < columns):
                         break
                     if is_refuted[y, x]:
-                        total += math.log(1.0 - math.exp(-(step - 0.5) / usual_cells))
+                        ends[side] = step - 0.5
                         break
-            lacks[row, column] = total < refuted
+            chance = 0.0
+            for usual, share in kinds:
+                fits = share
+                for end in ends:
+                    fits *= 1.0 - math.exp(-end / usual) if end > 0.0 else 1.0
+                chance += fits
+            lacks[row, column] = said[row, column] + math.log(chance) < refuted
     return lacks

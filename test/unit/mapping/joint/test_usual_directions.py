@@ -1,23 +1,32 @@
 """Directions in which the walls of a place face."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
 from usmap_ros.mapping.joint.open_space import ORIENTATIONS
-from usmap_ros.mapping.joint.usual_directions import lacks_room, log_priors
+from usmap_ros.mapping.joint.usual_directions import (
+    A_METRE_ASKEW,
+    EXPECTED_M,
+    LONG_M,
+    SHORT_M,
+    lacks_room,
+    lengths,
+    log_priors,
+)
 from usmap_ros.numerics.arrays import BoolArray
 
 
-def wall(normal_rad: float, hits: int) -> MirrorWall:
-    """Make a wall that was heard so often."""
-    heard = np.arange(hits)
-    return MirrorWall(normal_rad, 2.0, 0.0, 1.0, heard, heard, 0.0, -0.7)
+def wall(normal_rad: float, length_m: float) -> MirrorWall:
+    """Make a wall of some length, that was heard once each decimetre."""
+    heard = np.arange(round(10 * length_m))
+    return MirrorWall(normal_rad, 2.0, 0.0, length_m, heard, heard, 0.0, -0.7)
 
 
-ROOM = [wall(0.3, 40), wall(0.3 + 0.5 * math.pi, 30), wall(0.31 - math.pi, 20), wall(1.1, 6)]
+ROOM = [wall(0.3, 4.0), wall(0.3 + 0.5 * math.pi, 3.0), wall(0.31 - math.pi, 2.0), wall(1.1, 0.6)]
 
 
 def test_walls_that_are_square_to_most_face_usually() -> None:
@@ -25,46 +34,59 @@ def test_walls_that_are_square_to_most_face_usually() -> None:
 
 
 def test_surfaces_that_face_as_most_walls_do_are_the_likeliest() -> None:
-    kinds = log_priors(ROOM, 0, 0)[:ORIENTATIONS]
+    kinds = log_priors(ROOM, 0, 0, 0.0)[:ORIENTATIONS]
     likeliest = kinds[kinds[:, 1] == 0.0][:, 0]
     # Along and across; the three walls agree on 0.302.
     assert np.sin(2.0 * (likeliest - 0.302)) == pytest.approx(0.0, abs=5e-3)
     assert len(likeliest) == 2
 
 
-def test_others_are_the_likelier_the_more_of_them_were_heard() -> None:
-    kinds = log_priors(ROOM, 0, 0)[:ORIENTATIONS]
+def test_others_are_the_likelier_the_more_of_them_were_found() -> None:
+    kinds = log_priors(ROOM, 0, 0, 0.0)[:ORIENTATIONS]
     oblique = kinds[np.argmin(np.abs(np.sin(kinds[:, 0] - 1.1))), 1]
-    assert oblique == pytest.approx(math.log(7.0 / 91.0))
-    assert kinds[:, 1].min() == pytest.approx(math.log(1.0 / 91.0))
+    # Askew ones may face any way; most walls that are parallel or square have 9 m.
+    expected_m = EXPECTED_M + 0.6 * A_METRE_ASKEW
+    assert oblique == pytest.approx(math.log((0.6 + expected_m) / (9.0 + expected_m)))
+    assert kinds[:, 1].min() == pytest.approx(math.log(expected_m / (9.0 + expected_m)))
+
+
+def test_how_often_a_wall_was_struck_does_not_make_walls_like_it_usual() -> None:
+    often = [replace(one, echoes=np.arange(900)) for one in ROOM[:3]]
+    heard_often, heard = (log_priors(walls, 0, 0, 0.0) for walls in ([*often, ROOM[3]], ROOM))
+    assert heard_often[:, 1] == pytest.approx(heard[:, 1])
+
+
+def test_among_things_that_stand_alone_surfaces_face_anywhere_more_often() -> None:
+    least = [log_priors(ROOM, 0, 0, alone_m)[:ORIENTATIONS, 1].min() for alone_m in (0.0, 2.0, 8.0)]
+    assert least[0] < least[1] < least[2] < 0.0
 
 
 def test_without_mirrors_surfaces_face_anywhere() -> None:
-    assert not log_priors([], 0, 8)[:ORIENTATIONS, 1].any()
+    assert not log_priors([], 0, 8, 0.0)[:ORIENTATIONS, 1].any()
 
 
 def test_without_mirrors_and_columns_nothing_round_is_looked_for() -> None:
-    assert log_priors([], 0, 8)[ORIENTATIONS, 1] < -100.0
+    assert log_priors([], 0, 8, 0.0)[ORIENTATIONS, 1] < -100.0
 
 
 def test_round_things_are_the_likelier_the_more_columns_there_are_for_each_wall() -> None:
     # Four walls, as lines of what answers from any side and as mirrors, which columns go with.
     for columns, among_lines, among_mirrors in ((1, 1.0 / 3.0, 2.0 / 3.0), (2, 2.0 / 3.0, 1.0)):
         for walls, share in (([], among_lines), (ROOM, among_mirrors)):
-            prior = log_priors(walls, columns, 4)[ORIENTATIONS, 1]
+            prior = log_priors(walls, columns, 4, 0.0)[ORIENTATIONS, 1]
             assert prior == pytest.approx(math.log(share))
 
 
 def test_round_things_are_looked_for_among_mirrors_even_if_no_column_was_found() -> None:
-    assert log_priors(ROOM, 0, 0)[ORIENTATIONS, 1] == pytest.approx(math.log(1.0 / 3.0))
+    assert log_priors(ROOM, 0, 0, 0.0)[ORIENTATIONS, 1] == pytest.approx(math.log(1.0 / 3.0))
 
 
 def test_nothing_is_likelier_than_the_most_usual_walls() -> None:
-    assert log_priors(ROOM, 7, 0)[:, 1].max() == log_priors([], 7, 4)[:, 1].max() == 0.0
+    assert log_priors(ROOM, 7, 0, 0.0)[:, 1].max() == log_priors([], 7, 4, 0.0)[:, 1].max() == 0.0
 
 
-#: Distance to a wall's end, cells, and log-likelihood ratio at which a wall is refuted.
-USUAL_CELLS, REFUTED = 20.0, -2.0
+#: Distance to an end, cells, of all walls, and log-likelihood ratio at which one is refuted.
+ALL_LONG, REFUTED = np.array([[20.0, 1.0]]), -2.0
 
 
 def gap_of(cells: int) -> BoolArray:
@@ -78,7 +100,7 @@ def lacking(is_refuted: BoolArray, said: float, normal_rad: float) -> BoolArray:
     """Ask of all cells whether there is too little room, if so much speaks for walls in each."""
     everywhere = np.full(is_refuted.shape, said, np.float32)
     asked = np.ones_like(is_refuted)
-    return lacks_room(everywhere, is_refuted, asked, normal_rad, USUAL_CELLS, REFUTED)
+    return lacks_room(everywhere, is_refuted, asked, normal_rad, ALL_LONG, REFUTED)
 
 
 @pytest.mark.parametrize("normal_rad", [0.0, 0.5 * math.pi])
@@ -113,5 +135,28 @@ def test_only_what_is_asked_for_lacks_room() -> None:
     is_refuted, said = gap_of(5), np.zeros((60, 60), np.float32)
     asked = np.zeros_like(is_refuted)
     asked[12, 10] = True
-    lacks = lacks_room(said, is_refuted, asked, 0.0, USUAL_CELLS, REFUTED)
+    lacks = lacks_room(said, is_refuted, asked, 0.0, ALL_LONG, REFUTED)
     assert np.argwhere(lacks).tolist() == [[12, 10]]
+
+
+def test_where_things_are_short_too_something_short_may_stand_where_there_is_little_room() -> None:
+    is_refuted, middle = gap_of(15), (17, 10)
+    said, asked = np.zeros((60, 60), np.float32), np.ones((60, 60), bool)
+    for share, lacks in ((0.0, True), (0.05, True), (0.3, False)):
+        kinds = np.array([[20.0, 1.0 - share], [4.0, share]])
+        assert lacks_room(said, is_refuted, asked, 0.0, kinds, REFUTED)[middle] == lacks
+    # But in a gap of a cell or two there is room for nothing.
+    kinds = np.array([[20.0, 0.5], [4.0, 0.5]])
+    assert lacks_room(said, gap_of(2), asked, 0.0, kinds, REFUTED)[10:12, 10].all()
+
+
+def test_boxes_and_what_stands_alone_make_short_things_usual() -> None:
+    # Walls of 4 m, and boxes of 0.5 m, on cells of 5 cm.
+    walls = np.array([[1.0, 0.0, 10.0, 0.0, 80.0]] * 4)
+    boxes = np.array([[1.0, 0.0, 30.0, 5.0, 15.0]] * 6)
+    bare = lengths(walls, 0.0, 0.05)
+    assert bare[:, 0].tolist() == pytest.approx([LONG_M / 0.05, SHORT_M / 0.05])
+    among = lengths(np.concatenate([walls, boxes]), 0.0, 0.05)
+    alone = lengths(walls, 3.0, 0.05)
+    assert among[1, 1] == alone[1, 1] > 2.0 * bare[1, 1]
+    assert bare[:, 1].sum() == pytest.approx(1.0)

@@ -14,8 +14,9 @@ from usmap_ros.numerics.arrays import FloatArray
 #: How far walls may seem to be off, m, one after the other; steps for each before the last one.
 _WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
 #: Knots that are added at once on the way along walls, one search for each: in short stretches
-#: little drift is added at once, in long ones much is seen of walls that are new.
-_STRETCHES = (12, 6, 3)
+#: little drift is added at once, in long ones much is seen of walls that are new.  All at once is
+#: surest where odometry is so good that poses as told show walls.
+_STRETCHES = (10**6, 12, 6, 3)
 #: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
 #: are found by, at the least, or a wall would be found twice.
 _TOWARDS_THE_END_M, _FOUND_M = (0.05, 0.05, 0.04, 0.03, 0.03), 0.03

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import Baseband
-from usmap_ros.reconstruction.cosamp import Halt, Solution, check_signal
+from usmap_ros.reconstruction.cosamp import check_signal
 from usmap_ros.reconstruction.delay_domain import DelayDictionary
 from usmap_ros.reconstruction.detection import noise_thresholds
 from usmap_ros.reconstruction.edges import between_samples
@@ -27,14 +27,6 @@ SETTLED_STEP = 0.05
 SMALL_STEP = 0.6
 #: What such a step leaves, as a share of a grid step.
 LEFT_OVER = 0.001
-#: Why compiled CoSaMP stopped, by the numbers of `usmap_ros.reconstruction.sampled.cosamp`.
-HALTS = (
-    Halt.NOISE_LEVEL,
-    Halt.NOTHING_LEFT,
-    Halt.STABLE_SUPPORT,
-    Halt.NO_PROGRESS,
-    Halt.ITERATIONS,
-)
 
 
 @dataclass(frozen=True)
@@ -43,8 +35,10 @@ class Searched:
 
     Parameters
     ----------
-    solution : Solution
-        Support, coefficients and residual.
+    support : (k,) array
+        Ascending indices of their blocks.
+    residual : (samples,) array
+        What they leave of the signal.
     ranges_m, delay_stds_s : (k,) arrays
         Ranges of its blocks off the grid, and standard deviations of their delays.
     strengths : (k,) array
@@ -55,7 +49,8 @@ class Searched:
         What a score had to exceed, and the scores of the residual.
     """
 
-    solution: Solution
+    support: IndexArray
+    residual: Signal
     ranges_m: FloatArray
     delay_stds_s: FloatArray
     strengths: FloatArray
@@ -99,14 +94,6 @@ def search(
             small=SMALL_STEP,
         ),
     )
-    is_silent = len(found.support) == 0 and not signal.any()
-    solution = Solution(
-        found.support,
-        found.coefficients,
-        found.residual if is_complex else found.residual.real,
-        found.iterations,
-        Halt.SILENCE if is_silent else HALTS[found.halt],
-    )
     speed_m_s, ranges_m = dictionary.channel.sound_speed_m_s, found.ranges_m
     if dictionary.is_smooth:
         jitter_s = [template.delay_jitter_s for template in baseband.templates]
@@ -115,20 +102,27 @@ def search(
         )
         stds_s = np.hypot(found.unit_stds_s * baseband.echo_noise_std, left_s)
     else:
-        steps_s, stds_s = _between_samples(dictionary, baseband, solution, ranges_m)
+        steps_s, stds_s = _between_samples(dictionary, baseband, found)
         ranges_m = ranges_m + 0.5 * speed_m_s * steps_s
     overlaps = _overlaps(dictionary, found.support, 2.0 * ranges_m / speed_m_s)
     return Searched(
-        solution, ranges_m, stds_s, found.strengths, overlaps, found.thresholds, found.scores
+        found.support,
+        found.residual if is_complex else found.residual.real,
+        ranges_m,
+        stds_s,
+        found.strengths,
+        overlaps,
+        found.thresholds,
+        found.scores,
     )
 
 
 def _between_samples(
-    dictionary: DelayDictionary, baseband: Baseband, solution: Solution, ranges_m: FloatArray
+    dictionary: DelayDictionary, baseband: Baseband, found: sampled.Found
 ) -> tuple[FloatArray, FloatArray]:
     """Steps and standard deviations of the delays where echoes have edges."""
-    support = solution.support
-    delays_s = 2.0 * ranges_m / dictionary.channel.sound_speed_m_s
+    support = found.support
+    delays_s = 2.0 * found.ranges_m / dictionary.channel.sound_speed_m_s
     steps_s = np.zeros(len(support))
     stds_s = np.full(len(support), dictionary.delay_step_s / np.sqrt(12.0))
     silent_std = baseband.noise_std
@@ -141,7 +135,7 @@ def _between_samples(
         if not template.is_smooth:
             steps_s[mine], stds_s[mine] = between_samples(
                 delays_s[mine],
-                np.abs(solution.coefficients[mine, 0]),
+                np.abs(found.coefficients[mine, 0]),
                 noise_std,
                 template.duration_s,
                 baseband.sampling,

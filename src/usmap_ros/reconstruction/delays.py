@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
 from usmap_ros.reconstruction.cones import Echoes, make_cone
-from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.delay_domain import DelayDictionary
 from usmap_ros.reconstruction.delay_search import Searched, search
 from usmap_ros.reconstruction.detection import binned_maximum, crowding, unreported
@@ -37,8 +35,8 @@ class DelayReconstruction:
         The signal that was explained.
     dictionary : DelayDictionary
         The sensing matrix, with its atoms on the grid.
-    solution : Solution
-        Support, complex coefficients and residual.
+    residual : (samples,) array
+        What its echoes leave of the signal.
     cone : EchoCone
         What fusion is told.
     echoes : tuple of Echoes
@@ -48,7 +46,7 @@ class DelayReconstruction:
 
     baseband: Baseband
     dictionary: DelayDictionary
-    solution: Solution
+    residual: Signal
     cone: EchoCone
     echoes: tuple[Echoes, ...]
 
@@ -81,19 +79,18 @@ def reconstruct_delays(
         tuple(parameters.exclusion * one.pulse.resolution_s for one in baseband.templates),
     )
     found = search(dictionary, baseband, parameters)
-    solution = found.solution
     echoes = _echoes(trace, baseband, dictionary, found, parameters)
-    numbers = dictionary.pulse_numbers(solution.support)
+    numbers = dictionary.pulse_numbers(found.support)
     by_pulse = tuple(echoes.where(numbers == number) for number in range(len(trace.sent)))
-    norm = math.sqrt(np.vdot(baseband.signal, baseband.signal).real)
+    norm, left = (float(np.linalg.norm(one)) for one in (baseband.signal, found.residual))
     cone = make_cone(
         _from_the_middle(trace),
         by_pulse[0],
         _limits(trace, baseband, dictionary, found, parameters),
         parameters.limit_step_m,
-        residual=solution.residual_norm / norm if norm > 0.0 else 0.0,
+        residual=left / norm if norm > 0.0 else 0.0,
     )
-    return DelayReconstruction(baseband, dictionary, solution, cone, by_pulse)
+    return DelayReconstruction(baseband, dictionary, found.residual, cone, by_pulse)
 
 
 def _from_the_middle(trace: EchoTrace) -> EchoTrace:
@@ -121,7 +118,7 @@ def _echoes(
     parameters: ReconstructionParameters,
 ) -> Echoes:
     """Range and amplitude of every block of the support, in its order."""
-    support = found.solution.support
+    support = found.support
     unit_norms = dictionary.unit_norms[support]
     amplitudes = found.strengths / unit_norms
     of_delay = of_amplitude = np.ones(len(support))
@@ -155,7 +152,7 @@ def _limits(
         dictionary,
         found.thresholds,
         found.residual_scores,
-        found.solution.support,
+        found.support,
         found.strengths,
         parameters.masking,
     )

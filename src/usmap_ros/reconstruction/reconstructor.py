@@ -130,7 +130,7 @@ def _by_delays(trace: EchoTrace, found: DelayReconstruction, cone: EchoCone) -> 
         trace,
         cone,
         baseband.signal,
-        found.solution.residual,
+        found.residual,
         baseband.sampling,
         peak_s,
         baseband.noise_std,

@@ -22,8 +22,6 @@ from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, strengths
 from usmap_ros.reconstruction.sampled.matched_filter import MatchedFilter, first_at, refilter
 from usmap_ros.reconstruction.sampled.matrix import Places, SampledMatrix, columns_of
 
-#: Why the solver stopped; places in `HALTS` of `usmap_ros.reconstruction.delay_search`.
-NOISE_LEVEL, NOTHING_LEFT, STABLE_SUPPORT, NO_PROGRESS, ITERATIONS = 0, 1, 2, 3, 4
 #: Blocks of which the loudest is kept in mind, so that to choose one not all are looked at.
 STRETCH = 64
 
@@ -36,7 +34,7 @@ def cosamp(
     thresholds: FloatArray,
     warm_start: IndexArray,
     limits: tuple[int, int, bool],
-) -> tuple[Fit, int, int]:
+) -> Fit:
     """Approximate a signal by few blocks, from a support on.
 
     Parameters
@@ -57,10 +55,8 @@ def cosamp(
 
     Returns
     -------
-    fit : Fit
+    Fit
         Blocks of the support with coefficients, and the residual.
-    iterations, halt : int
-        Iterations done, and why no more were.
     """
     signal = matched.signal
     sparsity, max_iterations, non_negative = limits
@@ -68,27 +64,26 @@ def cosamp(
     kept = _pruning(matrix, best, thresholds, sparsity)
     if len(kept) < len(warm_start):
         best = least_squares(matrix, places, kept, signal, non_negative)
-    done = 0
-    for iteration in range(1, max_iterations + 1):
+    for _ in range(max_iterations):
         if best.power <= 0.0:
-            return best, done, NOISE_LEVEL
+            break
         refilter(matrix, matched, best.residual, non_negative)
         scores = signal_proxy(matrix, places, matched, best, non_negative)
         identified = _identification(matrix, scores, thresholds, best.support, 2 * sparsity)
         if len(identified) == 0:
-            return best, done, NOTHING_LEFT
+            break
         merged = _support_merger(best.support, identified)
         estimate = least_squares(matrix, places, merged, signal, non_negative)
         pruned = _pruning(matrix, estimate, thresholds, sparsity)
         if same(pruned, best.support):
-            return best, done, STABLE_SUPPORT
+            break
         latest = estimate
         if len(pruned) < len(merged):
             latest = least_squares(matrix, places, pruned, signal, non_negative)
         if latest.power >= best.power * (1.0 - 1e-9) ** 2:
-            return best, done, NO_PROGRESS
-        best, done = latest, iteration
-    return best, done, ITERATIONS
+            break
+        best = latest
+    return best
 
 
 @compiled_within

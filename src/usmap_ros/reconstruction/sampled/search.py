@@ -74,8 +74,6 @@ class Found(NamedTuple):
         Scores that the echoes have by themselves.
     thresholds, scores : (blocks,) arrays
         What a score had to exceed, and the scores of the residual.
-    iterations, halt : int
-        Of the last round, and why it ended.
     """
 
     support: IndexArray
@@ -86,8 +84,6 @@ class Found(NamedTuple):
     strengths: FloatArray
     thresholds: FloatArray
     scores: FloatArray
-    iterations: int
-    halt: int
 
 
 @compiled
@@ -110,7 +106,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     places = on_grid(matrix)
     matched, thresholds = _begun(matrix, signal, noise, how, rectified)
     limits = (how.sparsity, how.max_iterations, how.non_negative)
-    fit, iterations, halt = cosamp(matrix, places, matched, thresholds, nothing, limits)
+    fit = cosamp(matrix, places, matched, thresholds, nothing, limits)
     step_s, stds_s = np.zeros(len(fit.support)), np.zeros(len(fit.support))
     if how.refinements >= 0:
         step_s, stds_s = delay_step(matrix, places, fit)
@@ -122,7 +118,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
             break
         before = fit.support
         places = moved(matrix, places, before, step_s)
-        fit, iterations, halt = cosamp(matrix, places, matched, thresholds, before, limits)
+        fit = cosamp(matrix, places, matched, thresholds, before, limits)
         if largest < how.small and same(fit.support, before):
             step_s = np.zeros(len(before))
             break
@@ -142,8 +138,6 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         strengths(matrix, fit),
         thresholds,
         scores,
-        iterations,
-        halt,
     )
 
 

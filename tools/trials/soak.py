@@ -21,10 +21,12 @@ from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 
-#: Pings of each robot a second, as of a small robot that listens now and then.
-RATE_HZ = 1.0
-#: Time between two maps, s.
-MAP_EVERY_S = 10.0
+#: Pings of each robot a second: in the six minutes that each of ten faults has, 90 with it and as
+#: many after it.
+RATE_HZ = 0.5
+#: Time between two maps, s; and pings of the faulty robot between two looks at who is wrong, as
+#: long as that is not right.
+MAP_EVERY_S, LOOK_EVERY = 10.0, 12
 #: Of the time that each fault has, the share after which it is cleared.
 CLEARED_AFTER = 0.5
 
@@ -32,22 +34,34 @@ Ping = tuple[str, EchoCone]
 
 
 @dataclass
-class Account:
-    """What became of a soak.
+class Course:
+    """What became of one fault.
 
     Parameters
     ----------
-    named : dict
-        Topics that were named before each fault was cleared, and at the end of its time.
-    resident_mb : list of float
-        Memory at the end of each fault's time.
-    views : list of EchoCone
-        What healthy pings looked at.
+    named_after, cleared_after : int, optional
+        Pings of the faulty robot from when it began, or ended, until that was said.
+    accused : set of str
+        Who never had it, and was named.
+    resident_mb : float
+        Memory at the end of its time.
     """
 
-    named: dict[str, tuple[set[str], set[str]]] = field(default_factory=dict)
-    resident_mb: list[float] = field(default_factory=list)
-    views: list[EchoCone] = field(default_factory=list)
+    named_after: int | None = None
+    cleared_after: int | None = None
+    accused: set[str] = field(default_factory=set)
+    resident_mb: float = 0.0
+
+    def row(self) -> str:
+        """In a line."""
+        named, cleared = (
+            "never" if pings is None else f"after {pings}"
+            for pings in (self.named_after, self.cleared_after)
+        )
+        if self.named_after is None:
+            cleared = ""
+        others = ", ".join(sorted(self.accused)) or "nobody"
+        return f"{named}; {cleared}; {others}; {self.resident_mb:.0f} MB"
 
 
 def try_soak(
@@ -70,17 +84,28 @@ def try_soak(
     scenario = fleet(60.0 * minutes, robots, seed)
     each_s = 60.0 * minutes / len(names)
     # Of its own time: nobody waits for a clock.
-    fusion, account = LiveFusion(MappingParameters(), 0.0, 10_000, clock=lambda: 0.0), Account()
+    fusion = LiveFusion(MappingParameters(), 0.0, 10_000, clock=lambda: 0.0)
+    courses: dict[str, Course] = {}
+    views: list[PingViews] = []
     traces = groupby(simulate(scenario), lambda each: int(_seconds(each[1]) / each_s))
     for number, (name, (_, period)) in enumerate(zip(names, traces, strict=False)):
-        faulty = f"/robot{number % robots + 1}/echo"
-        begin_s = number * each_s
-        pings = heard(list(period), name, faulty, begin_s + CLEARED_AFTER * each_s, seed)
-        account.named[name] = _soak(fusion, pings, faulty, begin_s, each_s, account)
-        account.resident_mb.append(resident_mb())
-        print(f"{name} of {faulty}: {account.named[name]}", file=sys.stderr, flush=True)
-    found = score(fusion.occupancy_map(), scenario.truth_map(), PingViews.of(account.views))
-    return _figures(account, found), _troubles(account, found)
+        faulty, begin_s = f"/robot{number % robots + 1}/echo", number * each_s
+        cleared_s = begin_s + CLEARED_AFTER * each_s
+        pings = heard(list(period), name, faulty, cleared_s, seed)
+        courses[name] = course = soak(fusion, pings, faulty, cleared_s, begin_s)
+        views.append(
+            PingViews.of(
+                cone for topic, cone in pings if topic != faulty or _seconds(cone) >= cleared_s
+            )
+        )
+        course.resident_mb = resident_mb()
+        print(f"{name} of {faulty}: {course.row()}", file=sys.stderr, flush=True)
+    seen = PingViews(
+        np.concatenate([one.positions_m for one in views]),
+        np.concatenate([one.beams for one in views]),
+    )
+    found = score(fusion.occupancy_map(), scenario.truth_map(), seen)
+    return _figures(courses, found), _troubles(courses, found)
 
 
 def fleet(duration_s: float, robots: int, seed: int) -> Scenario:
@@ -113,30 +138,40 @@ def heard(
     ]
 
 
-def _soak(
-    fusion: LiveFusion,
-    pings: list[Ping],
-    faulty: str,
-    begin_s: float,
-    each_s: float,
-    account: Account,
-) -> tuple[set[str], set[str]]:
+def soak(
+    fusion: LiveFusion, pings: list[Ping], faulty: str, cleared_s: float, begin_s: float
+) -> Course:
     """Fuse pings, with maps and looks at the robots as they are due; who is named when."""
-    cleared_s, next_map_s = begin_s + CLEARED_AFTER * each_s, begin_s
-    during: set[str] | None = None
+    course, next_map_s, own, before = Course(), begin_s, 0, 0
     for topic, cone in pings:
         now_s = _seconds(cone)
-        if during is None and now_s >= cleared_s:
-            during = suspects(fusion)
         fusion.receive(topic, cone)
         while fusion.fuse_next() is not None:
             pass
-        if topic != faulty or now_s >= cleared_s:
-            account.views.append(cone)
         if now_s >= next_map_s:
             fusion.live_map()
             next_map_s += MAP_EVERY_S
-    return during or set(), suspects(fusion)
+        if topic != faulty:
+            continue
+        own += 1
+        if now_s < cleared_s:
+            before = own
+        is_decided = (course.named_after if own == before else course.cleared_after) is not None
+        if (own - before or own) % LOOK_EVERY == 0 and not is_decided:
+            _look(fusion, course, faulty, own, before)
+    _look(fusion, course, faulty, own, before)
+    return course
+
+
+def _look(fusion: LiveFusion, course: Course, faulty: str, own: int, before: int) -> None:
+    """See who is named, so many pings of the faulty robot on, of which some were wrong."""
+    named = suspects(fusion)
+    course.accused |= named - {faulty}
+    if own == before and faulty in named:
+        course.named_after = own
+    elif own > before:
+        still = faulty in named
+        course.cleared_after = None if still else course.cleared_after or own - before
 
 
 def suspects(fusion: LiveFusion) -> set[str]:
@@ -144,25 +179,20 @@ def suspects(fusion: LiveFusion) -> set[str]:
     return {name for name, one in fusion.findings(lambda: None).items() if one.is_suspect}
 
 
-def _figures(account: Account, found: Score) -> dict[str, str]:
-    figures = {
-        f"{name}: named, and still at the end": f"{sorted(during)}, {sorted(after)}"
-        for name, (during, after) in account.named.items()
-    }
-    figures["resident, MB, after each fault"] = ", ".join(f"{mb:.0f}" for mb in account.resident_mb)
+def _figures(courses: dict[str, Course], found: Score) -> dict[str, str]:
+    figures = {"fault": "named after so many pings; cleared after; others accused; resident"}
+    figures |= {name: course.row() for name, course in courses.items()}
     figures["the map in the end"] = (
         f"F1 {found.f1:.3f}, known {found.known:.3f}, leak {found.leak:.3f}, lost {found.lost:.3f}"
     )
     return figures
 
 
-def _troubles(account: Account, found: Score) -> list[str]:
-    troubles = [
-        f"{name}: {', '.join(sorted(after))} still named at the end"
-        for name, (_, after) in account.named.items()
-        if after
-    ]
-    first, last = account.resident_mb[len(account.resident_mb) // 3], account.resident_mb[-1]
+def _troubles(courses: dict[str, Course], found: Score) -> list[str]:
+    troubles = [f"{name}: others accused" for name, course in courses.items() if course.accused]
+    troubles += [f"{name}: not cleared" for name, one in courses.items() if not one.cleared_after]
+    used_mb = [course.resident_mb for course in courses.values()]
+    first, last = used_mb[len(used_mb) // 3], used_mb[-1]
     if last > 1.2 * first:
         troubles.append(f"memory grew from {first:.0f} to {last:.0f} MB")
     if found.f1 < 0.9 or found.lost > 0.03:

@@ -15,7 +15,8 @@ from usmap_ros.numerics.arrays import FloatArray
 _WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
 #: Knots that are added at once on the way along walls, one search for each: in short stretches
 #: little drift is added at once, in long ones much is seen of walls that are new.  All at once is
-#: surest where odometry is so good that poses as told show walls.
+#: surest where odometry is so good that poses as told show walls; readings of the first thing only
+#: gain nothing by that, and among poles they lost.
 _STRETCHES = (10**6, 12, 6, 3)
 #: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
 #: are found by, at the least, or a wall would be found twice.
@@ -53,7 +54,7 @@ def along_walls(start: Smoother) -> Found | None:
     first_only = start.echoes.are_first_only
     finest_m = _FOUND_M if first_only else _AT_THE_END_M
     ends, least = [], _likely_by_walls(start, finest_m)
-    for stretch in _STRETCHES:
+    for stretch in _STRETCHES[int(first_only) :]:
         one = copy.deepcopy(start)
         factor = _go_along_walls(one, stretch)
         if not first_only:

@@ -22,6 +22,7 @@ from usmap_ros.mapping.joint.field import NOISE, QUARTERS, Field, X, Y
 from usmap_ros.mapping.joint.free_space import FreeSpace
 from usmap_ros.mapping.joint.known import Cells, Known
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_depth
+from usmap_ros.mapping.joint.lone_columns import lone_cells
 from usmap_ros.mapping.joint.powers import Powers
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.walls import Walls, find_walls
@@ -106,7 +107,10 @@ class JointEstimate:
 
     def estimate_walls(self) -> Walls:
         """Find walls, and beliefs with them, after powers."""
-        self._smooth.find(self._explained(), self._first_only, self.depth)
+        log_odds = cell_log_odds(self.evidence, self.field.shape)
+        is_reliable = log_odds > RELIABLE
+        alone = lone_cells(is_reliable, log_odds, self.field)
+        self._smooth.find(self._explained(is_reliable), alone, self._first_only, self.depth)
         self._smooth.take_out()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
@@ -220,10 +224,9 @@ class JointEstimate:
 
     # ------------------------------------------------------------------ walls
 
-    def _explained(self) -> BoolArray:
-        """Whether reliable cells explain each echo."""
-        log_odds = cell_log_odds(self.evidence, self.field.shape)
-        expected = self._powers.expected_of((log_odds > RELIABLE).ravel())
+    def _explained(self, cells: BoolArray) -> BoolArray:
+        """Whether some cells explain each echo."""
+        expected = self._powers.expected_of(cells.ravel())
         index, bins, inside = self._smooth.echo_bins
         rows = self.pings[index]
         noise = self.looks.numbers[rows, NOISE]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.column_fits import PingSet
 from usmap_ros.mapping.joint.echoes import Echoes
 from usmap_ros.mapping.joint.field import (
     BIN_M,
@@ -21,6 +22,7 @@ from usmap_ros.mapping.joint.field import (
     Y,
 )
 from usmap_ros.mapping.joint.first_returns import answer_as_mirrors
+from usmap_ros.mapping.joint.lone_columns import columns_instead
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls, perpendicular_walls
 from usmap_ros.mapping.joint.open_ways import trace_open
 from usmap_ros.mapping.joint.ray_casting import cast_all_rays
@@ -99,7 +101,11 @@ class SmoothThings:
         return self._ping, self._bin, self._inside
 
     def find(
-        self, is_explained: BoolArray, first_only: BoolArray, depth: NDArray[np.float32]
+        self,
+        is_explained: BoolArray,
+        lone_cells_m: Sequence[FloatArray],
+        first_only: BoolArray,
+        depth: NDArray[np.float32],
     ) -> None:
         """Find mirrors, and round columns, by echoes that nothing else explains.
 
@@ -107,6 +113,8 @@ class SmoothThings:
         ----------
         is_explained : (echoes,) bool array
             Whether reliable cells explain an echo.
+        lone_cells_m : sequence of (cells, 2) arrays
+            By `usmap_ros.mapping.joint.lone_columns.lone_cells`.
         first_only : (pings,) bool array
             Pings of sensors that report the first thing only.
         depth : (rows, columns) float32 array
@@ -119,9 +127,18 @@ class SmoothThings:
         found = mirror_walls(looks, pings, echoes, is_explained, is_usable)
         for wall in found:
             is_explained[wall.echoes] = True
-        columns = round_columns(looks, pings, echoes, is_explained, self._field, left)
+        ping_set = PingSet(looks, pings, echoes, left)
+        columns = round_columns(ping_set, is_explained, self._field)
         self.columns = [column for column in columns if column.is_certain]
-        self._suspected = [column for column in columns if not column.is_certain]
+        for column in self.columns:
+            is_usable[column.echoes] = False
+        instead = columns_instead(ping_set, is_usable & ~is_explained, is_usable, lone_cells_m)
+        self.columns += instead
+        self._suspected = [
+            column
+            for column in columns
+            if not column.is_certain and not any(map(column.overlaps, instead))
+        ]
         ends = WallEnds(looks, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
 

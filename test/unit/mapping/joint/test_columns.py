@@ -6,8 +6,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.field import NOISE, field_around
+from usmap_ros.mapping.joint.column_fits import PingSet
+from usmap_ros.mapping.joint.field import NOISE, Field, field_around
 from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.lone_columns import columns_instead, lone_cells
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.response import MOST_EXPLAINED, listen
 from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, round_columns
@@ -46,15 +48,26 @@ def pings_around(
     return cones
 
 
-def columns_of(cones: list[EchoCone]) -> list[RoundColumn]:
+def heard(cones: list[EchoCone]) -> tuple[PingSet, Field]:
+    """What some pings heard, where nothing holds sound back, and cells around."""
     kept = KeptPings(MappingParameters())
     for cone in cones:
         kept.add(cone, "robot")
     looks, rows, _, echoes = kept.pings()[:4]
-    field = field_around(looks, rows, 0.05)
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
-    is_explained = np.zeros(len(echoes.range_m), bool)
-    return round_columns(looks, rows, echoes, is_explained, field, left)
+    return PingSet(looks, rows, echoes, left), field_around(looks, rows, 0.05)
+
+
+def columns_of(cones: list[EchoCone]) -> list[RoundColumn]:
+    ping_set, field = heard(cones)
+    return round_columns(ping_set, np.zeros(len(ping_set.echoes.range_m), bool), field)
+
+
+def columns_instead_of(cell_m: tuple[float, float], cones: list[EchoCone]) -> list[RoundColumn]:
+    """Columns in place of a cell that explains all echoes."""
+    ping_set, _ = heard(cones)
+    none = np.zeros(len(ping_set.echoes.range_m), bool)
+    return columns_instead(ping_set, none, ~none, [np.array([cell_m])])
 
 
 def test_a_column_is_found_from_around(make_cone: Callable[..., EchoCone]) -> None:
@@ -105,6 +118,33 @@ def test_what_two_walls_are_heard_before_is_no_column(
         if math.hypot(column.x_m - X_M, column.y_m - Y_M) < 0.05
     ]
     assert is_there == [is_column]
+
+
+def test_a_column_heard_from_one_side_replaces_the_cell_on_it(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """The cell nearest to its listeners explains all of its echoes, each with a small error."""
+    cones = pings_around(make_cone, 0.0, 1.0, 40, 0.001)
+    near_m = X_M + RADIUS_M * math.cos(0.5), Y_M + RADIUS_M * math.sin(0.5)
+    (column,) = columns_instead_of(near_m, cones)
+    assert column.is_certain
+    found = column.x_m, column.y_m, column.radius_m
+    assert found == pytest.approx((X_M, Y_M, RADIUS_M), abs=0.04)
+
+
+def test_a_pole_heard_from_one_side_stays_a_cell(make_cone: Callable[..., EchoCone]) -> None:
+    for last_rad in (0.5, 1.0, 4.0):
+        cones = pings_around(make_cone, 0.0, last_rad, 40, 0.001, 0.0)
+        assert not columns_instead_of((X_M, Y_M), cones)
+
+
+def test_cells_are_lone_if_no_others_are_near() -> None:
+    field = Field(first_row=0, first_column=0, rows=40, columns=40, resolution_m=0.05)
+    is_reliable = np.zeros(field.shape, bool)
+    is_reliable[5, 5:7] = True
+    is_reliable[30, 10:30] = True
+    (thing,) = lone_cells(is_reliable, np.where(is_reliable, 2.0, -9.0), field)
+    assert thing.tolist() == [[0.275, 0.275], [0.325, 0.275]]
 
 
 def test_echoes_that_scatter_are_no_column(make_cone: Callable[..., EchoCone]) -> None:

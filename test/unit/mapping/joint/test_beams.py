@@ -1,18 +1,34 @@
 """What is left out before it is looked at lies outside of beams; rays stop where sampling says."""
 
+import math
+from collections.abc import Callable
+
 import numpy as np
+import pytest
 
 from usmap_ros.mapping.joint.beams import columns_in_beam, is_beside, rows_in_reach
 from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.ray_casting import OPAQUE, RAYS, STEPS, WHOLE, cast_rays
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.looks import Looks, stacked
+from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.compiled import compiled
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 FIELD = Field(first_row=-62, first_column=-60, rows=125, columns=121, resolution_m=0.05)
 #: Looks on the three functions from compiled code, as kernels call them.
 bounds = compiled(lambda numbers, y_m: columns_in_beam(numbers, FIELD, y_m))
 reach = compiled(lambda numbers: rows_in_reach(numbers, FIELD))
 beside = compiled(lambda numbers, x_m, y_m: is_beside(numbers, x_m, y_m, 0.0))
+
+
+@pytest.fixture(name="looks", scope="module")
+def looks_of_some(make_cone: Callable[..., EchoCone]) -> Looks:
+    """Give pings that look anywhere."""
+    rng = np.random.default_rng(3)
+    poses = [(*rng.uniform(-0.4, 0.4, 2), yaw) for yaw in rng.uniform(-math.pi, math.pi, 12)]
+    cones = [make_cone(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in poses]
+    return stacked([look_of(cone, MappingParameters()) for cone in cones])
 
 
 def test_cells_in_a_beam_are_between_its_bounds(looks: Looks) -> None:

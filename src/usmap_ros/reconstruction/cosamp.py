@@ -16,11 +16,15 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
-from usmap_ros.reconstruction.matrix_operator import MatrixOperator
+
+if TYPE_CHECKING:
+    # Its nearest neighbours take long to import, and searches on delays need none.
+    from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 
 #: Weight of the ridge that keeps least squares on coherent columns solvable, relative to
 #: the mean squared norm of the columns.  Small enough not to be seen in the coefficients;

@@ -33,8 +33,6 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 #: Sweeps before anything hides anything, after each of which what has no power goes; rounds of
 #: shadows and sweeps, and sweeps in each.
 FIRST_SWEEPS, ROUNDS, SWEEPS = (4, 4, 5), 6, 4
-#: Rounds by all pings, where those before are by fewer of them that look at cells often enough.
-LAST_ROUNDS = 2
 #: Rounds in which walls are found, and rounds of shadows in each.
 WALL_ROUNDS, WALL_SHADOWS = 2, 2
 #: Share of a belief in what hides that a round takes over: first, and with walls.
@@ -127,17 +125,12 @@ class JointEstimate:
         between : callable
             Called between pieces of work.
         """
-        whole = self._powers
-        fewer = self._powers = whole.start()
+        self._powers.start()
         for sweeps in FIRST_SWEEPS:
             self._powers.sweep(sweeps)
             self._powers.renew_shadows(self.depth)
         no_walls = np.zeros(self.field.shape, bool)
         self._weigh()
-        if fewer is not whole:
-            self._cast_shadows(no_walls, FIRST_DAMPING, rounds - LAST_ROUNDS, between)
-            whole.take_over(fewer)
-            self._powers, rounds = whole, LAST_ROUNDS
         self._cast_shadows(no_walls, FIRST_DAMPING, rounds, between)
 
     def sayings(self, sources: Sequence[str], names: Sequence[str]) -> Sayings:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, add_said, no_evidence
 from usmap_ros.mapping.joint.cell_parts import Cells, cells_of
-from usmap_ros.mapping.joint.fewer_pings import fewer_pings
 from usmap_ros.mapping.joint.field import QUARTERS, Field
 from usmap_ros.mapping.joint.likelihood_ratios import Said, weigh_pings
 from usmap_ros.mapping.joint.power_estimation import (
@@ -44,8 +43,6 @@ from usmap_ros.processes.threads import for_each
 MOST_GROUPS, LEAST_PINGS = 8, 32
 #: Sweeps that thin out whole cells, before those that are left are divided into quarters.
 COARSE_SWEEPS = 5
-#: Fewer pings say something of a cell if they look at it so often, as a share of what they should.
-SEEN_SHARE = 0.5
 
 
 class _Group(NamedTuple):
@@ -106,46 +103,10 @@ class Powers:
         # What earlier pings say of each scatterer, by `go_on`; and what these pings say.
         self._before: Settled | None = None
         self._gradients = np.zeros((0, 0, 2), np.float32)
-        # Cells that fewer pings, by `start`, say too little of.
-        self._unseen = np.zeros(0, np.int32)
 
-    def start(self) -> Powers:
-        """Begin with all cells that may have returned echoes, and thin them out.
-
-        Returns
-        -------
-        Powers
-            These; or those by fewer pings, where they look at cells often enough: to be gone on
-            with, and taken over from in the end.
-        """
-        hits, misses = count_all_hits(self._looks, self._pings, self._weights, self._field)
-        cells = candidates(hits, misses)
-        looks = (hits + misses).ravel()[cells]
-        some, weights = fewer_pings(self._weights, looks)
-        if len(some) == len(self._pings):
-            self._thin_out(cells)
-            return self
-        fewer = Powers(self._looks, self._pings[some], weights, self._field)
-        hits, misses = count_all_hits(self._looks, self._pings[some], weights, self._field)
-        seen = (hits + misses).ravel()[cells] > SEEN_SHARE * looks
-        fewer._thin_out(cells[seen])
-        self._unseen = cells[~seen]
-        return fewer
-
-    def take_over(self, fewer: Powers) -> None:
-        """Begin with what scatters by fewer of the pings, and with what they did not see.
-
-        Parameters
-        ----------
-        fewer : Powers
-            By `start`.
-        """
-        power = fewer.power.reshape(-1, QUARTERS)
-        power[self._unseen] = FIRST_POWER
-        self._begin_with(power)
-
-    def _thin_out(self, cells: NDArray[np.int32]) -> None:
-        """Divide those of some cells into quarters that may scatter anything."""
+    def start(self) -> None:
+        """Begin with all cells that may have returned echoes, and thin them out."""
+        cells = candidates(*count_all_hits(self._looks, self._pings, self._weights, self._field))
         self._begin(Scatterers(cells, np.full(len(cells), ALL_OF_IT, np.uint8)))
         self.sweep(COARSE_SWEEPS)
         cells = np.repeat(cells[self._power > 0.0], QUARTERS)
@@ -166,7 +127,10 @@ class Powers:
         power = before.power.reshape(-1, QUARTERS).copy()
         cells = cells[~is_empty.ravel()[cells] & ~power[cells].any(axis=1)]
         power[cells] = FIRST_POWER
-        places = self._begin_with(power)
+        places = np.flatnonzero(power)
+        cell, part = np.divmod(places, QUARTERS)
+        self._begin(Scatterers(cell.astype(np.int32), part.astype(np.uint8)))
+        self._power = power.ravel()[places]
         self._before = Settled(self._power.copy(), before.known[places])
 
     @property
@@ -335,19 +299,10 @@ class Powers:
 
         for_each(expect, self._groups)
 
-    def _begin_with(self, power: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Project quarters that have power, of those of all cells; returns which these are."""
-        places = np.flatnonzero(power)
-        cell, part = np.divmod(places, QUARTERS)
-        self._begin(Scatterers(cell.astype(np.int32), part.astype(np.uint8)))
-        self._power = power.ravel()[places]
-        return places
-
     def _begin(self, scatterers: Scatterers) -> None:
         """Project scatterers, all of one power, without shadows."""
         self._scatterers = scatterers
         self._power = np.full(len(scatterers.cell), FIRST_POWER, np.float32)
-        self._gradients = np.zeros((0, len(self._power), 2), np.float32)
 
         def projected(which: slice) -> _Group:
             rows = project(self._looks, self._pings[which], self._field, scatterers)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.joint import estimate, fewer_pings, powers
+from usmap_ros.mapping.joint import estimate, powers
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import MOST_FROM_A_PLACE
@@ -68,27 +68,6 @@ def test_the_number_of_threads_does_not_matter(
         maps.append(fused(views).occupancy_map())
     for other in maps[1:]:
         assert_same(maps[0], other)
-
-
-def test_a_map_that_fewer_pings_begin_is_that_of_all(
-    monkeypatch: pytest.MonkeyPatch, views: list[EchoCone]
-) -> None:
-    """But for a cell at the edge of an object; and the same on any number of threads."""
-    often = [
-        replace(moved(cone, 1e-3 * turn), stamp_ns=100 * turn + number)
-        for turn in range(40)
-        for number, cone in enumerate(views)
-    ]
-    maps = []
-    for cores, enough in ((1, 2.0), (2, 2.0), (2, 1e9)):
-        monkeypatch.setattr(threads, "available_cores", lambda cores=cores: cores)
-        monkeypatch.setattr(fewer_pings, "ENOUGH_LOOKS", enough)
-        maps.append(fused(often).occupancy_map())
-    assert_same(maps[0], maps[1])
-    few, whole = maps[1:]
-    assert np.abs(few.log_odds - whole.log_odds).max() > 0.0
-    assert np.count_nonzero(few.predicted() != whole.predicted()) < 3
-    assert np.count_nonzero(few.observed != whole.observed) < 0.01 * whole.observed.sum()
 
 
 def test_the_order_in_which_pings_come_does_not_matter(views: list[EchoCone]) -> None:

@@ -35,6 +35,9 @@ LEAST_TURN_GAIN, LEAST_TURN_CERTAINTY = 1.0, 2.0
 SURE_TURN = 6.0
 #: Share of what others bear out of any other robot's word, above which nobody is accused.
 LESS = 0.88
+#: Share of the others' words that is borne out where anybody can be accused by how little of its
+#: own is: where they hardly agree with one another, nobody's word tells anything.
+LEAST_USUAL = 0.3
 #: Share of its own word that a robot bears out where it does not contradict itself.
 ITSELF = 0.9
 #: What follows a robot's topic in the name of its earlier pings.
@@ -124,7 +127,7 @@ class RobotComparison:
             usual = float(
                 np.median([share for other, share in enumerate(shares) if other != robot])
             )
-            if left > 0.0 or shares[robot] > LESS * usual:
+            if left > 0.0 or usual < LEAST_USUAL or shares[robot] > LESS * usual:
                 continue
             evidence: dict[str, float | int | None] = {
                 "borne_out": shares[robot],

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -120,6 +121,17 @@ def test_honest_robots_are_not_suspected(give: Callable[[], list[tuple[str, Echo
 
     assert named(found) == {}
     assert any(finding.verdict == "healthy" for finding in found.values())
+
+
+def test_nobody_is_accused_where_hardly_anything_is_borne_out() -> None:
+    """Of cells of 40 cm the others confirm a quarter, of whomever."""
+    coarse = ReconstructionParameters.model_validate(
+        {"dictionary": "cells", "cell_size_m": 0.4, "solver": "nnls"}
+    )
+    scenario = Scenario.load(Path(__file__).parents[4] / "config/scenarios/poles.yaml")
+    found = findings([(t, reconstruct(trace, coarse).cone) for t, trace in simulate(scenario)])
+
+    assert named(found) == {}
 
 
 @pytest.mark.slow

@@ -117,8 +117,8 @@ class Circle(NamedTuple):
         Pings that should have heard it but did not.
     spread : float
         Of the directions that it was heard from: least eigenvalue of the mean of u uᵀ.
-    log_ratio, log_ratio_of_point : float
-        Log-likelihood ratios to echoes by chance, of the circle and of the point that fits best.
+    log_ratio : float
+        Log-likelihood ratio to echoes by chance.
     is_corner : bool
         Whether most is heard before it: two walls are heard before their corner.
     nearest_m : float
@@ -133,7 +133,6 @@ class Circle(NamedTuple):
     misses: int
     spread: float
     log_ratio: float
-    log_ratio_of_point: float
     is_corner: bool
     nearest_m: float
 
@@ -172,17 +171,33 @@ def fitted_circle(
     offsets = place[:2] - numbers[:, [X, Y]]
     across_m = np.hypot(*offsets.T) - place[2]
     directions = offsets / np.linalg.norm(offsets, axis=1)[:, np.newaxis]
-    crowd = count_between(echoes, hit_pings, across_m - CROWD_M, across_m + CROWD_M) - 1
-    stds_m = numbers[:, RANGE_STD]
-    off_point_m = _off_point(numbers, ranges_m, place)
+    crowd, stds_m = _crowd(echoes, hit_pings, across_m), numbers[:, RANGE_STD]
     return Circle(
         float(place[0]), float(place[1]), float(place[2]), hit_pings, hit_echoes, misses,
         spread=float(np.linalg.eigvalsh(directions.T @ directions / hits)[0]),
         log_ratio=_log_ratio(ranges_m - across_m, stds_m, crowd, misses),
-        log_ratio_of_point=_log_ratio(off_point_m, stds_m, crowd, misses),
         is_corner=_is_corner(echoes, hit_pings, across_m, stds_m),
         nearest_m=float(np.hypot(*(looks.numbers[pings][:, [X, Y]] - place[:2]).T).min()),
     )  # fmt: skip
+
+
+def log_ratio_of_point(ping_set: PingSet, circle: Circle) -> float:
+    """Log-likelihood ratio, to echoes by chance, of the point that fits a circle's hits best.
+
+    Most circles are neither certain nor suspected, and need not be compared with it.
+    """
+    looks, pings, echoes, _ = ping_set
+    numbers, ranges_m = looks.numbers[pings[circle.pings]], echoes.range_m[circle.echoes]
+    place = np.array([circle.x_m, circle.y_m, circle.radius_m])
+    across_m = np.hypot(*(place[:2] - numbers[:, [X, Y]]).T) - circle.radius_m
+    off_m = _off_point(numbers, ranges_m, place)
+    crowd = _crowd(echoes, circle.pings, across_m)
+    return _log_ratio(off_m, numbers[:, RANGE_STD], crowd, circle.misses)
+
+
+def _crowd(echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray) -> NDArray[np.int64]:
+    """How many other echoes of the same ping are within `CROWD_M` of where each should be."""
+    return count_between(echoes, pings, across_m - CROWD_M, across_m + CROWD_M) - 1
 
 
 def _hits(

@@ -17,6 +17,7 @@ from usmap_ros.mapping.joint.column_fits import (
     Descent,
     PingSet,
     fitted_circle,
+    log_ratio_of_point,
 )
 from usmap_ros.mapping.joint.field import HALF_ANGLE, HEADING, Field, X, Y
 from usmap_ros.mapping.joint.round_columns import (
@@ -70,7 +71,7 @@ def columns_instead(
             for radius_m in RADII_M
             for place in [np.append(middle_m + radius_m * towards, radius_m)]
         ]
-        round_ones = [circle for circle in circles if circle and _is_round(circle, point)]
+        round_ones = [circle for circle in circles if circle and _is_round(circle, point, ping_set)]
         if round_ones:
             best = max(round_ones, key=lambda circle: circle.log_ratio)
             found.append(RoundColumn.of(best, is_certain=True))
@@ -107,17 +108,18 @@ def lone_cells(is_reliable: BoolArray, log_odds: FloatArray, field: Field) -> li
     return things
 
 
-def _is_round(circle: Circle, point: Circle | None) -> bool:
+def _is_round(circle: Circle, point: Circle | None, ping_set: PingSet) -> bool:
     """Whether a circle, from whatever side it was heard, is far likelier than any point."""
     hits = len(circle.pings)
-    of_point = max(circle.log_ratio_of_point, point.log_ratio if point else 0.0)
+    of_own_hits = point.log_ratio if point else 0.0
     return (
         circle.may_stand
         and hits >= LEAST_HITS
         and circle.log_ratio >= max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits)
-        and circle.log_ratio > of_point + LEAST_OVER_POINT
         and circle.misses < MOST_MISSED * hits
         and not circle.is_corner
+        and circle.log_ratio > of_own_hits + LEAST_OVER_POINT
+        and circle.log_ratio > log_ratio_of_point(ping_set, circle) + LEAST_OVER_POINT
     )
 
 

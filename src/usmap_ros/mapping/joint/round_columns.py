@@ -24,6 +24,7 @@ from usmap_ros.mapping.joint.column_fits import (
     PingSet,
     echoes_per_m,
     fitted_circle,
+    log_ratio_of_point,
 )
 from usmap_ros.mapping.joint.echoes import Echoes
 from usmap_ros.mapping.joint.field import HALF_ANGLE, HEADING, RANGE_STD, Field, X, Y
@@ -107,7 +108,7 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
         circle = fitted_circle(ping_set, is_open, np.array([x_m, y_m, radius_m]), FROM_VOTES)
         if circle is None or not circle.may_stand:
             continue
-        is_certain = _is_heard_around(circle)
+        is_certain = _is_heard_around(circle, ping_set)
         if is_certain or _is_suspected(circle):
             found.append(RoundColumn.of(circle, is_certain))
             is_open[circle.echoes] = False
@@ -141,7 +142,7 @@ def _beyond_m(column: RoundColumn, field: Field) -> FloatArray:
     return beyond_m
 
 
-def _is_heard_around(circle: Circle) -> bool:
+def _is_heard_around(circle: Circle, ping_set: PingSet) -> bool:
     """Whether a circle was heard often enough, and from enough directions, to be shown."""
     hits = len(circle.pings)
     return (
@@ -149,8 +150,8 @@ def _is_heard_around(circle: Circle) -> bool:
         and circle.spread >= LEAST_SPREAD
         and circle.log_ratio >= LEAST_LOG_RATIO
         and circle.log_ratio * circle.spread >= LEAST_LOG_RATIO_A_HIT * hits
-        and circle.log_ratio > circle.log_ratio_of_point
         and not circle.is_corner
+        and circle.log_ratio > log_ratio_of_point(ping_set, circle)
     )
 
 

@@ -12,26 +12,19 @@ odometry that drifts.  With ``--page`` the table goes into a document.
 
 from __future__ import annotations
 
-import argparse
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pages import put
-from real_swarm import ate_m, drifted
+from real_swarm import compared, drifted, tell
 
-from usmap_ros.evaluation.scoring import score
 from usmap_ros.grids import GridGeometry, TruthMap
-from usmap_ros.localisation import refine_poses
 from usmap_ros.localisation.planar import compose
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.pings.fields_of_view import PingViews
 from usmap_ros.pings.range_cones import RangeReading
-from usmap_ros.runs.pipeline import Pipeline
 
 FloatArray = NDArray[np.float64]
 Ping = tuple[str, EchoCone]
@@ -135,19 +128,6 @@ def _count(grid: FloatArray, places_m: FloatArray, low: NDArray[np.int64]) -> No
     grid.ravel()[np.unique(cells[:, 1] * grid.shape[1] + cells[:, 0])] += 1.0
 
 
-def scored(heard: list[Ping], views: PingViews, stands: TruthMap, method: str = "joint") -> str:
-    """F1, known, leak, lost and escape of the map of some pings, by what was in sight."""
-    mapping = {"method": method, "resolution_m": RESOLUTION_M}
-    pipeline = Pipeline(PipelineParameters.model_validate({"mapping": mapping}))
-    for topic, cone in heard:
-        pipeline.fuse(cone, topic)
-    found = score(pipeline.occupancy_map(), stands, views)
-    return (
-        f"{found.f1:.2f} / {found.known:.2f} / {found.leak:.3f} / {found.lost:.3f}"
-        f" / {found.escape_m2:.2f}"
-    )
-
-
 def table(folder: Path) -> str:
     """A row for each log."""
     what = "F1 / known / leak / lost / escape, m²"
@@ -157,31 +137,13 @@ def table(folder: Path) -> str:
     for name, scans in LOGS.items():
         log = read(folder / f"{name}.log", scans)
         exact, told, stands = pings(log, drifting=False), pings(log, drifting=True), truth(log)
-        views, true = (
-            PingViews.of(cone for _, cone in exact),
-            list(np.repeat(log.true, len(YAWS_RAD), axis=0)),
-        )
-        refined = refine_poses(told).pings
+        true = list(np.repeat(log.true, len(YAWS_RAD), axis=0))
         way_m = float(np.hypot(*np.diff(log.true[:, :2], axis=0).T).sum())
-        row = [name, f"{way_m:.0f}", f"{len(exact):,}", scored(exact, views, stands)]
-        row += [scored(exact, views, stands, "range_only")]
-        row += [f"{ate_m(told, true):.3f}", f"{ate_m(refined, true):.3f}"]
-        row += [scored(refined, views, stands), scored(told, views, stands)]
+        row = [name, f"{way_m:.0f}", f"{len(exact):,}", *compared(exact, told, true, stands)]
         rows.append(f"| {' | '.join(row)} |")
         print(rows[-1], flush=True)
     return "\n".join(rows) + "\n"
 
 
-def main() -> None:
-    """Print the table, or put it into a page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("clone", type=Path, help="the repository with the logs")
-    parser.add_argument("--page", type=Path, help="a document with a place for the table")
-    arguments = parser.parse_args()
-    text = table(arguments.clone / "data")
-    if arguments.page is not None:
-        put(arguments.page, "real rooms", text)
-
-
 if __name__ == "__main__":
-    main()
+    tell(__doc__, "real rooms", lambda clone: table(clone / "data"))

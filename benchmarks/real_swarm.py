@@ -15,7 +15,7 @@ import json
 import math
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -184,12 +184,18 @@ def truth(ends_m: FloatArray) -> TruthMap:
     return TruthMap(GridGeometry(RESOLUTION_M, corner_m, occupied.shape), occupied)
 
 
-def scored(heard: list[Ping], views: PingViews, maze: TruthMap, method: str = "joint") -> str:
+def scored(
+    heard: list[Ping],
+    views: PingViews,
+    stands: TruthMap,
+    method: str = "joint",
+) -> str:
     """F1, known, leak, lost and escape of the map of some pings, by what was in sight."""
-    pipeline = Pipeline(PipelineParameters.model_validate({"mapping": {"method": method}}))
+    mapping = {"method": method, "resolution_m": stands.geometry.resolution_m}
+    pipeline = Pipeline(PipelineParameters.model_validate({"mapping": mapping}))
     for topic, cone in heard:
         pipeline.fuse(cone, topic)
-    found = score(pipeline.occupancy_map(), maze, views)
+    found = score(pipeline.occupancy_map(), stands, views)
     return (
         f"{found.f1:.2f} / {found.known:.2f} / {found.leak:.3f} / {found.lost:.3f}"
         f" / {found.escape_m2:.2f}"
@@ -200,6 +206,21 @@ def ate_m(found: list[Ping], true: list[FloatArray]) -> float:
     """Root mean square error of places, m."""
     off_m = [cone.pose.position_m[:2] - at[:2] for (_, cone), at in zip(found, true, strict=True)]
     return float(np.sqrt(np.mean(np.sum(np.square(off_m), axis=1))))
+
+
+def compared(
+    exact: list[Ping], told: list[Ping], true: list[FloatArray], stands: TruthMap
+) -> list[str]:
+    """Maps with true poses by both methods, errors of poses told and refined, and their maps."""
+    refined, views = refine_poses(told).pings, PingViews.of(cone for _, cone in exact)
+    return [
+        scored(exact, views, stands),
+        scored(exact, views, stands, "range_only"),
+        f"{ate_m(told, true):.3f}",
+        f"{ate_m(refined, true):.3f}",
+        scored(refined, views, stands),
+        scored(told, views, stands),
+    ]
 
 
 def table(folder: Path) -> str:
@@ -213,26 +234,22 @@ def table(folder: Path) -> str:
         recording, stands = list(frames(folder / "data" / name)), truth(mazes[maze])
         exact, true = pings(recording, drifting=False)
         told, _ = pings(recording, drifting=True)
-        refined, views = refine_poses(told).pings, PingViews.of(cone for _, cone in exact)
-        row = [name, f"{len(exact):,}", scored(exact, views, stands)]
-        row += [scored(exact, views, stands, "range_only")]
-        row += [f"{ate_m(told, true):.3f}", f"{ate_m(refined, true):.3f}"]
-        row += [scored(refined, views, stands), scored(told, views, stands)]
+        row = [name, f"{len(exact):,}", *compared(exact, told, true, stands)]
         rows.append(f"| {' | '.join(row)} |")
         print(rows[-1], flush=True)
     return "\n".join(rows) + "\n"
 
 
-def main() -> None:
-    """Print the table, or put it into a page."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def tell(description: str | None, place: str, tabled: Callable[[Path], str]) -> None:
+    """Print the table of a clone that the command line names, or put it into a page."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("clone", type=Path, help="the repository with the recordings")
     parser.add_argument("--page", type=Path, help="a document with a place for the table")
     arguments = parser.parse_args()
-    text = table(arguments.clone / "evaluation")
+    text = tabled(arguments.clone)
     if arguments.page is not None:
-        put(arguments.page, "real swarm", text)
+        put(arguments.page, place, text)
 
 
 if __name__ == "__main__":
-    main()
+    tell(__doc__, "real swarm", lambda clone: table(clone / "evaluation"))

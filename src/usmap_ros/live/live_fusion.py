@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.live.fair_shares import FairShares
+from usmap_ros.live.cone_queue import ConeQueue
 from usmap_ros.live.live_poses import LivePoses
-from usmap_ros.live.ordering import StampOrder
 from usmap_ros.mapping.common_frame import CommonFrame
 from usmap_ros.mapping.far_off import FarOff, FarOffError, Ping
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
@@ -26,19 +25,8 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.repeats import SeenPings
 from usmap_ros.runs.pipeline import Pipeline
 
-#: Beyond the wait for order: when cones wait for so long, those of robots that take more than their
-#: share of the time let the others' pass.
-_LATE_S = 1.0
 #: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
 _LONGEST_REACH = 0.1
-
-
-@dataclass(frozen=True)
-class _Received:
-    """A cone, and when it came."""
-
-    cone: EchoCone
-    at_s: float
 
 
 @dataclass(frozen=True)
@@ -79,6 +67,8 @@ class LiveFusion:
 
     Attributes
     ----------
+    queue : ConeQueue
+        The cones that wait.
     poses : LivePoses
         What corrects poses that drift.
     version : int
@@ -103,12 +93,11 @@ class LiveFusion:
         self._pipeline = Pipeline(self._parameters)
         self._frame, self._far = CommonFrame(frame_id), FarOff(parameters)
         self._clock, self._on_set_apart = clock, on_set_apart
-        self._order: StampOrder[_Received] = StampOrder(order_wait_s, capacity)
-        self._consistency = Consistency(parameters)
-        # Two locks, so that cones go on being received while one is fused.
+        # It has a lock of its own, so that cones go on being received while one is fused.
+        self.queue = ConeQueue(order_wait_s, capacity, clock)
         self._map_lock = threading.Lock()
-        self._order_lock = threading.Lock()
-        self._seen, self._shares = SeenPings(), FairShares()
+        self._consistency = Consistency(parameters)
+        self._seen = SeenPings()
         # What is to be fused next, since its place is known now.
         self._ready: deque[Ping] = deque()
         self._left_out = frozenset[str]()
@@ -125,43 +114,14 @@ class LiveFusion:
         return self._frame.is_decided
 
     @property
-    def dropped(self) -> int:
-        """Cones dropped because too many waited."""
-        return self._order.dropped
-
-    @property
     def waiting(self) -> int:
         """Cones that wait to be fused."""
-        return len(self._order) + len(self._ready)
+        return len(self.queue) + len(self._ready)
 
     @property
     def is_behind(self) -> bool:
         """Whether a cone waits whose turn has come."""
         return self.due_in_s() == 0.0
-
-    @property
-    def late(self) -> int:
-        """Cones that came after a newer one had been fused."""
-        return self._order.late
-
-    @property
-    def last_late(self) -> str:
-        """Topic of the last of them, and how far behind it was."""
-        return self._order.last_late
-
-    def set_limits(self, order_wait_s: float, capacity: int) -> None:
-        """Change how long and how many cones may wait."""
-        with self._order_lock:
-            self._order.wait_s, self._order.capacity = order_wait_s, capacity
-
-    def set_sources(self, present: dict[str, bool]) -> None:
-        """Wait for the sources that are present, and not for those that are gone."""
-        with self._order_lock:
-            for source, is_present in present.items():
-                if is_present:
-                    self._order.add_source(source)
-                else:
-                    self._order.remove_source(source)
 
     def receive(self, topic: str, cone: EchoCone) -> None:
         """Take a cone in, to be fused when its turn comes.
@@ -180,7 +140,7 @@ class LiveFusion:
         self._seen.add(cone)
         was_decided = self._frame.is_decided
         if self._frame.add(topic, cone) or (was_decided and self.poses.takes(cone)):
-            self._push(topic, cone)
+            self.queue.push(topic, cone)
         elif was_decided:
             raise MalformedMessageError(
                 "header.frame_id", f"is '{cone.frame_id}', the map's is '{self.frame_id}'"
@@ -192,25 +152,20 @@ class LiveFusion:
         """Whether a ping is in the map's frame, or in one that may be joined to it."""
         return cone.frame_id == self.frame_id or self.poses.takes(cone)
 
-    def _push(self, topic: str, cone: EchoCone) -> None:
-        now_s = self._clock()
-        with self._order_lock:
-            self._order.push(topic, cone.stamp_ns, _Received(cone, now_s), now_s)
-
     def _decide_on_frame(self) -> None:
         """Go on with the frame of most robots, if it is known now."""
         if self._frame.decide():
-            with self._map_lock, self._order_lock:
+            with self._map_lock:
                 lost = self._pings + self.waiting
                 self._begin_anew()
-                self._order.clear()
+                self.queue.clear()
                 self._far = FarOff(self._parameters.mapping)
             self._tell_apart(lost, "are not in the frame of most robots", "; the map begins anew")
         if self._frame.is_decided:
             held = self._frame.take_held()
             fitting = [ping for ping in held if self.takes(ping[1])]
             for topic, cone in fitting:
-                self._push(topic, cone)
+                self.queue.push(topic, cone)
             self._tell_apart(len(held) - len(fitting), "are in other frames")
 
     def _tell_apart(self, count: int, why: str, then: str = "") -> None:
@@ -227,54 +182,58 @@ class LiveFusion:
         MalformedMessageError
             If it cannot be fused.
         """
-        came_s = self._clock()
+        came_s, released = self._clock(), None
         if not self._ready:
-            with self._order_lock:
-                is_late = self._order.longest_wait_s(came_s) > self._order.wait_s + _LATE_S
-                yielding = self._shares.greedy(came_s) if is_late else frozenset[str]()
-                released = self._order.pop(came_s, yielding)
+            released = self.queue.pop()
             if released is None:
                 return None
-            topic, received = released
-            came_s = received.at_s
-            if is_of(topic, self._left_out):
-                return None
-            if received.cone.frame_id == self.frame_id:
-                self._sort_out(topic, received.cone)
-            else:
-                self._ready.append((topic, received.cone))
+            came_s = released.came_s
         with self._map_lock:
+            if released is not None:
+                self._sort_out(released.topic, released.cone)
+            if not self._ready:
+                # The map began anew meanwhile, or its robot is left out.
+                return None
             topic, cone = self._ready.popleft()
-            # It may have waited since before its robot was to be left out.
             if is_of(topic, self._left_out):
                 return None
-            if cone.frame_id == self.frame_id:
-                self._pipeline.fuse(cone, topic)
-                self._consistency.add(topic, cone)
-            self.poses.add(topic, cone)
-            self.version += 1
-            self._pings += 1
+            self._fuse(topic, cone)
         if self.poses.is_full:
             # Nobody looks at maps; what the oldest pings said has to stay in one.
             self.occupancy_map()
-        self._shares.spend(topic, cone, self._clock())
+        self.queue.spend(topic, cone)
         return Fused(topic, self._clock() - came_s)
 
+    def _fuse(self, topic: str, cone: EchoCone) -> None:
+        """Put a cone into the map, under its lock."""
+        if cone.frame_id == self.frame_id:
+            self._pipeline.fuse(cone, topic)
+            self._consistency.add(topic, cone)
+        self.poses.add(topic, cone)
+        self.version += 1
+        self._pings += 1
+
     def _sort_out(self, topic: str, cone: EchoCone) -> None:
-        """Find what is to be fused now that there is this cone; raise its error if nothing is."""
-        with self._map_lock:
-            apart: FarOffError | None = None
-            try:
-                self._ready.extend(self._far.add(topic, cone))
-            except FarOffError as error:
-                apart = error
-            anew = self._far.decide()
-            if anew is not None:
-                self._tell_apart(
-                    self._pings, "are far from most robots in", "; the map begins anew"
-                )
-                self._begin_anew()
-                self._ready.extend(anew)
+        """Find what is to be fused now that there is this cone, under the map's lock.
+
+        Its error is raised if nothing is.
+        """
+        if is_of(topic, self._left_out):
+            return
+        if cone.frame_id != self.frame_id:
+            if self.poses.takes(cone):
+                self._ready.append((topic, cone))
+            return
+        apart: FarOffError | None = None
+        try:
+            self._ready.extend(self._far.add(topic, cone))
+        except FarOffError as error:
+            apart = error
+        anew = self._far.decide()
+        if anew is not None:
+            self._tell_apart(self._pings, "are far from most robots in", "; the map begins anew")
+            self._begin_anew()
+            self._ready.extend(anew)
         if apart is not None and not self._ready:
             raise apart
 
@@ -282,8 +241,7 @@ class LiveFusion:
         """How long until `fuse_next` has something to do; None: not before another cone comes."""
         if self._ready:
             return 0.0
-        with self._order_lock:
-            return self._order.due_in_s(self._clock())
+        return self.queue.due_in_s()
 
     def occupancy_map(self) -> OccupancyMap:
         """The map so far, all pings explained together; cones are fused while it is made."""
@@ -389,12 +347,12 @@ class LiveFusion:
 
     def reset(self) -> None:
         """Forget the map and the cones that wait; frame and stamp stay."""
-        with self._map_lock, self._order_lock:
+        with self._map_lock:
             stamp_ns = self._pipeline.fusion.stamp_ns
             self._frame = CommonFrame(self.frame_id)
             self._begin_anew()
             self._pipeline.fusion.stamp_ns = stamp_ns
-            self._order.clear()
+            self.queue.clear()
             self._far = FarOff(self._parameters.mapping)
             self._seen = SeenPings()
 

@@ -5,126 +5,26 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from typing import NamedTuple
-
-import numpy as np
 
 from usmap_ros.errors import MalformedMessageError, MapSizeError
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.live.anchors import Anchor, anchored
+from usmap_ros.live.located import Located, locate, of_latest_lives
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.fusion import RETIRED_SHARE
-from usmap_ros.numerics.arrays import FloatArray
-from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.pings.trajectory import Trajectory
-from usmap_ros.runs.correction import Corrected, RobotPoses, correct_poses
+from usmap_ros.runs.correction import Corrected, correct_poses
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import DriftWatch
-from usmap_ros.runs.restarts import Restarts, first_name
+from usmap_ros.runs.restarts import Restarts
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
 
 #: Poses are corrected together again when there are such a share more pings than the last time.
 MORE_SHARE = 0.25
-
-
-@dataclass(frozen=True)
-class Anchor:
-    """Where a robot was found to be at a ping, from which its odometry goes on.
-
-    Parameters
-    ----------
-    told, found : Pose
-        As it was told, and as it was corrected.
-    frame_id : str
-        The frame that it was found in.
-    """
-
-    told: Pose
-    found: Pose
-    frame_id: str
-
-    def moved(self, ping: Ping) -> Ping:
-        """A later ping of the robot, as uncertain as the anchor and the way since then."""
-        topic, cone = ping
-        way = self.told.inverse().compose(Pose(cone.pose.position_m, cone.pose.orientation))
-        pose = on_base(self.found, way)
-        # What the way from the anchor cost, in the frame that it was found in.
-        until_then = on_base(self.told, way).covariance
-        turn = self.found.compose(self.told.inverse())
-        cost = replace(way, covariance=cone.pose.covariance - until_then)
-        covariance = pose.covariance + turn.compose(cost).covariance
-        moved = Pose(pose.position_m, pose.orientation, covariance)
-        return topic, replace(cone, frame_id=self.frame_id, pose=moved)
-
-
-@dataclass(frozen=True)
-class Located:
-    """Where robots were found to be.
-
-    Parameters
-    ----------
-    corrected : Corrected
-        Their pings.
-    frame_id : str
-        The map's frame.
-    frames : dict
-        x, y (m) and yaw (rad) of the frame of each robot's odometry in the map's, by its name.
-    """
-
-    corrected: Corrected
-    frame_id: str
-    frames: dict[str, FloatArray]
-
-    def trajectories(self) -> dict[str, Trajectory]:
-        """The way of each robot, or rather of its first transducer."""
-        topics: dict[str, str] = {}
-        poses: dict[str, list[tuple[int, Pose]]] = {}
-        for topic, cone in self.corrected.pings:
-            robot = robot_of(topic, cone)
-            if topics.setdefault(robot, topic) == topic:
-                poses.setdefault(robot, []).append((cone.stamp_ns, cone.pose))
-        return {robot: Trajectory.of_poses(stamped) for robot, stamped in poses.items()}
-
-    def states(self) -> str:
-        """Which robots share the map's frame, in one line."""
-        return ", ".join(f"{r} {self._state(one)}" for r, one in self.corrected.robots.items())
-
-    def _state(self, one: RobotPoses) -> str:
-        is_here = one.frame_id == self.frame_id or one.state == "lost"
-        return one.state if is_here else "alone"
-
-
-def locate(told: Sequence[Ping], corrected: Corrected, frame_id: str) -> Located:
-    """Where frames of odometry are in the map by the newest ping of each that is in it."""
-    frames: dict[str, FloatArray] = {}
-    for (_, before), (_, after) in zip(told, corrected.pings, strict=True):
-        if not is_own_frame(before.frame_id):
-            continue
-        if after.frame_id == frame_id != before.frame_id:
-            place = after.pose.compose(before.pose.inverse())
-            frames[first_name(before.frame_id)] = np.array([*place.position_m[:2], place.yaw_rad])
-        else:
-            # Since it began anew nobody knows where it is.
-            frames.pop(first_name(before.frame_id), None)
-    return Located(corrected, frame_id, frames)
-
-
-def of_latest_lives(told: Sequence[Ping], found: Sequence[Ping]) -> list[bool]:
-    """Which pings are of no robot that was carried off after them.
-
-    What such a ping says stays in the map; odometry from there would lead astray.
-    """
-    latest = {
-        robot_of(*before): robot_of(*after) for before, after in zip(told, found, strict=True)
-    }
-    return [
-        latest[robot_of(*before)] == robot_of(*after)
-        for before, after in zip(told, found, strict=True)
-    ]
 
 
 class LivePoses:
@@ -240,7 +140,7 @@ class LivePoses:
                 if self._earlier is not None:
                     pipeline.resume(self._earlier)
                 frame_id = pipeline.fusion.frame_id
-                pings = [_anchored(ping, anchors) for ping in told]
+                pings = [anchored(ping, anchors) for ping in told]
                 done = correct_poses(
                     pings, self._parameters, frame_id, self._kinds, pipeline.resumed
                 )
@@ -363,8 +263,3 @@ class _Made(NamedTuple):
     generation: int
     occupancy: OccupancyMap
     corrected: Corrected
-
-
-def _anchored(ping: Ping, anchors: dict[str, Anchor]) -> Ping:
-    anchor = anchors.get(robot_of(*ping))
-    return anchor.moved(ping) if anchor else ping

@@ -33,7 +33,7 @@ def cones(request: pytest.FixtureRequest) -> list[EchoCone]:
 def fusion(clock: Any) -> LiveFusion:
     """Give a fusion that knows of two robots."""
     made = LiveFusion(MappingParameters(resolution_m=0.2), WAIT_S, capacity=3, clock=clock)
-    made.set_sources({"a": True, "b": True})
+    made.queue.set_sources({"a": True, "b": True})
     return made
 
 
@@ -52,12 +52,12 @@ def test_it_is_behind_while_a_cone_waits_whose_turn_has_come(
 
 def test_a_shorter_wait_holds_at_once(fusion: LiveFusion, cones: list[EchoCone]) -> None:
     fusion.receive("a", cones[0])
-    fusion.set_limits(0.0, 3)
+    fusion.queue.set_limits(0.0, 3)
     assert fusion.fuse_next() is not None
 
 
 def test_frame_and_stamp_are_those_of_the_cones(fusion: LiveFusion, cones: list[EchoCone]) -> None:
-    fusion.set_limits(0.0, 3)
+    fusion.queue.set_limits(0.0, 3)
     assert fusion.frame_id == ""
     fusion.receive("a", cones[1])
     assert fusion.frame_id == "map"
@@ -133,7 +133,7 @@ def test_nothing_is_left_of_a_robot_that_is_left_out_but_what_the_others_said(
 ) -> None:
     """Neither its pings that still wait, nor what they made of the others."""
     fusion, honest = (LiveFusion(MappingParameters(), 0.0, 99, clock=clock) for _ in range(2))
-    fusion.set_sources({"/a/cone": True, "/c/cone": True})
+    fusion.queue.set_sources({"/a/cone": True, "/c/cone": True})
     for number, cone in enumerate(cones):
         honest.receive("/a/cone", cone)
         fusion.receive("/a/cone", cone)

@@ -9,8 +9,9 @@ from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.live import live_poses
+from usmap_ros.live.anchors import Anchor
 from usmap_ros.live.live_fusion import LiveFusion
-from usmap_ros.live.live_poses import Anchor, locate, of_latest_lives
+from usmap_ros.live.located import locate, of_latest_lives
 from usmap_ros.localisation.planar import between
 from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose

@@ -8,7 +8,7 @@ from typing import Any
 from usmap_ros.io.conversions import path_to_message
 from usmap_ros.live.health import Health
 from usmap_ros.live.interfaces import TRAJECTORIES
-from usmap_ros.live.live_poses import Located
+from usmap_ros.live.located import Located
 from usmap_ros.live.shown_frames import ShownFrames
 from usmap_ros.nodes.plumbing.endpoints import advertise, every
 from usmap_ros.nodes.plumbing.frames import Transforms

@@ -117,7 +117,7 @@ class MapSession:
     def take_over_parameters(self) -> None:
         """Obey those that may change while there is a map."""
         now = self._parameters.value
-        self.fusion.set_limits(now.order_wait_s, now.queue_depth)
+        self.fusion.queue.set_limits(now.order_wait_s, now.queue_depth)
         self.fusion.leave_out(now.without)
         self._worker.wake()
         self.check.wake()
@@ -128,7 +128,7 @@ class MapSession:
         """Wait for the topics on which somebody publishes."""
         without = self._parameters.value.without
         awaited = {name: here and not is_of(name, without) for name, here in present.items()}
-        self.fusion.set_sources(awaited)
+        self.fusion.queue.set_sources(awaited)
         self._worker.wake()
 
     def receive(self, topic: str, payload: bytes) -> None:
@@ -204,12 +204,12 @@ class MapSession:
         return 0.0
 
     def _note_losses(self) -> None:
-        now = {"dropped": self.fusion.dropped, "late": self.fusion.late}
+        now = {"dropped": self.fusion.queue.dropped, "late": self.fusion.queue.late}
         for what, number in now.items():
             if number > self._noted[what]:
                 reason = _LOSSES[what]
                 if what == "late":
-                    reason = f"{self.fusion.last_late}: {reason}"
+                    reason = f"{self.fusion.queue.last_late}: {reason}"
                 self._health.problem(what, reason, number=number - self._noted[what])
         self._noted = now
 

@@ -1,0 +1,46 @@
+"""Where robots were found to be, from which their odometry goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from usmap_ros.localisation.pose_kind import robot_of
+from usmap_ros.mapping.far_off import Ping
+from usmap_ros.numerics.geometry import Pose, on_base
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """Where a robot was found to be at a ping, from which its odometry goes on.
+
+    Parameters
+    ----------
+    told, found : Pose
+        As it was told, and as it was corrected.
+    frame_id : str
+        The frame that it was found in.
+    """
+
+    told: Pose
+    found: Pose
+    frame_id: str
+
+    def moved(self, ping: Ping) -> Ping:
+        """A later ping of the robot, as uncertain as the anchor and the way since then."""
+        topic, cone = ping
+        way = self.told.inverse().compose(Pose(cone.pose.position_m, cone.pose.orientation))
+        pose = on_base(self.found, way)
+        # What the way from the anchor cost, in the frame that it was found in.
+        until_then = on_base(self.told, way).covariance
+        turn = self.found.compose(self.told.inverse())
+        cost = replace(way, covariance=cone.pose.covariance - until_then)
+        covariance = pose.covariance + turn.compose(cost).covariance
+        moved = Pose(pose.position_m, pose.orientation, covariance)
+        return topic, replace(cone, frame_id=self.frame_id, pose=moved)
+
+
+def anchored(ping: Ping, anchors: Mapping[str, Anchor]) -> Ping:
+    """A ping from where its robot was found to be, if it was found."""
+    anchor = anchors.get(robot_of(*ping))
+    return anchor.moved(ping) if anchor else ping

@@ -224,7 +224,7 @@ def _surest(
         if pair not in matches:
             matches[pair] = _match(frames[pair[0]], frames[pair[1]], pings, parameters)
         match = matches[pair]
-        if match and match.is_sure and (best is None or match.margin > best[1].margin):
+        if match and match.is_sure and (best is None or match.sureness > best[1].sureness):
             best = pair, match
     return best
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import GridGeometry, OccupancyMap
-from usmap_ros.localisation import match_maps
+from usmap_ros.localisation import Match, match_maps
 
 RESOLUTION_M = 0.05
 Segment = tuple[tuple[float, float], tuple[float, float]]
@@ -162,3 +162,20 @@ def test_a_few_poles_are_not_enough() -> None:
     match = match_maps(drawn(poles, np.zeros(3)), drawn(poles, np.array([1.0, 0.0, 1.0]), seed=1))
     assert match is not None
     assert not match.is_sure
+
+
+@pytest.mark.parametrize(
+    ("margin", "against", "is_sure"),
+    [
+        # Two robots of one flat, whose poses are off after 1000 pings.
+        (8.8, 0.06, True),
+        # The two legs of an angled corridor, and corridors of two buildings.
+        (4.1, 0.018, False),
+        (4.4, 0.026, False),
+        (3.3, 0.0, True),
+    ],
+)
+def test_what_contradicts_a_match_is_weighed_against_its_margin(
+    margin: float, against: float, is_sure: bool
+) -> None:
+    assert Match(np.zeros(3), np.zeros(2), 77.0, margin, against).is_sure == is_sure

@@ -28,7 +28,7 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.robot_paths import RobotPaths
-from usmap_ros.runs.offline import map_bag, peak_memory_mb
+from usmap_ros.runs.offline import learn_reception, map_bag, peak_memory_mb
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
@@ -85,6 +85,7 @@ def read(bag: Path) -> None:
 
     pipeline.fuse = lambda cone: None  # type: ignore[method-assign]
     with BagReader([bag]) as reader:
+        learn_reception(reader, pipeline)
         map_bag(reader, pipeline, RobotPaths(), workers=Told(pipeline))
     print(peak_memory_mb())
 

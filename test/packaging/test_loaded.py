@@ -20,11 +20,11 @@ try:
 finally:
     print(*sys.modules, sep="\\n", file=sys.stderr)
 """
-#: What drawing, calibrating, simulating, other solvers and ways of mapping need.  Numba loads
-#: scipy.linalg before it takes machine code from disk.
+#: What drawing, calibrating, simulating, other solvers and ways of mapping need; and what Numba
+#: loads for linear algebra in compiled functions, which none of ours does.
 SLOW = {
     "PIL", "matplotlib", "rosbags.typesys.stores.ros2_jazzy", "scipy.fft",
-    "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse",
+    "scipy.linalg", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse",
     "scipy.spatial", "scipy.special", "usmap_ros.calibration.estimation", "usmap_ros.simulation",
     "distributed", "rclpy",
 }  # fmt: skip

@@ -42,10 +42,12 @@ def compile_loops(*, everything: bool = False) -> None:
     everything : bool
         Also those that few need.
     """
+    from usmap_ros.numerics.compiled import begin_without_blas
     from usmap_ros.runs.compilation import ALL, SESSION, compile_if_needed
 
     parts = ALL if everything else SESSION
     compile_if_needed(lambda line: print(f"usmap: {line}", file=sys.stderr), parts)
+    begin_without_blas()
 
 
 @contextmanager

@@ -192,7 +192,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
     from usmap_ros.io.tum_files import save_trajectories
     from usmap_ros.pings.robot_paths import RobotPaths
     from usmap_ros.processes.cores import available_cores
-    from usmap_ros.runs.offline import map_bag, resume_map
+    from usmap_ros.runs.offline import learn_reception, map_bag, resume_map
     from usmap_ros.runs.parallel import WORTH_A_POOL, reconstructors
     from usmap_ros.runs.pipeline import Pipeline
 
@@ -207,6 +207,8 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
         console.compile_loops()
         cores = available_cores() if bag.trace_count > WORTH_A_POOL else 1
         pings = (bag.trace_count or bag.cone_count) + bag.range_count
+        # Before processes are forked, which then have what it has loaded.
+        learn_reception(bag, pipeline)
         with (
             reconstructors(pipeline, order.jobs or cores) as workers,
             console.progress("mapping", pings) as step,

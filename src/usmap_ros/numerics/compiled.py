@@ -24,6 +24,9 @@ OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True, "nogil": Tr
 #: All functions whose machine code is kept on disk.
 COMPILED: list[Any] = []
 
+#: Where Numba looks for linear algebra.
+_BLAS = "scipy.linalg"
+
 #: Why nothing is compiled, if so.
 WHY_NOT = ""
 try:
@@ -159,3 +162,23 @@ def _cached_in(folder: Path | None) -> Iterator[None]:
         yield
     finally:
         _SETTINGS["CACHE_DIR"] = before
+
+
+@compiled
+def _nothing() -> None:
+    """What takes least to compile."""
+
+
+def begin_without_blas() -> None:
+    """Let Numba make ready to take machine code from disk, without SciPy's linear algebra.
+
+    None of our loops calls that, and to load it takes as long as all else.  Functions that a
+    program compiles for itself could not call it afterwards: this is for commands.
+    """
+    modules = cast("dict[str, Any]", sys.modules)
+    if IS_COMPILED and _BLAS not in modules:
+        modules[_BLAS] = None
+        try:
+            _nothing()
+        finally:
+            del modules[_BLAS]

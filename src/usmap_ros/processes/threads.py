@@ -15,6 +15,9 @@ from usmap_ros.processes.cores import available_cores
 Part = TypeVar("Part")
 Result = TypeVar("Result")
 
+#: Parts that are worked out ahead in each thread, most of which change nothing.
+AHEAD = 4
+
 _of_thread = threading.local()
 
 
@@ -33,6 +36,33 @@ def for_each(work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Resu
     if threads < 2 or getattr(_of_thread, "is_alone", False):
         return [work(part) for part in parts]
     return list(_executor(os.getpid(), threads).map(work, parts))
+
+
+def in_turn(
+    work: Callable[[Part], Result], parts: Iterable[Part], take: Callable[[Part, Result], bool]
+) -> None:
+    """Take what work makes of each part, in their order, worked out ahead by other threads.
+
+    Parameters
+    ----------
+    work : callable
+        Changes nothing, and gives the same until `take` says that it has changed something.
+    parts : iterable
+        What it is called with.
+    take : callable
+        Called with each part and what work makes of it; returns whether work would give something
+        else from now on: what was worked out ahead is worked out anew then.
+    """
+    waiting, ahead = list(parts), 1
+    if available_cores() > 1 and not getattr(_of_thread, "is_alone", False):
+        ahead = AHEAD * available_cores()
+    first = 0
+    while first < len(waiting):
+        some = waiting[first : first + ahead]
+        for part, result in zip(some, for_each(work, some), strict=True):
+            first += 1
+            if take(part, result):
+                break
 
 
 @contextmanager

@@ -134,7 +134,8 @@ def map_bag(
     on_cone : callable, optional
         Called after each ping.
     workers : Reconstructors, optional
-        Processes that reconstruct its traces; without them the caller's does.
+        Processes that reconstruct its traces, which began with what `learn_reception` found;
+        without them the caller's does, and what its receivers are is learnt first.
     without : collection of str
         Topics, or robots, whose pings stay out of the map.
 
@@ -147,9 +148,10 @@ def map_bag(
     """
     run, seen, apart = MappingRun(poses=_poses(pipeline)), SeenPings(), SetApart()
     scales = AmplitudeScales()
-    workers = workers or Reconstructors(pipeline)
+    if workers is None:
+        learn_reception(bag, pipeline)
+        workers = Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
-    learn_reception(bag, pipeline)
     wanted = _wanted(recorded_cones(bag, workers), without, left_out)
     for topic, cone in pings_of_one_map(run.poses.corrected(wanted), pipeline, apart):
         try:

@@ -12,7 +12,7 @@ from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import PipelineParameters, PulseParameters, ReconstructionParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
-from usmap_ros.runs.offline import map_bag
+from usmap_ros.runs.offline import learn_reception, map_bag
 from usmap_ros.runs.parallel import Reconstructors, worker_processes
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
@@ -69,6 +69,7 @@ def mapped(bag: Path, learn: bool, executor: object = None) -> tuple[float, Pipe
     pulse = PulseParameters(learn=learn)
     pipeline = Pipeline(PipelineParameters(reconstruction=ReconstructionParameters(pulse=pulse)))
     with BagReader([bag]) as reader:
+        learn_reception(reader, pipeline)
         workers = Reconstructors(pipeline, executor, 2)  # type: ignore[arg-type]
         run = map_bag(reader, pipeline, RobotPaths(), workers=workers)
     return run.echoes / run.pings, pipeline

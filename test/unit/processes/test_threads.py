@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from usmap_ros.processes import threads
-from usmap_ros.processes.threads import alone, for_each
+from usmap_ros.processes.threads import alone, for_each, in_turn
 
 
 @pytest.mark.parametrize("cores", [1, 2, 5])
@@ -27,3 +27,30 @@ def test_a_thread_that_is_to_work_alone_asks_no_other(monkeypatch: pytest.Monkey
     with alone():
         assert set(for_each(lambda _: threading.get_ident(), range(9))) == {threading.get_ident()}
     assert threading.get_ident() not in for_each(lambda _: threading.get_ident(), range(9))
+
+
+@pytest.mark.parametrize("cores", [1, 2, 5])
+def test_what_was_worked_out_ahead_of_a_change_is_worked_out_anew(
+    monkeypatch: pytest.MonkeyPatch, cores: int
+) -> None:
+    """As a loop would do it that works everything out when its turn comes."""
+    monkeypatch.setattr(threads, "available_cores", lambda: cores)
+    taken: list[tuple[int, int]] = []
+    changes = 0
+
+    def take(part: int, result: int) -> bool:
+        nonlocal changes
+        taken.append((part, result))
+        changes += part % 7 == 3
+        return part % 7 == 3
+
+    in_turn(lambda part: 100 * changes + part, range(40), take)
+    assert taken == [(part, 100 * ((part + 3) // 7) + part) for part in range(40)]
+
+
+def test_alone_nothing_is_worked_out_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "available_cores", lambda: 2)
+    worked_out: list[int] = []
+    with alone():
+        in_turn(worked_out.append, range(9), lambda part, _: len(worked_out) != part + 1)
+    assert worked_out == list(range(9))

@@ -21,6 +21,7 @@ from usmap_ros.mapping.joint.field import Field, X, Y
 from usmap_ros.mapping.joint.mirror_fits import Search, candidates, fit
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.processes.threads import in_turn
 
 #: Amplitude reflectivities that a mirror may have.
 LEAST_MIRROR, MOST_MIRROR = 0.25, 1.6
@@ -236,13 +237,17 @@ def _found(search: Search, bar: Bar) -> list[MirrorWall]:
     """Mirrors that explain echoes."""
     search = search._replace(is_open=search.is_open.copy())
     found: list[MirrorWall] = []
-    for normal_rad, distance_m in candidates(search, bar.hits):
-        wall = _fitted(search, bar, normal_rad, distance_m)
+
+    def take(candidate: tuple[float, float], wall: MirrorWall | None) -> bool:
+        is_found = wall is not None and len(found) < MOST_WALLS
         while wall is not None and len(found) < MOST_WALLS:
             found.append(wall)
             search.is_open[wall.echoes] = False
             # Farther along the same line there may be more of it.
             wall = _fitted(search, bar, wall.normal_rad, wall.distance_m)
+        return is_found
+
+    in_turn(lambda line: _fitted(search, bar, *line), candidates(search, bar.hits), take)
     return found
 
 

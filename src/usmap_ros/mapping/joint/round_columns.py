@@ -32,6 +32,7 @@ from usmap_ros.mapping.joint.log_odds import over_block
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
+from usmap_ros.processes.threads import for_each, in_turn
 
 #: Radii that are tried, m.
 RADII_M = np.array([0.08, 0.12, 0.16, 0.2, 0.25, 0.32])
@@ -102,18 +103,27 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
     looks, pings, echoes, _ = ping_set
     stds_m = np.repeat(looks.numbers[pings, RANGE_STD], np.diff(echoes.start))
     is_open, found = ~is_explained & (stds_m <= MOST_RANGE_STD_M), list[RoundColumn]()
-    for x_m, y_m, radius_m in _candidates(ping_set, is_open, stds_m, field):
-        if any(math.hypot(x_m - c.x_m, y_m - c.y_m) < radius_m + c.radius_m for c in found):
-            continue
-        circle = fitted_circle(ping_set, is_open, np.array([x_m, y_m, radius_m]), FROM_VOTES)
-        if circle is None or not circle.may_stand:
-            continue
-        is_certain = _is_heard_around(circle, ping_set)
-        if is_certain or _is_suspected(circle):
-            found.append(RoundColumn.of(circle, is_certain))
-            is_open[circle.echoes] = False
+
+    def fitted(place: tuple[float, float, float]) -> Circle | None:
+        x_m, y_m, radius_m = place
         if len(found) == MOST_COLUMNS:
-            break
+            return None
+        if any(math.hypot(x_m - c.x_m, y_m - c.y_m) < radius_m + c.radius_m for c in found):
+            return None
+        circle = fitted_circle(ping_set, is_open, np.array(place), FROM_VOTES)
+        return circle if circle is not None and circle.may_stand else None
+
+    def take(place: tuple[float, float, float], circle: Circle | None) -> bool:
+        if circle is None:
+            return False
+        is_certain = _is_heard_around(circle, ping_set)
+        if not is_certain and not _is_suspected(circle):
+            return False
+        found.append(RoundColumn.of(circle, is_certain))
+        is_open[circle.echoes] = False
+        return True
+
+    in_turn(fitted, _candidates(ping_set, is_open, stds_m, field), take)
     return found
 
 
@@ -167,16 +177,18 @@ def _candidates(
     """Middles and radii that open echoes vote for, the best ones first."""
     looks, pings, echoes, _ = ping_set
     telling, best = _telling(echoes, stds_m), list[tuple[float, float, float, float]]()
-    for radius_m in RADII_M.tolist():
+
+    def most(radius_m: float) -> list[tuple[float, float, float, float]]:
         votes = np.zeros(field.shape, np.float32)
         _vote(looks, pings, echoes, is_open, telling, field, radius_m, votes)
         rows, columns = np.nonzero((votes >= SUSPECT_LOG_RATIO) & (votes >= over_block(votes)))
         x_m = (field.first_column + columns + 0.5) * field.resolution_m
         y_m = (field.first_row + rows + 0.5) * field.resolution_m
-        best += [
-            (vote, *place, radius_m)
-            for vote, *place in zip(votes[rows, columns], x_m.tolist(), y_m.tolist(), strict=True)
-        ]
+        told = zip(votes[rows, columns].tolist(), x_m.tolist(), y_m.tolist(), strict=True)
+        return [(vote, x, y, radius_m) for vote, x, y in told]
+
+    for some in for_each(most, RADII_M.tolist()):
+        best += some
     best.sort(key=lambda candidate: -candidate[0])
     return [(x_m, y_m, radius_m) for _, x_m, y_m, radius_m in best[:MOST_TRIES]]
 
@@ -226,11 +238,15 @@ def _vote(
                 continue
             distance = echoes.range_m[echo] + radius_m
             steps = int(2.0 * half * distance / (0.7 * res)) + 1
+            # Each direction is the one before, turned by a step.
+            cosine, sine = math.cos(2.0 * half / steps), math.sin(2.0 * half / steps)
+            x = distance / res * math.cos(numbers[HEADING] - half)
+            y = distance / res * math.sin(numbers[HEADING] - half)
             for k in range(steps + 1):
-                angle = numbers[HEADING] - half + 2.0 * half * k / steps
-                column = math.floor((numbers[X] + distance * math.cos(angle)) / res)
-                row = math.floor((numbers[Y] + distance * math.sin(angle)) / res)
-                row, column = row - field.first_row, column - field.first_column
+                if k > 0:
+                    x, y = x * cosine - y * sine, x * sine + y * cosine
+                column = math.floor(numbers[X] / res + x) - field.first_column
+                row = math.floor(numbers[Y] / res + y) - field.first_row
                 if row < 1 or column < 1 or row >= field.rows - 1 or column >= field.columns - 1:
                     continue
                 if last[row, column] != index:

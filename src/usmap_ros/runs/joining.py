@@ -1,7 +1,7 @@
 """Robots that state no relation between their frames: joined as soon as their maps tell it.
 
-Each frame's map stands alone until it lies over another's in one way only; then both frames'
-pings are refined together, and their map is compared with the rest.
+Each frame's map stands alone until it lies over another's in one way only; then the pings of frames
+that are linked so are refined together, and their map is compared with the rest.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from usmap_ros.errors import MalformedMessageError, MapSizeError
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.localisation.linked_frames import Link, links
 from usmap_ros.localisation.map_match import Match, match_maps
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.localisation.refine import refine_poses
@@ -164,21 +165,22 @@ def join_robots(
     if earlier is not None:
         frames.setdefault(earlier.frame_id, Frame([], set())).earlier = earlier
     matches: dict[tuple[str, str], Match | None] = {}
-    while (found := _surest(frames, matches, current, parameters)) is not None:
-        (target, source), match = found
-        x_m, y_m, yaw_rad = map(float, match.change)
-        change = Pose.planar(x_m, y_m, yaw_rad, planar_covariance=np.diag(_OFF**2))
-        for row in frames[source].rows:
-            base[row] = moved(base[row], change, match.about_m, target)
-        rows = sorted(frames[target].rows + frames[source].rows)
-        joined = frames.pop(source)
-        frames[target] = replace(
-            frames[target], rows=rows, robots=frames[target].robots | joined.robots, map=None
-        )
-        together = refine_poses([base[row] for row in rows], kinds=kinds).pings
-        for row, ping in zip(rows, together, strict=True):
-            current[row] = ping
-        matches = {pair: one for pair, one in matches.items() if not {target, source} & set(pair)}
+    while made := _links(frames, matches, current, parameters):
+        for link in made:
+            x_m, y_m, yaw_rad = map(float, link.change)
+            change = Pose.planar(x_m, y_m, yaw_rad, planar_covariance=np.diag(_OFF**2))
+            target, source = frames[link.target], frames.pop(link.source)
+            for row in source.rows:
+                base[row] = moved(base[row], change, link.about_m, link.target)
+            rows, robots = sorted(target.rows + source.rows), target.robots | source.robots
+            frames[link.target] = replace(target, rows=rows, robots=robots, map=None)
+        changed = {name for link in made for name in (link.target, link.source)}
+        for name in sorted(changed & set(frames)):
+            rows = frames[name].rows
+            together = refine_poses([base[row] for row in rows], kinds=kinds).pings
+            for row, ping in zip(rows, together, strict=True):
+                current[row] = ping
+        matches = {pair: one for pair, one in matches.items() if not changed & set(pair)}
     _name(frames, current, world)
     return Joining(
         current,
@@ -196,13 +198,13 @@ def _frames_of(pings: Sequence[Ping]) -> dict[str, Frame]:
     return dict(sorted(frames.items()))
 
 
-def _surest(
+def _links(
     frames: Mapping[str, Frame],
     matches: dict[tuple[str, str], Match | None],
     pings: Sequence[Ping],
     parameters: PipelineParameters,
-) -> tuple[tuple[str, str], Match] | None:
-    """The pair of frames, the one that stays first, of which it is surest how they relate."""
+) -> list[Link]:
+    """How frames lie in others of which it is sure how they relate."""
     # Of frames that several robots share, nobody asks how they relate.
     enough = [
         name
@@ -217,16 +219,16 @@ def _surest(
             -len(frames[name].rows),
         ),
     )
-    best: tuple[tuple[str, str], Match] | None = None
+    sure: dict[tuple[str, str], Match] = {}
     for pair in combinations(ranked, 2):
         if not is_own_frame(pair[1]):
             continue
         if pair not in matches:
             matches[pair] = _match(frames[pair[0]], frames[pair[1]], pings, parameters)
         match = matches[pair]
-        if match and match.is_sure and (best is None or match.sureness > best[1].sureness):
-            best = pair, match
-    return best
+        if match and match.is_sure:
+            sure[pair] = match
+    return links(sure, ranked, is_own_frame)
 
 
 def _match(

@@ -40,7 +40,7 @@ from usmap_ros.mapping.joint.open_space import (
 from usmap_ros.mapping.joint.open_ways import prove_open
 from usmap_ros.mapping.joint.overdispersion import learn_shape
 from usmap_ros.mapping.joint.powers import Powers
-from usmap_ros.mapping.joint.ray_casting import cast_all_rays
+from usmap_ros.mapping.joint.ray_casting import BATCH, cast_all_rays
 from usmap_ros.mapping.joint.response import (
     NO_NORMAL,
     Listening,
@@ -217,7 +217,7 @@ class FreeSpace:
                 wanted &= free | proven | closed
                 before = left
                 left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, unknown)))
-                changed = (left != before).any(axis=(1, 2))
+                changed = _differ(left, before)
                 self._refute(left, listening, self.silence, wanted, changed, worst)
                 is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
         self.heard = Heard(worst, proofs, closed)
@@ -430,6 +430,14 @@ def are_refuted(
     needed = refuted * (1.0 - proven / proofs)
     fails: BoolArray = worst < needed[:, :, np.newaxis]
     return fails
+
+
+def _differ(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> BoolArray:
+    """Whether something else is left of the sound of each ping than before."""
+    batches = [slice(first, first + BATCH) for first in range(0, len(left), BATCH)]
+    return np.concatenate(
+        for_each(lambda some: (left[some] != before[some]).any(axis=(1, 2)), batches)
+    )
 
 
 def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolArray:

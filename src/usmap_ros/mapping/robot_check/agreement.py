@@ -103,7 +103,7 @@ def agreement(expected: Sequence[Expected]) -> Agreement:
 def _fit(expected: Expected) -> float | None:
     """Mean gain in log-likelihood over shifted expectations; None where nothing is expected."""
     look, power = expected.look, expected.power
-    gain, bins = 0.0, 0
+    gain, bins, likelihood = 0.0, 0, log_likelihood(look, power)
     for shift_m in SHIFTS_M:
         shifted = np.full_like(power, look.noise)
         shift = round(shift_m / look.bin_m)
@@ -113,26 +113,31 @@ def _fit(expected: Expected) -> float | None:
             shifted[shift:] = power[:-shift]
         else:
             shifted[:shift] = power[-shift:]
-        likelier, told = _compared(look, power, shifted)
-        gain, bins = gain + likelier, bins + told
+        likelier, told = _compared(look, shifted, power, likelihood)
+        gain, bins = gain - likelier, bins + told
     return gain / bins if bins else None
 
 
-def _compared(look: Look, power: FloatArray, other: FloatArray) -> tuple[float, int]:
-    """How much likelier one expectation makes a ping than another, and how many bins tell."""
+def _compared(
+    look: Look, power: FloatArray, other: FloatArray, likelihood: FloatArray
+) -> tuple[float, int]:
+    """How much likelier an expectation makes a ping than another, and how many bins tell.
+
+    The log-likelihood of the other's bins is given: it is compared with several.
+    """
     loud = 4.0 * look.noise / NOISE_BELOW_LIMIT
     # Where either says that there is an echo.
     tells = (np.maximum(power, other) > loud) & (look.kind != UNJUDGED)
-    difference = (log_likelihood(look, power) - log_likelihood(look, other))[tells]
+    difference = (log_likelihood(look, power) - likelihood)[tells]
     return float(np.clip(difference, -MOST_A_BIN, MOST_A_BIN).sum()), int(tells.sum())
 
 
 def _turn(expected: Sequence[Expected]) -> dict[str, float]:
     """What `Agreement` has of turns; nothing where too few pings tell."""
-    compared = [
-        [_compared(look, turned, power) for turned in all_turned]
-        for look, power, all_turned in expected
-    ]
+    compared = []
+    for look, power, all_turned in expected:
+        likelihood = log_likelihood(look, power)
+        compared.append([_compared(look, turned, power, likelihood) for turned in all_turned])
     gains = [[gain for gain, _ in ping] for ping in compared if any(told for _, told in ping)]
     if len(gains) < LEAST_PINGS:
         return {}

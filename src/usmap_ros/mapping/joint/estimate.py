@@ -113,7 +113,8 @@ class JointEstimate:
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
             self._cast_shadows(filled, WALL_DAMPING, WALL_SHADOWS)
-        return self.walls()
+        walls = self.walls()
+        return self.walls() if self._smooth.doubt_columns_on(walls.lines) else walls
 
     def estimate_powers(self, rounds: int, between: Callable[[], None] = lambda: None) -> None:
         """Find powers and beliefs.

@@ -3,6 +3,7 @@
 Surfaces are seldom as short as what was heard well of them.  A cell that continues a line is wall
 where more speaks for a surface there than against it, and so are all up to the next thing if they
 are hardly contradicted; and it is not free unless it is refuted far more firmly than others are.
+What continues a short line is never shown, for it does not say which way it goes on.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ HEARD, HARDLY, ENDS = 0.01, -2.0, -5.0
 #: one, or what continues it for so many cells; and if they have met another one so many cells
 #: before.
 CROSSING_COSINE, MEETING_CELLS, MET_CELLS = 0.9, 3.0, 8.0
+#: What is shorter tells its direction too badly for cells beyond its ends to be shown: the tangent
+#: of a column, or a short side of something, ends nowhere in particular.
+FOLLOWED_CELLS = 15.0
 #: A line was heard from one side if the mean of the cosines of its echoes' incidence, with the sign
 #: of the side that they were heard from, is more.
 ONE_SIDED = 0.4
@@ -63,7 +67,7 @@ def go_on(lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells:
     """
     longer, may_be, stands = lines.copy(), np.zeros_like(occupied), over_block(occupied)
     for number, line in enumerate(lines):
-        crossings = _crossings(line, lines)
+        crossings, is_long = _crossings(line, lines), line[END] - line[BEGIN] >= FOLLOWED_CELLS
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
             ahead = sign * (crossings - line[end])
             first = ahead[ahead > -MET_CELLS].min(initial=most_cells)
@@ -74,10 +78,11 @@ def go_on(lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells:
             # Beside the first there is the end itself.
             is_solid[0] = occupied[rows[0], columns[0]]
             is_solid[-1] |= first < most_cells
-            bridged = np.flatnonzero(is_solid[: _leading(is_solid | (said >= HARDLY))])
-            grown = int(bridged[-1]) + 1 if len(bridged) else 0
-            grown += _leading((is_solid | (said > HEARD))[grown:])
-            longer[number, end] += sign * grown
+            if is_long:
+                bridged = np.flatnonzero(is_solid[: _leading(is_solid | (said >= HARDLY))])
+                grown = int(bridged[-1]) + 1 if len(bridged) else 0
+                grown += _leading((is_solid | (said > HEARD))[grown:])
+                longer[number, end] += sign * grown
             open_end = _leading(is_solid | (said >= ENDS))
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
                 may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True

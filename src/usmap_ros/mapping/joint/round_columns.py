@@ -28,6 +28,7 @@ from usmap_ros.mapping.joint.column_fits import (
 )
 from usmap_ros.mapping.joint.echoes import Echoes
 from usmap_ros.mapping.joint.field import HALF_ANGLE, HEADING, RANGE_STD, Field, X, Y
+from usmap_ros.mapping.joint.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
 from usmap_ros.mapping.joint.log_odds import over_block
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -48,6 +49,9 @@ LEAST_HITS, LEAST_SPREAD = 12, 0.1
 LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT = 55.0, 0.16
 #: In all, and on the mean of its hits, at which a column is suspected, from wherever it was heard.
 SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
+#: A wall so near to a column, in cells, touches it, and is none if it is shorter: columns' sides
+#: look like that, too.
+TOUCHING_CELLS, WALL_CELLS = 1.5, 20.0
 #: Candidates of votes lie near columns.
 FROM_VOTES = Descent(3, np.full(3, 0.16))
 
@@ -86,6 +90,17 @@ class RoundColumn:
         """Whether both cannot be there."""
         apart_m = math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
         return apart_m < self.radius_m + other.radius_m
+
+    def is_on(self, lines: FloatArray, field: Field) -> bool:
+        """Whether one of some lines on a field is a wall, and passes through it or touches it."""
+        right = self.x_m / field.resolution_m - field.first_column - 0.5
+        up = self.y_m / field.resolution_m - field.first_row - 0.5
+        across = right * lines[:, NORMAL_X] + up * lines[:, NORMAL_Y] - lines[:, DISTANCE]
+        along = up * lines[:, NORMAL_X] - right * lines[:, NORMAL_Y]
+        is_wall = lines[:, END] - lines[:, BEGIN] >= WALL_CELLS
+        is_near = np.abs(across) <= self.radius_m / field.resolution_m + TOUCHING_CELLS
+        is_beside = (along >= lines[:, BEGIN]) & (along <= lines[:, END])
+        return bool(np.any(is_wall & is_near & is_beside))
 
 
 def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> list[RoundColumn]:

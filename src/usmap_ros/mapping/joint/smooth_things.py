@@ -215,6 +215,25 @@ class SmoothThings:
         """How many columns there are likely to be, of those that were found or are suspected."""
         return len(self.columns) + SUSPECTED_SHARE * len(self._suspected)
 
+    def doubt_columns_on(self, lines: FloatArray) -> bool:
+        """Let columns that walls pass through be suspected only: most are those walls' ends.
+
+        Parameters
+        ----------
+        lines : (lines, 5) array
+            Walls that answer from any side, see `usmap_ros.mapping.joint.lines`.
+
+        Returns
+        -------
+        any_doubted : bool
+            Whether there are such columns.
+        """
+        is_on = [column.is_on(lines, self._field) for column in self.columns]
+        pairs = list(zip(self.columns, is_on, strict=True))
+        self.columns = [column for column, on in pairs if not on]
+        self._suspected = [*self._suspected, *(column for column, on in pairs if on)]
+        return any(is_on)
+
     def suspected(self) -> BoolArray:
         """Cells that columns may cover which are not certain."""
         return discs(self._suspected, self._field)

@@ -13,12 +13,14 @@ from usmap_ros.mapping.joint.lone_columns import columns_instead, lone_cells
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.response import MOST_EXPLAINED, listen
 from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, round_columns
+from usmap_ros.mapping.joint.smooth_things import SmoothThings
 from usmap_ros.mapping.ping_bins import ECHO
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
 #: Where a column stands, and its radius, m.
 X_M, Y_M, RADIUS_M = 0.42, -0.13, 0.2
+NO_PINGS = np.zeros(0, np.int64)
 
 
 def pings_around(
@@ -160,6 +162,39 @@ def test_a_column_covers_its_disc(views: list[EchoCone]) -> None:
     field = field_around(looks, rows, 0.05)
     mask = discs([RoundColumn(X_M, Y_M, RADIUS_M, none, none, False)], field)
     assert np.count_nonzero(mask) * 0.05**2 == pytest.approx(math.pi * 0.25**2, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("row", "begin", "end", "is_on"),
+    [(10.0, -40.0, -20.0, True), (14.5, -40.0, -20.0, True), (17.0, -40.0, -20.0, False),
+     (10.0, -20.0, 0.0, False), (14.0, -36.0, -24.0, False)],
+)  # fmt: skip
+def test_a_wall_is_on_a_column_that_it_passes_through_or_touches(
+    row: float, begin: float, end: float, is_on: bool
+) -> None:
+    """A wall along a row of cells of 5 cm, and a column of 20 cm about row 10 and column 30.
+
+    What is as short as a column's side is no wall.
+    """
+    field = Field(-4, 7, 40, 60, 0.05)
+    column = RoundColumn(37.5 * 0.05, 6.5 * 0.05, 0.2, NO_PINGS, NO_PINGS, True)
+    lines = np.array([[0.0, 1.0, row, begin, end]])
+    assert column.is_on(lines, field) == is_on
+
+
+def test_a_column_on_a_wall_is_not_shown_but_nothing_is_free_there(views: list[EchoCone]) -> None:
+    (looks, rows, echoes, _), field = heard(views)
+    smooth, column = (
+        SmoothThings(looks, rows, echoes, field),
+        RoundColumn(X_M, Y_M, RADIUS_M, NO_PINGS, NO_PINGS, True),
+    )
+    smooth.columns = [column]
+    row = Y_M / field.resolution_m - field.first_row
+    assert not smooth.doubt_columns_on(np.array([[0.0, 1.0, row + 20.0, -1000.0, 0.0]]))
+    assert smooth.drawn_columns().any()
+    assert smooth.doubt_columns_on(np.array([[0.0, 1.0, row, -1000.0, 0.0]]))
+    assert not smooth.drawn_columns().any()
+    assert (smooth.suspected() == discs([column], field)).all()
 
 
 def test_an_explained_echo_was_to_be_heard(views: list[EchoCone]) -> None:

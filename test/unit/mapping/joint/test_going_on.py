@@ -8,8 +8,8 @@ from usmap_ros.mapping.joint.going_on import ENDS, GoingOn, behind, behind_alone
 from usmap_ros.mapping.joint.lines import BEGIN, END, drawn
 from usmap_ros.numerics.arrays import FloatArray
 
-#: A wall along row 10 from column 20 to 30, and one along column 45: of the tangent (-ny, nx).
-ALONG_ROW = np.array([0.0, 1.0, 10.0, -30.0, -20.0])
+#: A wall along row 10 from column 10 to 30, and one along column 45: of the tangent (-ny, nx).
+ALONG_ROW = np.array([0.0, 1.0, 10.0, -30.0, -10.0])
 ALONG_COLUMN = np.array([1.0, 0.0, 45.0, 0.0, 18.0])
 SHAPE = (20, 60)
 
@@ -23,7 +23,16 @@ def followed(lines: list[FloatArray], said: float) -> GoingOn:
 
 def test_a_wall_goes_on_where_more_speaks_for_it() -> None:
     going = followed([ALONG_ROW], 0.5)
-    assert going.lines[0, [BEGIN, END]] == pytest.approx([-42.0, -8.0])
+    assert going.lines[0, [BEGIN, END]] == pytest.approx([-42.0, 0.0])
+
+
+def test_a_short_wall_does_not_say_where_it_goes_on() -> None:
+    """But nothing is free where it may."""
+    short = ALONG_ROW.copy()
+    short[END] = -20.0
+    going = followed([short], 0.5)
+    assert going.lines[0] == pytest.approx(short)
+    assert going.may_be[10, 31:43].all()
 
 
 def test_what_is_contradicted_is_no_wall_but_may_be_one() -> None:
@@ -64,8 +73,8 @@ def test_behind_a_wall_is_what_lies_on_the_other_side(
     rows = np.unique(np.nonzero(mask)[0]).tolist()
     assert rows == ([] if solid_row is None else list(range(solid_row - 2, solid_row + 3)))
     if solid_row is not None:
-        assert mask[solid_row, 21:30].all()
-        assert not mask[solid_row, [18, 32]].any()
+        assert mask[solid_row, 11:30].all()
+        assert not mask[solid_row, [8, 32]].any()
 
 
 @pytest.mark.parametrize(("towards_east", "solid_columns"), [(9.0, range(22, 30)), (3.0, [])])

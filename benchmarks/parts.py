@@ -25,8 +25,8 @@ from usmap_ros.mapping.joint import (
 )
 from usmap_ros.mapping.joint.field import NOISE
 from usmap_ros.mapping.joint.going_on import GoingOn
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall
-from usmap_ros.mapping.joint.open_space import ORIENTATIONS
+from usmap_ros.mapping.joint.open_space import ORIENTATIONS, ROUND
+from usmap_ros.mapping.joint.usual_directions import Facing
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -86,16 +86,21 @@ def _by_noise(
     return response.listen(looks, pings, noise.astype(np.float32), reach)
 
 
-def _anywhere(_: list[MirrorWall], columns: float, things: int) -> FloatArray:
+def _anywhere(_: Facing, mirrors: int, *given: Any) -> FloatArray:
     """Orientations as they are asked for where no smooth walls are."""
-    return usual_directions.log_priors([], columns, things)
+    nothing = Facing(*np.zeros((3, 0)))
+    return usual_directions.log_priors(nothing, 0, *given)
 
 
-def _nothing_round(found: list[MirrorWall], columns: float, things: int) -> FloatArray:
-    """Orientations alone."""
-    kinds = usual_directions.log_priors(found, columns, things)
-    kinds[ORIENTATIONS:, 1] = usual_directions.NEVER
-    return kinds
+def _none_of(kinds: slice) -> Callable[..., FloatArray]:
+    """Give a function that asks for no surfaces of some kinds."""
+
+    def log_priors(*given: Any) -> FloatArray:
+        priors = usual_directions.log_priors(*given)
+        priors[kinds, 1] = usual_directions.NEVER
+        return priors
+
+    return log_priors
 
 
 def _none(*given: Any) -> list[Any]:
@@ -141,7 +146,13 @@ PARTS = {
     ),
     "directions": Part("surfaces face anywhere", ((free_space, "log_priors", _anywhere),)),
     "room": Part("walls need no room", ((free_space, "lacks_room", _none_like(0)),)),
-    "round": Part("nothing round is asked for", ((free_space, "log_priors", _nothing_round),)),
+    "round": Part(
+        "nothing round is asked for", ((free_space, "log_priors", _none_of(slice(ROUND, None))),)
+    ),
+    "unfound_mirrors": Part(
+        "mirrors that nobody found are not asked for",
+        ((free_space, "log_priors", _none_of(slice(ORIENTATIONS, ROUND))),),
+    ),
     "proofs": Part("free by silence alone", settings={"mapping.proof_rays": 1000.0}),
     "rounds": Part("one round of free space", ((free_space, "FREE_ROUNDS", 1),)),
     "connected": Part(

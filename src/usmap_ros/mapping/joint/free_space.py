@@ -29,12 +29,15 @@ from usmap_ros.mapping.joint.lines import (
     points_on,
 )
 from usmap_ros.mapping.joint.log_odds import cell_log_odds, judged, optical_depth, over_block
+from usmap_ros.mapping.joint.mirror_share import mirror_share
 from usmap_ros.mapping.joint.open_space import (
     ACROSS,
     ALONG,
     BAND,
     GROUPS,
+    MIRRORS,
     ORIENTATIONS,
+    ROUND,
     refute_surfaces,
 )
 from usmap_ros.mapping.joint.open_ways import prove_open
@@ -49,7 +52,7 @@ from usmap_ros.mapping.joint.response import (
     look_at,
 )
 from usmap_ros.mapping.joint.smooth_things import SmoothThings
-from usmap_ros.mapping.joint.usual_directions import lacks_room, lengths, log_priors
+from usmap_ros.mapping.joint.usual_directions import facing, lacks_room, lengths, log_priors
 from usmap_ros.mapping.joint.walls import Walls
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -195,15 +198,22 @@ class FreeSpace:
         changed = np.ones(len(self._pings), bool)
         things = len(walls.lines) + np.count_nonzero(surfaces[:, 2] == NO_NORMAL)
         alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
-        kinds = log_priors(smooth.mirrors, smooth.columns_likely, int(things), alone_m)
+        lone_share = 1.0 - _walled(occupied, on_lines)
+        mirrored = mirror_share(looked, surfaces, log_silent, lone_share)
+        walls_facing = facing(smooth.mirrors, walls.lines, field.resolution_m)
+        kinds = log_priors(
+            walls_facing, len(smooth.mirrors), smooth.columns_likely, int(things), alone_m, mirrored
+        )
         long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
         self.silence = Silence(log_silent, shape, kinds, refuted, unknown)
         self._refute(left, listening, self.silence, wanted, changed, worst)
         is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
         proven = (proofs >= self._proofs) & is_refuted.all(axis=2)
-        walls, may_be = self._going_on(walls, worst.max(axis=2), proven | stood)
+        # What continues walls is of their kind.
+        alike = worst[:, :, :MIRRORS].max(axis=2)
+        walls, may_be = self._going_on(walls, alike, proven | stood)
         closed |= may_be
-        closed |= self._behind(walls, evidence) & ~proven & (worst.max(axis=2) >= ENDS)
+        closed |= self._behind(walls, evidence) & ~proven & (alike >= ENDS)
         occupied, hides = walls.shown, walls.shown | self._standing
         wanted &= ~occupied
         stood &= ~occupied
@@ -251,7 +261,9 @@ class FreeSpace:
         left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown)))
         # How usual surfaces are has been counted with what was heard of them before.
         alike = silence.kinds.copy()
-        alike[:, 1] = 0.0
+        alike[:ORIENTATIONS, 1] = alike[ROUND, 1] = 0.0
+        mirrored = alike[ORIENTATIONS:ROUND, 1]
+        mirrored[:] = mirrored.max()
         worst = np.zeros((*self._field.shape, GROUPS), np.float32)
         wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
         self._refute(left, listening, silence._replace(kinds=alike), wanted, changed, worst)
@@ -464,14 +476,19 @@ def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolA
 
 def _thresholds(occupied: BoolArray, on_lines: BoolArray, has_mirrors: bool) -> tuple[float, float]:
     """Log-likelihood ratio at which a cell is refuted, and belief that unknown cells hide."""
-    share = int(np.count_nonzero(occupied & on_lines)) / max(1, int(np.count_nonzero(occupied)))
-    walled = min(share / WALLED_SHARE, 1.0)
+    walled = _walled(occupied, on_lines)
     refuted, unknown = (
         (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
     )
     if has_mirrors:
         return max(refuted, MIRRORED[0]), min(unknown, MIRRORED[1])
     return refuted, unknown
+
+
+def _walled(occupied: BoolArray, on_lines: BoolArray) -> float:
+    """How far a place is one of walls, up to 1."""
+    share = int(np.count_nonzero(occupied & on_lines)) / max(1, int(np.count_nonzero(occupied)))
+    return min(share / WALLED_SHARE, 1.0)
 
 
 @compiled

@@ -188,14 +188,13 @@ def face_usually(walls: list[MirrorWall], among: list[MirrorWall]) -> BoolArray:
     return usual
 
 
-def usual_direction(walls: list[MirrorWall]) -> float:
-    """Direction, rad, that most was heard of walls that are parallel or square to."""
-    hits = np.array([len(wall.echoes) for wall in walls], float)
-    square = _square(walls, walls)
-    most = int(np.argmax(square @ hits))
-    turns_rad = np.array([wall.normal_rad - walls[most].normal_rad for wall in walls])
-    mean = np.where(square[most], hits, 0.0) @ np.exp(4j * turns_rad)
-    return float(walls[most].normal_rad + 0.25 * np.angle(mean))
+def usual_direction(normals_rad: FloatArray, weights: FloatArray) -> float:
+    """Direction, rad, that the most of some walls, by their weights, are parallel or square to."""
+    turns_rad = normals_rad - normals_rad[:, np.newaxis]
+    is_square = np.abs(np.sin(2.0 * turns_rad)) < SQUARE
+    most = int(np.argmax(is_square @ weights))
+    mean = np.where(is_square[most], weights, 0.0) @ np.exp(4j * turns_rad[most])
+    return float(normals_rad[most] + 0.25 * np.angle(mean))
 
 
 def _square(walls: list[MirrorWall], others: list[MirrorWall]) -> BoolArray:
@@ -209,7 +208,9 @@ def _squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> l
     """Walls, the short ones turned to a usual direction that is near."""
     if not walls:
         return []
-    direction, quarter = usual_direction(walls), 0.5 * math.pi
+    normals_rad = np.array([wall.normal_rad for wall in walls])
+    hits = np.array([len(wall.echoes) for wall in walls], float)
+    direction, quarter = usual_direction(normals_rad, hits), 0.5 * math.pi
     squared = list[MirrorWall]()
     for wall in walls:
         turn = (direction - wall.normal_rad + 0.5 * quarter) % quarter - 0.5 * quarter

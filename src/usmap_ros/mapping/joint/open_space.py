@@ -30,13 +30,19 @@ from usmap_ros.numerics.elementary import log32
 
 #: Orientations that a surface may have.
 ORIENTATIONS = 16
-#: Kinds of surfaces that are asked for: of each orientation, and round ones, which answer every
-#: view as flat ones answer a square one, but fainter by so many steps of loudness.
-KINDS, FAINTER = ORIENTATIONS + 1, 4
-#: Groups of kinds: walls along and across the usual direction, and all others.
-GROUPS, ALONG, ACROSS, OTHERS = 3, 0, 1, 2
-#: The most that echoes from one sector say for a surface, and chance of an echo from nowhere.
-MOST_A_SECTOR, CLUTTER = 2.4, 0.05
+#: Kinds of surfaces that are asked for: of each orientation, mirrors of each, which answer square
+#: views alone, and round ones, which answer every view as flat ones answer a square one, but
+#: fainter by so many steps of loudness.
+ROUND = 2 * ORIENTATIONS
+KINDS, FAINTER = ROUND + 1, 4
+#: Classes of incidence of views that are square, and how many orientations may be so near to one.
+SQUARE_CLASSES, STRUCK = 3, 2
+#: Groups of kinds: walls along and across the usual direction, all others, and mirrors in a place
+#: where none were found.
+GROUPS, ALONG, ACROSS, OTHERS, MIRRORS = 4, 0, 1, 2, 3
+#: The most that echoes from one sector say for a surface, and for a mirror, of which no other
+#: sector can say that they are of something else; and chance of an echo from nowhere.
+MOST_A_SECTOR, MOST_OF_A_MIRROR, CLUTTER = 2.4, 0.2, 0.05
 #: Steps of the share of sound that gets to a cell.
 SHARES = 32
 #: Cells along the side of a block that looks for its pings once.
@@ -84,6 +90,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     size = BLOCK * BLOCK
     said = np.empty((size, SECTORS, KINDS), np.float32)
     classes, silence, ways = _classes(kinds), _silence(log_silent), _ways(log_silent)
+    struck = _struck(classes)
     near, asked, seen = np.empty(len(pings), np.int64), np.empty(size, np.int64), room_for(size)
     open_m = OPEN_CELLS * field.resolution_m
     for bottom in range(0, field.rows, BLOCK):
@@ -106,7 +113,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                     looks, pings[index], left[index], listening.limit[index], x_m, y_m, open_m,
                     cells, seen,
                 )  # fmt: skip
-                _add_said(index, listening, silence, classes, ways, count, seen, said)
+                _add_said(index, listening, silence, classes, struck, ways, count, seen, said)
             for place in range(cells):
                 up, right = divmod(asked[place], BLOCK)
                 least = worst[bottom + up, start + right]
@@ -122,6 +129,19 @@ def _classes(kinds: FloatArray) -> NDArray[np.int32]:
             direction = (degrees + 0.5) * math.pi / 180.0
             classes[degrees, orientation] = incidence_of(direction, kinds[orientation, 0])
     return classes
+
+
+@inlined
+def _struck(classes: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Orientations that a direction of view in degrees strikes squarely; -1: none, or no other."""
+    struck = np.full((180, STRUCK), -1, np.int32)
+    for degrees in range(180):
+        count = 0
+        for orientation in range(ORIENTATIONS):
+            if classes[degrees, orientation] < SQUARE_CLASSES and count < STRUCK:
+                struck[degrees, count] = orientation
+                count += 1
+    return struck
 
 
 @inlined
@@ -196,11 +216,12 @@ def _find_near(
 
 
 @inlined
-def _add_said(
+def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     index: int,
     listening: Listening,
     silence: NDArray[np.float32],
     classes: NDArray[np.int32],
+    struck: NDArray[np.int32],
     ways: int,
     count: int,
     seen: Sounded,
@@ -217,14 +238,22 @@ def _add_said(
         if not listening.heard[index, b]:
             for way in range(ways):
                 said[cell, sector, way] += silence[share, loud, 1, classes[view, way]]
-            said[cell, sector, ORIENTATIONS] += silence[share, faint, 1, 0]
+            for way in struck[view]:
+                if way >= 0:
+                    square = silence[share, loud, 1, classes[view, way]]
+                    said[cell, sector, ORIENTATIONS + way] += square
+            said[cell, sector, ROUND] += silence[share, faint, 1, 0]
             continue
         chance = max(clutter, listening.chance[index, b])
         for way in range(ways):
             silent = silence[share, loud, 0, classes[view, way]] * (one - chance)
             said[cell, sector, way] += log32((one - silent) / chance)
+        for way in struck[view]:
+            if way >= 0:
+                silent = silence[share, loud, 0, classes[view, way]] * (one - chance)
+                said[cell, sector, ORIENTATIONS + way] += log32((one - silent) / chance)
         silent = silence[share, faint, 0, 0] * (one - chance)
-        said[cell, sector, ORIENTATIONS] += log32((one - silent) / chance)
+        said[cell, sector, ROUND] += log32((one - silent) / chance)
 
 
 @inlined
@@ -236,11 +265,12 @@ def _put_least_refuted(
     worst: NDArray[np.float32],
 ) -> None:
     """Set what all sectors together say of the kind of each group that is refuted least."""
-    none, one, most = np.float32(0.0), np.float32(1.0), np.float32(MOST_A_SECTOR)
+    none, one = np.float32(0.0), np.float32(1.0)
     worst[:] = np.float32(-1e9)
     for kind in range(KINDS):
         total, group = np.float32(kinds[kind, 1]), int(kinds[kind, 2])
-        way = kind if kind == ORIENTATIONS else min(kind, ways - 1)
+        way = kind if kind >= ORIENTATIONS else min(kind, ways - 1)
+        most = np.float32(MOST_OF_A_MIRROR if ORIENTATIONS <= kind < ROUND else MOST_A_SECTOR)
         for sector in range(SECTORS):
             silence = max(none, -said[sector, way])
             total += max(none, min(most, said[sector, way])) - shape * log32(one + silence / shape)

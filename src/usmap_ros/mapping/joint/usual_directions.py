@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.lines import BEGIN, END
+from usmap_ros.mapping.joint.lines import BEGIN, END, NORMAL_X, NORMAL_Y
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, usual_direction
-from usmap_ros.mapping.joint.open_space import ACROSS, ALONG, KINDS, ORIENTATIONS, OTHERS
+from usmap_ros.mapping.joint.open_space import (
+    ACROSS,
+    ALONG,
+    KINDS,
+    MIRRORS,
+    ORIENTATIONS,
+    OTHERS,
+    ROUND,
+)
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 
@@ -33,21 +42,54 @@ LONG_M, SHORT_M = 10.0, 0.3
 SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
 
 
-def log_priors(walls: list[MirrorWall], columns: float, things: int, alone_m: float) -> FloatArray:
+class Facing(NamedTuple):
+    """Walls by which way they face.
+
+    Parameters
+    ----------
+    normals_rad, lengths_m : (walls,) arrays
+        Direction of the normal, and length: how often a wall was heard depends on where robots
+        went.
+    weights : (walls,) array
+        How much each says of the usual direction.
+    """
+
+    normals_rad: FloatArray
+    lengths_m: FloatArray
+    weights: FloatArray
+
+
+def facing(mirrors: list[MirrorWall], lines: FloatArray, resolution_m: float) -> Facing:
+    """Which way mirrors face, or lines if there are no mirrors."""
+    if mirrors:
+        each = [(wall.normal_rad, wall.end_m - wall.begin_m, len(wall.echoes)) for wall in mirrors]
+        return Facing(*np.array(each, float).T)
+    lengths_m = (lines[:, END] - lines[:, BEGIN]) * resolution_m
+    return Facing(np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X]), lengths_m, lengths_m)
+
+
+def log_priors(
+    walls: Facing, mirrors: int, columns: float, things: int, alone_m: float, mirrored: float
+) -> FloatArray:
     """Orientations that are asked for in each cell, and how much rarer surfaces like these are.
 
     Parameters
     ----------
-    walls : list of MirrorWall
-        All that are known. Where there are none, surfaces may face anywhere, and are heard from
-        any side; where there are, orientations are counted from that of most, and something
-        round that answers every view, as smooth walls answer square ones, is asked for as well.
+    walls : Facing
+        All that are known.  Orientations are counted from that of most.
+    mirrors : int
+        Mirrors that were found.  Where there are none, surfaces may face anywhere, and are mostly
+        heard from any side; where there are, something round that answers every view, as smooth
+        walls answer square ones, is asked for as well.
     columns : float
         Round columns that are likely: the more there are for each wall, the more others may stand.
     things : int
         Lines of walls, and what stands alone, if there are no mirrors.
     alone_m : float
         Length of what was found on no line: where much is, more may face anywhere.
+    mirrored : float
+        Share of surfaces that may answer as mirrors do, by
+        `usmap_ros.mapping.joint.mirror_share.mirror_share`.
 
     Returns
     -------
@@ -57,22 +99,24 @@ def log_priors(walls: list[MirrorWall], columns: float, things: int, alone_m: fl
     """
     kinds = np.zeros((KINDS, 3))
     kinds[:, 2] = OTHERS
-    kinds[:ORIENTATIONS, 0] = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
-    share = columns + (PSEUDO_COLUMNS if walls else 0.0)
-    share /= COLUMNS_A_WALL * (len(walls) or things) + PSEUDO_COLUMNS
-    kinds[ORIENTATIONS:, 1] = math.log(min(1.0, share)) if share else NEVER
-    if not walls:
-        return kinds
-    normals = np.array([wall.normal_rad for wall in walls])
-    # By length: how often a wall was struck depends on where robots went.
-    lengths_m = np.array([wall.end_m - wall.begin_m for wall in walls])
-    kinds[:ORIENTATIONS, 0] += usual_direction(walls)
-    off = np.abs(np.sin(2.0 * (kinds[:ORIENTATIONS, :1] - normals)))
-    askew_m = lengths_m[off[0] >= NEAR].sum()
+    kinds[ORIENTATIONS:ROUND, 2] = OTHERS if mirrors else MIRRORS
+    share = columns + (PSEUDO_COLUMNS if mirrors else 0.0)
+    share /= COLUMNS_A_WALL * (mirrors or things) + PSEUDO_COLUMNS
+    kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
+    normals_rad = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
+    if len(walls.normals_rad):
+        normals_rad += usual_direction(walls.normals_rad, walls.weights)
+    off = np.abs(np.sin(2.0 * (normals_rad[:, np.newaxis] - walls.normals_rad)))
+    askew_m = walls.lengths_m[off[0] >= NEAR].sum()
     expected_m = EXPECTED_M + A_METRE_ASKEW * askew_m + A_METRE_ALONE * alone_m
-    found_m = (off < NEAR) @ lengths_m + expected_m
-    kinds[:ORIENTATIONS, 1] = np.log(found_m / found_m.max())
-    kinds[[0, ORIENTATIONS // 2], 2] = ALONG, ACROSS
+    found_m = (off < NEAR) @ walls.lengths_m + expected_m
+    usual = np.log(found_m / found_m.max())
+    kinds[:ORIENTATIONS, 0] = kinds[ORIENTATIONS:ROUND, 0] = normals_rad
+    kinds[ORIENTATIONS:ROUND, 1] = usual + math.log(mirrored)
+    if mirrors:
+        kinds[:ORIENTATIONS, 1] = usual
+        for first in (0, ORIENTATIONS):
+            kinds[[first, first + ORIENTATIONS // 2], 2] = ALONG, ACROSS
     return kinds
 
 

@@ -8,9 +8,20 @@ import pytest
 from usmap_ros.mapping.joint.field import BIN_M, field_around
 from usmap_ros.mapping.joint.free_space import are_refuted, connected
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.open_space import GROUPS
+from usmap_ros.mapping.joint.lines import NO_LINES
+from usmap_ros.mapping.joint.open_space import (
+    GROUPS,
+    MIRRORS,
+    ORIENTATIONS,
+    OTHERS,
+    ROUND,
+    refute_surfaces,
+)
 from usmap_ros.mapping.joint.open_ways import PROVING_SHARE, prove_open
 from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.joint.response import Listening
+from usmap_ros.mapping.joint.soundings import INCIDENCES, LOUDNESSES
+from usmap_ros.mapping.joint.usual_directions import NEVER, facing, log_priors
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -63,3 +74,35 @@ def test_silence_and_sound_that_came_back_refute_surfaces_together() -> None:
     worst[0, :, 1] = [-1.9, -2.1, -1.0, -1.0, -0.1, 1.0, 1.0]
     refuted = are_refuted(worst, proven, -2.0, 3.0)[0, :, 1]
     assert refuted.tolist() == [False, True, False, True, True, False, True]
+
+
+def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """Two silent pings at a cell, and a mirror there that faces one of them."""
+    kept = KeptPings(MappingParameters())
+    kept.add(make_cone(y_m=1.0, x_m=1.0, yaw_rad=-0.5 * np.pi), "robot")
+    kept.add(make_cone(), "robot")
+    looks, rows, _ = kept.pings()[:3]
+    field = field_around(looks, rows, RESOLUTION_M)
+    wanted = field.cells_at(np.array([1.0]), np.array([0.0]))
+    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    silent = np.zeros(looks.kind.shape, np.uint8)
+    listening = Listening(silent, silent.astype(np.float32), np.full(silent.shape, 1e-4, "f4"))
+    kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
+    kinds[ORIENTATIONS + 1 : ROUND, 1] = NEVER
+
+    def told_of_mirrors(some: slice) -> float:
+        worst = np.zeros((*field.shape, GROUPS), np.float32)
+        log_silent, changed = np.full((LOUDNESSES, INCIDENCES), -2.0), np.ones(len(rows), bool)
+        refute_surfaces(
+            looks, rows[some], field, left[some], listening, log_silent, 9.0, kinds, wanted,
+            changed[some], worst,
+        )  # fmt: skip
+        assert worst[wanted][0, OTHERS] < -1.0
+        return float(worst[wanted][0, MIRRORS])
+
+    aslant, square = sorted((told_of_mirrors(slice(0, 1)), told_of_mirrors(slice(1, 2))))[::-1]
+    assert aslant == pytest.approx(np.log(0.5))
+    assert square < aslant - 1.0
+    assert told_of_mirrors(slice(0, 2)) == pytest.approx(square)

@@ -6,18 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from usmap_ros.mapping.joint.lines import NO_LINES
 from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
-from usmap_ros.mapping.joint.open_space import ORIENTATIONS
+from usmap_ros.mapping.joint.open_space import MIRRORS, ORIENTATIONS, OTHERS, ROUND
 from usmap_ros.mapping.joint.usual_directions import (
     A_METRE_ASKEW,
     EXPECTED_M,
     LONG_M,
     SHORT_M,
+    facing,
     lacks_room,
     lengths,
     log_priors,
 )
-from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 
 def wall(normal_rad: float, length_m: float) -> MirrorWall:
@@ -29,12 +31,19 @@ def wall(normal_rad: float, length_m: float) -> MirrorWall:
 ROOM = [wall(0.3, 4.0), wall(0.3 + 0.5 * math.pi, 3.0), wall(0.31 - math.pi, 2.0), wall(1.1, 0.6)]
 
 
+def priors(
+    walls: list[MirrorWall], alone_m: float = 0.0, columns: float = 0.0, things: int = 8
+) -> FloatArray:
+    """What is asked for in a room of mirrors, or among other things."""
+    return log_priors(facing(walls, NO_LINES, 0.05), len(walls), columns, things, alone_m, 0.2)
+
+
 def test_walls_that_are_square_to_most_face_usually() -> None:
     assert face_usually(ROOM, ROOM).tolist() == [True, True, True, False]
 
 
 def test_surfaces_that_face_as_most_walls_do_are_the_likeliest() -> None:
-    kinds = log_priors(ROOM, 0, 0, 0.0)[:ORIENTATIONS]
+    kinds = priors(ROOM)[:ORIENTATIONS]
     likeliest = kinds[kinds[:, 1] == 0.0][:, 0]
     # Along and across; the three walls agree on 0.302.
     assert np.sin(2.0 * (likeliest - 0.302)) == pytest.approx(0.0, abs=5e-3)
@@ -42,7 +51,7 @@ def test_surfaces_that_face_as_most_walls_do_are_the_likeliest() -> None:
 
 
 def test_others_are_the_likelier_the_more_of_them_were_found() -> None:
-    kinds = log_priors(ROOM, 0, 0, 0.0)[:ORIENTATIONS]
+    kinds = priors(ROOM)[:ORIENTATIONS]
     oblique = kinds[np.argmin(np.abs(np.sin(kinds[:, 0] - 1.1))), 1]
     # Askew ones may face any way; most walls that are parallel or square have 9 m.
     expected_m = EXPECTED_M + 0.6 * A_METRE_ASKEW
@@ -52,37 +61,52 @@ def test_others_are_the_likelier_the_more_of_them_were_found() -> None:
 
 def test_how_often_a_wall_was_struck_does_not_make_walls_like_it_usual() -> None:
     often = [replace(one, echoes=np.arange(900)) for one in ROOM[:3]]
-    heard_often, heard = (log_priors(walls, 0, 0, 0.0) for walls in ([*often, ROOM[3]], ROOM))
+    heard_often, heard = (priors(walls) for walls in ([*often, ROOM[3]], ROOM))
     assert heard_often[:, 1] == pytest.approx(heard[:, 1])
 
 
 def test_among_things_that_stand_alone_surfaces_face_anywhere_more_often() -> None:
-    least = [log_priors(ROOM, 0, 0, alone_m)[:ORIENTATIONS, 1].min() for alone_m in (0.0, 2.0, 8.0)]
+    least = [priors(ROOM, alone_m)[:ORIENTATIONS, 1].min() for alone_m in (0.0, 2.0, 8.0)]
     assert least[0] < least[1] < least[2] < 0.0
 
 
 def test_without_mirrors_surfaces_face_anywhere() -> None:
-    assert not log_priors([], 0, 8, 0.0)[:ORIENTATIONS, 1].any()
+    assert not priors([])[:ORIENTATIONS, 1].any()
+
+
+def test_mirrors_that_nobody_found_face_as_the_walls_that_were_found() -> None:
+    """Two walls that answer from any side, of 4 m and 3 m, square to each other."""
+    lines = np.array([[1.0, 0.0, 40.0, 0.0, 80.0], [0.0, 1.0, 30.0, 0.0, 60.0]])
+    kinds = log_priors(facing([], lines, 0.05), 0, 0.0, 2, 0.0, 0.2)
+    assert not kinds[:ORIENTATIONS, 1].any()
+    mirrors = kinds[ORIENTATIONS:ROUND]
+    usual = np.abs(np.sin(2.0 * mirrors[:, 0])) < 0.01
+    assert mirrors[usual, 1] == pytest.approx([math.log(0.2)] * 2)
+    assert mirrors[~usual, 1] == pytest.approx(math.log(0.2 * EXPECTED_M / (7.0 + EXPECTED_M)))
+    assert set(mirrors[:, 2]) == {MIRRORS}
+    among_mirrors = set(priors(ROOM)[:, 2])
+    assert OTHERS in among_mirrors
+    assert MIRRORS not in among_mirrors
 
 
 def test_without_mirrors_and_columns_nothing_round_is_looked_for() -> None:
-    assert log_priors([], 0, 8, 0.0)[ORIENTATIONS, 1] < -100.0
+    assert priors([])[ROUND, 1] < -100.0
 
 
 def test_round_things_are_the_likelier_the_more_columns_there_are_for_each_wall() -> None:
     # Four walls, as lines of what answers from any side and as mirrors, which columns go with.
     for columns, among_lines, among_mirrors in ((1, 1.0 / 3.0, 2.0 / 3.0), (2, 2.0 / 3.0, 1.0)):
         for walls, share in (([], among_lines), (ROOM, among_mirrors)):
-            prior = log_priors(walls, columns, 4, 0.0)[ORIENTATIONS, 1]
+            prior = priors(walls, columns=columns, things=4)[ROUND, 1]
             assert prior == pytest.approx(math.log(share))
 
 
 def test_round_things_are_looked_for_among_mirrors_even_if_no_column_was_found() -> None:
-    assert log_priors(ROOM, 0, 0, 0.0)[ORIENTATIONS, 1] == pytest.approx(math.log(1.0 / 3.0))
+    assert priors(ROOM)[ROUND, 1] == pytest.approx(math.log(1.0 / 3.0))
 
 
 def test_nothing_is_likelier_than_the_most_usual_walls() -> None:
-    assert log_priors(ROOM, 7, 0, 0.0)[:, 1].max() == log_priors([], 7, 4, 0.0)[:, 1].max() == 0.0
+    assert priors(ROOM, columns=7)[:, 1].max() == priors([], columns=7)[:, 1].max() == 0.0
 
 
 #: Distance to an end, cells, of all walls, and log-likelihood ratio at which one is refuted.

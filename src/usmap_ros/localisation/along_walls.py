@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from operator import itemgetter
+import math
 
 from usmap_ros.localisation.equations import covariances
 from usmap_ros.localisation.found import Found, average, of_pings
@@ -15,17 +15,20 @@ from usmap_ros.numerics.arrays import FloatArray
 _WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
 #: Knots that are added at once on the way along walls, one search for each: in short stretches
 #: little drift is added at once, in long ones much is seen of walls that are new.  All at once is
-#: surest where odometry is so good that poses as told show walls; readings of the first thing only
-#: gain nothing by that, and among poles they lost.
+#: surest where odometry is so good that poses as told show walls; it also tells the others how well
+#: odometry is known.  Readings of the first thing only gain nothing by the last one.
 _STRETCHES = (10**6, 12, 6, 3)
 #: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
 #: are found by, at the least, or a wall would be found twice.
-_TOWARDS_THE_END_M, _FOUND_M = (0.05, 0.05, 0.04, 0.03, 0.03), 0.03
+_TOWARDS_THE_END_M, _FOUND_M = (0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.03, 0.03), 0.03
 #: The same last of all, but for readings of the first thing only: ways of drones got worse by that.
 _AT_THE_END_M = 0.02
 #: Ends that differ by less of log-likelihood are much alike: so much it is off by which lines are
-#: found.  Of readings of the first thing only the likeliest end is taken, for the same reason.
+#: found.
 _ALIKE = 20.0
+#: By so much, for the root of the number of echoes, it is off by chance: poses as told stand unless
+#: something is likelier by more.
+_BY_CHANCE = 0.5
 #: Stretches at the most.
 _MOST_STRETCHES = 40
 
@@ -54,17 +57,20 @@ def along_walls(start: Smoother) -> Found | None:
     first_only = start.echoes.are_first_only
     finest_m = _FOUND_M if first_only else _AT_THE_END_M
     ends, least = [], _likely_by_walls(start, finest_m)
-    for stretch in _STRETCHES[int(first_only) :]:
+    if first_only:
+        least += _BY_CHANCE * math.sqrt(float(start.echoes.weight.sum()))
+    for stretch in _STRETCHES[: -1 if first_only else None]:
         one = copy.deepcopy(start)
         factor = _go_along_walls(one, stretch)
+        # The next search knows by this one how well odometry is known.
+        for track, so_far in zip(start.tracks, one.tracks, strict=True):
+            track.spread = so_far.spread
+        left_open = one.left_open(factor) if first_only else 0.0
         if not first_only:
             _adjust_to_walls(one, finest_m)
-        likely = _likely_by_walls(one, finest_m)
+        likely = _likely_by_walls(one, finest_m) - left_open
         if likely > least:
-            found = of_pings(one, covariances(factor, one.knot_count))
-            ends.append((likely / _ALIKE, found))
-    if first_only:
-        ends = sorted(ends, key=itemgetter(0))[-1:]
+            ends.append((likely / _ALIKE, of_pings(one, covariances(factor, one.knot_count))))
     return average(ends) if ends else None
 
 
@@ -95,9 +101,11 @@ def _go_along_walls(smoother: Smoother, stretch: int) -> tuple[FloatArray, bool]
         for robot in smoother.first:
             smoother.predict(robot, min(last, len(smoother.knots[robot]) - 1))
         smoother.spread()
-    for blur_m in _TOWARDS_THE_END_M[:-1]:
-        _adjust_to_walls(smoother, blur_m)
-    return _adjust_to_walls(smoother, _TOWARDS_THE_END_M[-1])
+    factor = _adjust_to_walls(smoother, _TOWARDS_THE_END_M[0])
+    for blur_m in _TOWARDS_THE_END_M[1:]:
+        factor = _adjust_to_walls(smoother, blur_m)
+        smoother.weigh_odometry(factor)
+    return factor
 
 
 def _adjust_to_walls(smoother: Smoother, sigma_m: float) -> tuple[FloatArray, bool]:

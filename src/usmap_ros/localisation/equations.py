@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,8 @@ from usmap_ros.numerics.geometry import wrapped
 _HELD = np.diag([1.0 / 0.005**2, 1.0 / 0.005**2, 1.0 / 0.01**2])
 #: Diagonals above the main one of a chain's equations.
 _BAND = 5
+#: Least and most that odometry is off over what is stated, and errors that outweigh that.
+_SPREADS, _USUAL = (0.05, 2.0), 4.0
 #: How far off ways by odometry are as a whole, as a share.
 _SCALE_STD = 0.03
 
@@ -41,6 +42,12 @@ def odometry_cost(track: Track, knots: FloatArray) -> float:
     cost = np.einsum("ni,nij,nj->", errors, track.informations, errors)
     stretched = (track.scale - 1.0) / _SCALE_STD
     return float(cost + start @ track.start_information() @ start + stretched**2)
+
+
+def log_information(track: Track) -> float:
+    """Logarithm of how well odometry alone knows all knots: of the root of the determinant."""
+    steps = np.linalg.slogdet(track.informations)[1].sum()
+    return 0.5 * float(steps + np.linalg.slogdet(track.start_information())[1])
 
 
 class ScaleEquation(NamedTuple):
@@ -76,9 +83,9 @@ class ScaleEquation(NamedTuple):
         matrix -= np.outer(coupling, coupling) / self.information
         right -= coupling * self.right / self.information
 
-    def fitted(self, track: Track) -> Track:
-        """The track with the scale that its knots make most likely."""
-        return replace(track, scale=track.scale + self.right / self.information)
+    def fit(self, track: Track) -> None:
+        """Give the track the scale that its knots make most likely."""
+        track.scale += self.right / self.information
 
 
 def chain(
@@ -176,8 +183,62 @@ def solve(matrix: FloatArray, right: FloatArray) -> tuple[FloatArray, tuple[Floa
     return change, factor
 
 
-def covariances(factor: tuple[FloatArray, bool], count: int) -> FloatArray:
-    """Covariance of each knot, (n, 3, 3), from the decomposition of their equations."""
-    inverse = np.asarray(cho_solve(factor, np.eye(3 * count), check_finite=False))
-    rows = 3 * np.arange(count)[:, np.newaxis] + np.arange(3)
+def covariances(
+    factor: tuple[FloatArray, bool], count: int, first: int = 0, together: int = 1
+) -> FloatArray:
+    """Covariances of knots that follow one another, from the decomposition of their equations.
+
+    Parameters
+    ----------
+    factor
+        Of the equations of all knots.
+    count : int
+        Of covariances.
+    first : int
+        The first knot.
+    together : int
+        Knots whose covariance with each other is wanted.
+
+    Returns
+    -------
+    (count, 3 together, 3 together) array
+        Of each knot and the next ones.
+    """
+    size = 3 * (count + together - 1)
+    unit = np.zeros((len(factor[0]), size))
+    unit[3 * first : 3 * first + size] = np.eye(size)
+    inverse = np.asarray(cho_solve(factor, unit, check_finite=False))[3 * first :]
+    rows = 3 * np.arange(count)[:, np.newaxis] + np.arange(3 * together)
     return np.asarray(inverse[rows[:, :, np.newaxis], rows[:, np.newaxis, :]])
+
+
+def found_spread(track: Track, knots: FloatArray, known: FloatArray) -> FloatArray:
+    """How far odometry is off, over what is stated, by how far echoes have it off.
+
+    The step of the evidence framework (MacKay, Neural Computation 1992): squared errors are shared
+    out among as many of them as echoes tell, rather than odometry itself.
+
+    Parameters
+    ----------
+    track : Track
+        Whose.
+    knots : (n, 3) array
+        Poses, adjusted to echoes.
+    known : (n - 1, 6, 6) array
+        Covariances of each two that follow one another.
+
+    Returns
+    -------
+    (3,) array
+        As `Track.spread`.
+    """
+    prior = np.diagonal(np.linalg.inv(track.informations), axis1=1, axis2=2)
+    change = derivatives(knots[:-1], knots[1:])
+    left = np.einsum("nij,njk,nik->ni", change, known, change)
+    told = 1.0 - np.minimum(left / prior, 1.0)
+    squares = odometry_errors(track, knots) ** 2 / prior
+    telling, off = told.sum(axis=0), squares.sum(axis=0) * track.spread**2
+    # Places are off alike along and across the way.
+    telling[:2], off[:2] = telling[:2].sum(), off[:2].sum()
+    found = (off + _USUAL) / (telling + _USUAL)
+    return np.asarray(np.clip(np.sqrt(found), *_SPREADS))

@@ -140,7 +140,8 @@ def _refine_frame(
             Track(here, told[here], known[here], transducers[here], every, is_fixed, is_stated)
         )
         first += len(own)
-    looks = np.concatenate([track.looks() for track in tracks])
+    half_rad = np.array([one.transducer.beam.half_angle_rad for one in cones])
+    looks = np.concatenate([track.looks(half_rad[track.rows]) for track in tracks])
     found = search(Smoother(tracks, tabulate(cones, looks)))
     if found is None:
         return dict.fromkeys(rows, 0.0)

@@ -21,6 +21,8 @@ from usmap_ros.localisation.equations import (
     ScaleEquation,
     chain,
     covariances,
+    found_spread,
+    log_information,
     odometry_cost,
     on_knots,
     solve,
@@ -172,9 +174,8 @@ class Smoother:
     def spread(self) -> None:
         """Bring all poses in line with the knots, and the scales of odometry."""
         for number in self._free:
-            scale = ScaleEquation.of(self.tracks[number], self.knots[number])
-            track = scale.fitted(self.tracks[number])
-            self.tracks[number] = track
+            track = self.tracks[number]
+            ScaleEquation.of(track, self.knots[number]).fit(track)
             self.poses[track.rows] = track.poses(self.knots[number])
 
     def adjust(self, sigma_m: float) -> FloatArray:
@@ -216,6 +217,31 @@ class Smoother:
         equations.add(matrix, right)
         change, factor = self._solve(matrix, right)
         return equations.moved(change), factor
+
+    def weigh_odometry(self, factor: tuple[FloatArray, bool]) -> None:
+        """Find out how well the odometry of each robot is known, by how far echoes have it off.
+
+        Parameters
+        ----------
+        factor
+            Decomposition of the last adjustment.
+        """
+        for number, first in self.first.items():
+            track, knots = self.tracks[number], self.knots[number]
+            if len(knots) > 1:
+                known = covariances(factor, len(knots) - 1, first, together=2)
+                track.spread = found_spread(track, knots, known)
+
+    def left_open(self, factor: tuple[FloatArray, bool]) -> float:
+        """Occam's factor: how much narrower echoes make what odometry left open, as a logarithm.
+
+        Parameters
+        ----------
+        factor
+            Decomposition of the last adjustment.
+        """
+        narrowed = float(np.log(np.diagonal(factor[0])).sum())
+        return narrowed - sum(log_information(self.tracks[number]) for number in self._free)
 
     def _solve(
         self, matrix: FloatArray, right: FloatArray

@@ -24,14 +24,16 @@ _ONE_PLACE_M, _ONE_PLACE_RAD = 0.05, 0.1
 _STANDING_M = 1e-4
 #: Rounding of covariances, m² or rad².
 _NOTHING = 1e-12
+#: Knots are no nearer to each other than the way (m) or turn (rad) that odometry errs over.
+_KNOT_M, _KNOT_RAD = 0.4, 0.4
 #: What even the best odometry is off: between any two knots, and for each metre (m, rad).
 _FLOOR_M, _FLOOR_RAD = 0.002, 0.003
 _FLOOR_M_PER_M, _FLOOR_RAD_PER_M = 0.005, 0.003
 
 
-@dataclass(frozen=True)
+@dataclass
 class Track:
-    """Odometry of a robot.
+    """Odometry of a robot, and what was found out of it since: its scale, and how well it is known.
 
     Parameters
     ----------
@@ -51,6 +53,8 @@ class Track:
         Whether the covariances say how odometry drifts; otherwise it does as wheels usually do.
     scale : float
         Ways that the robot has gone over those that odometry tells.
+    spread : (3,) array
+        Standard deviations of odometry's errors along, across and in heading, over those stated.
     """
 
     rows: NDArray[np.intp]
@@ -61,23 +65,39 @@ class Track:
     is_fixed: bool = False
     is_stated: bool = True
     scale: float = 1.0
+    spread: FloatArray = field(default_factory=lambda: np.ones(3))
     along_m: FloatArray = field(init=False)
     knots: NDArray[np.intp] = field(init=False)
     ways: FloatArray = field(init=False)
-    increments: FloatArray = field(init=False)
-    informations: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        last = len(self.rows) - 1
-        knots = np.unique(np.append(np.arange(0, max(last, 1), self.every), last))
-        told = self.told[knots]
-        # The one way to set what follows from the others in a frozen class.
-        object.__setattr__(self, "along_m", self._along_m())
-        object.__setattr__(self, "knots", knots)
-        increments = between(told[:-1], told[1:])
-        object.__setattr__(self, "ways", self._ways(increments))
-        object.__setattr__(self, "increments", increments + (self.scale - 1.0) * self.ways)
-        object.__setattr__(self, "informations", self._informations(knots))
+        self.along_m = self._along_m()
+        self.knots = self._knots()
+        told = self.told[self.knots]
+        self._increments = between(told[:-1], told[1:])
+        self.ways = self._ways(self._increments)
+        self._stated = self._informations(self.knots)
+
+    @property
+    def increments(self) -> FloatArray:
+        """Changes of pose from knot to knot by odometry of that scale, (knots - 1, 3)."""
+        return self._increments + (self.scale - 1.0) * self.ways
+
+    @property
+    def informations(self) -> FloatArray:
+        """How well these are known, (knots - 1, 3, 3): inverse covariances in the first's axes."""
+        return self._stated / (self.spread[:, np.newaxis] * self.spread)
+
+    def _knots(self) -> NDArray[np.intp]:
+        """Pings whose poses are looked for: so many pings apart, and what odometry errs over."""
+        found, last = [0], len(self.rows) - 1
+        turned_rad = np.concatenate([[0.0], np.cumsum(np.abs(self._turns_rad()))])
+        while found[-1] < last:
+            at = found[-1]
+            far = np.searchsorted(self.along_m, self.along_m[at] + _KNOT_M)
+            turned = np.searchsorted(turned_rad, turned_rad[at] + _KNOT_RAD)
+            found.append(int(min(max(at + self.every, min(far, turned)), last)))
+        return np.array(found)
 
     def _ways(self, increments: FloatArray) -> FloatArray:
         """Of increments, what the robot has gone rather than where its transducers are on it."""
@@ -88,7 +108,7 @@ class Track:
         return np.asarray(ways)
 
     def _informations(self, knots: NDArray[np.intp]) -> FloatArray:
-        """How well increments are known, as inverse covariances in the first knot's own axes."""
+        """What is stated of how well increments are known."""
         told, known = self.told[knots], self.covariances[knots] * self.is_stated
         step = told[1:] - told[:-1]
         carried = np.tile(np.eye(3), (len(step), 1, 1))
@@ -122,6 +142,14 @@ class Track:
             steps_m = np.hypot(*np.diff(self.told[own, :2], axis=0).T)
             along_m[own[1:]] = np.cumsum(steps_m)
         return np.maximum.accumulate(along_m)
+
+    def _turns_rad(self) -> FloatArray:
+        """By how much the robot turns before each ping but the first, (n - 1,)."""
+        heading = np.zeros(len(self.rows))
+        for transducer in np.unique(self.transducers):
+            own = np.flatnonzero(self.transducers == transducer)
+            heading[own[1:]] = wrapped(np.diff(self.told[own, 2]))
+        return heading[1:]
 
     def start_information(self) -> FloatArray:
         """How well the first pose is known, as an inverse covariance."""
@@ -157,8 +185,14 @@ class Track:
         poses[:, 2] = wrapped(poses[:, 2])
         return poses
 
-    def looks(self) -> FloatArray:
-        """Weight of each ping, (n,): those of a transducer from one place are one look together."""
+    def looks(self, half_angle_rad: FloatArray) -> FloatArray:
+        """Weight of each ping, (n,): those that look at one thing from one place are one look.
+
+        Parameters
+        ----------
+        half_angle_rad : (n,) array
+            Of each ping's beam.
+        """
         weights = np.ones(len(self.rows))
         for transducer in np.unique(self.transducers):
             own = np.flatnonzero(self.transducers == transducer)
@@ -171,7 +205,31 @@ class Track:
                         continue
                 weights[own[first:ping]] = 1.0 / (ping - first)
                 first = ping
-        return weights
+        return weights / self._beams_alike(half_angle_rad)
+
+    def _beams_alike(self, half_angle_rad: FloatArray) -> FloatArray:
+        """How many transducers hear at once, from one place, what each ping hears, (n,)."""
+        alike = np.ones(len(self.rows))
+        first, heard = 0, set[int]()
+        for ping in range(len(self.rows) + 1):
+            if ping < len(self.rows):
+                transducer = int(self.transducers[ping])
+                moved_m = math.dist(self.told[ping, :2], self.told[first, :2])
+                if transducer not in heard and moved_m < _ONE_PLACE_M:
+                    heard.add(transducer)
+                    continue
+                heard = {transducer}
+            run = slice(first, ping)
+            alike[run] = _shared_beams(self.told[run, 2], half_angle_rad[run])
+            first = ping
+        return alike
+
+
+def _shared_beams(heading_rad: FloatArray, half_angle_rad: FloatArray) -> FloatArray:
+    """How many beams look where each of them does, shares of beams among them, (n,)."""
+    apart_rad = np.abs(wrapped(heading_rad[:, np.newaxis] - heading_rad))
+    shared = 1.0 - 0.5 * apart_rad / half_angle_rad[:, np.newaxis]
+    return np.asarray(np.maximum(shared, 0.0).sum(axis=1))
 
 
 def _by_variances(known: FloatArray, way_m: FloatArray) -> FloatArray:

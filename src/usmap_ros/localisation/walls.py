@@ -23,7 +23,7 @@ from usmap_ros.numerics.geometry import wrapped
 _DIRECTIONS, _STEP_M = 120, 0.04
 #: Walls at the most, echoes that each must explain, and places, a decimetre apart, that its feet
 #: must have: one place is as well a point's.
-_MOST, _LEAST_ECHOES, _LEAST_PLACES = 50, 5.0, 4
+_MOST, _LEAST_ECHOES, _LEAST_PLACES = 200, 5.0, 4
 #: Share of the half angle within which the foot must be.
 _WITHIN = 0.95
 #: Echoes per metre of range that no wall explains.

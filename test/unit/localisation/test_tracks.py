@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from pings_among_poles import circle
 
-from usmap_ros.localisation.equations import chain, odometry_cost, solve_chain
+from usmap_ros.localisation.equations import chain, found_spread, odometry_cost, solve_chain
 from usmap_ros.localisation.planar import between, compose, derivatives
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.geometry import wrapped
 
 #: All pings of one transducer.
-ONE = np.zeros(100, np.intp)
+ONE = np.zeros(1000, np.intp)
+#: Beams that are narrow, rad.
+NARROW = np.full(100, 0.3)
 
 
 def track(count: int = 21, **others: bool) -> Track:
@@ -74,7 +76,7 @@ def test_a_way_is_that_of_the_robot_and_not_from_one_transducer_to_the_other() -
     told[:, 0] = 0.1 * np.arange(9) + 0.2 * transducers
     one = Track(np.arange(9), told, np.zeros((9, 3, 3)), transducers, 8)
     assert one.along_m[-1] == pytest.approx(0.8)
-    np.testing.assert_allclose(one.looks(), 1.0)
+    np.testing.assert_allclose(one.looks(NARROW[:9]), 1.0)
 
 
 def test_odometry_alone_is_solved_to_itself() -> None:
@@ -104,7 +106,49 @@ def test_a_robot_that_parks_looks_once() -> None:
     told = np.zeros((10, 3))
     told[5:, 0] = np.arange(1, 6)
     parked = Track(np.arange(10), told, np.zeros((10, 3, 3)), ONE[:10], 4)
-    np.testing.assert_allclose(parked.looks(), [0.2] * 5 + [1.0] * 5)
+    np.testing.assert_allclose(parked.looks(NARROW[:10]), [0.2] * 5 + [1.0] * 5)
+
+
+def test_beams_that_overlap_at_one_place_are_one_look_by_what_they_share() -> None:
+    # Four sensors at once, a quarter of a turn from each other, and each time a fifth one that
+    # looks where the first one does.
+    transducers = np.tile(np.arange(5), 3)
+    told = np.zeros((15, 3))
+    told[:, 0] = np.repeat(0.3 * np.arange(3), 5)
+    told[:, 2] = np.tile([0.1, 1.7, 3.2, -1.5, 0.1], 3)
+    one = Track(np.arange(15), told, np.zeros((15, 3, 3)), transducers, 4)
+    np.testing.assert_allclose(one.looks(NARROW[:15]), [0.5, 1.0, 1.0, 1.0, 0.5] * 3)
+    # Beams so wide that neighbours' halves overlap share half of what they hear.
+    told[:, 2] = np.tile(np.deg2rad([-60.0, -30.0, 0.0, 30.0, 60.0]), 3) + 0.01
+    wide = Track(np.arange(15), told, np.zeros((15, 3, 3)), transducers, 4)
+    looks = wide.looks(np.full(15, np.deg2rad(30.0)))
+    np.testing.assert_allclose(looks[:5], [2 / 3, 0.5, 0.5, 0.5, 2 / 3])
+
+
+def test_knots_are_as_far_apart_as_odometry_errs_over() -> None:
+    # Eleven sensors that measure at once, each decimetre.
+    told = np.zeros((110, 3))
+    told[:, 0] = np.repeat(0.1 * np.arange(10), 11)
+    transducers = np.tile(np.arange(11), 10)
+    one = Track(np.arange(110), told, np.zeros((110, 3, 3)), transducers, 8)
+    np.testing.assert_allclose(np.diff(one.along_m[one.knots])[:-1], 0.4)
+
+
+def test_odometry_is_weighed_by_how_far_echoes_have_it_off() -> None:
+    rng = np.random.default_rng(5)
+    one = track(801)
+    stds = 1.0 / np.sqrt(np.diagonal(one.informations, axis1=1, axis2=2))
+    # Headings are a fifth as far off as stated, places as much as stated; and echoes tell all.
+    knots = [one.told[0]]
+    for step, std in zip(one.increments, stds, strict=True):
+        knots.append(compose(knots[-1], step + std * [1.0, 1.0, 0.2] * rng.standard_normal(3)))
+    known = np.zeros((len(knots) - 1, 6, 6))
+    found = found_spread(one, np.array(knots), known)
+    np.testing.assert_allclose(found, [1.0, 1.0, 0.25], atol=0.15)
+    # Echoes that say nothing leave what is stated.
+    chance = np.linalg.inv(one.informations)
+    known[:, 3:, 3:] = 4.0 * chance
+    np.testing.assert_allclose(found_spread(one, one.told[one.knots], known), 1.0)
 
 
 def test_without_covariances_wheels_are_as_wheels_usually_are() -> None:

@@ -27,9 +27,10 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.field import field_around
-from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap, kept_pings
+from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surface_lines import surface_lines
 from usmap_ros.mapping.next_view import best_views, candidate_poses
+from usmap_ros.mapping.robot_check.consistency import Consistency
 from usmap_ros.numerics import compiled
 from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED
 from usmap_ros.numerics.geometry import Pose
@@ -81,8 +82,10 @@ def map_pings() -> None:
 
     pipeline, cones = _mapped(TRANSDUCER)
     pipeline.occupancy_map()
-    robots = {"one": cones[:5], "other": cones[5:]}
-    LeaveOneOutMap(robots, pipeline.parameters.mapping).expected(robots)
+    consistency = Consistency(pipeline.parameters.mapping)
+    for ping, cone in enumerate(cones):
+        consistency.add("one" if ping < PINGS // 2 else "other", cone)
+    consistency.findings()
 
 
 def find_free_space() -> None:

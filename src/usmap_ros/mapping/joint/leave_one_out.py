@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -13,9 +12,6 @@ from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.field import (
-    AXIS_X,
-    AXIS_Y,
-    HEADING,
     NOISE,
     QUARTERS,
     X,
@@ -44,8 +40,6 @@ from usmap_ros.pings.cone import EchoCone
 SEEN = 8.0
 #: Rounds of shadows: half of a map's, which settle what is hidden.
 ROUNDS = 3
-#: Errors of heading that are looked for.
-TURNS_RAD = (-0.35, -0.2, -0.1, 0.1, 0.2, 0.35)
 
 
 class Expected(NamedTuple):
@@ -57,13 +51,10 @@ class Expected(NamedTuple):
         The ping in bins of range.
     power : (bins,) array
         Expected power of each range bin, the receiver's noise included.
-    turned : (TURNS_RAD, bins) array
-        The same if the robot faced elsewhere than it says, by each of the turns.
     """
 
     look: Look
     power: FloatArray
-    turned: FloatArray
 
 
 class LeaveOneOutMap:
@@ -110,16 +101,11 @@ class LeaveOneOutMap:
         for robot in cones if of is None else of:
             pings = kept_pings({robot: cones[robot]}, self._parameters).pings()
             ahead = self.levels(pings.rows, pings.looks, of_one(robot))
-            turned = [
-                self.levels(pings.rows, turned_looks(pings.looks, by_rad), of_one(robot))
-                for by_rad in TURNS_RAD
-            ]
             found[robot] = []
             for index, row in enumerate(pings.rows.tolist()):
                 look = look_in_row(pings.looks, row)
                 bins = slice(len(look.kind))
-                others = np.array([levels[index, bins] for levels in turned])
-                found[robot].append(Expected(look, ahead[index, bins], others))
+                found[robot].append(Expected(look, ahead[index, bins]))
         return found
 
     def sayings(self, names: Sequence[str]) -> Sayings:
@@ -250,12 +236,3 @@ def kept_pings(cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParam
     for cone, robot in sorted(together, key=lambda each: (each[0].stamp_ns, each[1])):
         kept.add(cone, robot)
     return kept
-
-
-def turned_looks(looks: Looks, by_rad: float) -> Looks:
-    """The same if the robot faced elsewhere."""
-    numbers, cosine, sine = looks.numbers.copy(), math.cos(by_rad), math.sin(by_rad)
-    x, y = looks.numbers[:, AXIS_X], looks.numbers[:, AXIS_Y]
-    numbers[:, AXIS_X], numbers[:, AXIS_Y] = cosine * x - sine * y, sine * x + cosine * y
-    numbers[:, HEADING] += by_rad
-    return looks._replace(numbers=numbers)

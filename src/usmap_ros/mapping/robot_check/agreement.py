@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.mapping.joint.leave_one_out import TURNS_RAD, Expected
+from usmap_ros.mapping.joint.leave_one_out import Expected
 from usmap_ros.mapping.ping_bins import (
     ECHO,
     NOISE_BELOW_LIMIT,
@@ -24,9 +24,9 @@ TOLERANCE_M = 0.05
 AUDIBLE = 3.0
 #: Shifts of range that expectations are compared with: more than errors of poses make, m.
 SHIFTS_M = (-0.35, -0.25, -0.15, 0.15, 0.25, 0.35)
-#: Bounds of the difference of a range bin's log-likelihoods, and of a ping's.
-MOST_A_BIN, MOST_A_PING = 3.0, 20.0
-#: Pings with expectations that are needed to tell whether a robot faces elsewhere.
+#: Bound of the difference of a range bin's log-likelihoods.
+MOST_A_BIN = 3.0
+#: Pings with expectations that are needed to judge a robot.
 LEAST_PINGS = 8
 
 
@@ -49,11 +49,6 @@ class Agreement:
     fit : float, optional
         By how much the pings are likelier with what is expected of them than with the same
         shifted in range: log-likelihood for a range bin, the median of the pings.
-    turned_rad : float, optional
-        By how much its heading must be turned, of `TURNS_RAD`, for its pings to be likeliest.
-    turn_gain, turn_certainty : float, optional
-        How much likelier they are then, in log-likelihood a ping, on pings by which the turn
-        was not chosen; and the same in standard errors.
     """
 
     pings: int
@@ -63,9 +58,6 @@ class Agreement:
     matches: int
     loudness_db: float | None
     fit: float | None
-    turned_rad: float | None = None
-    turn_gain: float | None = None
-    turn_certainty: float | None = None
 
 
 def agreement(expected: Sequence[Expected]) -> Agreement:
@@ -73,7 +65,7 @@ def agreement(expected: Sequence[Expected]) -> Agreement:
     fits = [fit for ping in expected if (fit := _fit(ping)) is not None]
     echoes = audible = heard = 0
     loudness: list[float] = []
-    for look, power, _ in expected:
+    for look, power in expected:
         echoes += int(np.count_nonzero(look.kind == ECHO))
         width = 2 * round(TOLERANCE_M / look.bin_m) + 1
         signal = power - look.noise
@@ -96,7 +88,6 @@ def agreement(expected: Sequence[Expected]) -> Agreement:
         matches=len(loudness),
         loudness_db=float(np.median(loudness)) if loudness else None,
         fit=float(np.median(fits)) if fits else None,
-        **_turn(expected),
     )
 
 
@@ -130,31 +121,6 @@ def _compared(
     tells = (np.maximum(power, other) > loud) & (look.kind != UNJUDGED)
     difference = (log_likelihood(look, power) - likelihood)[tells]
     return float(np.clip(difference, -MOST_A_BIN, MOST_A_BIN).sum()), int(tells.sum())
-
-
-def _turn(expected: Sequence[Expected]) -> dict[str, float]:
-    """What `Agreement` has of turns; nothing where too few pings tell."""
-    compared = []
-    for look, power, all_turned in expected:
-        likelihood = log_likelihood(look, power)
-        compared.append([_compared(look, turned, power, likelihood) for turned in all_turned])
-    gains = [[gain for gain, _ in ping] for ping in compared if any(told for _, told in ping)]
-    if len(gains) < LEAST_PINGS:
-        return {}
-    table = np.clip(gains, -MOST_A_PING, MOST_A_PING)
-    chosen, held_out = [], []
-    # What one half of the pings choose is judged by the other half.
-    for half in (0, 1):
-        best = int(table[half::2].mean(axis=0).argmax())
-        chosen.append(TURNS_RAD[best])
-        held_out.append(table[1 - half :: 2, best])
-    gain = np.concatenate(held_out)
-    error = max(float(gain.std()) / np.sqrt(len(gain)), 1e-9)
-    return {
-        "turned_rad": float(np.mean(chosen)),
-        "turn_gain": float(gain.mean()),
-        "turn_certainty": float(gain.mean() / error),
-    }
 
 
 def log_likelihood(look: Look, power: FloatArray) -> FloatArray:

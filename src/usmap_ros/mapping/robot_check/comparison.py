@@ -29,10 +29,6 @@ SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.6, 0.4, 1.0
 #: So many robots, those that fit worst, are left out by turns; and those are named without whom the
 #: others agree nearly as well as without anybody.
 MOST_LEFT_OUT, AGREED = 4, 0.8
-#: `Agreement.turn_gain` and `turn_certainty` from which on a robot faces elsewhere than it says.
-LEAST_TURN_GAIN, LEAST_TURN_CERTAINTY = 1.0, 2.0
-#: Certainty of a turn that no others' word outweighs: healthy robots had up to 4.9.
-SURE_TURN = 6.0
 #: Share of what others bear out of any other robot's word, above which nobody is accused.
 LESS = 0.88
 #: Share of the others' words that is borne out where anybody can be accused by how little of its
@@ -153,12 +149,7 @@ class RobotComparison:
         return "deaf" if self._agreements[topic].echoes < few else "misplaced"
 
     def _least_borne_out(self, named: dict[str, Finding]) -> dict[str, Finding]:
-        """Nobody, if others bear out an accused robot nearly as well as another, or better.
-
-        But for a turn that is certain: echoes from all around bear out anybody a little.
-        """
-        if any((own.evidence.get("turn_certainty") or 0.0) >= SURE_TURN for own in named.values()):
-            return named
+        """Nobody, if others bear out an accused robot nearly as well as another, or better."""
         shares = {t: self._said.borne_out(robot) for robot, t in enumerate(self._topics)}
         if len(shares) <= LEAST_ROBOTS_LEFT:
             # Two bear each other out alike: halves of their own pings tell what can be asked here.
@@ -196,11 +187,6 @@ class RobotComparison:
             for topic, own in verdicts.items()
             if own.is_suspect and agreed[topic] == max(fitting, default=0.0)
         }
-        turned = [topic for topic in agreed if is_turned(apart[topic][0])]
-        if not named and turned and len(self._cones) > LEAST_ROBOTS_LEFT:
-            # A turn that the others' map confirms, though they agree less than with it.
-            surest = max(turned, key=lambda topic: apart[topic][0].turn_certainty or 0.0)
-            return {surest: verdicts[surest]}
         if named and len(self._cones) <= LEAST_ROBOTS_LEFT:
             # Of two, the one that is right may fit the other's map the worse.
             named = {t: verdicts.get(t, Finding("unknown", {})) for t in self._cones}
@@ -235,12 +221,6 @@ def usual_fit(others: Sequence[Agreement]) -> float | None:
     return float(np.median(fits)) if fits else None
 
 
-def is_turned(own: Agreement) -> bool:
-    """Whether a robot faces elsewhere than it says."""
-    gain, certainty = own.turn_gain or 0.0, own.turn_certainty or 0.0
-    return gain >= LEAST_TURN_GAIN and certainty >= LEAST_TURN_CERTAINTY
-
-
 def finding_of(
     own: Agreement, others: list[Agreement], least_fit: float, most_asked: float = USUAL_FIT
 ) -> Finding:
@@ -268,10 +248,6 @@ def finding_of(
         return _of_odd_loudness(louder_db, own.matches, evidence)
     if own.pings < LEAST_PINGS or own.fit is None:
         return Finding("unknown", evidence)
-    if is_turned(own):
-        degrees = np.degrees(own.turned_rad or 0.0)
-        turned = f"its pings fit the others' map better if it faces {degrees:+.0f}° from there"
-        return Finding("misplaced", evidence, f"misplaced: {turned}")
     # Smooth walls, struck squarely by one robot and not by another, fit better than they need to.
     usual = min(usual_fit(others) or USUAL_FIT, most_asked)
     if own.fit >= least_fit * usual:

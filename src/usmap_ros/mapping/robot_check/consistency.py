@@ -2,10 +2,10 @@
 
 A robot that is stuck repeats itself while it moves.  One that is deaf hears less than the others
 would, one that is loud more, one that is noisy what is not there.  The echoes of one that is
-misplaced fit what the others' map expects of it no better than they fit the same shifted in range;
-those of one that faces elsewhere than it says fit better what it would hear there.  A liar spoils
-the map that all are compared with, so that others contradict it: it is the one without which the
-rest agree.
+misplaced meet if it faces elsewhere than it says, was there earlier or hears from less far, or
+others hear the same elsewhere; or they fit what the others' map expects of it no better than they
+fit the same shifted in range.  A liar spoils the map that all are compared with, so that others
+contradict it: it is the one without which the rest agree.
 """
 
 from __future__ import annotations
@@ -22,9 +22,12 @@ from usmap_ros.mapping.robot_check.comparison import (
     LEAST_ROBOTS_LEFT,
     RobotComparison,
 )
+from usmap_ros.mapping.robot_check.displacement import Robot, displaced
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
+from usmap_ros.mapping.robot_check.shifts import shifted
+from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -104,9 +107,9 @@ class Consistency:
     def findings(self, between: Callable[[], None] = lambda: None) -> dict[str, Finding]:
         """Judge every robot, by topic.
 
-        A screen on the common map comes first; what it finds is confirmed on a map that the
-        suspect has no part in.  Then the others are judged again without it, for it has spoilt
-        what they are compared with.
+        Echoes alone tell much, without a map.  Then comes a screen on the common map; what it finds
+        is confirmed on a map that the suspect has no part in.  Then the others are judged again
+        without it, for it has spoilt what they are compared with.
 
         Parameters
         ----------
@@ -119,18 +122,22 @@ class Consistency:
             sources |= {name: cones for name, cones in earlier.items() if cones}
         found = self._stuck()
         found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
+        robots = self._heard(found, between)
+        found |= displaced(robots)
+        moved = shifted({t: own for t, own in robots.items() if t not in found}, between)
+        found |= {topic: finding for topic, finding in moved.items() if finding.is_suspect}
         while True:
             left = {name: cones for name, cones in sources.items() if name not in found}
-            robots = len(left.keys() & self._robots.keys())
-            if robots < 2:
+            count = len(left.keys() & self._robots.keys())
+            if count < 2:
                 return self._of_robots(dict.fromkeys(left, Finding("unknown", {})) | found)
             comparison = RobotComparison(self._parameters, left, between)
             screened = comparison.screen()
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
-            can_tell = not found or robots > LEAST_ROBOTS_LEFT
+            can_tell = not found or count > LEAST_ROBOTS_LEFT
             named = comparison.culprits(screened) if can_tell else {}
             if not named:
-                return self._of_robots(_cleared(screened) | found)
+                return self._of_robots(_cleared(screened) | moved | found)
             found |= named
 
     def _stuck(self) -> dict[str, Finding]:
@@ -142,6 +149,14 @@ class Consistency:
                 reason = f"{share:.0%} of its pings repeat the one before though it has moved"
                 found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
         return found
+
+    def _heard(self, found: Collection[str], between: Callable[[], None]) -> dict[str, Robot]:
+        """The latest of those of whom nothing is found yet, if anybody is to be compared."""
+        latest = {t: robot.latest() for t, robot in self._robots.items() if t not in found}
+        if len(latest) < LEAST_ROBOTS_LEFT:
+            return {}
+        heard = {topic: sightings_of(cones) for topic, cones in latest.items()}
+        return {t: Robot(latest[t], own, between) for t, own in heard.items() if own is not None}
 
     def _of_robots(self, found: Mapping[str, Finding]) -> dict[str, Finding]:
         """What is to be said of robots, and not of their earlier pings."""

@@ -1,0 +1,88 @@
+"""How well one robot's pings bear out the landmarks of another: compiled."""
+
+from __future__ import annotations
+
+import math
+
+from usmap_ros.mapping.robot_check.landmarks import (
+    HEARD,
+    HIGH,
+    KIND,
+    LEVEL,
+    LOW,
+    WALL,
+    A,
+    B,
+    fits_level,
+    level_of,
+    seen_from,
+    wrap,
+)
+from usmap_ros.mapping.robot_check.sightings import Sightings
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.compiled import compiled, compiled_within
+
+#: Standard deviations of ranges between robots, m; by how much louder than the limit an echo is
+#: sure to be heard, dB; what a landmark counts that is not heard where it should be, each time; and
+#: what it counts at the least and at the most.
+STD_M, SURE_DB, NOT_HEARD, LEAST, MOST = 0.05, 6.0, -0.7, -4.0, 6.0
+#: Least range, m; how far beyond where they were heard walls may go on, m; and share of the beam
+#: that is sure.
+NEAREST_M, BEYOND_M, INSIDE = 0.2, 0.1, 0.9
+#: Standard deviations within which an echo may be a landmark's.
+WITHIN = 4.0
+
+
+@compiled_within
+def said_by(mark: FloatArray, heard: Sightings, ping: int, far_m: float, off: float) -> float:
+    """What a ping says of a landmark so far away, and so far off its axis."""
+    at_peak = HEARD / (math.sqrt(2.0 * math.pi) * STD_M * heard.background)
+    level_db, best, is_hidden = mark[LEVEL] + level_of(mark, heard, far_m, off), 0.0, False
+    for echo in range(heard.first[ping], heard.first[ping + 1]):
+        miss = (heard.range_m[echo] - far_m) / STD_M
+        is_hidden = is_hidden or miss < WITHIN
+        if abs(miss) < WITHIN:
+            fits = at_peak * math.exp(-0.5 * miss * miss)
+            fits *= fits_level(heard.level_db[echo] - level_db)
+            best = max(best, math.log(1.0 - HEARD + HEARD * fits))
+    if best > 0.0:
+        return best
+    is_missing = not is_hidden and level_db > heard.limit_db[ping] + SURE_DB
+    return NOT_HEARD if is_missing else 0.0
+
+
+@compiled
+def borne_out(marks: FloatArray, heard: Sightings, shifts: FloatArray, out: FloatArray) -> None:
+    """Add how well a robot's pings bear out another one's landmarks, if these were elsewhere.
+
+    Parameters
+    ----------
+    marks : (landmarks, COLUMNS) array
+        Of one robot.
+    heard : Sightings
+        Of another one.
+    shifts : (n, 2) array
+        By how much the landmarks are moved, m.
+    out : (n,) array
+        Log-likelihood ratios are added.
+    """
+    for number in range(len(shifts)):
+        x_m, y_m = shifts[number]
+        for row in range(len(marks)):
+            mark, said = marks[row].copy(), 0.0
+            if mark[KIND] == WALL:
+                mark[B] += math.cos(mark[A]) * x_m + math.sin(mark[A]) * y_m
+            else:
+                mark[A], mark[B] = mark[A] + x_m, mark[B] + y_m
+            for ping in range(len(heard.x_m)):
+                far_m, angle = seen_from(mark, heard.x_m[ping], heard.y_m[ping])
+                off = abs(wrap(angle - heard.yaw_rad[ping])) / heard.half_rad[ping]
+                if far_m < NEAREST_M or far_m > heard.reach_m[ping] or off > INSIDE:
+                    continue
+                along_m = math.cos(mark[A]) * (heard.y_m[ping] - y_m)
+                along_m -= math.sin(mark[A]) * (heard.x_m[ping] - x_m)
+                is_beside = along_m < mark[LOW] - BEYOND_M or along_m > mark[HIGH] + BEYOND_M
+                if mark[KIND] == WALL and is_beside:
+                    continue
+                said += said_by(mark, heard, ping, far_m, off)
+            out[number] += min(max(said, LEAST), MOST)

@@ -1,0 +1,232 @@
+"""What is wrong with where a robot says its pings are from, by what would make its echoes meet.
+
+Echoes of several pings meet in points and walls if ranges and poses are right.  They do so far
+better with its heading turned, its poses later or its ranges scaled if it is that which is wrong.
+Of a shift nothing shows but in what others hear, see `shifts`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from usmap_ros.mapping.robot_check.borne_out import borne_out
+from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.mapping.robot_check.landmarks import (
+    COLUMNS,
+    KIND,
+    MOST,
+    POINT,
+    A,
+    B,
+    explain,
+    explained_by,
+)
+from usmap_ros.mapping.robot_check.sightings import Sightings, Way
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import wrapped
+from usmap_ros.pings.cone import EchoCone
+
+#: What is tried: turns (rad), times by which poses are late (s), and what ranges are over those
+#: that are told; and steps of the first two around the best of them.
+TURNS_RAD = tuple(math.radians(by) for by in (*range(-160, -10, 20), *range(20, 190, 20)))
+LATE_S = (-1.0, -0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
+SCALES = (0.93, 0.95, 0.97, 1.0, 1.03, 1.05, 1.07)
+CLOSER_RAD, CLOSER_S = math.radians(5.0), 0.1
+#: Turns that are so far from the best one must be worse.
+ELSEWHERE_RAD = math.radians(60.0)
+#: Gain of log-likelihood from which on it is that which is wrong, and a share of what the echoes
+#: as told gain that must be exceeded as well; for ranges less, but more where more echoes a metre
+#: are unexplained than so many, and fit anything, and so many times if they are too short; and
+#: the least errors that are told of.
+LEAST_GAIN, LEAST_SHARE, LEAST_GAIN_OF_SCALE, DENSE = 20.0, 0.05, 10.0, 0.6
+TIMES_IF_SHORT = 3.0
+LEAST_TURN_RAD, LEAST_LATE_S = math.radians(12.0), 0.2
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """What would make a robot's echoes meet.
+
+    Parameters
+    ----------
+    kind : str
+        ``turned``, ``late``, ``scaled`` or ``moved``.
+    error : tuple of float
+        Of heading (rad), of stamps (s), of ranges (a share of them), or of place (m, east and
+        north).
+    gain : float
+        By how much likelier its echoes are without it.
+    told : float
+        By how much likelier they are by landmarks as they are told.
+    """
+
+    kind: Literal["turned", "late", "scaled", "moved"]
+    error: tuple[float, ...]
+    gain: float
+    told: float
+
+    def finding(self) -> Finding:
+        """What is to be said of the robot."""
+        evidence = {"gain": self.gain, "told": self.told}
+        size = self.error[0]
+        if self.kind == "turned":
+            evidence["turned_rad"] = size
+            how = f"it faces {math.degrees(size):+.0f}° from where it does"
+        elif self.kind == "late":
+            evidence["late_s"] = size
+            how = f"its poses are {abs(size):.1f} s {'late' if size > 0.0 else 'early'}"
+        elif self.kind == "scaled":
+            evidence["scaled"] = size
+            how = f"its ranges are {abs(size):.0%} too {'long' if size > 0.0 else 'short'}"
+        else:
+            evidence |= {"east_m": size, "north_m": self.error[1]}
+            how = f"it is {math.hypot(*self.error):.1f} m off ({size:+.1f}, {self.error[1]:+.1f})"
+        whose = "others'" if self.kind == "moved" else "its own"
+        reason = f"misplaced: by {whose} echoes {how}"
+        return Finding("misplaced", dict(evidence), reason)
+
+
+class Robot:
+    """A robot's echoes, and the landmarks that they show.
+
+    Parameters
+    ----------
+    cones : sequence of EchoCone
+        Its pings.
+    heard : Sightings
+        The same.
+    between : callable
+        Called between pieces of work.
+    """
+
+    def __init__(
+        self, cones: Sequence[EchoCone], heard: Sightings, between: Callable[[], None]
+    ) -> None:
+        self.heard, self._way, self._between = heard, Way(cones, heard), between
+        self.told, self.landmarks = self._explained(heard)
+
+    def displacement(self) -> Displacement | None:
+        """What is wrong with its poses or ranges, if that shows."""
+        turned, late = self._best_turn(), self._best_delay()
+        best = turned if turned.gain > late.gain else late
+        size = abs(best.error[0])
+        least = LEAST_TURN_RAD if best is turned else LEAST_LATE_S
+        is_sure = best.gain >= LEAST_GAIN + LEAST_SHARE * self.told and size >= least
+        return best if is_sure else None
+
+    def _best_turn(self) -> Displacement:
+        gains = {by: self._gain_of_turn(by) for by in TURNS_RAD}
+        for _ in range(2):
+            middle = max(gains, key=gains.__getitem__)
+            for by in (middle - CLOSER_RAD, middle + CLOSER_RAD):
+                gains[by] = self._gain_of_turn(by)
+        best = max(gains, key=gains.__getitem__)
+        # Where surfaces fit anything, other turns do nearly as well.
+        others = (
+            gain for by, gain in gains.items() if math.cos(by - best) < math.cos(ELSEWHERE_RAD)
+        )
+        gain = gains[best] - max(0.0, *others)
+        return Displacement("turned", (-best,), gain, self.told)
+
+    def _gain_of_turn(self, by_rad: float) -> float:
+        turned = self.heard._replace(yaw_rad=wrapped(self.heard.yaw_rad + by_rad))
+        return self._explained(turned)[0] - self.told
+
+    def _best_delay(self) -> Displacement:
+        gains = {by: self._gain_of_delay(by) for by in LATE_S}
+        middle = max(gains, key=gains.__getitem__)
+        for by in (middle - CLOSER_S, middle + CLOSER_S):
+            gains[by] = self._gain_of_delay(by)
+        best = max(gains, key=gains.__getitem__)
+        return Displacement("late", (best,), gains[best], self.told)
+
+    def _gain_of_delay(self, by_s: float) -> float:
+        later, known = self._way.later(by_s)
+        wanted = known[self.heard.ping]
+        return self._explained(later, wanted)[0] - self._explained(self.heard, wanted)[0]
+
+    def scaling(self, others: Iterable[Robot]) -> Displacement | None:
+        """What is wrong with its ranges by its own echoes and by what others hear.
+
+        What landmarks are found varies by chance: those found at each scale are tried at all.
+        """
+        found = {scale: self._explained(self._scaled(scale))[1] for scale in SCALES}
+        own, theirs = dict[float, float](), dict.fromkeys(SCALES, 0.0)
+        for scale in SCALES:
+            heard = self._scaled(scale)
+            sets = [self._spread(marks, scale / other) for other, marks in found.items()]
+            own[scale] = max(explained_by(marks, heard) for marks in sets)
+            for other in others:
+                theirs[scale] += _agreement(other.landmarks, heard)
+                theirs[scale] += max(_agreement(marks, other.heard) for marks in sets)
+        gains = {scale: own[scale] + theirs[scale] - own[1.0] - theirs[1.0] for scale in SCALES}
+        best = max(gains, key=gains.__getitem__)
+        least = LEAST_GAIN_OF_SCALE * max(1.0, self.heard.background / DENSE)
+        # Round columns answer from in front of the point that they seem to be.
+        least *= TIMES_IF_SHORT if best > 1.0 else 1.0
+        is_sure = gains[best] >= least and own[best] >= own[1.0]
+        return (
+            Displacement("scaled", (1.0 / best - 1.0,), gains[best], self.told) if is_sure else None
+        )
+
+    def _scaled(self, factor: float) -> Sightings:
+        return self.heard._replace(range_m=factor * self.heard.range_m)
+
+    def _spread(self, marks: FloatArray, factor: float) -> FloatArray:
+        """Landmarks as they would be found if ranges were so much longer."""
+        spread = marks.copy()
+        x_m, y_m = float(self.heard.x_m.mean()), float(self.heard.y_m.mean())
+        is_point = marks[:, KIND] == POINT
+        spread[is_point, A] += (factor - 1.0) * (marks[is_point, A] - x_m)
+        spread[is_point, B] += (factor - 1.0) * (marks[is_point, B] - y_m)
+        walls = marks[~is_point]
+        far_m = walls[:, B] - np.cos(walls[:, A]) * x_m - np.sin(walls[:, A]) * y_m
+        spread[~is_point, B] += (factor - 1.0) * far_m
+        return spread
+
+    def _explained(
+        self, heard: Sightings, wanted: BoolArray | None = None
+    ) -> tuple[float, FloatArray]:
+        """Log-likelihood ratio of echoes by landmarks, and these."""
+        self._between()
+        found = np.zeros((MOST, COLUMNS))
+        every = np.ones(len(heard.ping), np.bool_)
+        gain, count = explain(heard, every if wanted is None else wanted, found)
+        return gain, found[:count]
+
+
+def _agreement(marks: FloatArray, heard: Sightings) -> float:
+    said = np.zeros(1)
+    borne_out(marks, heard, np.zeros((1, 2)), said)
+    return float(said[0])
+
+
+def displaced(robots: Mapping[str, Robot]) -> dict[str, Finding]:
+    """Those whose echoes say so, unless most do: then it is something that all have in common.
+
+    Parameters
+    ----------
+    robots : mapping of str to Robot
+        All that can be asked.
+    """
+    found = {name: own for name, robot in robots.items() if (own := robot.displacement())}
+    left = {name: robot for name, robot in robots.items() if name not in found}
+    scaled = {
+        name: own
+        for name, robot in left.items()
+        if (own := robot.scaling([other for other in left.values() if other is not robot]))
+    }
+    if scaled:
+        # Beside one whose ranges are too long those of others seem too short.
+        worst = max(scaled, key=lambda name: scaled[name].gain)
+        found[worst] = scaled[worst]
+    return (
+        {name: own.finding() for name, own in found.items()}
+        if 2 * len(found) <= len(robots)
+        else {}
+    )

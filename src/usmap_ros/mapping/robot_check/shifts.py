@@ -1,0 +1,115 @@
+"""Who is elsewhere than it says, by whether others hear the landmarks that it hears.
+
+A robot that is shifted as a whole hears landmarks that agree with one another.  Others, who look at
+the same, hear them elsewhere, all of them shifted alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from usmap_ros.mapping.robot_check.borne_out import borne_out
+from usmap_ros.mapping.robot_check.displacement import Displacement, Robot
+from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.numerics.arrays import FloatArray
+
+#: Places that are tried, m: where it is told first.
+STEPS_M = np.linspace(-1.5, 1.5, 41)
+SHIFTS_M = np.array([(0.0, 0.0), *((x_m, y_m) for x_m in STEPS_M for y_m in STEPS_M)])
+#: Gain of a shift, of which what others bear out as it is told is taken off so many times, and
+#: what they do as a share of what they would; the least shift, m, more than a column is across, of
+#: which either hears another side; how well somebody else must bear out the one who is right of
+#: two; and all of them the one who is elsewhere, there.
+LEAST_GAIN, TIMES_TOLD, MOST_SHARE, LEAST_M, BORNE_OUT = 28.0, 2.0, 0.35, 0.5, 4.0
+LEAST_THERE = 8.0
+
+
+class Pairs:
+    """What each two robots bear out of each other, were one of them elsewhere.
+
+    Parameters
+    ----------
+    robots : mapping of str to Robot
+        All of them.
+    between : callable
+        Called between pieces of work.
+    """
+
+    def __init__(self, robots: Mapping[str, Robot], between: Callable[[], None]) -> None:
+        self._names = sorted(robots)
+        self._said: dict[tuple[str, str], FloatArray] = {}
+        for number, one in enumerate(self._names):
+            for other in self._names[:number]:
+                between()
+                said, back = np.zeros((2, len(SHIFTS_M)))
+                borne_out(robots[one].landmarks, robots[other].heard, SHIFTS_M, said)
+                borne_out(robots[other].landmarks, robots[one].heard, -SHIFTS_M, said)
+                self._said[one, other] = said
+                # The places are the same the other way around, but for where it is told.
+                back[0], back[1:] = said[0], said[:0:-1]
+                self._said[other, one] = back
+
+    def shift(self, name: str) -> Displacement | None:
+        """How a robot is shifted by what others hear, if they hear it."""
+        said = [self._said[name, other] for other in self._names if other != name]
+        total = np.sum(said, axis=0) if said else np.zeros(len(SHIFTS_M))
+        best = int(total.argmax())
+        gain, told = float(total[best] - total[0]), float(total[0])
+        size_m = float(np.hypot(*SHIFTS_M[best]))
+        is_sure = gain - TIMES_TOLD * told >= LEAST_GAIN and told <= MOST_SHARE * total[best]
+        # At the edge nothing but parallel walls may say where it ends.
+        is_inside = float(np.abs(SHIFTS_M[best]).max()) < STEPS_M[-2]
+        # Who is deaf is contradicted everywhere, and borne out nowhere.
+        is_there = is_inside and size_m >= LEAST_M and total[best] >= LEAST_THERE
+        if not (is_sure and is_there):
+            return None
+        x_m, y_m = (-SHIFTS_M[best]).tolist()
+        return Displacement("moved", (x_m, y_m), gain, told)
+
+    def is_borne_out(self, name: str, but_by: str = "", share: float = 0.0) -> bool:
+        """Whether anybody but one bears a robot out where it says it is.
+
+        At the least by such a share of what it would elsewhere.
+        """
+        others = [other for other in self._names if other not in (name, but_by)]
+        said = [self._said[name, other] for other in others]
+        return any(one[0] >= max(BORNE_OUT, share * one.max()) for one in said)
+
+
+def shifted(robots: Mapping[str, Robot], between: Callable[[], None]) -> dict[str, Finding]:
+    """Who is elsewhere; or who may be, where nobody can tell which of them is.
+
+    Parameters
+    ----------
+    robots : mapping of str to Robot
+        All in whom nothing else is wrong.
+    between : callable
+        Called between pieces of work.
+    """
+    pairs = Pairs(robots, between)
+    suspects = {name: shift for name in robots if (shift := pairs.shift(name))}
+    if not suspects:
+        return {}
+    worst = max(suspects, key=lambda name: suspects[name].gain)
+    if pairs.is_borne_out(worst, share=MOST_SHARE):
+        return {}
+    rivals = [n for n in suspects if n != worst and not pairs.is_borne_out(n, but_by=worst)]
+    if not rivals:
+        return {worst: suspects[worst].finding()}
+    return {
+        name: _or_another(suspects[name].finding(), sorted({worst, *rivals} - {name}))
+        for name in (worst, *rivals)
+    }
+
+
+def _or_another(finding: Finding, others: list[str]) -> Finding:
+    """The same of one of several, of whom nobody else can tell which it is."""
+    reason = finding.reason.removeprefix("misplaced: ")
+    return replace(
+        finding,
+        verdict="contradicted",
+        reason=f"contradicted: {reason}; or {' or '.join(others)} is misplaced",
+    )

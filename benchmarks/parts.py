@@ -15,18 +15,12 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint import (
-    free_space,
-    mirror_walls,
-    response,
-    smooth_things,
-    usual_directions,
-    walls,
-)
-from usmap_ros.mapping.joint.field import NOISE
-from usmap_ros.mapping.joint.going_on import GoingOn
-from usmap_ros.mapping.joint.open_space import ORIENTATIONS, ROUND
-from usmap_ros.mapping.joint.usual_directions import Facing
+from usmap_ros.mapping.joint.free_space import free_space, response, usual_directions
+from usmap_ros.mapping.joint.free_space.going_on import GoingOn
+from usmap_ros.mapping.joint.free_space.open_space import ORIENTATIONS, ROUND
+from usmap_ros.mapping.joint.free_space.usual_directions import Facing
+from usmap_ros.mapping.joint.surfaces import mirror_walls, smooth_things, walls
+from usmap_ros.mapping.joint.visibility.field import NOISE
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import FloatArray
 

@@ -20,8 +20,11 @@ from unittest.mock import patch
 import recordings
 import scenes
 
-from usmap_ros.mapping.joint import estimate, free_space, powers, smooth_things, survey
+from usmap_ros.mapping.joint import estimate, survey
+from usmap_ros.mapping.joint.forward_model import powers
+from usmap_ros.mapping.joint.free_space import free_space
 from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.surfaces import smooth_things
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.simulation import Scenario

@@ -26,6 +26,8 @@ LAYERS = [
     {"cli"},
     {"__main__"},
 ]
+#: Rooms of `mapping.joint` from the bottom up, of which each knows only those before it.
+JOINT = ["visibility", "forward_model", "surfaces", "free_space"]
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 ROS = {
     "action_msgs", "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
@@ -73,6 +75,25 @@ def test_no_import_goes_up_or_across(name: str) -> None:
         if part(other) != name and HEIGHT[part(other)] >= HEIGHT[name]
     ]
     assert not wrong
+
+
+def test_rooms_of_the_joint_estimate_follow_each_other() -> None:
+    within = "usmap_ros.mapping.joint."
+
+    def height(module: str) -> int:
+        # The modules beside the rooms stand above them.
+        room = module.removeprefix(within).split(".")[0]
+        return JOINT.index(room) if room in JOINT else len(JOINT)
+
+    wrong = [
+        f"{module} imports {other}"
+        for module, others in IMPORTS.items()
+        if module.startswith(within)
+        for other in others
+        if other.startswith(within) and height(other) > height(module)
+    ]
+    assert not wrong
+    assert set(map(height, IMPORTS)) == set(range(len(JOINT) + 1))
 
 
 def test_no_imports_form_a_circle() -> None:

@@ -26,9 +26,9 @@ from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.mapping.joint.estimate import JointEstimate
-from usmap_ros.mapping.joint.field import field_around
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
-from usmap_ros.mapping.joint.surface_lines import surface_lines
+from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
+from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.next_view import best_views, candidate_poses
 from usmap_ros.mapping.robot_check.consistency import Consistency
 from usmap_ros.numerics import compiled

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.fusion import LEAST_NEWS
+from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING, over_block
 from usmap_ros.mapping.joint.known import Cells, Known
-from usmap_ros.mapping.joint.log_odds import NOTHING, over_block
-from usmap_ros.mapping.joint.walls import SHOWN
+from usmap_ros.mapping.joint.surfaces.walls import SHOWN
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.special import entropy, logistic, logit

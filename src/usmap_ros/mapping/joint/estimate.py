@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
-from usmap_ros.mapping.joint.echoes import Echoes
-from usmap_ros.mapping.joint.field import NOISE, QUARTERS, Field, X, Y
-from usmap_ros.mapping.joint.free_space import FreeSpace
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no_evidence
+from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
+from usmap_ros.mapping.joint.forward_model.powers import Powers
+from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
 from usmap_ros.mapping.joint.known import Cells, Known
-from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_depth
-from usmap_ros.mapping.joint.lone_columns import lone_cells
-from usmap_ros.mapping.joint.powers import Powers
-from usmap_ros.mapping.joint.smooth_things import SmoothThings
-from usmap_ros.mapping.joint.walls import Walls, find_walls
+from usmap_ros.mapping.joint.surfaces.lone_columns import lone_cells
+from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.walls import Walls, find_walls
+from usmap_ros.mapping.joint.visibility.echoes import Echoes
+from usmap_ros.mapping.joint.visibility.field import NOISE, QUARTERS, Field, X, Y
 from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, Sayings, credit, sayings
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray

@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import QUARTERS, Field
+from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING, OWN_SHARE, over_block
 from usmap_ros.mapping.joint.kept_pings import STEP_M, STEP_RAD
-from usmap_ros.mapping.joint.log_odds import NOTHING, OWN_SHARE, over_block
-from usmap_ros.mapping.joint.projection import MOST_BLUR_BINS
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
+from usmap_ros.mapping.joint.visibility.projection import MOST_BLUR_BINS
 from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE, UNJUDGED, Look
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.numerics.special import logistic, logit

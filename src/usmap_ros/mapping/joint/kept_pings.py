@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.echoes import Echoes
+from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.looks import Looks, stacked
 from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.arrays import BoolArray

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.cell_evidence import CellEvidence
-from usmap_ros.mapping.joint.field import QUARTERS, Field
-from usmap_ros.mapping.joint.free_space import Silence
-from usmap_ros.mapping.joint.log_odds import NOTHING
-from usmap_ros.mapping.joint.open_space import GROUPS
-from usmap_ros.mapping.joint.powers import Settled
-from usmap_ros.mapping.joint.smooth_things import Recognised
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
+from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
+from usmap_ros.mapping.joint.forward_model.powers import Settled
+from usmap_ros.mapping.joint.free_space.open_space import GROUPS
+from usmap_ros.mapping.joint.free_space.silence import Silence
+from usmap_ros.mapping.joint.surfaces.smooth_things import Recognised
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 
@@ -25,17 +25,17 @@ class Cells(NamedTuple):
     Parameters
     ----------
     power, firmness : float32 arrays
-        Of their quarters, as in `usmap_ros.mapping.joint.powers.Settled`.
+        Of their quarters, as in `usmap_ros.mapping.joint.forward_model.powers.Settled`.
     own, block, heard, axis_cos, axis_sin, from_x, from_y, crowd, asked : float32 arrays
-        As in `usmap_ros.mapping.joint.cell_evidence.CellEvidence`.
+        As in `usmap_ros.mapping.joint.forward_model.cell_evidence.CellEvidence`.
     hiding : float64 array
         Belief that each hides what is behind it.
     worst, proven, closed
-        As in `usmap_ros.mapping.joint.free_space.Heard`.
+        As in `usmap_ros.mapping.joint.free_space.free_space.Heard`.
     free : bool array
         What is free.
     occupied, filled : bool arrays
-        What is shown, as in `usmap_ros.mapping.joint.walls.Walls`.
+        What is shown, as in `usmap_ros.mapping.joint.surfaces.walls.Walls`.
     standing : bool array
         What was occupied before any of the pings.
     belief : float64 array

@@ -9,26 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.extent import check_size
-from usmap_ros.mapping.joint.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.estimate import JointEstimate
-from usmap_ros.mapping.joint.field import (
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no_evidence
+from usmap_ros.mapping.joint.forward_model.log_odds import hiding, judged, optical_depth
+from usmap_ros.mapping.joint.forward_model.power_estimation import expect_powers
+from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
+from usmap_ros.mapping.joint.visibility.field import (
     NOISE,
     QUARTERS,
     X,
     Y,
     field_around,
 )
-from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
-from usmap_ros.mapping.joint.log_odds import hiding, judged, optical_depth
-from usmap_ros.mapping.joint.power_estimation import expect_powers
-from usmap_ros.mapping.joint.projection import (
+from usmap_ros.mapping.joint.visibility.projection import (
     Scatterers,
     cast_shadows,
     empty_rows,
     faintest_weights,
     project,
 )
-from usmap_ros.mapping.joint.ray_casting import cast_rays
+from usmap_ros.mapping.joint.visibility.ray_casting import cast_rays
 from usmap_ros.mapping.joint.witnesses import Sayings
 from usmap_ros.mapping.looks import Looks, look_in_row
 from usmap_ros.mapping.ping_bins import Look

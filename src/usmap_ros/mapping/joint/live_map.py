@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.drawing import drawn_map
-from usmap_ros.mapping.joint.field import field_around
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.known import Known
 from usmap_ros.mapping.joint.more_pings import MorePings
+from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.processes.threads import alone

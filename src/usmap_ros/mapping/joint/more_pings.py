@@ -14,14 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.estimate import FIRST_DAMPING, STOOD_M, SWEEPS
-from usmap_ros.mapping.joint.field import X, Y, field_around
-from usmap_ros.mapping.joint.free_space import SUSPECTED, FreeSpace, Heard, are_refuted, connected
+from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
+from usmap_ros.mapping.joint.forward_model.powers import Powers
+from usmap_ros.mapping.joint.free_space.connected import connected
+from usmap_ros.mapping.joint.free_space.free_space import (
+    SUSPECTED,
+    FreeSpace,
+    Heard,
+    are_refuted,
+)
 from usmap_ros.mapping.joint.kept_pings import Pings
 from usmap_ros.mapping.joint.known import Cells, Known
-from usmap_ros.mapping.joint.log_odds import cell_log_odds, hiding, optical_depth
-from usmap_ros.mapping.joint.powers import Powers
-from usmap_ros.mapping.joint.smooth_things import SmoothThings
-from usmap_ros.mapping.joint.walls import ON_A_LINE, Walls, find_walls
+from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls
+from usmap_ros.mapping.joint.visibility.field import X, Y, field_around
 from usmap_ros.parameters import MappingParameters
 
 #: Rounds of shadows and sweeps.
@@ -114,7 +120,8 @@ def together(
 ) -> NDArray[np.float32]:
     """Log-likelihood ratio of surfaces by two groups of pings, as if all looked from one side.
 
-    Silence from one side repeats itself, as `usmap_ros.mapping.joint.overdispersion` has it.
+    Silence from one side repeats itself, as
+    `usmap_ros.mapping.joint.free_space.overdispersion` has it.
 
     Parameters
     ----------

@@ -11,13 +11,13 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.joint.drawing import copied, drawn_map
 from usmap_ros.mapping.joint.estimate import ROUNDS, JointEstimate
-from usmap_ros.mapping.joint.field import Field, field_around
 from usmap_ros.mapping.joint.first_pings import first_log_odds
+from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING, cell_log_odds
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.known import Known
-from usmap_ros.mapping.joint.lines import NO_LINES
-from usmap_ros.mapping.joint.log_odds import NOTHING, cell_log_odds
-from usmap_ros.mapping.joint.walls import SHOWN, Walls
+from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
+from usmap_ros.mapping.joint.surfaces.walls import SHOWN, Walls
+from usmap_ros.mapping.joint.visibility.field import Field, field_around
 from usmap_ros.mapping.looks import look_in_row
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import Field
-from usmap_ros.mapping.joint.log_odds import over_block, strength_of
+from usmap_ros.mapping.joint.forward_model.log_odds import over_block, strength_of
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import FloatArray
 
 #: Parts of a robot's pings that are held against each other; and robots that can contradict.

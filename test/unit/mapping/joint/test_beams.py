@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.beams import columns_in_beam, is_beside, rows_in_reach
-from usmap_ros.mapping.joint.field import Field
-from usmap_ros.mapping.joint.ray_casting import OPAQUE, RAYS, STEPS, WHOLE, cast_rays
+from usmap_ros.mapping.joint.visibility.beams import columns_in_beam, is_beside, rows_in_reach
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.visibility.ray_casting import OPAQUE, RAYS, STEPS, WHOLE, cast_rays
 from usmap_ros.mapping.looks import Looks, stacked
 from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.compiled import compiled

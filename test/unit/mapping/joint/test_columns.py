@@ -6,14 +6,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.column_fits import PingSet
-from usmap_ros.mapping.joint.field import NOISE, Field, field_around
+from usmap_ros.mapping.joint.free_space.response import MOST_EXPLAINED, listen
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.lone_columns import columns_instead, lone_cells
-from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.joint.response import MOST_EXPLAINED, listen
-from usmap_ros.mapping.joint.round_columns import RoundColumn, discs, round_columns
-from usmap_ros.mapping.joint.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
+from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, lone_cells
+from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn, discs, round_columns
+from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.visibility.field import NOISE, Field, field_around
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.ping_bins import ECHO
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

@@ -7,9 +7,9 @@ import pytest
 from scipy.special import expit, logit
 
 from usmap_ros.mapping.joint import first_pings
-from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.first_pings import Heard, first_log_odds, weigh_sources
-from usmap_ros.mapping.joint.log_odds import NOTHING
+from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED, look_of
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.mirror_walls import perpendicular_walls
+from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
+from usmap_ros.mapping.joint.surfaces.mirror_walls import perpendicular_walls
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

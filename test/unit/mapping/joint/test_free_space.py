@@ -5,11 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.field import BIN_M, field_around
-from usmap_ros.mapping.joint.free_space import are_refuted, connected
-from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.lines import NO_LINES
-from usmap_ros.mapping.joint.open_space import (
+from usmap_ros.mapping.joint.free_space.connected import connected
+from usmap_ros.mapping.joint.free_space.free_space import are_refuted
+from usmap_ros.mapping.joint.free_space.open_space import (
     GROUPS,
     MIRRORS,
     ORIENTATIONS,
@@ -17,11 +15,14 @@ from usmap_ros.mapping.joint.open_space import (
     ROUND,
     refute_surfaces,
 )
-from usmap_ros.mapping.joint.open_ways import PROVING_SHARE, prove_open
-from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.joint.response import Listening
-from usmap_ros.mapping.joint.soundings import INCIDENCES, LOUDNESSES
-from usmap_ros.mapping.joint.usual_directions import NEVER, facing, log_priors
+from usmap_ros.mapping.joint.free_space.response import Listening
+from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, log_priors
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
+from usmap_ros.mapping.joint.visibility.field import BIN_M, field_around
+from usmap_ros.mapping.joint.visibility.open_ways import PROVING_SHARE, prove_open
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.field import Field
-from usmap_ros.mapping.joint.going_on import ENDS, GoingOn, behind, behind_alone, go_on
-from usmap_ros.mapping.joint.lines import BEGIN, END, drawn
+from usmap_ros.mapping.joint.free_space.going_on import ENDS, GoingOn, behind, behind_alone, go_on
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import FloatArray
 
 #: A wall along row 10 from column 10 to 30, and one along column 45: of the tangent (-ny, nx).

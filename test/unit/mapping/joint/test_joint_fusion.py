@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.joint import estimate, powers
+from usmap_ros.mapping.joint import estimate
 from usmap_ros.mapping.joint.estimate import JointEstimate
+from usmap_ros.mapping.joint.forward_model import powers
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import MOST_FROM_A_PLACE
 from usmap_ros.mapping.joint.survey import Survey

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.mirror_share import expected_share, mirror_share
-from usmap_ros.mapping.joint.response import NO_NORMAL, Looked
-from usmap_ros.mapping.joint.soundings import INCIDENCES, LOUDNESSES
+from usmap_ros.mapping.joint.free_space.mirror_share import expected_share, mirror_share
+from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, Looked
+from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
 
 #: Square, and at 20 to 50 degrees.
 SQUARE, ASLANT = 1, 4

@@ -8,7 +8,7 @@ import pytest
 
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, mirror_walls
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 

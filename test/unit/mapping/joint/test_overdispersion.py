@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.overdispersion import USUAL_SHAPE, most_likely_shape
-from usmap_ros.mapping.joint.soundings import SECTORS, sector_of
+from usmap_ros.mapping.joint.free_space.overdispersion import USUAL_SHAPE, most_likely_shape
+from usmap_ros.mapping.joint.visibility.soundings import SECTORS, sector_of
 
 
 @pytest.mark.parametrize("shape", [1.0, 2.0, 4.0])

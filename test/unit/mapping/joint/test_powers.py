@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.field import NOISE, QUARTERS, Field, field_around
-from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
-from usmap_ros.mapping.joint.power_estimation import (
+from usmap_ros.mapping.joint.forward_model.power_estimation import (
     FIRST_POWER,
     candidates,
     count_all_hits,
@@ -14,7 +12,9 @@ from usmap_ros.mapping.joint.power_estimation import (
     gather_gradients,
     update_powers,
 )
-from usmap_ros.mapping.joint.projection import Projection, Scatterers, project
+from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
+from usmap_ros.mapping.joint.visibility.field import NOISE, QUARTERS, Field, field_around
+from usmap_ros.mapping.joint.visibility.projection import Projection, Scatterers, project
 from usmap_ros.mapping.ping_bins import ECHO, SILENCE
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.lines import BEGIN, END
-from usmap_ros.mapping.joint.surface_lines import surface_lines
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END
+from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
 
 GAP_CELLS = 10.0
 

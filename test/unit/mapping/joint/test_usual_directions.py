@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.lines import NO_LINES
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall, face_usually
-from usmap_ros.mapping.joint.open_space import MIRRORS, ORIENTATIONS, OTHERS, ROUND
-from usmap_ros.mapping.joint.usual_directions import (
+from usmap_ros.mapping.joint.free_space.open_space import MIRRORS, ORIENTATIONS, OTHERS, ROUND
+from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
     EXPECTED_M,
     LONG_M,
@@ -19,6 +17,8 @@ from usmap_ros.mapping.joint.usual_directions import (
     lengths,
     log_priors,
 )
+from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
+from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, face_usually
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.mirror_walls import MirrorWall, mirror_walls
-from usmap_ros.mapping.joint.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.joint.wall_ends import WallEnds
+from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, mirror_walls
+from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 

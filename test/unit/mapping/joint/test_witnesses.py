@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.field import Field
 from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.witnesses import Sayings, credit, sayings
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

@@ -1,0 +1,1 @@
+"""Powers of cells that explain what was heard, and the evidence that each stands."""

@@ -1,0 +1,120 @@
+"""Evidence of each cell: how much worse all pings would be explained without it.
+
+Besides, from where a cell was heard: echoes from one direction leave its place along their rings
+open, and so the spread of directions says how well it is known where it is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.cell_parts import LEAST_SHARE, Cells
+from usmap_ros.mapping.joint.forward_model.likelihood_ratios import Said
+from usmap_ros.mapping.joint.visibility.field import Field, X, Y
+from usmap_ros.mapping.joint.visibility.projection import first_from
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.compiled import compiled, inlined
+
+#: A ping with a log-likelihood ratio beyond this contradicts what speaks for the opposite.
+CONTRADICTION = 0.5
+
+
+class CellEvidence(NamedTuple):
+    """Sums over all pings; (cells,) float32 arrays.
+
+    Parameters
+    ----------
+    own, block : float32 array
+        Log-likelihood ratio with the cell to without it, and with its eight neighbours.
+    heard : float32 array
+        Echoes that the block explains, by its share in each.
+    axis_cos, axis_sin : float32 array
+        The same times cosine and sine of twice the direction that the cell was heard from.
+    from_x, from_y : float32 array
+        The same times the unit vector from the cell to who heard it.
+    crowd : float32 array
+        The same times the number of echoes that crowd around each.
+    asked : float32 array
+        Pings with an echo that may be the block's.
+    """
+
+    own: NDArray[np.float32]
+    block: NDArray[np.float32]
+    heard: NDArray[np.float32]
+    axis_cos: NDArray[np.float32]
+    axis_sin: NDArray[np.float32]
+    from_x: NDArray[np.float32]
+    from_y: NDArray[np.float32]
+    crowd: NDArray[np.float32]
+    asked: NDArray[np.float32]
+
+
+def no_evidence(field: Field) -> CellEvidence:
+    """Evidence before any ping."""
+    cells = field.rows * field.columns
+    return CellEvidence(*(np.zeros(cells, np.float32) for _ in CellEvidence._fields))
+
+
+@compiled
+def add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+    looks: Looks,
+    pings: NDArray[np.int64],
+    weights: NDArray[np.float32],
+    said: Said,
+    cells: Cells,
+    field: Field,
+    forgetting: float,
+    evidence: CellEvidence,
+    first: int,
+    stop: int,
+) -> None:
+    """Add what some pings say of some cells, one after the other, to what was said before.
+
+    Parameters
+    ----------
+    looks, pings, said, cells, field
+        As in `usmap_ros.mapping.joint.forward_model.likelihood_ratios.weigh_pings`.
+    weights : (pings,) float32 array
+        How much each ping counts.
+    forgetting : float
+        Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+    evidence : CellEvidence
+        Added to.
+    first, stop : int
+        The first of the cells, and the end.
+    """
+    for index in range(len(pings)):
+        weight, numbers = weights[index], looks.numbers[pings[index]]
+        end = said.start[index + 1]
+        begin = first_from(said.cell, said.start[index], end, first)
+        for row in range(begin, first_from(said.cell, begin, end, stop)):
+            cell = cells.number[said.cell[row]]
+            evidence.own[cell] = _added(evidence.own[cell], said.own[row], weight, forgetting)
+            evidence.block[cell] = _added(evidence.block[cell], said.block[row], weight, forgetting)
+            evidence.asked[cell] += said.asked[row] * weight
+            if said.share[row] <= LEAST_SHARE:
+                continue
+            # From where the cell is heard, and how many echoes crowd around its own.
+            share, (up, right) = said.share[row] * weight, divmod(cell, field.columns)
+            x = (field.first_column + right + 0.5) * field.resolution_m - numbers[X]
+            y = (field.first_row + up + 0.5) * field.resolution_m - numbers[Y]
+            squared = x * x + y * y
+            distance = math.sqrt(squared)
+            evidence.heard[cell] += share
+            evidence.axis_cos[cell] += share * (x * x - y * y) / squared
+            evidence.axis_sin[cell] += share * 2.0 * x * y / squared
+            evidence.from_x[cell] -= share * x / distance
+            evidence.from_y[cell] -= share * y / distance
+            evidence.crowd[cell] += share * said.crowd[row]
+
+
+@inlined
+def _added(sum_so_far: float, ratio: float, weight: float, forgetting: float) -> float:
+    """A sum of evidence with one more ping, of which contradictions make it forget."""
+    if ratio < -CONTRADICTION and sum_so_far > 0.0:
+        sum_so_far *= 1.0 - forgetting
+    return sum_so_far + ratio * weight

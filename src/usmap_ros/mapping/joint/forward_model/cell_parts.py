@@ -1,0 +1,223 @@
+"""What each cell returns of a ping, and what its range bins say."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.visibility.projection import Projection
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED
+from usmap_ros.numerics.compiled import inlined
+from usmap_ros.numerics.elementary import exp32, log32
+
+#: Range bins that a cell, and that a block of nine, may reach into; and cells of a block.
+CELL_BINS, BLOCK_BINS, BLOCK_CELLS = 32, 72, 9
+#: Range bins of a cell begin at multiples of so many, so that what is added up lies as the
+#: processor takes it: as many at once.
+AT_ONCE = 8
+#: A contribution below this share of what is expected in a bin neither explains nor contradicts.
+LEAST_SHARE = 0.05
+#: More than any.
+NEVER = 1e30
+
+
+class Cells(NamedTuple):
+    """Cells that scatterers belong to.
+
+    Parameters
+    ----------
+    number : (cells,) int32 array
+        Of each in the field.
+    of : (scatterers,) int32 array
+        Which of them each scatterer belongs to.
+    block : (cells, 9) int32 array
+        Which of them are each and its eight neighbours; -1: none.
+    """
+
+    number: NDArray[np.int32]
+    of: NDArray[np.int32]
+    block: NDArray[np.int32]
+
+
+class Parts(NamedTuple):
+    """What each cell returns of one ping.
+
+    Parameters
+    ----------
+    place : (all cells + 1,) int32 array
+        Where in the others each cell is; -1 if it returns nothing, and for what is no cell.
+    cell, begin, length : (cells,) int32 arrays
+        Which cell, the first range bin of what it returns, and how many bins follow.
+    power : (cells, CELL_BINS) float32 array
+        Expected in each bin from that one on; 0 beyond.
+    largest : (cells,) float32 array
+        The largest of them, in units of what says anything in its bin.
+    echoes : (cells,) float32 array
+        Sum of those in bins with an echo.
+    """
+
+    place: NDArray[np.int32]
+    cell: NDArray[np.int32]
+    begin: NDArray[np.int32]
+    length: NDArray[np.int32]
+    power: NDArray[np.float32]
+    largest: NDArray[np.float32]
+    echoes: NDArray[np.float32]
+
+
+class Levels(NamedTuple):
+    """What is known of each range bin of one ping; (bins,) float32 arrays, but for `echoes`.
+
+    Parameters
+    ----------
+    least : float32 array
+        Least contribution that says anything.
+    per_least : (bins + CELL_BINS,) float32 array
+        1 over it; 0 where nothing does.
+    silent : float32 array
+        Logarithm of the probability of silence, by all that is expected.
+    is_echo : (bins + CELL_BINS,) float32 array
+        1 if there is an echo, else 0.
+    echoes : (bins + 1,) int32 array
+        Echoes before each.
+    """
+
+    least: NDArray[np.float32]
+    per_least: NDArray[np.float32]
+    silent: NDArray[np.float32]
+    is_echo: NDArray[np.float32]
+    echoes: NDArray[np.int32]
+
+
+def cells_of(scattering: NDArray[np.int32], field: Field) -> Cells:
+    """The cells that scatterers belong to.
+
+    Parameters
+    ----------
+    scattering : (scatterers,) int32 array
+        Cell of each, in their order.
+    field : Field
+        All cells.
+    """
+    is_next = np.diff(scattering, prepend=np.int32(-1)) > 0
+    number, of = scattering[is_next], np.cumsum(is_next) - 1
+    # With a rim, so that all cells have neighbours.
+    width = field.columns + 2
+    place = np.full((field.rows + 2) * width, -1, np.int32)
+    rows, columns = np.divmod(number.astype(np.int64), field.columns)
+    middle = (rows + 1) * width + columns + 1
+    place[middle] = np.arange(len(number), dtype=np.int32)
+    around = [up * width + right for up in (-1, 0, 1) for right in (-1, 0, 1)]
+    block = place[middle[:, np.newaxis] + np.array(around)]
+    return Cells(number, of.astype(np.int32), block)
+
+
+@inlined
+def probability_below(ratio: np.float32) -> np.float32:
+    """Probability that a power is below a limit, by the limit over its exponential mean."""
+    series = ratio * (np.float32(1.0) - np.float32(0.5) * ratio)
+    below = series if ratio < np.float32(1e-3) else np.float32(1.0) - exp32(-ratio)
+    return max(below, np.float32(1e-12))
+
+
+@inlined
+def _log_silent(limit: np.float32, level: np.float32) -> np.float32:
+    """Logarithm of the probability that a power, exponential about a level, is below a limit."""
+    return log32(probability_below(limit / level))
+
+
+@inlined
+def know_bins(looks: Looks, ping: int, levels: NDArray[np.float32], known: Levels) -> None:
+    """Set what is known of the bins of a ping by what is expected of them."""
+    bins, least, never = looks.bins[ping], np.float32(LEAST_SHARE), np.float32(NEVER)
+    for b in range(bins):
+        kind = looks.kind[ping, b]
+        known.least[b] = never if kind == UNJUDGED else least * levels[b]
+        known.is_echo[b] = np.float32(1.0) if kind == ECHO else np.float32(0.0)
+        known.silent[b] = _log_silent(looks.limit[ping, b], levels[b])
+        known.per_least[b] = 0.0 if kind == UNJUDGED else np.float32(1.0) / known.least[b]
+    known.per_least[bins : bins + CELL_BINS] = known.is_echo[bins : bins + CELL_BINS] = 0.0
+    for b in range(bins):
+        known.echoes[b + 1] = known.echoes[b] + (1 if looks.kind[ping, b] == ECHO else 0)
+
+
+@inlined
+def divide(
+    looks: Looks,
+    ping: int,
+    rows: Projection,
+    index: int,
+    power: NDArray[np.float32],
+    cells: Cells,
+    parts: Parts,
+) -> int:
+    """Set what each cell returns of a ping; returns how many there are."""
+    bins, count, last = looks.bins[ping], 0, -1
+    for row in range(rows.start[index], rows.start[index + 1]):
+        v = power[rows.scatterer[row]]
+        if v <= 0.0:
+            continue
+        cell, low, high = cells.of[rows.scatterer[row]], rows.low[row], rows.high[row]
+        if cell != last:
+            last, parts.cell[count], parts.place[cell] = cell, cell, count
+            parts.begin[count], parts.length[count] = max(0, int(low) - 4) // AT_ONCE * AT_ONCE, 0
+            for place in range(CELL_BINS):
+                parts.power[count, place] = 0.0
+            count += 1
+        scale, first = rows.weight[row] * v, parts.begin[count - 1]
+        end = min(bins - 1, int(high), first + CELL_BINS - 1) + 1
+        parts.length[count - 1] = max(parts.length[count - 1], end - first)
+        for b in range(max(first, int(low)), end):
+            if not rows.heard[row] or looks.kind[ping, b] != SILENCE:
+                inside = min(high, np.float32(b + 1)) - max(low, np.float32(b))
+                parts.power[count - 1, b - first] += scale * inside
+    return count
+
+
+@inlined
+def sum_up(count: int, known: Levels, parts: Parts) -> None:
+    """Set the largest contribution of each cell, and the sum of those to bins with an echo."""
+    for entry in range(count):
+        first, largest, echoes = parts.begin[entry], np.float32(0.0), np.float32(0.0)
+        for place in range(CELL_BINS):
+            part = parts.power[entry, place]
+            largest = max(largest, part * known.per_least[first + place])
+            echoes += part * known.is_echo[first + place]
+        parts.largest[entry], parts.echoes[entry] = largest, echoes
+
+
+@inlined
+def neighbours(
+    numbers: NDArray[np.int32], places: NDArray[np.int32], beside: NDArray[np.int64]
+) -> int:
+    """Set the places of a block's cells that return something; returns how many do."""
+    near = 0
+    for which in range(BLOCK_CELLS):
+        # The last place is that of no cell, whose number is -1.
+        beside[near] = places[numbers[which]]
+        near += beside[near] >= 0
+    return near
+
+
+@inlined
+def add_up(
+    parts: Parts, near: int, beside: NDArray[np.int64], block: NDArray[np.float32]
+) -> tuple[int, int]:
+    """Set what a block returns; returns its first range bin and the end."""
+    first, end = parts.begin[beside[0]], 0
+    for which in range(near):
+        first = min(first, parts.begin[beside[which]])
+        end = max(end, parts.begin[beside[which]] + parts.length[beside[which]])
+    block[:] = np.float32(0.0)
+    for which in range(near):
+        place = beside[which]
+        shift = parts.begin[place] - first
+        if shift <= BLOCK_BINS:
+            # All of them, so that as many as the processor can are added at once.
+            for b in range(CELL_BINS):
+                block[shift + b] += parts.power[place, b]
+    return first, end

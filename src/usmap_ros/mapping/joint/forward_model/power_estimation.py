@@ -1,0 +1,385 @@
+"""Power estimation: what every quarter of a cell scatters, likeliest by all pings together.
+
+The forward model is that of `docs/mapping.md`: range bin b of a ping should
+return λ_b = noise + Σ w_qb v_q, and what it returns is exponentially distributed about λ.  Of a
+silent bin only a limit is known, and its power counts as expected below that.  The multiplicative
+update v ← v · Σ w y/λ² / Σ w/λ climbs to the greatest likelihood ([1]_, with exponent 1: converged
+after some sixteen sweeps); quarters that no echo needs vanish.
+
+References
+----------
+.. [1] Févotte, Bertin & Durrieu, "Nonnegative matrix factorization with the Itakura-Saito
+   divergence", Neural Computation 21 (2009) 793-830, equation 4.5.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.visibility.beams import columns_in_beam, rows_in_reach
+from usmap_ros.mapping.joint.visibility.field import (
+    ABSORPTION,
+    AXIS_X,
+    AXIS_Y,
+    AXIS_Z,
+    BIN_M,
+    COS_HALF_ANGLE,
+    GREATEST_RANGE,
+    LEAST_RANGE,
+    NOISE,
+    RANGE_STD,
+    RISE,
+    Field,
+    X,
+    Y,
+)
+from usmap_ros.mapping.joint.visibility.projection import Projection
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE
+from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import exp32
+from usmap_ros.processes.threads import for_each
+
+#: Power that a scatterer starts with, below which it vanishes, and of a usual object.
+FIRST_POWER, LEAST_POWER, USUAL_POWER = 0.02, 1e-3, 0.1
+#: No update raises a power by more.
+MOST_GROWTH = 100.0
+#: A cell starts with power if it may have returned so many echoes, and these are such a share of
+#: the times that something in it would have been heard.
+LEAST_HITS, LEAST_HIT_SHARE = 0.9, 0.12
+#: Range bins to either side in which an echo may be a cell's, at the most.
+MOST_BLUR_BINS = 12.0
+#: Rows of cells whose hits one thread counts at a time.
+HITS_BAND = 64
+
+
+class _Row(NamedTuple):
+    """Cells of a row as one ping sees them, by column.
+
+    Parameters
+    ----------
+    early, middle : (columns,) int32 arrays
+        Range bins: the first in which an echo may be the cell's, and that of its middle.
+    late : (columns,) float32 array
+        The last in which one may be, with its fraction.
+    entry : (columns,) int32 array
+        Place in the table of power gains.
+    loudness : (columns,) float32 array
+        Power that a usual object returns, but for the beam; 0: the cell is not in the cone.
+    """
+
+    early: NDArray[np.int32]
+    middle: NDArray[np.int32]
+    late: NDArray[np.float32]
+    entry: NDArray[np.int32]
+    loudness: NDArray[np.float32]
+
+
+@compiled
+def count_hits(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    weights: NDArray[np.float32],
+    field: Field,
+    hits: NDArray[np.float32],
+    misses: NDArray[np.float32],
+) -> None:
+    """Count, for each cell, echoes that may be its, and silence where it would have been heard.
+
+    Parameters
+    ----------
+    looks, pings, field
+        As in `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
+    weights : (pings,) float32 array
+        How much each counts.
+    hits, misses : (rows, columns) float32 arrays
+        Added to.
+    """
+    res, one = field.resolution_m, np.float32(1.0)
+    seen = _Row(
+        np.empty(field.columns, np.int32), np.empty(field.columns, np.int32),
+        np.empty(field.columns, np.float32), np.empty(field.columns, np.int32),
+        np.empty(field.columns, np.float32),
+    )  # fmt: skip
+    for index in range(len(pings)):
+        ping, weight = pings[index], weights[index]
+        numbers, bins = looks.numbers[ping], looks.bins[ping]
+        bottom, top = rows_in_reach(numbers, field)
+        for row in range(bottom, top):
+            y_m = (field.first_row + row + 0.5) * res - numbers[Y]
+            left, right = columns_in_beam(numbers, field, y_m)
+            _see_row(numbers, bins, field, y_m, left, right, seen)
+            for column in range(left, right):
+                if seen.loudness[column] == 0.0:
+                    continue
+                if looks.next_echo[ping, seen.early[column]] <= seen.late[column]:
+                    hits[row, column] += weight
+                    continue
+                b = seen.middle[column]
+                if looks.kind[ping, b] == SILENCE:
+                    gain = looks.power_gain[ping, seen.entry[column]]
+                    loud = gain * seen.loudness[column] / looks.limit[ping, b]
+                    misses[row, column] += weight * loud / (one + loud)
+
+
+@inlined
+def _see_row(
+    numbers: FloatArray, bins: int, field: Field, y_m: float, left: int, right: int, seen: _Row
+) -> None:
+    """Set how a ping sees some cells of a row."""
+    res, cos_half, bin_m = field.resolution_m, numbers[COS_HALF_ANGLE], numbers[BIN_M]
+    origin = np.float32((field.first_column + left + 0.5) * res - numbers[X])
+    side, y, one = np.float32(res), np.float32(y_m), np.float32(1.0)
+    axis_x, risen = np.float32(numbers[AXIS_X]), np.float32(y_m * y_m + numbers[RISE] ** 2)
+    up = np.float32(numbers[AXIS_Y] * y_m + numbers[AXIS_Z] * numbers[RISE])
+    wide, to_entry = np.float32(cos_half * abs(cos_half)), np.float32(GAIN_STEPS / (1.0 - cos_half))
+    least, reach = np.float32(numbers[LEAST_RANGE]), np.float32(numbers[GREATEST_RANGE])
+    per_m, deep = np.float32(1.0 / bin_m), np.float32(0.5 * res / bin_m)
+    blur, most = np.float32(3.0 * (numbers[RANGE_STD] / bin_m) ** 2), np.float32(MOST_BLUR_BINS)
+    absorption, nothing = np.float32(-numbers[ABSORPTION]), np.float32(0.0)
+    for place in range(right - left):
+        x = origin + np.float32(place) * side
+        squared, ahead = x * x + risen, axis_x * x + up
+        is_inside = (squared > least * least) & (squared < reach * reach)
+        is_inside &= ahead * abs(ahead) > squared * wide
+        squared = max(squared, least * least)
+        distance = np.sqrt(squared)
+        depth = deep * (abs(x) + abs(y)) / distance
+        middle = (distance - least) * per_m
+        blurred = min(np.sqrt(depth * depth + blur), most)
+        column = left + place
+        seen.early[column] = min(int(max(middle - blurred, nothing)), bins)
+        seen.middle[column] = min(int(middle), bins - 1)
+        seen.late[column] = middle + blurred
+        entry = int((one - ahead / distance) * to_entry)
+        seen.entry[column] = min(max(entry, 0), GAIN_STEPS)
+        loudness = np.float32(USUAL_POWER) / (squared * squared) * exp32(absorption * distance)
+        seen.loudness[column] = loudness if is_inside else nothing
+
+
+def count_all_hits(
+    looks: Looks, pings: NDArray[np.int64], weights: NDArray[np.float32], field: Field
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Hits and misses of all cells; see `count_hits`."""
+    hits, misses = (np.zeros(field.shape, np.float32) for _ in range(2))
+    for_each(
+        lambda band: count_hits(looks, pings, weights, band[1], hits[band[0]], misses[band[0]]),
+        field.bands(HITS_BAND),
+    )
+    return hits, misses
+
+
+def candidates(hits: NDArray[np.float32], misses: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Cells that may well have returned echoes."""
+    is_candidate = (hits >= LEAST_HITS) & (hits > LEAST_HIT_SHARE * (hits + misses))
+    return np.flatnonzero(is_candidate).astype(np.int32)
+
+
+@inlined
+def _expect(
+    looks: Looks,
+    ping: int,
+    rows: Projection,
+    index: int,
+    power: NDArray[np.float32],
+    slope: NDArray[np.float64],
+    expected: NDArray[np.float32],
+) -> None:
+    """Set what one ping is expected to return.
+
+    A row adds a box to the bins between its ends.  What is added up here is how much the bins
+    differ from those before them, four numbers a row, however wide it is.
+
+    Parameters
+    ----------
+    looks, ping, rows, index, power
+        The ping, and the place of its rows.
+    slope : (2 (bins + 2),) array
+        Room for differences: of what all bins have, and of what silent bins lack, in turn.
+    expected : (bins,) float32 array
+        λ; set.
+    """
+    bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
+    for place in range(2 * bins + 4):
+        slope[place] = 0.0
+    for row in range(rows.start[index], rows.start[index + 1]):
+        part = np.float64(rows.weight[row] * power[rows.scatterer[row]])
+        low, high, heard = rows.low[row], rows.high[row], rows.heard[row]
+        first, last = np.int64(low), np.int64(high)
+        beyond, beyond_end = part * (low - first), part * (high - last)
+        first, last = 2 * first + heard, 2 * last + heard
+        slope[first] += part - beyond
+        slope[first + 2] += beyond
+        slope[last] -= part - beyond_end
+        slope[last + 2] -= beyond_end
+    anywhere, not_silent = 0.0, 0.0
+    for b in range(bins):
+        anywhere += slope[2 * b]
+        not_silent += slope[2 * b + 1]
+        level = anywhere if looks.kind[ping, b] == SILENCE else anywhere + not_silent
+        expected[b] = noise + max(level, 0.0)
+
+
+@compiled
+def expect_powers(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    rows: Projection,
+    power: NDArray[np.float32],
+    expected: NDArray[np.float32],
+) -> None:
+    """The forward model: set the power that is expected in each range bin of each ping.
+
+    Parameters
+    ----------
+    looks, pings
+        The pings.
+    rows : Projection
+        Of the scatterers.
+    power : (scatterers,) float32 array
+        Of each.
+    expected : (pings, bins) float32 array
+        λ; set.
+    """
+    slope = np.empty(2 * expected.shape[1] + 4)
+    for index in range(len(pings)):
+        _expect(looks, pings[index], rows, index, power, slope, expected[index])
+
+
+@compiled
+def gather_gradients(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    weights: NDArray[np.float32],
+    rows: Projection,
+    power: NDArray[np.float32],
+    gradients: NDArray[np.float32],
+) -> None:
+    """Add both parts of the gradient of the log-likelihood with respect to powers.
+
+    Parameters
+    ----------
+    looks, pings, rows, power
+        As in `expect_powers`.
+    weights : (pings,) float32 array
+        How much each ping counts.
+    gradients : (scatterers, 2) float32 array
+        Σ w y/λ² and Σ w/λ; added to.
+    """
+    most = looks.kind.shape[1]
+    slope, expected = np.empty(2 * most + 4), np.empty(most, np.float32)
+    # Sums over the bins before each, for rows that no echo is heard of, and for the others.
+    sums = np.zeros((most + 2, 4))
+    longest = 0
+    for index in range(len(pings)):
+        longest = max(longest, rows.start[index + 1] - rows.start[index])
+    slopes = np.empty((longest, 2), np.float32)
+    for index in range(len(pings)):
+        _expect(looks, pings[index], rows, index, power, slope, expected)
+        _sum_slopes(looks, pings[index], weights[index], expected, sums)
+        begin, end = rows.start[index], rows.start[index + 1]
+        _slope_of_rows(rows, begin, end, sums, slopes)
+        for row in range(begin, end):
+            scatterer = rows.scatterer[row]
+            gradients[scatterer, 0] += slopes[row - begin, 0]
+            gradients[scatterer, 1] += slopes[row - begin, 1]
+
+
+@inlined
+def _slope_of_rows(
+    rows: Projection,
+    begin: int,
+    end: int,
+    sums: NDArray[np.float64],
+    slopes: NDArray[np.float32],
+) -> None:
+    """Set both parts of the gradient that some rows of a ping add.
+
+    Parameters
+    ----------
+    rows, begin, end : Projection, int, int
+        Which.
+    sums : (bins + 2, 4) array
+        By `_sum_slopes`.
+    slopes : (rows, 2) float32 array
+        Set.
+    """
+    for place in range(end - begin):
+        row = begin + place
+        low, high, heard = rows.low[row], rows.high[row], 2 * np.int64(rows.heard[row])
+        first, last = np.int64(low), np.int64(high)
+        inside, inside_end = np.float64(low - first), np.float64(high - last)
+        raised, lowered = sums[last, heard], sums[last, heard + 1]
+        raised += inside_end * (sums[last + 1, heard] - raised)
+        lowered += inside_end * (sums[last + 1, heard + 1] - lowered)
+        before, before_lowered = sums[first, heard], sums[first, heard + 1]
+        raised -= before + inside * (sums[first + 1, heard] - before)
+        lowered -= before_lowered + inside * (sums[first + 1, heard + 1] - before_lowered)
+        slopes[place, 0] = np.float32(raised) * rows.weight[row]
+        slopes[place, 1] = np.float32(lowered) * rows.weight[row]
+
+
+@inlined
+def _sum_slopes(
+    looks: Looks,
+    ping: int,
+    weight: float,
+    expected: NDArray[np.float32],
+    sums: NDArray[np.float64],
+) -> None:
+    """Set sums of y/λ² and 1/λ over the bins before each.
+
+    Parameters
+    ----------
+    looks, ping, weight, expected
+        The ping, how much it counts, and what is expected of it.
+    sums : (bins + 2, 4) array
+        With silent bins, and without.
+    """
+    bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
+    for b in range(bins):
+        level, kind = np.float64(expected[b]), looks.kind[ping, b]
+        raises, lowers, is_echo = 0.0, 0.0, 0.0
+        if kind == ECHO:
+            raises, lowers, is_echo = looks.power[ping, b] / (level * level), 1.0 / level, 1.0
+        elif kind == SILENCE and level > noise * 1.0001:
+            limit = looks.limit[ping, b]
+            ratio, mean = limit / level, level
+            if ratio < 1e-3:
+                mean = 0.5 * limit
+            elif ratio < 30.0:
+                mean = level - limit / (math.exp(ratio) - 1.0)
+            raises, lowers = mean / (level * level), 1.0 / level
+        raises, lowers = weight * raises, weight * lowers
+        sums[b + 1, 0], sums[b + 1, 1] = sums[b, 0] + raises, sums[b, 1] + lowers
+        sums[b + 1, 2] = sums[b, 2] + is_echo * raises
+        sums[b + 1, 3] = sums[b, 3] + is_echo * lowers
+    for which in range(4):
+        sums[bins + 1, which] = sums[bins, which]
+
+
+@compiled
+def update_powers(power: NDArray[np.float32], gradients: NDArray[np.float32]) -> None:
+    """Multiplicative update of all powers; those that are too weak vanish.
+
+    Parameters
+    ----------
+    power : (scatterers,) float32 array
+        Of each; set.
+    gradients : (groups, scatterers, 2) float32 array
+        By `gather_gradients`, of groups of pings, which are added up in their order.
+    """
+    nothing, most, least = np.float32(0.0), np.float32(MOST_GROWTH), np.float32(LEAST_POWER)
+    for scatterer in range(len(power)):
+        raises, lowers = nothing, nothing
+        for group in range(len(gradients)):
+            raises += gradients[group, scatterer, 0]
+            lowers += gradients[group, scatterer, 1]
+        ratio = raises / lowers if lowers > nothing else nothing
+        updated = power[scatterer] * min(ratio, most)
+        power[scatterer] = nothing if updated < least else updated

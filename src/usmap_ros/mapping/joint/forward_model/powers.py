@@ -1,0 +1,324 @@
+"""Powers of all that may scatter, by all pings of an area: what sweeps and shadows change.
+
+Pings are divided into groups, by their number alone, which as many threads work on as there are
+cores.  Groups are added up in their order, so that the map does not depend on the threads.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, add_said, no_evidence
+from usmap_ros.mapping.joint.forward_model.cell_parts import Cells, cells_of
+from usmap_ros.mapping.joint.forward_model.likelihood_ratios import Said, weigh_pings
+from usmap_ros.mapping.joint.forward_model.power_estimation import (
+    FIRST_POWER,
+    LEAST_POWER,
+    candidates,
+    count_all_hits,
+    expect_powers,
+    gather_gradients,
+    update_powers,
+)
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
+from usmap_ros.mapping.joint.visibility.projection import (
+    ALL_OF_IT,
+    Projection,
+    Scatterers,
+    cast_shadows,
+    empty_rows,
+    faintest_weights,
+    project,
+)
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, cast_rays
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.processes.threads import for_each
+
+#: Groups of pings at the most, and pings that each has at the least.
+MOST_GROUPS, LEAST_PINGS = 8, 32
+#: Sweeps that thin out whole cells, before those that are left are divided into quarters.
+COARSE_SWEEPS = 5
+
+
+class _Group(NamedTuple):
+    """Pings that one thread works on at a time.
+
+    Parameters
+    ----------
+    which : slice
+        Of all pings.
+    rows, heard : Projection
+        Of all scatterers, and what is heard of them past what is in the way: all of it, until
+        rays are cast.
+    """
+
+    which: slice
+    rows: Projection
+    heard: Projection
+
+
+class Settled(NamedTuple):
+    """What some pings say of powers, for more pings to be explained beside them.
+
+    Parameters
+    ----------
+    power : (quarters,) float32 array
+        Where powers are likeliest.
+    known : (quarters,) float32 array
+        Σ w/λ of those pings there: how firmly they hold it.
+    """
+
+    power: NDArray[np.float32]
+    known: NDArray[np.float32]
+
+
+class Powers:
+    """What all scatterers of an area scatter, and what is expected of its pings by that.
+
+    Parameters
+    ----------
+    looks, pings, weights, field
+        As in `usmap_ros.mapping.joint.estimate.JointEstimate`.
+    """
+
+    def __init__(
+        self,
+        looks: Looks,
+        pings: NDArray[np.int64],
+        weights: NDArray[np.float32],
+        field: Field,
+    ) -> None:
+        self._looks, self._pings, self._weights, self._field = looks, pings, weights, field
+        #: λ of each range bin of each ping.
+        self.expected = np.ones((len(pings), looks.kind.shape[1]), np.float32)
+        self._scatterers = Scatterers(np.zeros(0, np.int32), np.zeros(0, np.uint8))
+        self._power = np.zeros(0, np.float32)
+        self._faintest = faintest_weights(looks, pings)
+        self._groups: list[_Group] = []
+        # What earlier pings say of each scatterer, by `go_on`; and what these pings say.
+        self._before: Settled | None = None
+        self._gradients = np.zeros((0, 0, 2), np.float32)
+
+    def start(self) -> None:
+        """Begin with all cells that may have returned echoes, and thin them out."""
+        cells = candidates(*count_all_hits(self._looks, self._pings, self._weights, self._field))
+        self._begin(Scatterers(cells, np.full(len(cells), ALL_OF_IT, np.uint8)))
+        self.sweep(COARSE_SWEEPS)
+        cells = np.repeat(cells[self._power > 0.0], QUARTERS)
+        quarters = np.arange(len(cells)) % QUARTERS
+        self._begin(Scatterers(cells, quarters.astype(np.uint8)))
+
+    def go_on(self, before: Settled, is_empty: BoolArray) -> None:
+        """Begin with what scattered before, and with what new echoes may have come from.
+
+        Parameters
+        ----------
+        before : Settled
+            Of the quarters of all cells.
+        is_empty : (rows, columns) bool array
+            Cells in which nothing new can be.
+        """
+        cells = candidates(*count_all_hits(self._looks, self._pings, self._weights, self._field))
+        power = before.power.reshape(-1, QUARTERS).copy()
+        cells = cells[~is_empty.ravel()[cells] & ~power[cells].any(axis=1)]
+        power[cells] = FIRST_POWER
+        places = np.flatnonzero(power)
+        cell, part = np.divmod(places, QUARTERS)
+        self._begin(Scatterers(cell.astype(np.int32), part.astype(np.uint8)))
+        self._power = power.ravel()[places]
+        self._before = Settled(self._power.copy(), before.known[places])
+
+    @property
+    def power(self) -> NDArray[np.float32]:
+        """Powers of the quarters of all cells, one behind the other."""
+        return self._spread(self._power)
+
+    @property
+    def settled(self) -> Settled:
+        """Powers of the quarters of all cells, and how much is known of them, for `go_on`."""
+        known = self._gradients[:, :, 1].sum(axis=0)
+        return Settled(self.power, self._spread(np.where(self._power > 0.0, known, 0.0)))
+
+    def _spread(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Values of scatterers as those of the quarters of all cells."""
+        spread = np.zeros(self._field.rows * self._field.columns * QUARTERS, np.float32)
+        cell, part = self._scatterers
+        spread[cell.astype(np.int64) * QUARTERS + part] = values
+        return spread
+
+    def renew_shadows(self, depth: NDArray[np.float32]) -> None:
+        """Cast rays, and let what is left of the sound count; what has no power goes.
+
+        Parameters
+        ----------
+        depth : (rows, columns) float32 array
+            Optical depth of each cell.
+        """
+        alive = self._power > 0.0
+        number = np.where(alive, np.cumsum(alive) - 1, -1).astype(np.int32)
+        self._scatterers = Scatterers(self._scatterers.cell[alive], self._scatterers.part[alive])
+        self._power = self._power[alive]
+        self._gradients = self._gradients[:, alive]
+        if self._before is not None:
+            self._before = Settled(self._before.power[alive], self._before.known[alive])
+
+        hides, open_everywhere = depth.any(), np.zeros((0, RAYS, STEPS), np.uint8)
+
+        def renewed(group: _Group) -> _Group:
+            which, rows, heard = group
+            if heard is rows:
+                heard = empty_rows(int(rows.start[-1]) + 1, np.zeros_like(rows.start))
+            left = open_everywhere
+            if hides:
+                left = cast_rays(self._looks, self._pings[which], self._field, depth)
+            cast_shadows(rows, number, self._power, left, self._faintest[which], heard)
+            return _Group(which, rows, heard)
+
+        self._groups = for_each(renewed, self._groups)
+
+    def sweep(self, sweeps: int) -> None:
+        """Update all powers by all pings, again and again."""
+        groups = len(self._groups) + (self._before is not None)
+        gradients = self._gradients = np.empty((groups, len(self._power), 2), np.float32)
+
+        def gather(number: int) -> None:
+            group, sums = self._groups[number], gradients[number]
+            sums[:] = 0.0
+            gather_gradients(
+                self._looks, self._pings[group.which], self._weights[group.which], group.heard,
+                self._power, sums,
+            )  # fmt: skip
+
+        for _ in range(sweeps):
+            for_each(gather, range(len(self._groups)))
+            if self._before is not None:
+                _pull(self._before, self._power, gradients[-1])
+            update_powers(self._power, gradients)
+
+    def expected_of(self, among: BoolArray) -> NDArray[np.float32]:
+        """What would be expected of all pings if some cells were all there is.
+
+        Parameters
+        ----------
+        among : (cells,) bool array
+            Those.
+        """
+        power = np.where(among[self._scatterers.cell], self._power, np.float32(0.0))
+        expected = np.ones_like(self.expected)
+        self._expect(power, expected)
+        return expected
+
+    def weigh(
+        self,
+        forgetting: float,
+        weights: NDArray[np.float32] | None = None,
+        before: CellEvidence | None = None,
+    ) -> CellEvidence:
+        """Evidence of all cells.
+
+        Parameters
+        ----------
+        forgetting : float
+            Share of what speaks for a cell that is forgotten with a ping that contradicts it.
+        weights : (pings,) float32 array, optional
+            How much each ping says, if not what it counts.
+        before : CellEvidence, optional
+            That of earlier pings.
+        """
+        weights = self._weights if weights is None else weights
+        self._expect(self._power, self.expected)
+        cells = cells_of(self._scatterers.cell, self._field)
+        evidence = no_evidence(self._field)
+        if before is not None:
+            evidence = CellEvidence(*(values.copy() for values in before))
+        said = list(zip(self._groups, self._say(cells), strict=True))
+
+        def add(band: tuple[int, int]) -> None:
+            for group, each in said:
+                add_said(
+                    self._looks, self._pings[group.which], weights[group.which], each, cells,
+                    self._field, forgetting, evidence, *band,
+                )  # fmt: skip
+
+        # What one ping says after another, of some cells in each thread.
+        edges = [len(cells.number) * band // MOST_GROUPS for band in range(MOST_GROUPS + 1)]
+        for_each(add, pairwise(edges))
+        return evidence
+
+    def weigh_apart(
+        self, part: NDArray[np.int64], parts: int
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """What some parts of the pings say of cells, each by itself, as all were weighed last.
+
+        Parameters
+        ----------
+        part : (pings,) integer array
+            Which part each ping belongs to.
+        parts : int
+            How many there are.
+
+        Returns
+        -------
+        number : (cells,) int32 array
+            Those of which anything is said.
+        said : (parts, 2, cells) float32 array
+            Evidence of each cell, and of its block.
+        """
+        cells = cells_of(self._scatterers.cell, self._field)
+        count = len(cells.number)
+        sums = np.zeros((2, parts * count), np.float32)
+        for group, said in zip(self._groups, self._say(cells), strict=True):
+            rows, end = np.diff(said.start), said.start[-1]
+            places = np.repeat(part[group.which] * count, rows) + said.cell[:end]
+            weights = np.repeat(self._weights[group.which], rows)
+            for which, ratios in enumerate((said.own, said.block)):
+                sums[which] += np.bincount(places, ratios[:end] * weights, parts * count)
+        return cells.number, sums.reshape(2, parts, count).swapaxes(0, 1)
+
+    def _say(self, cells: Cells) -> list[Said]:
+        """What each group of pings says, by what is expected of them."""
+        return for_each(
+            lambda group: weigh_pings(
+                self._looks, self._pings[group.which], group.heard, self._power,
+                self.expected[group.which], cells, self._field,
+            ),
+            self._groups,
+        )  # fmt: skip
+
+    def _expect(self, power: NDArray[np.float32], expected: NDArray[np.float32]) -> None:
+        """Set what is expected of all pings."""
+
+        def expect(group: _Group) -> None:
+            pings, own = self._pings[group.which], expected[group.which]
+            expect_powers(self._looks, pings, group.heard, power, own)
+
+        for_each(expect, self._groups)
+
+    def _begin(self, scatterers: Scatterers) -> None:
+        """Project scatterers, all of one power, without shadows."""
+        self._scatterers = scatterers
+        self._power = np.full(len(scatterers.cell), FIRST_POWER, np.float32)
+
+        def projected(which: slice) -> _Group:
+            rows = project(self._looks, self._pings[which], self._field, scatterers)
+            return _Group(which, rows, rows)
+
+        self._groups = for_each(projected, groups(len(self._pings)))
+
+
+def _pull(before: Settled, power: NDArray[np.float32], gradients: NDArray[np.float32]) -> None:
+    """Set both parts of the gradient that earlier pings add: it vanishes at their powers."""
+    gradients[:, 0] = before.known * before.power / np.maximum(power, LEAST_POWER)
+    gradients[:, 1] = before.known
+
+
+def groups(pings: int) -> list[slice]:
+    """Groups that pings are divided into: always the same for as many pings."""
+    count = max(1, min(MOST_GROUPS, pings // LEAST_PINGS))
+    edges = [pings * index // count for index in range(count + 1)]
+    return [slice(*pair) for pair in pairwise(edges)]

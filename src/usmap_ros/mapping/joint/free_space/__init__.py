@@ -1,0 +1,1 @@
+"""What silence refutes, by how the surfaces of the place answer."""

@@ -1,0 +1,56 @@
+"""Free cells that lead to what is known to be open."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.compiled import compiled
+
+
+def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolArray:
+    """Free cells that are connected with what is known to be open, or nearly so.
+
+    Sound gets to each free cell through open ones.  Where none of them lead there, it has come
+    through something that was not heard.
+
+    Parameters
+    ----------
+    free : (rows, columns) bool array
+        Cells that seem to be free.
+    is_open : (rows, columns) bool array
+        Those of them where a robot stood, or sound came back through.
+    occupied : (rows, columns) bool array
+        What stands, and leads nowhere.
+    """
+    leads = over_block(free) & ~occupied
+    reached = is_open & leads
+    _flood(leads, reached)
+    connected: BoolArray = free & reached
+    return connected
+
+
+@compiled
+def _flood(leads: BoolArray, reached: BoolArray) -> None:
+    """Reach whatever lies beside what is reached, if it leads anywhere."""
+    rows, columns = leads.shape
+    waiting = np.empty((rows * columns, 2), np.int64)
+    count = 0
+    for row in range(rows):
+        for column in range(columns):
+            if reached[row, column]:
+                waiting[count, 0], waiting[count, 1] = row, column
+                count += 1
+    while count > 0:
+        count -= 1
+        row, column = waiting[count, 0], waiting[count, 1]
+        for step in range(4):
+            beside_row = row + (step == 0) - (step == 1)
+            beside = column + (step == 2) - (step == 3)
+            if not (0 <= beside_row < rows and 0 <= beside < columns):
+                continue
+            if leads[beside_row, beside] and not reached[beside_row, beside]:
+                reached[beside_row, beside] = True
+                waiting[count, 0], waiting[count, 1] = beside_row, beside
+                count += 1

@@ -1,0 +1,384 @@
+"""Free space of an area, by what stands and by how its surfaces answer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
+from usmap_ros.mapping.joint.forward_model.log_odds import (
+    cell_log_odds,
+    optical_depth,
+    over_block,
+)
+from usmap_ros.mapping.joint.forward_model.powers import Powers
+from usmap_ros.mapping.joint.free_space.connected import connected
+from usmap_ros.mapping.joint.free_space.going_on import ENDS, behind, behind_alone, go_on
+from usmap_ros.mapping.joint.free_space.open_space import (
+    ACROSS,
+    ALONG,
+    BAND,
+    GROUPS,
+    MIRRORS,
+    ORIENTATIONS,
+    ROUND,
+    refute_surfaces,
+)
+from usmap_ros.mapping.joint.free_space.response import (
+    Listening,
+    listen,
+)
+from usmap_ros.mapping.joint.free_space.silence import Silence, learn_silence
+from usmap_ros.mapping.joint.free_space.usual_directions import (
+    lacks_room,
+)
+from usmap_ros.mapping.joint.surfaces.lines import (
+    drawn,
+)
+from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.walls import Walls
+from usmap_ros.mapping.joint.visibility.field import (
+    BIN_M,
+    GREATEST_RANGE,
+    LEAST_RANGE,
+    QUARTERS,
+    Field,
+    X,
+    Y,
+)
+from usmap_ros.mapping.joint.visibility.open_ways import prove_open
+from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.special import running_maximum
+from usmap_ros.processes.threads import for_each
+
+#: Log-odds from which on a cell that is not shown is not free either.
+SUSPECTED = -0.5
+#: Rounds of free space; optical depth of what is occupied, of what may be, and opacity.
+FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
+#: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
+FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
+#: How far behind what was heard from one side alone silence must say as much as where walls
+#: may go on, m.
+BEHIND_M = 0.5
+#: Range bins, in cells, to either side of a cell's that belong to it.
+LISTENING_CELLS = 0.75
+#: By how much things are taken to be fainter from where they are near to where they are as far as
+#: a sensor that reports the first thing only hears, and louder where they are near, dB.
+FADING_DB, NEAR_DB = 20.0, 6.0
+
+
+class Heard(NamedTuple):
+    """What pings heard of each cell.
+
+    Parameters
+    ----------
+    worst : (rows, columns, GROUPS) float32 array
+        By `usmap_ros.mapping.joint.free_space.open_space.refute_surfaces`.
+    proven : (rows, columns) float32 array
+        Pings whose sound is known to have passed it.
+    closed : (rows, columns) bool array
+        Whether it may not be free.
+    """
+
+    worst: NDArray[np.float32]
+    proven: NDArray[np.float32]
+    closed: BoolArray
+
+
+class FreeSpace:
+    """What is free among walls, by pings.
+
+    Parameters
+    ----------
+    looks : Looks
+        Pings.
+    pings : (pings,) integer array
+        Rows of those that count.
+    weights : (pings,) float32 array
+        How much each counts.
+    field : Field
+        The cells.
+    standing, stood : (rows, columns) bool arrays
+        Cells that are known to be occupied from before, and where robots stood.
+    proofs : float
+        Pings whose sound must have come back through a cell, to prove that it is free.
+    first_only : (pings,) bool array
+        Pings of sensors that report the first thing only.
+
+    Attributes
+    ----------
+    silence, heard : Silence, Heard
+        What `find` has learnt.
+    """
+
+    silence: Silence
+    heard: Heard
+
+    def __init__(
+        self,
+        looks: Looks,
+        pings: NDArray[np.int64],
+        weights: NDArray[np.float32],
+        field: Field,
+        standing: BoolArray,
+        stood: BoolArray,
+        proofs: float,
+        first_only: BoolArray,
+    ) -> None:
+        self._looks, self._pings, self._weights, self._field = looks, pings, weights, field
+        self._standing, self._stood, self._proofs = standing, stood, proofs
+        self._first_only = first_only
+
+    def find(
+        self, walls: Walls, smooth: SmoothThings, powers: Powers, evidence: CellEvidence
+    ) -> tuple[Walls, BoolArray]:
+        """What stands, with what continues it, and cells that are free.
+
+        Parameters
+        ----------
+        walls, smooth
+            What stands.
+        powers, evidence
+            Of its cells.
+        """
+        field, occupied = self._field, walls.shown
+        hides = occupied | self._standing
+        listening = self._listening(walls, smooth, powers)
+        left = self._left(np.where(hides, OCCUPIED, 0.0))
+        self.silence = silence = learn_silence(
+            self._looks, self._pings, field, left, listening, walls, smooth, evidence
+        )
+        proofs = self._proven(occupied, left, powers, smooth)
+        stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
+        closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
+        closed |= smooth.suspected()
+        free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
+        changed = np.ones(len(self._pings), bool)
+        self._refute(left, listening, silence, wanted, changed, worst)
+        is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
+        proven = (proofs >= self._proofs) & is_refuted.all(axis=2)
+        # What continues walls is of their kind.
+        alike = worst[:, :, :MIRRORS].max(axis=2)
+        walls, may_be = self._going_on(walls, alike, proven | stood)
+        closed |= may_be
+        closed |= self._behind(walls, evidence) & ~proven & (alike >= ENDS)
+        occupied, hides = walls.shown, walls.shown | self._standing
+        wanted &= ~occupied
+        stood &= ~occupied
+        for turn in range(FREE_ROUNDS):
+            is_refuted |= stood[:, :, np.newaxis]
+            if smooth.mirrors:
+                _close(is_refuted, worst, wanted, silence)
+            free = (wanted & is_refuted.all(axis=2) & ~closed) | stood
+            if turn < FREE_ROUNDS - 1:
+                # What was not refuted while all was open is not when less is.
+                wanted &= free | proven | closed
+                before = left
+                left = self._left(
+                    np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown))
+                )
+                changed = _differ(left, before)
+                self._refute(left, listening, silence, wanted, changed, worst)
+                is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
+        self.heard = Heard(worst, proofs, closed)
+        return walls, connected(free, stood | (free & proven), occupied)
+
+    def more(
+        self,
+        walls: Walls,
+        free: BoolArray,
+        smooth: SmoothThings,
+        powers: Powers,
+        silence: Silence,
+    ) -> Heard:
+        """What these pings say of cells beside those that `silence` was learnt from.
+
+        Parameters
+        ----------
+        walls, smooth
+            What stands.
+        free : (rows, columns) bool array
+            Cells that were free before.
+        powers
+            Of what stands.
+        silence : Silence
+            What was learnt of the place.
+        """
+        hides = walls.shown | self._standing
+        listening = self._listening(walls, smooth, powers)
+        left = self._left(np.where(hides, OCCUPIED, 0.0))
+        proofs = self._proven(walls.shown, left, powers, smooth)
+        left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown)))
+        # How usual surfaces are has been counted with what was heard of them before.
+        alike = silence.kinds.copy()
+        alike[:ORIENTATIONS, 1] = alike[ROUND, 1] = 0.0
+        mirrored = alike[ORIENTATIONS:ROUND, 1]
+        mirrored[:] = mirrored.max()
+        worst = np.zeros((*self._field.shape, GROUPS), np.float32)
+        wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
+        self._refute(left, listening, silence._replace(kinds=alike), wanted, changed, worst)
+        return Heard(worst, proofs, np.zeros(self._field.shape, bool))
+
+    def _refute(
+        self,
+        left: NDArray[np.uint8],
+        listening: Listening,
+        silence: Silence,
+        wanted: BoolArray,
+        changed: BoolArray,
+        worst: NDArray[np.float32],
+    ) -> None:
+        """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
+        for_each(
+            lambda band: refute_surfaces(
+                self._looks, self._pings, band[1], left, listening, silence.log_silent,
+                silence.shape, silence.kinds, wanted[band[0]], changed, worst[band[0]],
+            ),
+            self._field.bands(BAND),
+        )  # fmt: skip
+
+    def _going_on(
+        self, walls: Walls, worst: NDArray[np.float32], is_open: BoolArray
+    ) -> tuple[Walls, BoolArray]:
+        """Walls with what continues them, and cells that they may go on in.
+
+        Parameters
+        ----------
+        walls : Walls
+            What stands.
+        worst : (rows, columns) float32 array
+            Log-likelihood ratio of a surface in each cell.
+        is_open : (rows, columns) bool array
+            Cells that are known to be open.
+        """
+        said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
+        # What is said among mirrors is said of them, which have been followed in their own way.
+        followed_m = BESIDE_MIRRORS_M if len(walls.mirrors) else FOLLOWED_M
+        most_cells = followed_m / self._field.resolution_m
+        lines, may_be = go_on(walls.lines, walls.shown, said, most_cells)
+        _, more = go_on(walls.mirrors, walls.shown, said, most_cells)
+        filled = walls.filled | (drawn(lines, self._field.shape) & ~self._stood)
+        return replace(walls, filled=filled, lines=lines), may_be | more
+
+    def _behind(self, walls: Walls, evidence: CellEvidence) -> BoolArray:
+        """Cells behind walls, and things, that were heard from one side alone.
+
+        What they enclose is seldom open: sound that came there through another side of it would
+        have been returned by these walls' backs, too.
+        """
+        shape = self._field.shape
+        heard, east, north = (
+            each.reshape(shape) for each in (evidence.heard, evidence.from_x, evidence.from_y)
+        )
+        depth_cells = round(BEHIND_M / self._field.resolution_m)
+        if not len(walls.all_lines):
+            # What stands alone where no walls are is poles, which enclose nothing.
+            return np.zeros(shape, bool)
+        alone = walls.occupied & ~over_block(drawn(walls.all_lines, shape))
+        backs = behind_alone(alone, heard, east, north, self._field, 0.5 * BEHIND_M)
+        backs |= behind(walls.lines, heard, east, north, depth_cells)
+        return backs & ~walls.shown
+
+    def _left(self, belief: FloatArray) -> NDArray[np.uint8]:
+        """How much of the sound is left along rays, by what may hold it back."""
+        depth = optical_depth(belief, FREE_OPACITY)
+        return cast_all_rays(self._looks, self._pings, self._field, depth)
+
+    def _in_reach(self) -> BoolArray:
+        """Cells that a ping may reach, and some in the corners around."""
+        numbers = self._looks.numbers[self._pings]
+        stood = self._field.cells_at(numbers[:, X], numbers[:, Y])
+        width = 2 * math.ceil(numbers[:, GREATEST_RANGE].max() / self._field.resolution_m) + 1
+        return running_maximum(running_maximum(stood, width).T, width).T
+
+    def _listening(self, walls: Walls, smooth: SmoothThings, powers: Powers) -> Listening:
+        """What was heard, and was to be heard by what stands.
+
+        What is not shown counts for nothing: else an unsure wall would explain its own echoes.
+        """
+        expected = powers.expected_of(over_block(walls.shown).ravel())
+        bin_m = float(np.median(self._looks.numbers[self._pings, BIN_M]))
+        reach = max(1, round(LISTENING_CELLS * self._field.resolution_m / bin_m))
+        listening = listen(smooth.put_back(expected), self._pings, expected, reach)
+        self._fade(listening.limit)
+        return listening
+
+    def _fade(self, limit: NDArray[np.float32]) -> None:
+        """Let what is far be fainter to sensors that report the first thing only.
+
+        They do not say how loud things are: a surface that is sure to be heard nearby may be too
+        faint far away.  Where it is not, that is learnt.
+        """
+        numbers = self._looks.numbers[self._pings[self._first_only]]
+        bins = np.arange(limit.shape[1]) + 0.5
+        ranges_m = numbers[:, LEAST_RANGE, np.newaxis] + numbers[:, BIN_M, np.newaxis] * bins
+        share = np.minimum(ranges_m / numbers[:, GREATEST_RANGE, np.newaxis], 1.0)
+        limit[self._first_only] *= 10.0 ** (0.1 * (share * FADING_DB - NEAR_DB))
+
+    def _proven(
+        self,
+        occupied: BoolArray,
+        left: NDArray[np.uint8],
+        powers: Powers,
+        smooth: SmoothThings,
+    ) -> NDArray[np.float32]:
+        """Pings whose sound is known to have passed each cell, as far as it is."""
+        proven = np.zeros(self._field.shape, np.float32)
+        power = powers.power.reshape(*self._field.shape, QUARTERS).sum(axis=2)
+        believed = np.where(over_block(occupied), power, np.float32(0.0))
+        prove_open(
+            self._looks, self._pings, self._field, left, powers.expected, believed, proven,
+            self._weights,
+        )  # fmt: skip
+        smooth.trace_open(proven, self._weights)
+        return proven
+
+
+def are_refuted(
+    worst: NDArray[np.float32], proven: NDArray[np.float32], refuted: float, proofs: float
+) -> BoolArray:
+    """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
+
+    Each ping whose sound came back through it says an equal part of what silence would have to say,
+    and is outweighed by echoes in the same way.
+
+    Parameters
+    ----------
+    worst : (rows, columns, GROUPS) float32 array
+        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
+    proven : (rows, columns) float32 array
+        Pings whose sound is known to have passed it.
+    refuted : float
+        Log-likelihood ratio at which silence alone refutes a surface.
+    proofs : float
+        Pings that do, alone.
+    """
+    needed = refuted * (1.0 - proven / proofs)
+    fails: BoolArray = worst < needed[:, :, np.newaxis]
+    return fails
+
+
+def _differ(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> BoolArray:
+    """Whether something else is left of the sound of each ping than before."""
+    batches = [slice(first, first + BATCH) for first in range(0, len(left), BATCH)]
+    return np.concatenate(
+        for_each(lambda some: (left[some] != before[some]).any(axis=(1, 2)), batches)
+    )
+
+
+def _close(
+    is_refuted: BoolArray, worst: NDArray[np.float32], wanted: BoolArray, silence: Silence
+) -> None:
+    """Refute walls that face as most do where there is too little room for them."""
+    for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
+        here, said = is_refuted[:, :, group], worst[:, :, group]
+        usual = float(silence.kinds[first, 0])
+        here |= lacks_room(
+            said, here.copy(), wanted, usual, silence.long_and_short, silence.refuted
+        )

@@ -1,0 +1,181 @@
+"""Where walls go on: cells that continue a line, as far as pings say that they do or may.
+
+Surfaces are seldom as short as what was heard well of them.  A cell that continues a line is wall
+where more speaks for a surface there than against it, and so are all up to the next thing if they
+are hardly contradicted; and it is not free unless it is refuted far more firmly than others are.
+What continues a short line is never shown, for it does not say which way it goes on.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y, drawn
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Log-likelihood ratios of a surface: more speaks for it than against it; hardly anything
+#: contradicts it; nothing goes on there.
+HEARD, HARDLY, ENDS = 0.01, -2.0, -5.0
+#: Lines cross if the cosine of the angle between them is less; they end where they meet another
+#: one, or what continues it for so many cells; and if they have met another one so many cells
+#: before.
+CROSSING_COSINE, MEETING_CELLS, MET_CELLS = 0.9, 3.0, 8.0
+#: What is shorter tells its direction too badly for cells beyond its ends to be shown: the tangent
+#: of a column, or a short side of something, ends nowhere in particular.
+FOLLOWED_CELLS = 15.0
+#: A line was heard from one side if the mean of the cosines of its echoes' incidence, with the sign
+#: of the side that they were heard from, is more.
+ONE_SIDED = 0.4
+#: What stands alone was heard from one side if the mean of the unit vectors to who heard it is
+#: longer.
+ALONE_ONE_SIDED = 0.7
+
+
+class GoingOn(NamedTuple):
+    """How lines go on.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        With what continues them, see `usmap_ros.mapping.joint.surfaces.lines`.
+    may_be : (rows, columns) bool array
+        Cells in which they may go on.
+    """
+
+    lines: FloatArray
+    may_be: BoolArray
+
+
+def go_on(lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells: float) -> GoingOn:
+    """Follow lines beyond their ends.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        Walls.
+    occupied : (rows, columns) bool array
+        What is known to stand.
+    least : (rows, columns) array
+        Log-likelihood ratio of a surface in each cell or beside it, however it may face.
+    most_cells : float
+        How far they are followed.
+    """
+    longer, may_be, stands = lines.copy(), np.zeros_like(occupied), over_block(occupied)
+    for number, line in enumerate(lines):
+        crossings, is_long = _crossings(line, lines), line[END] - line[BEGIN] >= FOLLOWED_CELLS
+        for end, sign in ((BEGIN, -1.0), (END, 1.0)):
+            ahead = sign * (crossings - line[end])
+            first = ahead[ahead > -MET_CELLS].min(initial=most_cells)
+            rows, columns = _beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
+            if len(rows) == 0:
+                continue
+            said, is_solid = least[rows, columns], stands[rows, columns]
+            # Beside the first there is the end itself.
+            is_solid[0] = occupied[rows[0], columns[0]]
+            is_solid[-1] |= first < most_cells
+            if is_long:
+                bridged = np.flatnonzero(is_solid[: _leading(is_solid | (said >= HARDLY))])
+                grown = int(bridged[-1]) + 1 if len(bridged) else 0
+                grown += _leading((is_solid | (said > HEARD))[grown:])
+                longer[number, end] += sign * grown
+            open_end = _leading(is_solid | (said >= ENDS))
+            for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
+                may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
+    return GoingOn(longer, may_be & ~occupied)
+
+
+def behind(
+    lines: FloatArray,
+    heard: NDArray[np.float32],
+    east: NDArray[np.float32],
+    north: NDArray[np.float32],
+    depth_cells: int,
+) -> BoolArray:
+    """Cells that are behind lines which were heard from one side alone: mostly, that is solid.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        Walls.
+    heard, east, north : (rows, columns) float32 arrays
+        Echoes that were heard of each cell, and sums of the unit vectors to who heard them.
+    depth_cells : int
+        How far they reach.
+    """
+    mask = np.zeros(heard.shape, bool)
+    for line in lines:
+        on = drawn(line[np.newaxis], heard.shape)
+        side = float(line[NORMAL_X] * east[on].sum() + line[NORMAL_Y] * north[on].sum())
+        if abs(side) > ONE_SIDED * float(heard[on].sum()):
+            back = np.repeat(line[np.newaxis], depth_cells, axis=0)
+            back[:, DISTANCE] -= np.sign(side) * np.arange(1.0, depth_cells + 1.0)
+            mask |= drawn(back, heard.shape)
+    return mask
+
+
+def behind_alone(
+    alone: BoolArray,
+    heard: NDArray[np.float32],
+    east: NDArray[np.float32],
+    north: NDArray[np.float32],
+    field: Field,
+    radius_m: float,
+) -> BoolArray:
+    """Discs behind what stands on no line and was heard from one side: it may be their front.
+
+    Parameters
+    ----------
+    alone : (rows, columns) bool array
+        Cells of what stands on no line.
+    heard, east, north
+        As in `behind`.
+    field : Field
+        The cells.
+    radius_m : float
+        Of the discs, which touch what was heard.
+    """
+    rows, columns = np.nonzero(alone)
+    towards = np.stack([east[rows, columns], north[rows, columns]]).astype(np.float64)
+    length = np.hypot(*towards)
+    is_one_sided = length > ALONE_ONE_SIDED * heard[rows, columns]
+    towards = radius_m * towards[:, is_one_sided] / length[is_one_sided]
+    x_m = (field.first_column + columns[is_one_sided] + 0.5) * field.resolution_m - towards[0]
+    y_m = (field.first_row + rows[is_one_sided] + 0.5) * field.resolution_m - towards[1]
+    return field.cells_within(x_m, y_m, radius_m)
+
+
+def _crossings(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:
+    """Where along a line others cross it, that reach there or nearly so."""
+    cosine = lines[:, NORMAL_X] * line[NORMAL_X] + lines[:, NORMAL_Y] * line[NORMAL_Y]
+    sine = lines[:, NORMAL_Y] * line[NORMAL_X] - lines[:, NORMAL_X] * line[NORMAL_Y]
+    crosses = np.abs(cosine) < CROSSING_COSINE
+    others, cosine, sine = lines[crosses], cosine[crosses], sine[crosses]
+    along = (others[:, DISTANCE] - cosine * line[DISTANCE]) / sine
+    theirs = (cosine * others[:, DISTANCE] - line[DISTANCE]) / sine
+    reached = (theirs > others[:, BEGIN] - MEETING_CELLS) & (
+        theirs < others[:, END] + MEETING_CELLS
+    )
+    met: FloatArray = along[reached]
+    return met
+
+
+def _beyond(
+    line: NDArray[np.float64], end: float, sign: float, most: float, shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the cells beyond an end of a line, as far as the field goes."""
+    along = end + sign * np.arange(1.0, most + 0.5)
+    columns = np.rint(line[NORMAL_X] * line[DISTANCE] - line[NORMAL_Y] * along).astype(np.int64)
+    rows = np.rint(line[NORMAL_Y] * line[DISTANCE] + line[NORMAL_X] * along).astype(np.int64)
+    inside = (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
+    count = _leading(inside)
+    return rows[:count], columns[:count]
+
+
+def _leading(true: BoolArray) -> int:
+    """How many are true before the first that is not."""
+    return int(np.argmin(true)) if not true.all() else len(true)

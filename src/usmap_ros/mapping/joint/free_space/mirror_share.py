@@ -1,0 +1,113 @@
+"""Which share of the surfaces of a place may be mirrors, by those that were looked at aslant.
+
+Where all walls that were found answer from any side, the next one may still be of glass: mirrors
+are seldom found, for somebody must have struck them squarely.  If a share π of all surfaces are
+mirrors and a share q of surfaces is struck squarely, what is found is a mirror with probability
+π q / (π q + 1 - π).  Walls that were found, each a mirror or none by how it answers aslant, say how
+likely each π is: little where there are few, and nothing where no wall was struck squarely.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, Looked
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Classes of incidence below which a look is square, and those that are aslant.
+SQUARE, ASLANT = 3, slice(4, 6)
+#: P(silent | struck squarely) below which surfaces are loud enough to tell.
+TELLING_SILENCE = 0.4
+#: Answers aslant, over those to square looks, below which a wall is a mirror and above which it is
+#: none; looks aslant, and cells, of which a wall counts half: short ones are often none.
+MIRROR, SCATTERER, ENOUGH_LOOKS, ENOUGH_CELLS = 0.05, 0.25, 20.0, 20.0
+#: A wall ends where its cells are farther apart than this.
+APART_CELLS = 10.0
+#: Shares that are compared, and how likely they are before anything was heard: a Beta distribution.
+SHARES = np.linspace(0.005, 0.995, 100)
+MIRRORS_BEFORE, OTHERS_BEFORE = 0.1, 1.0
+
+
+def mirror_share(
+    looked: Looked, surfaces: FloatArray, log_silent: FloatArray, lone_share: float
+) -> float:
+    """Share of surfaces that are expected to be mirrors.
+
+    Parameters
+    ----------
+    looked, surfaces
+        By and as in `usmap_ros.mapping.joint.free_space.response.look_at`.
+    log_silent : (LOUDNESSES, INCIDENCES) array
+        Logarithm of P(silent | surface).
+    lone_share : float
+        How far what stands alone, and answers from any side, tells what else stands here.
+    """
+    has_normal = surfaces[:, 2] != NO_NORMAL
+    others = lone_share * np.count_nonzero(~has_normal)
+    mirrors, scatterers, is_struck = _told_apart(looked, surfaces, log_silent, has_normal)
+    struck = (np.count_nonzero(is_struck) + 1.0) / (np.count_nonzero(has_normal) + 2.0)
+    return expected_share(mirrors, scatterers + others, struck)
+
+
+def expected_share(mirrors: float, others: float, struck: float) -> float:
+    """Mean of the share of mirrors, by how many things were found that are mirrors or are not.
+
+    Parameters
+    ----------
+    mirrors, others : float
+        That were found.
+    struck : float
+        Share of surfaces that are struck squarely, and so found if they are mirrors.
+    """
+    log_found = np.log(SHARES * struck + 1.0 - SHARES)
+    likelihood = (mirrors + MIRRORS_BEFORE - 1.0) * np.log(SHARES) + mirrors * np.log(struck)
+    likelihood += (others + OTHERS_BEFORE - 1.0) * np.log1p(-SHARES)
+    likelihood -= (mirrors + others) * log_found
+    weights = np.exp(likelihood - likelihood.max())
+    return float(weights @ SHARES / weights.sum())
+
+
+def _told_apart(
+    looked: Looked, surfaces: FloatArray, log_silent: FloatArray, has_normal: BoolArray
+) -> tuple[float, float, BoolArray]:
+    """How many walls are mirrors, how many are not, and which surfaces were struck squarely."""
+    wall = _numbers(surfaces)
+    is_loud = (log_silent[:, 1] < np.log(TELLING_SILENCE))[looked.loud]
+    is_loud &= has_normal[looked.surface]
+    is_square = is_loud & (looked.incidence < SQUARE)
+    is_aslant = is_loud & (looked.incidence >= ASLANT.start) & (looked.incidence < ASLANT.stop)
+    is_struck = np.zeros(len(surfaces), bool)
+    is_struck[looked.surface[is_square]] = True
+    square, _ = _answers(looked, wall, is_square, log_silent)
+    aslant, looks = _answers(looked, wall, is_aslant, log_silent)
+    is_mirror = np.clip((SCATTERER - aslant / square) / (SCATTERER - MIRROR), 0.0, 1.0)
+    cells = np.bincount(wall).astype(np.float64)
+    told = looks / (looks + ENOUGH_LOOKS) * cells / (cells + ENOUGH_CELLS)
+    return float(told @ is_mirror), float(told @ (1.0 - is_mirror)), is_struck
+
+
+def _numbers(surfaces: FloatArray) -> NDArray[np.int64]:
+    """Number of the wall that each surface is on: they come wall by wall."""
+    steps = np.diff(surfaces, axis=0)
+    is_new = (steps[:, 2] != 0.0) | (np.abs(steps[:, :2]).max(axis=1, initial=0.0) > APART_CELLS)
+    return np.concatenate([np.zeros(min(1, len(surfaces)), np.int64), np.cumsum(is_new)])
+
+
+def _answers(
+    looked: Looked, wall: NDArray[np.int64], some: BoolArray, log_silent: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """How often each wall answers some looks, over as often as if all were square; and looks."""
+    number, walls = wall[looked.surface[some]], int(wall.max(initial=-1)) + 1
+    beside = looked.beside[some]
+    silent, by_chance, expected = (
+        np.bincount(number, weights, walls) + 0.5
+        for weights in (
+            looked.heard[some] == 0,
+            beside,
+            beside * np.exp(log_silent[looked.loud[some], 1]),
+        )
+    )
+    answers = np.clip(1.0 - silent / by_chance, 0.02, 1.0)
+    if_square = np.clip(1.0 - expected / by_chance, 0.02, 1.0)
+    return answers / if_square, np.bincount(number, minlength=walls).astype(np.float64)

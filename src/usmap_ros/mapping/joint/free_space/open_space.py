@@ -1,0 +1,277 @@
+"""Free space: cells in which no surface can stand, however it might face.
+
+A cell is free if sound came back through it, if a robot stood there, or if silence refutes every
+way in which a surface could face there.  Silence counts as this place answers, by direction of
+view: looks from one side repeat each other as far as surfaces here differ (`overdispersion`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.free_space.response import Listening
+from usmap_ros.mapping.joint.visibility.beams import is_beside
+from usmap_ros.mapping.joint.visibility.field import GREATEST_RANGE, Field, X, Y
+from usmap_ros.mapping.joint.visibility.soundings import (
+    INCIDENCES,
+    SECTORS,
+    Sounded,
+    incidence_of,
+    room_for,
+    sound,
+)
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import log32
+
+#: Orientations that a surface may have.
+ORIENTATIONS = 16
+#: Kinds of surfaces that are asked for: of each orientation, mirrors of each, which answer square
+#: views alone, and round ones, which answer every view as flat ones answer a square one, but
+#: fainter by so many steps of loudness.
+ROUND = 2 * ORIENTATIONS
+KINDS, FAINTER = ROUND + 1, 4
+#: Classes of incidence of views that are square, and how many orientations may be so near to one.
+SQUARE_CLASSES, STRUCK = 3, 2
+#: Groups of kinds: walls along and across the usual direction, all others, and mirrors in a place
+#: where none were found.
+GROUPS, ALONG, ACROSS, OTHERS, MIRRORS = 4, 0, 1, 2, 3
+#: The most that echoes from one sector say for a surface, and for a mirror, of which no other
+#: sector can say that they are of something else; and chance of an echo from nowhere.
+MOST_A_SECTOR, MOST_OF_A_MIRROR, CLUTTER = 2.4, 0.2, 0.05
+#: Steps of the share of sound that gets to a cell.
+SHARES = 32
+#: Cells along the side of a block that looks for its pings once.
+BLOCK = 16
+#: Rows of cells that one thread asks for at a time: some blocks.
+BAND = 4 * BLOCK
+#: Before a cell, sound must be open up to so many cells before its middle.
+OPEN_CELLS = 1.5
+
+
+@compiled
+def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+    looks: Looks,
+    pings: NDArray[np.int64],
+    field: Field,
+    left: NDArray[np.uint8],
+    listening: Listening,
+    log_silent: FloatArray,
+    shape: float,
+    kinds: FloatArray,
+    wanted: BoolArray,
+    changed: BoolArray,
+    worst: NDArray[np.float32],
+) -> None:
+    """Log-likelihood ratio of what was heard, with a surface to without, by the worst kind.
+
+    Parameters
+    ----------
+    looks, pings, field, left, listening
+        The pings, and what they heard.
+    log_silent : (LOUDNESSES, INCIDENCES) array
+        Logarithm of P(silent | surface).
+    shape : float
+        How far looks from one side repeat each other, by `overdispersion.learn_shape`.
+    kinds : (KINDS, 3) array
+        By `usmap_ros.mapping.joint.free_space.usual_directions.log_priors`.
+    wanted : (rows, columns) bool array
+        Cells that are asked for.
+    changed : (pings,) bool array
+        Whether a ping says something else than the last time.
+    worst : (rows, columns, GROUPS) float32 array
+        Of the kind of each group that is refuted least, 0 where nothing is known; set where it
+        changes.
+    """
+    size = BLOCK * BLOCK
+    said = np.empty((size, SECTORS, KINDS), np.float32)
+    classes, silence, ways = _classes(kinds), _silence(log_silent), _ways(log_silent)
+    struck = _struck(classes)
+    near, asked, seen = np.empty(len(pings), np.int64), np.empty(size, np.int64), room_for(size)
+    open_m = OPEN_CELLS * field.resolution_m
+    for bottom in range(0, field.rows, BLOCK):
+        for start in range(0, field.columns, BLOCK):
+            cells = _find_wanted(wanted, bottom, start, field.resolution_m, asked, seen)
+            if not cells:
+                continue
+            around, is_new = _find_near(looks, pings, field, bottom, start, changed, near)
+            if not is_new:
+                continue
+            middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
+            middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
+            said[:cells] = 0.0
+            for place in range(around):
+                index = near[place]
+                # From the middle of the block, so that little is lost in single precision.
+                x_m = middle_x - looks.numbers[pings[index], X]
+                y_m = middle_y - looks.numbers[pings[index], Y]
+                count = sound(
+                    looks, pings[index], left[index], listening.limit[index], x_m, y_m, open_m,
+                    cells, seen,
+                )  # fmt: skip
+                _add_said(index, listening, silence, classes, struck, ways, count, seen, said)
+            for place in range(cells):
+                up, right = divmod(asked[place], BLOCK)
+                least = worst[bottom + up, start + right]
+                _put_least_refuted(said[place], ways, np.float32(shape), kinds, least)
+
+
+@inlined
+def _classes(kinds: FloatArray) -> NDArray[np.int32]:
+    """Class of incidence of a direction of view in degrees, for each orientation."""
+    classes = np.empty((180, ORIENTATIONS), np.int32)
+    for degrees in range(180):
+        for orientation in range(ORIENTATIONS):
+            direction = (degrees + 0.5) * math.pi / 180.0
+            classes[degrees, orientation] = incidence_of(direction, kinds[orientation, 0])
+    return classes
+
+
+@inlined
+def _struck(classes: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Orientations that a direction of view in degrees strikes squarely; -1: none, or no other."""
+    struck = np.full((180, STRUCK), -1, np.int32)
+    for degrees in range(180):
+        count = 0
+        for orientation in range(ORIENTATIONS):
+            if classes[degrees, orientation] < SQUARE_CLASSES and count < STRUCK:
+                struck[degrees, count] = orientation
+                count += 1
+    return struck
+
+
+@inlined
+def _silence(log_silent: FloatArray) -> NDArray[np.float32]:
+    """P(silent | surface), and its logarithm, by the share of the sound that gets there."""
+    loudnesses = log_silent.shape[0]
+    silence = np.empty((SHARES + 1, loudnesses, 2, INCIDENCES), np.float32)
+    for share in range(SHARES + 1):
+        for loud in range(loudnesses):
+            for incidence in range(INCIDENCES):
+                answers = 1.0 - math.exp(log_silent[loud, incidence])
+                silence[share, loud, 0, incidence] = 1.0 - answers * share / SHARES
+                silence[share, loud, 1, incidence] = math.log(1.0 - answers * share / SHARES)
+    return silence
+
+
+@inlined
+def _ways(log_silent: FloatArray) -> int:
+    """How many orientations differ: what answers alike at any incidence has only one."""
+    for loud in range(log_silent.shape[0]):
+        for incidence in range(1, INCIDENCES):
+            if log_silent[loud, incidence] != log_silent[loud, 0]:
+                return ORIENTATIONS
+    return 1
+
+
+@inlined
+def _find_wanted(
+    wanted: BoolArray,
+    bottom: int,
+    start: int,
+    resolution_m: float,
+    asked: NDArray[np.int64],
+    seen: Sounded,
+) -> int:
+    """Set which cells of a block are asked for, and where; returns how many there are."""
+    cells = 0
+    for row in range(bottom, min(bottom + BLOCK, wanted.shape[0])):
+        for column in range(start, min(start + BLOCK, wanted.shape[1])):
+            if wanted[row, column]:
+                asked[cells] = (row - bottom) * BLOCK + column - start
+                seen.right[cells] = (column - start + 0.5 - 0.5 * BLOCK) * resolution_m
+                seen.up[cells] = (row - bottom + 0.5 - 0.5 * BLOCK) * resolution_m
+                cells += 1
+    return cells
+
+
+@inlined
+def _find_near(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    field: Field,
+    bottom: int,
+    start: int,
+    changed: BoolArray,
+    near: NDArray[np.int64],
+) -> tuple[int, bool]:
+    """Set the pings that may sound a block; returns how many there are, and if any has changed."""
+    count, radius, is_new = 0, 0.75 * BLOCK * field.resolution_m, False
+    middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
+    middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
+    for index in range(len(pings)):
+        numbers = looks.numbers[pings[index]]
+        x, y = middle_x - numbers[X], middle_y - numbers[Y]
+        far = numbers[GREATEST_RANGE] + radius
+        if x * x + y * y >= far * far or is_beside(numbers, x, y, radius):
+            continue
+        near[count] = index
+        is_new = is_new or changed[index]
+        count += 1
+    return count, is_new
+
+
+@inlined
+def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+    index: int,
+    listening: Listening,
+    silence: NDArray[np.float32],
+    classes: NDArray[np.int32],
+    struck: NDArray[np.int32],
+    ways: int,
+    count: int,
+    seen: Sounded,
+    said: NDArray[np.float32],
+) -> None:
+    """Add what a ping says of surfaces in cells, by direction of view and orientation."""
+    one, clutter = np.float32(1.0), np.float32(CLUTTER)
+    for place in range(count):
+        cell, b, sector, view = (
+            seen.which[place], seen.bin[place], seen.sector[place], seen.degrees[place],
+        )  # fmt: skip
+        share, loud = int(seen.sound[place] * SHARES + 0.5), seen.loud[place]
+        faint = max(0, loud - FAINTER)
+        if not listening.heard[index, b]:
+            for way in range(ways):
+                said[cell, sector, way] += silence[share, loud, 1, classes[view, way]]
+            for way in struck[view]:
+                if way >= 0:
+                    square = silence[share, loud, 1, classes[view, way]]
+                    said[cell, sector, ORIENTATIONS + way] += square
+            said[cell, sector, ROUND] += silence[share, faint, 1, 0]
+            continue
+        chance = max(clutter, listening.chance[index, b])
+        for way in range(ways):
+            silent = silence[share, loud, 0, classes[view, way]] * (one - chance)
+            said[cell, sector, way] += log32((one - silent) / chance)
+        for way in struck[view]:
+            if way >= 0:
+                silent = silence[share, loud, 0, classes[view, way]] * (one - chance)
+                said[cell, sector, ORIENTATIONS + way] += log32((one - silent) / chance)
+        silent = silence[share, faint, 0, 0] * (one - chance)
+        said[cell, sector, ROUND] += log32((one - silent) / chance)
+
+
+@inlined
+def _put_least_refuted(
+    said: NDArray[np.float32],
+    ways: int,
+    shape: np.float32,
+    kinds: FloatArray,
+    worst: NDArray[np.float32],
+) -> None:
+    """Set what all sectors together say of the kind of each group that is refuted least."""
+    none, one = np.float32(0.0), np.float32(1.0)
+    worst[:] = np.float32(-1e9)
+    for kind in range(KINDS):
+        total, group = np.float32(kinds[kind, 1]), int(kinds[kind, 2])
+        way = kind if kind >= ORIENTATIONS else min(kind, ways - 1)
+        most = np.float32(MOST_OF_A_MIRROR if ORIENTATIONS <= kind < ROUND else MOST_A_SECTOR)
+        for sector in range(SECTORS):
+            silence = max(none, -said[sector, way])
+            total += max(none, min(most, said[sector, way])) - shape * log32(one + silence / shape)
+        worst[group] = max(worst[group], total)

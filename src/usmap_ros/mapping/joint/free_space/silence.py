@@ -1,0 +1,143 @@
+"""What silence says of an area, by how the surfaces that are believed answer."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
+from usmap_ros.mapping.joint.forward_model.log_odds import judged, over_block
+from usmap_ros.mapping.joint.free_space.mirror_share import mirror_share
+from usmap_ros.mapping.joint.free_space.overdispersion import learn_shape
+from usmap_ros.mapping.joint.free_space.response import (
+    NO_NORMAL,
+    Listening,
+    learn_response,
+    look_at,
+)
+from usmap_ros.mapping.joint.free_space.usual_directions import facing, lengths, log_priors
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y, points_on
+from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.walls import Walls
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
+#: them: among lone things, and among walls.
+LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
+#: The first at the least and the other at the most among mirrors, heard from one side only.
+MIRRORED = (-2.0, 0.05)
+#: Surfaces at the most, from which is learnt how this place answers.
+MOST_SURFACES = 3000
+#: Share of occupied cells on lines at which a place is one of walls.
+WALLED_SHARE = 0.3
+
+
+class Silence(NamedTuple):
+    """What silence says of an area, by what was learnt of it.
+
+    Parameters
+    ----------
+    log_silent : (LOUDNESSES, INCIDENCES) array
+        By `usmap_ros.mapping.joint.free_space.response.learn_response`.
+    shape : float
+        How far looks from one side repeat each other.
+    kinds : (KINDS, 3) array
+        By `usmap_ros.mapping.joint.free_space.usual_directions.log_priors`.
+    long_and_short : array
+        By `usmap_ros.mapping.joint.free_space.usual_directions.lengths`.
+    refuted, unknown : float
+        Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide.
+    """
+
+    log_silent: FloatArray
+    shape: float
+    kinds: FloatArray
+    long_and_short: FloatArray
+    refuted: float
+    unknown: float
+
+
+def learn_silence(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    field: Field,
+    left: NDArray[np.uint8],
+    listening: Listening,
+    walls: Walls,
+    smooth: SmoothThings,
+    evidence: CellEvidence,
+) -> Silence:
+    """Learn what silence says of an area.
+
+    Parameters
+    ----------
+    looks : Looks
+        Pings.
+    pings : (pings,) integer array
+        Rows of those that count.
+    field : Field
+        The cells.
+    left : (pings, RAYS, STEPS) uint8 array
+        How much of their sound is left, if nothing but what stands is in the way.
+    listening : Listening
+        What was heard, and was to be heard by what stands.
+    walls, smooth, evidence
+        What stands.
+    """
+    surfaces, on_lines = _surfaces(walls, evidence, field)
+    looked = look_at(looks, pings, field, left, listening, surfaces)
+    log_silent = learn_response(looked, surfaces)
+    walled = _walled(walls.shown, on_lines)
+    things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
+    alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
+    mirrored = mirror_share(looked, surfaces, log_silent, 1.0 - walled)
+    walls_facing = facing(smooth.mirrors, walls.lines, field.resolution_m)
+    kinds = log_priors(
+        walls_facing, len(smooth.mirrors), smooth.columns_likely, things, alone_m, mirrored
+    )
+    long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
+    refuted, unknown = _thresholds(walled, bool(smooth.mirrors))
+    return Silence(
+        log_silent, learn_shape(looked, log_silent), kinds, long_and_short, refuted, unknown
+    )
+
+
+def _surfaces(walls: Walls, evidence: CellEvidence, field: Field) -> tuple[FloatArray, BoolArray]:
+    """Row, column and normal of what stands; and cells near lines."""
+    found, near = [], np.zeros(field.shape, bool)
+    row_count, column_count = field.shape
+    for line in walls.all_lines:
+        rows, columns = points_on(line, line[BEGIN], line[END])
+        normal = float(np.arctan2(line[NORMAL_Y], line[NORMAL_X]))
+        for row, column in dict.fromkeys(zip(rows.tolist(), columns.tolist(), strict=True)):
+            if 1 <= row < row_count - 1 and 1 <= column < column_count - 1:
+                found.append((row, column, normal))
+                near[row - 1 : row + 2, column - 1 : column + 2] = True
+    strength = judged(evidence, field.shape)
+    peaks = walls.occupied & ~near & (strength >= over_block(strength))
+    found += [(row, column, NO_NORMAL) for row, column in np.argwhere(peaks)]
+    surfaces = np.array(found, dtype=float).reshape(-1, 3)
+    if len(surfaces) > MOST_SURFACES:
+        chosen = np.linspace(0, len(surfaces) - 1, MOST_SURFACES).astype(np.int64)
+        surfaces = surfaces[chosen]
+    return surfaces, near
+
+
+def _thresholds(walled: float, has_mirrors: bool) -> tuple[float, float]:
+    """Log-likelihood ratio at which a cell is refuted, and belief that unknown cells hide."""
+    refuted, unknown = (
+        (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
+    )
+    if has_mirrors:
+        return max(refuted, MIRRORED[0]), min(unknown, MIRRORED[1])
+    return refuted, unknown
+
+
+def _walled(occupied: BoolArray, on_lines: BoolArray) -> float:
+    """How far a place is one of walls, up to 1."""
+    share = int(np.count_nonzero(occupied & on_lines)) / max(1, int(np.count_nonzero(occupied)))
+    return min(share / WALLED_SHARE, 1.0)

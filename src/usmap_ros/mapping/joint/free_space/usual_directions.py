@@ -1,0 +1,203 @@
+"""How usual surfaces are: which way the walls of a place face, and how far they go on."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.free_space.open_space import (
+    ACROSS,
+    ALONG,
+    KINDS,
+    MIRRORS,
+    ORIENTATIONS,
+    OTHERS,
+    ROUND,
+)
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y
+from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, usual_direction
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled
+
+#: Length of walls, m, that is expected in any direction: where nothing speaks for it, and what
+#: each metre of walls that are not square to most, and of things that stand alone, adds.
+EXPECTED_M, A_METRE_ASKEW, A_METRE_ALONE = 0.12, 0.1, 0.1
+#: What counts for an orientation is this near to it, by the sine of twice the angle.
+NEAR = math.sin(math.pi / ORIENTATIONS)
+#: Of what is never looked for.
+NEVER = -1e3
+#: Round columns that are found for each wall, or other thing, where there are as many, for they are
+#: fainter; and how many speak for others where there are mirrors, but no columns were found.
+COLUMNS_A_WALL, PSEUDO_COLUMNS = 0.5, 1.0
+#: Ends that are so many times as far away as usual say nothing.
+FAR = 2.0
+#: How far it is from a place in what is long, and what is short, to an end of it, on the mean, m.
+#: As ends come by chance, the first is the mean length of long walls, which more walls continue.
+LONG_M, SHORT_M = 10.0, 0.3
+#: Lines that are shorter than this are short things, and how much of those is expected beside what
+#: was found, m.
+SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
+
+
+class Facing(NamedTuple):
+    """Walls by which way they face.
+
+    Parameters
+    ----------
+    normals_rad, lengths_m : (walls,) arrays
+        Direction of the normal, and length: how often a wall was heard depends on where robots
+        went.
+    weights : (walls,) array
+        How much each says of the usual direction.
+    """
+
+    normals_rad: FloatArray
+    lengths_m: FloatArray
+    weights: FloatArray
+
+
+def facing(mirrors: list[MirrorWall], lines: FloatArray, resolution_m: float) -> Facing:
+    """Which way mirrors face, or lines if there are no mirrors."""
+    if mirrors:
+        each = [(wall.normal_rad, wall.end_m - wall.begin_m, len(wall.echoes)) for wall in mirrors]
+        return Facing(*np.array(each, float).T)
+    lengths_m = (lines[:, END] - lines[:, BEGIN]) * resolution_m
+    return Facing(np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X]), lengths_m, lengths_m)
+
+
+def log_priors(
+    walls: Facing, mirrors: int, columns: float, things: int, alone_m: float, mirrored: float
+) -> FloatArray:
+    """Orientations that are asked for in each cell, and how much rarer surfaces like these are.
+
+    Parameters
+    ----------
+    walls : Facing
+        All that are known.  Orientations are counted from that of most.
+    mirrors : int
+        Mirrors that were found.  Where there are none, surfaces may face anywhere, and are mostly
+        heard from any side; where there are, something round that answers every view, as smooth
+        walls answer square ones, is asked for as well.
+    columns : float
+        Round columns that are likely: the more there are for each wall, the more others may stand.
+    things : int
+        Lines of walls, and what stands alone, if there are no mirrors.
+    alone_m : float
+        Length of what was found on no line: where much is, more may face anywhere.
+    mirrored : float
+        Share of surfaces that may answer as mirrors do, by
+        `usmap_ros.mapping.joint.free_space.mirror_share.mirror_share`.
+
+    Returns
+    -------
+    kinds : (KINDS, 3) array
+        Direction of the normal, rad; logarithm of how often such surfaces are found, over that of
+        the most usual ones; and group.
+    """
+    kinds = np.zeros((KINDS, 3))
+    kinds[:, 2] = OTHERS
+    kinds[ORIENTATIONS:ROUND, 2] = OTHERS if mirrors else MIRRORS
+    share = columns + (PSEUDO_COLUMNS if mirrors else 0.0)
+    share /= COLUMNS_A_WALL * (mirrors or things) + PSEUDO_COLUMNS
+    kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
+    normals_rad = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
+    if len(walls.normals_rad):
+        normals_rad += usual_direction(walls.normals_rad, walls.weights)
+    off = np.abs(np.sin(2.0 * (normals_rad[:, np.newaxis] - walls.normals_rad)))
+    askew_m = walls.lengths_m[off[0] >= NEAR].sum()
+    expected_m = EXPECTED_M + A_METRE_ASKEW * askew_m + A_METRE_ALONE * alone_m
+    found_m = (off < NEAR) @ walls.lengths_m + expected_m
+    usual = np.log(found_m / found_m.max())
+    kinds[:ORIENTATIONS, 0] = kinds[ORIENTATIONS:ROUND, 0] = normals_rad
+    kinds[ORIENTATIONS:ROUND, 1] = usual + math.log(mirrored)
+    if mirrors:
+        kinds[:ORIENTATIONS, 1] = usual
+        for first in (0, ORIENTATIONS):
+            kinds[[first, first + ORIENTATIONS // 2], 2] = ALONG, ACROSS
+    return kinds
+
+
+def lengths(lines: FloatArray, alone_m: float, resolution_m: float) -> FloatArray:
+    """How long surfaces are here: kinds of them, and the share of all surface that each is.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        All that were found, see `usmap_ros.mapping.joint.surfaces.lines`.
+    alone_m : float
+        Length of what was found on no line.
+    resolution_m : float
+        Of a cell.
+
+    Returns
+    -------
+    kinds : (2, 2) array
+        Of what is long and of what is short: how far it is from a place in it to an end, cells on
+        the mean, and the share.
+    """
+    lengths_m = (lines[:, END] - lines[:, BEGIN]) * resolution_m
+    short_m = lengths_m[lengths_m < SHORTER_M].sum() + alone_m + PSEUDO_SHORT_M
+    total_m = lengths_m.sum() + alone_m + PSEUDO_SHORT_M
+    share = float(short_m / total_m)
+    return np.array([[LONG_M / resolution_m, 1.0 - share], [SHORT_M / resolution_m, share]])
+
+
+@compiled
+def lacks_room(
+    said: NDArray[np.float32],
+    is_refuted: BoolArray,
+    asked: BoolArray,
+    normal_rad: float,
+    kinds: FloatArray,
+    refuted: float,
+) -> BoolArray:
+    """Whether walls are refuted by how little room there is for them, with what was heard.
+
+    From anywhere in a wall it is as far to either end as chance has it, exponentially distributed;
+    a wall through a cell must end before the next cells on its line in which none can stand.  There
+    are long ones and short ones: between boxes there is little room.
+
+    Parameters
+    ----------
+    said : (rows, columns) float32 array
+        Log-likelihood ratio of a wall in each cell; where it speaks for one, room says nothing.
+    is_refuted : (rows, columns) bool array
+        Where no wall that faces so can stand.
+    asked : (rows, columns) bool array
+        Cells that are asked for.
+    normal_rad : float
+        Direction that it faces.
+    kinds : (kinds, 2) array
+        Of walls: how far it is from a place in one to an end, cells on the mean, and the share of
+        all surface that they are, by `lengths`.
+    refuted : float
+        Log-likelihood ratio at which one is refuted.
+    """
+    rows, columns = is_refuted.shape
+    lacks = np.zeros((rows, columns), np.bool_)
+    up, right, farthest = math.cos(normal_rad), -math.sin(normal_rad), int(FAR * kinds[:, 0].max())
+    for row in range(rows):
+        for column in range(columns):
+            if not asked[row, column] or is_refuted[row, column] or said[row, column] > 0.0:
+                continue
+            ends = np.zeros(2)
+            for side in range(2):
+                for step in range(1, farthest):
+                    y = math.floor(row + (2 * side - 1) * step * up + 0.5)
+                    x = math.floor(column + (2 * side - 1) * step * right + 0.5)
+                    if not (0 <= y < rows and 0 <= x < columns):
+                        break
+                    if is_refuted[y, x]:
+                        ends[side] = step - 0.5
+                        break
+            chance = 0.0
+            for usual, share in kinds:
+                fits = share
+                for end in ends:
+                    fits *= 1.0 - math.exp(-end / usual) if end > 0.0 else 1.0
+                chance += fits
+            lacks[row, column] = said[row, column] + math.log(chance) < refuted
+    return lacks

@@ -1,0 +1,1 @@
+"""Walls, columns and lines that go through what was heard."""

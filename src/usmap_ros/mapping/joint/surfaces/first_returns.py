@@ -1,0 +1,78 @@
+"""Whether walls answer sensors that report the first thing only from any side, or as mirrors do.
+
+What such a sensor hears has no loudness that would tell, and nothing is heard behind it.  Where a
+wall is in the beam, but not the foot of the perpendicular on it, a surface that scatters is heard
+at the edge of the beam; a mirror is not.  Light is scattered by most walls, sound by rough ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall
+from usmap_ros.mapping.joint.visibility.echoes import Echoes
+from usmap_ros.mapping.joint.visibility.field import GREATEST_RANGE, HALF_ANGLE, HEADING, X, Y
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import wrapped
+
+#: Angles between a wall's normal and the edge of the beam, and its axis, that count, rad.
+LEAST_ASLANT_RAD, MOST_OFF_RAD = math.radians(8.0), math.radians(75.0)
+#: How near the first return must be to the wall, and how far beyond its ends a wall may go on, m.
+NEAR_M, BEYOND_M = 0.06, 0.3
+#: Share of looks aslant that hear a wall below which walls are mirrors.  Simulated rough walls, and
+#: those of light, have 0.71 to 0.96, smooth ones 0.45 to 0.62, sonars in a real corridor 0.2.
+MOST_MIRRORED = 0.67
+
+
+def answer_as_mirrors(
+    walls: Sequence[MirrorWall], looks: Looks, pings: NDArray[np.int64], echoes: Echoes
+) -> bool:
+    """Whether some walls answer as mirrors do.
+
+    Parameters
+    ----------
+    walls : sequence of MirrorWall
+        Walls by the feet of perpendiculars.
+    looks : Looks
+        Pings.
+    pings : (pings,) integer array
+        Their rows.
+    echoes : Echoes
+        Theirs.
+    """
+    numbers = looks.numbers[pings]
+    nearest_m = np.full(len(pings), np.inf)
+    has_any = np.diff(echoes.start) > 0
+    nearest_m[has_any] = echoes.range_m[echoes.start[:-1][has_any]]
+    if not walls:
+        return False
+    shares = []
+    for wall in walls:
+        is_looking, near_m, far_m = _aslant(wall, numbers)
+        is_looking &= nearest_m > near_m - NEAR_M
+        heard = np.count_nonzero(is_looking & (nearest_m < 0.5 * (near_m + far_m) + NEAR_M))
+        shares.append((heard + 1.0) / (np.count_nonzero(is_looking) + 2.0))
+    # What few hits make up to a wall is often none.
+    hits = [len(wall.pings) for wall in walls]
+    return float(np.average(shares, weights=hits)) < MOST_MIRRORED
+
+
+def _aslant(wall: MirrorWall, numbers: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Pings that look at a wall aslant, and its range at the beam's edge and on its axis, m."""
+    cosine, sine = math.cos(wall.normal_rad), math.sin(wall.normal_rad)
+    x_m, y_m = numbers[:, X], numbers[:, Y]
+    across_m, along_m = wall.distance_m - cosine * x_m - sine * y_m, cosine * y_m - sine * x_m
+    axis_rad = wrapped(numbers[:, HEADING] - wall.normal_rad)
+    edge_rad = np.abs(axis_rad) - numbers[:, HALF_ANGLE]
+    is_aslant = (across_m > 0.0) & (edge_rad > LEAST_ASLANT_RAD)
+    is_aslant &= np.abs(axis_rad) < MOST_OFF_RAD
+    edge_rad, axis_rad = np.where(is_aslant, (edge_rad * np.sign(axis_rad), axis_rad), 0.0)
+    far_m, struck_m = across_m / np.cos(axis_rad), along_m + across_m * np.tan(edge_rad)
+    is_aslant &= (struck_m > wall.begin_m - BEYOND_M) & (struck_m < wall.end_m + BEYOND_M)
+    is_aslant &= far_m < numbers[:, GREATEST_RANGE]
+    return is_aslant, across_m / np.cos(edge_rad), far_m

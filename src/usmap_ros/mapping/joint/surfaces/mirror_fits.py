@@ -1,0 +1,264 @@
+"""Lines that echoes of mirrors vote for, and lines fitted to the best stretch of their feet."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.visibility.beams import (
+    LOOKING_SHARE,
+    WITHIN_GREATEST_M,
+    WITHIN_LEAST_M,
+    amplitude_gain,
+    off_axis,
+)
+from usmap_ros.mapping.joint.visibility.echoes import Echoes
+from usmap_ros.mapping.joint.visibility.field import (
+    ABSORPTION,
+    BIN_M,
+    GREATEST_RANGE,
+    HALF_ANGLE,
+    LEAST_RANGE,
+    X,
+    Y,
+)
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
+
+#: Directions of normals that are voted for, and width of a step of ρ, m.
+DIRECTIONS, STEP_M = 180, 0.025
+#: Places with most votes, and candidates among them, at the most.
+MOST_CANDIDATES, MOST_TRIES = 6000, 600
+#: Share of the half angle within which the foot must be for votes, and least gain of a beam.
+VOTING_SHARE, LEAST_GAIN = 0.9, 1e-3
+#: An echo is a wall's if it is so near to where it should be: first, and after refinement.
+TOLERANCES_M = (0.04, 0.03, 0.03)
+#: A silent ping counts as a miss if the faintest mirror would have been so many times as loud as
+#: what would have been reported.
+LOUD = 1.3
+#: Widest gap between feet, m.
+GAP_M = 0.6
+#: Refinement of a direction at the most, rad, by so many feet at the least.
+MOST_TURN, LEAST_FEET = 0.05, 3
+
+
+class Search(NamedTuple):
+    """Where mirrors are looked for.
+
+    Parameters
+    ----------
+    looks : Looks
+        Pings.
+    pings : (pings,) integer array
+        Their rows.
+    echoes : Echoes
+        Theirs.
+    is_open : (echoes,) bool array
+        Whether a mirror may explain an echo.
+    faintest, loudest : float
+        Amplitude reflectivities that a mirror may have.
+    """
+
+    looks: Looks
+    pings: NDArray[np.int64]
+    echoes: Echoes
+    is_open: BoolArray
+    faintest: float
+    loudest: float
+
+
+class Feet(NamedTuple):
+    """Feet on a line of pings that looked at it squarely, in their order: (feet,) arrays.
+
+    Parameters
+    ----------
+    along_m : float64 array
+        Where along the line each is.
+    ping, echo : int64 arrays
+        The ping, and its echo of the line; -1: there should be one, but is none.
+    log_mirror : float64 array
+        Logarithm of the reflectivity that the echo tells.
+    """
+
+    along_m: FloatArray
+    ping: NDArray[np.int64]
+    echo: NDArray[np.int64]
+    log_mirror: FloatArray
+
+
+def candidates(search: Search, least_votes: int) -> list[tuple[float, float]]:
+    """Normals and distances of lines with most votes, the best first, none twice.
+
+    Parameters
+    ----------
+    search : Search
+        Whose open echoes vote.
+    least_votes : int
+        That a candidate has.
+    """
+    numbers = search.looks.numbers[search.pings]
+    reach_m = float(1.5 * np.abs(numbers[:, :2]).max() + numbers[:, GREATEST_RANGE].max() + 1.0)
+    votes = np.zeros((DIRECTIONS, int(2.0 * reach_m / STEP_M)), np.int32)
+    _vote(search, reach_m, votes)
+    votes[:, 1:] += votes[:, :-1].copy()
+    flat = votes.ravel()
+    order = np.argsort(-flat, kind="stable")[:MOST_CANDIDATES]
+    kept: list[tuple[int, int]] = []
+    is_near = np.zeros(votes.shape, bool)
+    for place in order[flat[order] >= least_votes]:
+        direction, step = divmod(int(place), votes.shape[1])
+        if not is_near[direction, step]:
+            kept.append((direction, step))
+            around = np.arange(direction - 1, direction + 2) % DIRECTIONS
+            is_near[around, max(0, step - 2) : step + 3] = True
+        if len(kept) == MOST_TRIES:
+            break
+    return [(f * 2.0 * math.pi / DIRECTIONS, k * STEP_M - reach_m) for f, k in kept]
+
+
+@compiled
+def _vote(search: Search, reach_m: float, votes: NDArray[np.int32]) -> None:
+    """Count, for each direction and distance, the pings with an echo of a mirror from there."""
+    looks, pings, echoes = search.looks, search.pings, search.echoes
+    last = np.full(votes.shape, -1, np.int32)
+    for index in range(len(pings)):
+        numbers = looks.numbers[pings[index]]
+        for echo in range(echoes.start[index], echoes.start[index + 1]):
+            if not search.is_open[echo]:
+                continue
+            range_m = echoes.range_m[echo]
+            level = 2.0 * echoes.amplitude[echo] * range_m
+            level *= math.exp(0.5 * numbers[ABSORPTION] * range_m)
+            for f in range(DIRECTIONS):
+                normal = f * 2.0 * math.pi / DIRECTIONS
+                off = off_axis(looks, pings[index], normal)
+                if abs(off) > VOTING_SHARE * numbers[HALF_ANGLE]:
+                    continue
+                gain = max(amplitude_gain(looks, pings[index], off), LEAST_GAIN)
+                if level < search.faintest * gain or level > search.loudest * gain:
+                    continue
+                foot = numbers[X] * math.cos(normal) + numbers[Y] * math.sin(normal)
+                k = int((foot + range_m + reach_m) / STEP_M)
+                if 0 <= k < votes.shape[1] and last[f, k] != index:
+                    last[f, k] = index
+                    votes[f, k] += 1
+
+
+@compiled
+def fit(search: Search, normal_rad: float, distance_m: float) -> tuple[float, float, float, Feet]:
+    """Refine a candidate by the hits of its best stretch, as often as there are tolerances.
+
+    Returns
+    -------
+    normal_rad, distance_m : float
+        Refined.
+    score : float
+        Hits less loud misses of the best stretch.
+    hits : Feet
+        That it has.
+    """
+    score, hits = _stretch(search, normal_rad, distance_m, TOLERANCES_M[0])
+    for turn in range(1, len(TOLERANCES_M)):
+        if len(hits.echo) < LEAST_FEET:
+            break
+        turn_rad, shift_m = _refinement(search, hits, normal_rad, distance_m)
+        normal_rad += turn_rad
+        distance_m += shift_m
+        score, hits = _stretch(search, normal_rad, distance_m, TOLERANCES_M[turn])
+    return normal_rad, distance_m, score, hits
+
+
+@compiled_within
+def _stretch(
+    search: Search, normal_rad: float, distance_m: float, tolerance_m: float
+) -> tuple[float, Feet]:
+    """Score and hits of the best stretch of a line."""
+    return _best_stretch(_feet(search, normal_rad, distance_m, tolerance_m))
+
+
+@inlined
+def _feet(search: Search, normal_rad: float, distance_m: float, tolerance_m: float) -> Feet:
+    """Feet of all pings that heard a line, or should have."""
+    looks, pings, count = search.looks, search.pings, len(search.pings)
+    along_m, log_mirror = np.empty(count), np.zeros(count)
+    ping, echo = np.empty(count, np.int64), np.empty(count, np.int64)
+    cosine, sine, seen = math.cos(normal_rad), math.sin(normal_rad), 0
+    for index in range(count):
+        numbers = looks.numbers[pings[index]]
+        across = distance_m - (numbers[X] * cosine + numbers[Y] * sine)
+        least = numbers[LEAST_RANGE] + WITHIN_LEAST_M
+        greatest = numbers[GREATEST_RANGE] - WITHIN_GREATEST_M
+        off = off_axis(looks, pings[index], normal_rad)
+        if across <= least or across >= greatest:
+            continue
+        if abs(off) >= LOOKING_SHARE * numbers[HALF_ANGLE]:
+            continue
+        gain = max(amplitude_gain(looks, pings[index], off), LEAST_GAIN)
+        nearest, mirror = _nearest_echo(search, index, across, tolerance_m, gain)
+        b = int((across - numbers[LEAST_RANGE]) / numbers[BIN_M])
+        limit = math.sqrt(looks.limit[pings[index], min(b, looks.bins[pings[index]] - 1)])
+        faintest = search.faintest * gain * math.exp(-0.5 * numbers[ABSORPTION] * across)
+        if nearest >= 0 or faintest / (2.0 * across) > LOUD * limit:
+            along_m[seen] = numbers[Y] * cosine - numbers[X] * sine
+            ping[seen], echo[seen], log_mirror[seen] = index, nearest, math.log(mirror)
+            seen += 1
+    order = np.argsort(along_m[:seen])
+    return Feet(along_m[order], ping[order], echo[order], log_mirror[order])
+
+
+@inlined
+def _nearest_echo(
+    search: Search, index: int, across_m: float, tolerance_m: float, gain: float
+) -> tuple[int, float]:
+    """The echo of a ping nearest to where a mirror's should be, or -1; and its reflectivity."""
+    echoes, numbers = search.echoes, search.looks.numbers[search.pings[index]]
+    nearest_m, nearest, mirror = tolerance_m, -1, 1.0
+    for echo in range(echoes.start[index], echoes.start[index + 1]):
+        away_m = abs(echoes.range_m[echo] - across_m)
+        if not search.is_open[echo] or away_m >= nearest_m:
+            continue
+        range_m = echoes.range_m[echo]
+        decay = gain * math.exp(-0.5 * numbers[ABSORPTION] * range_m)
+        told = 2.0 * echoes.amplitude[echo] * range_m / decay
+        if search.faintest < told < search.loudest:
+            nearest_m, nearest, mirror = away_m, echo, told
+    return nearest, mirror
+
+
+@inlined
+def _best_stretch(feet: Feet) -> tuple[float, Feet]:
+    """Hits less misses of the stretch that has most, without wide gaps; and its hits."""
+    best, first, end, running, begin = 0.0, 0, 0, 0.0, 0
+    for k in range(len(feet.echo)):
+        if running <= 0.0 or feet.along_m[k] - feet.along_m[k - 1] > GAP_M:
+            running, begin = 0.0, k
+        running += 1.0 if feet.echo[k] >= 0 else -1.0
+        if running > best:
+            best, first, end = running, begin, k + 1
+    hits = first + np.flatnonzero(feet.echo[first:end] >= 0)
+    return best, Feet(feet.along_m[hits], feet.ping[hits], feet.echo[hits], feet.log_mirror[hits])
+
+
+@inlined
+def _refinement(
+    search: Search, hits: Feet, normal_rad: float, distance_m: float
+) -> tuple[float, float]:
+    """Turn and shift of a line by which it fits hits best, by least squares."""
+    cosine, sine = math.cos(normal_rad), math.sin(normal_rad)
+    t_, tt_, r_, tr_, count = 0.0, 0.0, 0.0, 0.0, len(hits.echo)
+    for k in range(count):
+        numbers = search.looks.numbers[search.pings[hits.ping[k]]]
+        across = distance_m - (numbers[X] * cosine + numbers[Y] * sine)
+        residual = search.echoes.range_m[hits.echo[k]] - across
+        t_ -= hits.along_m[k]
+        tt_ += hits.along_m[k] ** 2
+        r_ += residual
+        tr_ -= hits.along_m[k] * residual
+    variance = tt_ - t_ * t_ / count
+    slope = (tr_ - t_ * r_ / count) / variance if variance > 1e-4 else 0.0
+    slope = min(max(slope, -MOST_TURN), MOST_TURN)
+    return slope, (r_ - slope * t_) / count

@@ -1,0 +1,284 @@
+"""Smooth things of an area: mirrors and round columns, whose echoes say nothing of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
+from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
+from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead
+from usmap_ros.mapping.joint.surfaces.mirror_walls import (
+    MirrorWall,
+    mirror_walls,
+    perpendicular_walls,
+)
+from usmap_ros.mapping.joint.surfaces.round_columns import (
+    RoundColumn,
+    discs,
+    drawn_columns,
+    round_columns,
+)
+from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
+from usmap_ros.mapping.joint.visibility.echoes import Echoes
+from usmap_ros.mapping.joint.visibility.field import (
+    BIN_M,
+    HALF_ANGLE,
+    HEADING,
+    LEAST_RANGE,
+    RANGE_STD,
+    Field,
+    X,
+    Y,
+)
+from usmap_ros.mapping.joint.visibility.open_ways import trace_open
+from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.geometry import wrapped
+
+#: Range bins around a smooth thing's echo that say nothing of cells.
+AROUND_BINS = 2
+#: Share of suspected columns that are some.
+SUSPECTED_SHARE = 0.5
+#: Power that smooth things return, over what would have been reported.
+LOUD = 100.0
+#: Pings that one counts for as a proof that its way is open: its loudness is that of the thing.
+PROOFS = 2.0
+#: The way to a smooth thing is proven to be open up to so many cells before it.
+PROVEN_CELLS = 1.5
+#: How far beside the way nothing stands, either, that would let no sound through, m: the first
+#: Fresnel zone of an echo of 40 kHz is so wide from 0.25 m on.
+BESIDE_M = (-0.04, 0.0, 0.04)
+#: An echo is that of a smooth thing that is known if it is so near to where it should be, beyond
+#: what its range is uncertain by, m.
+RECOGNISED_M = 0.03
+
+
+class Recognised(NamedTuple):
+    """Smooth things that are known.
+
+    Parameters
+    ----------
+    mirrors, columns : list
+        Those that are certain.
+    suspected : list of RoundColumn
+        Columns that are not.
+    """
+
+    mirrors: list[MirrorWall]
+    columns: list[RoundColumn]
+    suspected: list[RoundColumn]
+
+
+class SmoothThings:
+    """Mirrors and columns of an area.
+
+    Parameters
+    ----------
+    looks : Looks
+        Pings.
+    pings : (pings,) integer array
+        Rows of those that count.
+    echoes : Echoes
+        Theirs.
+    field : Field
+        The cells.
+    """
+
+    def __init__(
+        self, looks: Looks, pings: NDArray[np.int64], echoes: Echoes, field: Field
+    ) -> None:
+        self._looks, self._pings, self._echoes, self._field = looks, pings, echoes, field
+        self.mirrors: list[MirrorWall] = []
+        self.columns: list[RoundColumn] = []
+        self._suspected: list[RoundColumn] = []
+        index = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
+        numbers = looks.numbers[pings[index]]
+        place = np.floor((echoes.range_m - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M])
+        self._inside = (place >= 0) & (place < looks.bins[pings[index]])
+        self._ping, self._bin = index, np.where(self._inside, place, 0).astype(np.int64)
+
+    @property
+    def echo_bins(self) -> tuple[NDArray[np.int64], NDArray[np.int64], BoolArray]:
+        """Ping and range bin of each echo, and whether it is within its ping's bins."""
+        return self._ping, self._bin, self._inside
+
+    def find(
+        self,
+        is_explained: BoolArray,
+        lone_cells_m: Sequence[FloatArray],
+        first_only: BoolArray,
+        depth: NDArray[np.float32],
+    ) -> None:
+        """Find mirrors, and round columns, by echoes that nothing else explains.
+
+        Parameters
+        ----------
+        is_explained : (echoes,) bool array
+            Whether reliable cells explain an echo.
+        lone_cells_m : sequence of (cells, 2) arrays
+            By `usmap_ros.mapping.joint.surfaces.lone_columns.lone_cells`.
+        first_only : (pings,) bool array
+            Pings of sensors that report the first thing only.
+        depth : (rows, columns) float32 array
+            Optical depth of cells.
+        """
+        looks, pings, echoes = self._looks, self._pings, self._echoes
+        left = cast_all_rays(looks, pings, self._field, depth)
+        is_usable = ~first_only[self._ping] | self._mirror_first_returns(first_only)
+        is_explained = is_explained | ~is_usable
+        found = mirror_walls(looks, pings, echoes, is_explained, is_usable)
+        for wall in found:
+            is_explained[wall.echoes] = True
+        ping_set = PingSet(looks, pings, echoes, left)
+        columns = round_columns(ping_set, is_explained, self._field)
+        self.columns = [column for column in columns if column.is_certain]
+        for column in self.columns:
+            is_usable[column.echoes] = False
+        instead = columns_instead(ping_set, is_usable & ~is_explained, is_usable, lone_cells_m)
+        self.columns += instead
+        self._suspected = [
+            column
+            for column in columns
+            if not column.is_certain and not any(map(column.overlaps, instead))
+        ]
+        ends = WallEnds(looks, pings, echoes, left, found, self.columns)
+        self.mirrors = ends.extended()
+
+    def _mirror_first_returns(self, first_only: BoolArray) -> bool:
+        """Whether the walls that sensors hear which report the first thing only are mirrors."""
+        looks, pings, echoes = self._looks, self._pings, self._echoes
+        if not first_only.any():
+            return False
+        walls = perpendicular_walls(looks, pings, echoes, first_only[self._ping])
+        return answer_as_mirrors(walls, looks, pings, echoes)
+
+    @property
+    def recognised(self) -> Recognised:
+        """Those that are known now."""
+        return Recognised(self.mirrors, self.columns, self._suspected)
+
+    def recognise(self, known: Recognised) -> None:
+        """Take over the smooth things that other pings found, with these pings' echoes of them."""
+        ranges_m, where = self._echoes.range_m, self._looks.numbers[self._pings][self._ping]
+        self._suspected = known.suspected
+
+        def heard(expected_m: FloatArray, bearing_rad: FloatArray, may: BoolArray) -> BoolArray:
+            off_rad = wrapped(bearing_rad - where[:, HEADING])
+            is_ahead = np.abs(off_rad) < where[:, HALF_ANGLE]
+            near_m = RECOGNISED_M + where[:, RANGE_STD]
+            there: BoolArray = may & is_ahead & (np.abs(ranges_m - expected_m) < near_m)
+            return there
+
+        x_m, y_m = where[:, X], where[:, Y]
+        for wall in known.mirrors:
+            cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
+            along_m = cosine * y_m - sine * x_m
+            may = (along_m > wall.begin_m) & (along_m < wall.end_m)
+            expected_m = wall.distance_m - cosine * x_m - sine * y_m
+            own = np.flatnonzero(heard(expected_m, np.full(len(may), wall.normal_rad), may))
+            self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
+        for column in known.columns:
+            right_m, up_m = column.x_m - x_m, column.y_m - y_m
+            expected_m = np.hypot(right_m, up_m) - column.radius_m
+            own = np.flatnonzero(heard(expected_m, np.arctan2(up_m, right_m), expected_m > 0.0))
+            self.columns.append(replace(column, pings=self._ping[own], echoes=own))
+
+    def take_out(self) -> None:
+        """Let the echoes of smooth things say nothing of cells."""
+        for ping, around, _ in self._echo_places():
+            self._looks.kind[self._pings[ping], around] = UNJUDGED
+
+    def put_back(self, expected: NDArray[np.float32]) -> Looks:
+        """Pings as they were before `take_out`; what smooth things return is then expected.
+
+        Parameters
+        ----------
+        expected : (pings, bins) float32 array
+            λ; raised.
+        """
+        kind = self._looks.kind.copy()
+        for ping, around, middle in self._echo_places():
+            row = self._pings[ping]
+            here = expected[ping, around]
+            here[:] = np.maximum(here, LOUD * self._looks.limit[row, around][: len(here)])
+            kind[row, middle] = ECHO
+        return self._looks._replace(kind=kind)
+
+    def lines(self) -> FloatArray:
+        """Mirrors as lines, see `usmap_ros.mapping.joint.surfaces.lines`."""
+        return np.array([wall.line(self._field) for wall in self.mirrors]).reshape(-1, 5)
+
+    def drawn_columns(self) -> BoolArray:
+        """Cells at the surface of columns."""
+        return drawn_columns(self.columns, self._field)
+
+    @property
+    def columns_likely(self) -> float:
+        """How many columns there are likely to be, of those that were found or are suspected."""
+        return len(self.columns) + SUSPECTED_SHARE * len(self._suspected)
+
+    def doubt_columns_on(self, lines: FloatArray) -> bool:
+        """Let columns that walls pass through be suspected only: most are those walls' ends.
+
+        Parameters
+        ----------
+        lines : (lines, 5) array
+            Walls that answer from any side, see `usmap_ros.mapping.joint.surfaces.lines`.
+
+        Returns
+        -------
+        any_doubted : bool
+            Whether there are such columns.
+        """
+        is_on = [column.is_on(lines, self._field) for column in self.columns]
+        pairs = list(zip(self.columns, is_on, strict=True))
+        self.columns = [column for column, on in pairs if not on]
+        self._suspected = [*self._suspected, *(column for column, on in pairs if on)]
+        return any(is_on)
+
+    def suspected(self) -> BoolArray:
+        """Cells that columns may cover which are not certain."""
+        return discs(self._suspected, self._field)
+
+    def trace_open(self, proven: NDArray[np.float32], weights: NDArray[np.float32]) -> None:
+        """Count pings whose sound came back through each cell from smooth things.
+
+        Parameters
+        ----------
+        proven : (rows, columns) float32 array
+            Added to.
+        weights : (pings,) float32 array
+            How much each ping counts.
+        """
+        last = np.full(self._field.shape, -1, np.int32)
+        for thing in self._things():
+            for ping, echo in zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True):
+                x_m, y_m = self._looks.numbers[self._pings[ping], [X, Y]]
+                way_m = self._echoes.range_m[echo] - PROVEN_CELLS * self._field.resolution_m
+                bearing_rad = thing.bearing_from(x_m, y_m)
+                for beside_m in BESIDE_M:
+                    left_m = -beside_m * np.sin(bearing_rad), beside_m * np.cos(bearing_rad)
+                    trace_open(
+                        x_m + left_m[0], y_m + left_m[1], bearing_rad, way_m, self._field, ping,
+                        last, proven, PROOFS * weights[ping],
+                    )  # fmt: skip
+
+    def _things(self) -> list[MirrorWall | RoundColumn]:
+        return [*self.mirrors, *self.columns]
+
+    def _echo_places(self) -> Iterator[tuple[int, slice, int]]:
+        """Ping, range bins around, and the middle one, of each echo of a smooth thing."""
+        for thing in self._things():
+            for ping, echo in zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True):
+                if self._inside[echo]:
+                    middle = int(self._bin[echo])
+                    yield (
+                        ping, slice(max(0, middle - AROUND_BINS), middle + AROUND_BINS + 1), middle
+                    )  # fmt: skip

@@ -1,0 +1,87 @@
+"""Cells that are shown as occupied, and the lines that they are on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn, off_line, without_doubles
+from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.surface_lines import ON_LINE_CELLS, surface_lines
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Log-odds from which on a cell is shown as occupied, and from which on it is where a line goes
+#: through it.
+SHOWN, ON_A_LINE = 0.62, 0.0
+#: Ghosts lie beside a line, so many cells off it, and are so much less certain than its cells,
+#: which are as certain as this if there are none.
+BESIDE_CELLS, GHOST_MARGIN, USUAL = 4.0, 1.5, 2.0
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Cells that are shown as occupied, and the lines that they are on.
+
+    Parameters
+    ----------
+    occupied, filled : (rows, columns) bool arrays
+        Cells by their own evidence, and cells that lines go through.
+    lines, mirrors : (lines, 5) arrays
+        See `usmap_ros.mapping.joint.surfaces.lines`.
+    """
+
+    occupied: BoolArray
+    filled: BoolArray
+    lines: FloatArray
+    mirrors: FloatArray
+
+    @property
+    def all_lines(self) -> FloatArray:
+        """Lines of both kinds."""
+        return np.concatenate([self.lines, self.mirrors])
+
+    @property
+    def shown(self) -> BoolArray:
+        """All that is occupied."""
+        return self.occupied | self.filled
+
+
+def find_walls(
+    log_odds: FloatArray, field: Field, gap_m: float, smooth: SmoothThings, stood: BoolArray
+) -> Walls:
+    """Cells that are shown, and lines through them.
+
+    Parameters
+    ----------
+    log_odds : (rows, columns) array
+        Of each cell.
+    field : Field
+        The cells.
+    gap_m : float
+        Widest gap in a run of believed cells that counts as wall; 0: nothing is filled.
+    smooth : SmoothThings
+        Mirrors and columns.
+    stood : (rows, columns) bool array
+        Where robots stood, and so nothing else.
+    """
+    believed = log_odds > ON_A_LINE
+    lines = without_doubles(surface_lines(log_odds, believed, gap_m / field.resolution_m))
+    mirrors = smooth.lines()
+    rows, columns = np.nonzero(believed)
+    certain = log_odds[rows, columns]
+    on_line, is_ghost = (np.zeros(len(rows), bool) for _ in range(2))
+    for line in np.concatenate([lines, mirrors]):
+        across, along = off_line(line, rows, columns)
+        beside = (along >= line[BEGIN] - 1.0) & (along <= line[END] + 1.0)
+        on = beside & (np.abs(across) <= ON_LINE_CELLS)
+        usual = float(np.median(certain[on])) if on.any() else USUAL
+        off = beside & ~on & (np.abs(across) <= BESIDE_CELLS)
+        on_line |= on
+        is_ghost |= off & (certain < usual + GHOST_MARGIN)
+    kept = on_line | ((certain > SHOWN) & ~is_ghost)
+    occupied = np.zeros(field.shape, bool)
+    occupied[rows[kept], columns[kept]] = True
+    filled = drawn(lines, field.shape) | drawn(mirrors, field.shape) | smooth.drawn_columns()
+    return Walls(occupied & ~stood, filled & ~stood, lines, mirrors)

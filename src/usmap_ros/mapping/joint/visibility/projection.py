@@ -1,0 +1,343 @@
+"""Projection of scatterers onto the range bins of pings: where each may be heard, how loudly.
+
+One row for each pair of a ping and a scatterer, which is a cell or a quarter of one.  Rows of a
+ping lie one behind the other, and in them those of a cell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.visibility.beams import columns_in_beam, rows_in_reach
+from usmap_ros.mapping.joint.visibility.field import NOISE, QUARTERS, Field, X, Y
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import GAIN_STEPS
+from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.elementary import atan2_32, exp32
+
+#: A cell hides nothing that lies within so many cells behind it: they answer together.
+OWN_DEPTH_CELLS = 3.0
+#: What would not reach this share of the noise, with `LOUD_POWER`, is left out.
+LEAST_SHARE, LOUD_POWER = 0.01, 0.3
+#: Until rays are cast again, no power is expected to rise to more than so many times what it is.
+MOST_RISE = 10.0
+#: Range bins to either side over which a scatterer is blurred at the most.
+MOST_BLUR_BINS = 6.0
+#: The part of a cell that is all of it: quarters are 0 to 3.
+ALL_OF_IT = QUARTERS
+#: Middles of parts from that of their cell, and half their sides, in cells.
+_RIGHT = np.array([-0.25, 0.25, -0.25, 0.25, 0.0], np.float32)
+_UP = np.array([-0.25, -0.25, 0.25, 0.25, 0.0], np.float32)
+_HALF_SIDE = np.array([0.25, 0.25, 0.25, 0.25, 0.5], np.float32)
+#: Rows that there is room for at first, for each ping.
+FIRST_ROWS = 1024
+
+
+class Scatterers(NamedTuple):
+    """What may return echoes, in the order of their cells.
+
+    Parameters
+    ----------
+    cell : (scatterers,) int32 array
+        Of which each is a part.
+    part : (scatterers,) uint8 array
+        Which quarter of it, or `ALL_OF_IT`.
+    """
+
+    cell: NDArray[np.int32]
+    part: NDArray[np.uint8]
+
+
+class Projection(NamedTuple):
+    """Rows of some pings.
+
+    Parameters
+    ----------
+    scatterer : (rows,) int32 array
+        Which one.
+    weight : (rows,) float32 array
+        Power in a whole bin, if it scatters with power 1.
+    low, high : (rows,) float32 arrays
+        Range bins, with fractions, between which its power lies; within those of the ping.
+    heard : (rows,) uint8 array
+        1 if there is an echo between: silence in the other bins says nothing then, because what
+        scatters echoes at once.
+    ray, step : (rows,) uint8 arrays
+        Where in the tables of `cast_rays` it is seen what is left of the sound.
+    start : (pings + 1,) int64 array
+        First row of each ping, and the end.
+    """
+
+    scatterer: NDArray[np.int32]
+    weight: NDArray[np.float32]
+    low: NDArray[np.float32]
+    high: NDArray[np.float32]
+    heard: NDArray[np.uint8]
+    ray: NDArray[np.uint8]
+    step: NDArray[np.uint8]
+    start: NDArray[np.int64]
+
+
+def project(
+    looks: Looks, pings: NDArray[np.int64], field: Field, scatterers: Scatterers
+) -> Projection:
+    """Project scatterers, without shadows.
+
+    Parameters
+    ----------
+    looks, pings, field
+        As in `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
+    scatterers : Scatterers
+        All that there are.
+    """
+    first_cells = np.arange(field.rows + 1, dtype=np.int32) * field.columns
+    begins = np.searchsorted(scatterers.cell, first_cells).astype(np.int64)
+    start = np.zeros(len(pings) + 1, np.int64)
+    projection, done = empty_rows(FIRST_ROWS * len(pings) + len(scatterers.cell), start), 0
+    while True:
+        done = _project(looks, pings, field, scatterers, begins, projection, done)
+        if done == len(pings):
+            return projection
+        # As many for all others as for those so far, and room for one that hears everything.
+        filled = int(start[done])
+        share = 1.1 * len(pings) / max(1, done)
+        larger = empty_rows(int(share * filled) + 2 * len(projection.weight), start)
+        pairs: Iterable[Any] = zip(projection[:-1], larger[:-1], strict=True)
+        for old, new in pairs:
+            new[:filled] = old[:filled]
+        projection = larger
+
+
+def empty_rows(size: int, start: NDArray[np.int64]) -> Projection:
+    """Room for rows."""
+    weight, low, high = (np.empty(size, np.float32) for _ in range(3))
+    heard, ray, step = (np.empty(size, np.uint8) for _ in range(3))
+    return Projection(np.empty(size, np.int32), weight, low, high, heard, ray, step, start)
+
+
+@compiled
+def cast_shadows(
+    rows: Projection,
+    number: NDArray[np.int32],
+    power: NDArray[np.float32],
+    left: NDArray[np.uint8],
+    faintest: NDArray[np.float32],
+    heard: Projection,
+) -> None:
+    """Set the rows that are heard past what is in the way.
+
+    Parameters
+    ----------
+    rows : Projection
+        Of all scatterers; those that are no more are left out of it, too, from now on.
+    number : (scatterers,) int32 array
+        Which each is from now on; -1: it is no more.
+    power : (scatterers,) float32 array
+        Of each that there is from now on.
+    left : (pings, RAYS, STEPS) uint8 array
+        By `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`; of no pings if nothing is in
+        the way.
+    faintest : (pings,) float32 array
+        Weight below which nothing of a row is heard, of each ping.
+    heard : Projection
+        Set, but for rays and steps.
+    """
+    kept, begin, count = 0, 0, 0
+    for index in range(len(rows.start) - 1):
+        end = rows.start[index + 1]
+        for row in range(begin, end):
+            scatterer = number[rows.scatterer[row]]
+            if scatterer < 0:
+                continue
+            weight, low, high = rows.weight[row], rows.low[row], rows.high[row]
+            is_heard, ray, step = rows.heard[row], rows.ray[row], rows.step[row]
+            rows.scatterer[kept], rows.weight[kept] = scatterer, weight
+            rows.low[kept], rows.high[kept], rows.heard[kept] = low, high, is_heard
+            rows.ray[kept], rows.step[kept] = ray, step
+            kept += 1
+            if len(left) > 0:
+                weight *= left[index, ray, step] * np.float32(1.0 / WHOLE)
+            heard.scatterer[count], heard.weight[count] = scatterer, weight
+            heard.low[count], heard.high[count], heard.heard[count] = low, high, is_heard
+            loud = min(power[scatterer] * np.float32(MOST_RISE / LOUD_POWER), np.float32(1.0))
+            count += weight * loud >= faintest[index]
+        begin, rows.start[index + 1], heard.start[index + 1] = end, kept, count
+
+
+def faintest_weights(looks: Looks, pings: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Weights below which nothing is heard of a scatterer, of each ping."""
+    weights: NDArray[np.float32] = (LEAST_SHARE / LOUD_POWER * looks.numbers[pings, NOISE]).astype(
+        np.float32
+    )
+    return weights
+
+
+class _Near(NamedTuple):
+    """Scatterers in the cone of one ping: one float32 number each, but for which they are."""
+
+    scatterer: NDArray[np.int32]
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    squared: NDArray[np.float32]
+    ahead: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    off: NDArray[np.float32]
+
+
+@compiled
+def _project(
+    looks: Looks,
+    pings: NDArray[np.int64],
+    field: Field,
+    scatterers: Scatterers,
+    begins: NDArray[np.int64],
+    rows: Projection,
+    first: int,
+) -> int:
+    """Project onto pings from the first on; returns the first for which there was no room."""
+    most = len(scatterers.cell) + 1
+    x, y, squared, ahead, weight, off = (
+        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
+        np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32),
+    )  # fmt: skip
+    near = _Near(np.empty(most, np.int32), x, y, squared, ahead, weight, off)
+    for index in range(first, len(pings)):
+        start = rows.start[index]
+        count = _in_cone(looks, pings[index], field, scatterers, begins, near)
+        if start + count > len(rows.weight):
+            return index
+        _set_loudness(looks, pings[index], count, near)
+        rows.start[index + 1] = _place(
+            looks, pings[index], scatterers, field.resolution_m, count, near, rows, start
+        )
+    return len(pings)
+
+
+@inlined
+def _in_cone(
+    looks: Looks,
+    ping: int,
+    field: Field,
+    scatterers: Scatterers,
+    begins: NDArray[np.int64],
+    near: _Near,
+) -> int:
+    """Set where the scatterers are that a ping's cone holds; returns how many."""
+    res = field.resolution_m
+    x0, y0 = looks.numbers[ping, X], looks.numbers[ping, Y]
+    axis_x, axis_y = np.float32(looks.numbers[ping, 2]), np.float32(looks.numbers[ping, 3])
+    axis_z, rise = looks.numbers[ping, 4], looks.numbers[ping, 5]
+    risen, up = np.float32(rise * rise), np.float32(axis_z * rise)
+    cos_half, least, reach = looks.numbers[ping, 8], looks.numbers[ping, 9], looks.numbers[ping, 10]
+    wide = np.float32(cos_half * abs(cos_half))
+    nearest, farthest = np.float32(least * least), np.float32(reach * reach)
+    bottom, top = rows_in_reach(looks.numbers[ping], field)
+    side, count = np.float32(res), 0
+    for row in range(bottom, top):
+        y_m = (field.first_row + row + 0.5) * res - y0
+        first, (left, right) = row * field.columns, columns_in_beam(looks.numbers[ping], field, y_m)
+        begin = first_from(scatterers.cell, begins[row], begins[row + 1], first + left)
+        end = first_from(scatterers.cell, begin, begins[row + 1], first + right)
+        cell_y, origin = np.float32(y_m), np.float32((field.first_column + 0.5) * res - x0)
+        for scatterer in range(begin, end):
+            part = scatterers.part[scatterer]
+            column = np.float32(scatterers.cell[scatterer] - first)
+            x = origin + (column + _RIGHT[part]) * side
+            y = cell_y + _UP[part] * side
+            squared = x * x + y * y + risen
+            ahead = axis_x * x + axis_y * y + up
+            near.scatterer[count], near.x[count], near.y[count] = scatterer, x, y
+            near.squared[count], near.ahead[count] = squared, ahead
+            is_inside = (squared > nearest) & (squared < farthest)
+            count += is_inside & (ahead * abs(ahead) > squared * wide)
+    return count
+
+
+@inlined
+def first_from(cells: NDArray[np.int32], begin: int, end: int, cell: int) -> int:
+    """First place of some with this cell or one behind it."""
+    while begin < end:
+        middle = (begin + end) >> 1
+        if cells[middle] < cell:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@inlined
+def _set_loudness(looks: Looks, ping: int, count: int, near: _Near) -> None:
+    """Set weights by range and beam, and angles off the heading, of what is in a cone."""
+    numbers = looks.numbers[ping]
+    cosine, sine = np.float32(math.cos(numbers[6])), np.float32(math.sin(numbers[6]))
+    scale = np.float32(GAIN_STEPS / (1.0 - numbers[8]))
+    absorption, one = np.float32(-numbers[11]), np.float32(1.0)
+    for k in range(count):
+        squared, x, y = near.squared[k], near.x[k], near.y[k]
+        distance = np.sqrt(squared)
+        entry = (one - near.ahead[k] / distance) * scale
+        at = min(max(int(entry), 0), GAIN_STEPS - 1)
+        low_gain, high_gain = looks.power_gain[ping, at], looks.power_gain[ping, at + 1]
+        gain = low_gain + (high_gain - low_gain) * (entry - np.float32(at))
+        near.weight[k] = gain / (squared * squared) * exp32(absorption * distance)
+        near.off[k] = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+
+
+@inlined
+def _place(
+    looks: Looks,
+    ping: int,
+    scatterers: Scatterers,
+    resolution_m: float,
+    count: int,
+    near: _Near,
+    rows: Projection,
+    start: int,
+) -> int:
+    """Set the rows of what is in a cone, if anything of it can be heard; returns their end."""
+    half, least, reach, bin_m = (
+        looks.numbers[ping, 7],
+        looks.numbers[ping, 9],
+        looks.numbers[ping, 10],
+        looks.numbers[ping, 13],
+    )
+    faintest = np.float32(LEAST_SHARE / LOUD_POWER * looks.numbers[ping, NOISE])
+    blur = np.float32(3.0 * (looks.numbers[ping, 12] / bin_m) ** 2)
+    bins = looks.bins[ping]
+    per_m, begin_m = np.float32(1.0 / bin_m), np.float32(least)
+    side, most_blur = np.float32(resolution_m / bin_m), np.float32(MOST_BLUR_BINS)
+    to_ray, to_step = np.float32(0.5 * RAYS / half), np.float32(STEPS / reach)
+    own_m, most = np.float32(OWN_DEPTH_CELLS * resolution_m), np.float32(bins)
+    for k in range(count):
+        weight = near.weight[k]
+        if weight < faintest:
+            continue
+        distance = np.sqrt(near.squared[k])
+        part = scatterers.part[near.scatterer[k]]
+        depth = _HALF_SIDE[part] * side * (abs(near.x[k]) + abs(near.y[k])) / distance
+        middle = (distance - begin_m) * per_m
+        blurred = max(min(np.sqrt(depth * depth + blur), most_blur), depth)
+        echo = looks.next_echo[ping, min(int(max(middle - blurred, np.float32(0.0))), bins)]
+        heard = echo <= middle + blurred
+        if heard and looks.bearing_weight[ping, echo] > 0.0:
+            beside = near.off[k] - looks.bearing[ping, echo]
+            weight *= exp32(-looks.bearing_weight[ping, echo] * beside * beside)
+            if weight < faintest:
+                continue
+        around = blurred if heard else depth
+        low, high = max(middle - around, np.float32(0.0)), min(middle + around, most)
+        if low >= high:
+            continue
+        rows.scatterer[start], rows.heard[start] = near.scatterer[k], heard
+        rows.weight[start] = np.float32(0.5) * weight / depth
+        rows.low[start], rows.high[start] = low, high
+        rows.ray[start] = min(max(int((near.off[k] + np.float32(half)) * to_ray), 0), RAYS - 1)
+        rows.step[start] = min(max(int((distance - own_m) * to_step), 0), STEPS - 1)
+        start += 1
+    return start

@@ -1,0 +1,219 @@
+"""How pings sound places: how loudly, from where, and how much of the sound gets there."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.visibility.field import (
+    ABSORPTION,
+    AXIS_X,
+    AXIS_Y,
+    AXIS_Z,
+    BIN_M,
+    COS_HALF_ANGLE,
+    GREATEST_RANGE,
+    HALF_ANGLE,
+    HEADING,
+    LEAST_RANGE,
+    RISE,
+)
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_bins import GAIN_STEPS
+from usmap_ros.numerics.compiled import inlined
+from usmap_ros.numerics.elementary import atan2_32, exp32, log32
+
+#: Steps of loudness, 3 dB each from -20 dB of what would have been reported.
+LOUDNESSES, FIRST_DB, STEP_DB = 24, -20.0, 3.0
+#: Upper ends of the classes of incidence, degrees off the normal; the last goes on to 90.
+INCIDENCES_DEG = np.array([2.0, 5.0, 10.0, 20.0, 35.0, 50.0, 70.0])
+INCIDENCES = len(INCIDENCES_DEG) + 1
+#: Sectors of directions of view, each of which is one side.
+SECTORS = 12
+#: Looks through which so little of the sound gets, or as faint as this, say nothing.
+LEAST_SOUND, LEAST_LOUDNESS = 0.03, 0.005
+
+
+class Sounded(NamedTuple):
+    """Places that are asked for, and those of them that one ping sounds.
+
+    Parameters
+    ----------
+    right, up : (places,) float32 arrays
+        Where each is, from a place in common, m.
+    which : (places,) int64 array
+        Those that the ping sounds, of the former.
+    x, y, distance, ahead, loudness, sound : (places,) float32 arrays
+        Where the place is from it, how far, and the cosine of its angle off the axis; power that an
+        object of power 1 would return, over a limit; share of the sound that gets there.
+    bin, entry, ray, step, loud, sector, degrees : (places,) int32 arrays
+        Range bin; places in the tables of gains and of rays; class of loudness; sector and
+        direction of view.
+    """
+
+    right: NDArray[np.float32]
+    up: NDArray[np.float32]
+    which: NDArray[np.int64]
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    distance: NDArray[np.float32]
+    ahead: NDArray[np.float32]
+    loudness: NDArray[np.float32]
+    sound: NDArray[np.float32]
+    bin: NDArray[np.int32]
+    entry: NDArray[np.int32]
+    ray: NDArray[np.int32]
+    step: NDArray[np.int32]
+    loud: NDArray[np.int32]
+    sector: NDArray[np.int32]
+    degrees: NDArray[np.int32]
+
+
+@inlined
+def room_for(places: int) -> Sounded:
+    """Room for so many places."""
+    return Sounded(
+        np.empty(places, np.float32), np.empty(places, np.float32), np.empty(places, np.int64),
+        np.empty(places, np.float32), np.empty(places, np.float32), np.empty(places, np.float32),
+        np.empty(places, np.float32), np.empty(places, np.float32), np.empty(places, np.float32),
+        np.empty(places, np.int32), np.empty(places, np.int32), np.empty(places, np.int32),
+        np.empty(places, np.int32), np.empty(places, np.int32), np.empty(places, np.int32),
+        np.empty(places, np.int32),
+    )  # fmt: skip
+
+
+@inlined
+def sector_of(direction_rad: float) -> int:
+    """Sector of a direction of view."""
+    turns = direction_rad / (2.0 * math.pi)
+    turns -= math.floor(turns)
+    return min(int(turns * SECTORS), SECTORS - 1)
+
+
+@inlined
+def incidence_of(direction_rad: float, normal_rad: float) -> int:
+    """Class of the angle between a direction of view and a normal, either way."""
+    off = (direction_rad - normal_rad) * 180.0 / math.pi
+    off = abs(off - 180.0 * math.floor(off / 180.0 + 0.5))
+    for index in range(len(INCIDENCES_DEG)):
+        if off < INCIDENCES_DEG[index]:
+            return index
+    return len(INCIDENCES_DEG)
+
+
+@inlined
+def sound(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+    looks: Looks,
+    ping: int,
+    left: NDArray[np.uint8],
+    limit: NDArray[np.float32],
+    x_m: float,
+    y_m: float,
+    open_m: float,
+    places: int,
+    seen: Sounded,
+) -> int:
+    """Set how a ping sounds places; returns how many it does.
+
+    Parameters
+    ----------
+    looks, ping
+        The ping.
+    left : (RAYS, STEPS) uint8 array
+        How much of its sound is left, by
+        `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
+    limit : (bins,) float32 array
+        What loudness is told in units of.
+    x_m, y_m : float
+        Where the place that those asked for are told from is, from the transducer.
+    open_m : float
+        Sound must get so near to each.
+    places : int
+        How many are asked for.
+    seen : Sounded
+        Set.
+    """
+    count = _find_in_cone(looks, ping, x_m, y_m, places, seen)
+    _set_views(looks, ping, open_m, count, seen)
+    return _leave_out_unheard(looks, ping, left, limit, count, seen)
+
+
+@inlined
+def _find_in_cone(
+    looks: Looks, ping: int, x_m: float, y_m: float, places: int, seen: Sounded
+) -> int:
+    """Set which places a ping's cone holds, and where; returns how many it does."""
+    numbers, count = looks.numbers[ping], 0
+    x0, y0, axis_x, axis_y = (
+        np.float32(x_m), np.float32(y_m), np.float32(numbers[AXIS_X]), np.float32(numbers[AXIS_Y]),
+    )  # fmt: skip
+    up, risen = np.float32(numbers[AXIS_Z] * numbers[RISE]), np.float32(numbers[RISE] ** 2)
+    least, greatest = numbers[LEAST_RANGE], numbers[GREATEST_RANGE]
+    cos_half = numbers[COS_HALF_ANGLE]
+    wide, nearest = np.float32(cos_half * abs(cos_half)), np.float32(least * least)
+    farthest = np.float32(greatest * greatest)
+    for place in range(places):
+        x, y = x0 + seen.right[place], y0 + seen.up[place]
+        squared = x * x + y * y + risen
+        ahead = axis_x * x + axis_y * y + up
+        seen.which[count], seen.x[count], seen.y[count] = place, x, y
+        seen.distance[count], seen.ahead[count] = squared, ahead
+        is_inside = (squared > nearest) & (squared < farthest)
+        count += is_inside & (ahead * abs(ahead) > squared * wide)
+    return count
+
+
+@inlined
+def _set_views(looks: Looks, ping: int, open_m: float, count: int, seen: Sounded) -> None:
+    """Set how loudly, and from where, a ping looks at places in its cone."""
+    numbers = looks.numbers[ping]
+    cos_half, heading, half = numbers[COS_HALF_ANGLE], numbers[HEADING], numbers[HALF_ANGLE]
+    least, greatest = numbers[LEAST_RANGE], numbers[GREATEST_RANGE]
+    cosine, sine = np.float32(math.cos(heading)), np.float32(math.sin(heading))
+    absorption = np.float32(-numbers[ABSORPTION])
+    per_bin = 1.0 / numbers[BIN_M]
+    to_entry, to_ray = GAIN_STEPS / (1.0 - cos_half), RAYS / (2.0 * half)
+    to_step = STEPS / greatest
+    for place in range(count):
+        x, y, distance = seen.x[place], seen.y[place], np.sqrt(seen.distance[place])
+        seen.loudness[place] = exp32(absorption * distance) / distance**4
+        off = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+        seen.bin[place] = int((distance - least) * per_bin)
+        entry = int((1.0 - seen.ahead[place] / distance) * to_entry)
+        seen.entry[place] = min(max(entry, 0), GAIN_STEPS)
+        seen.ray[place] = min(max(int((off + half) * to_ray), 0), RAYS - 1)
+        seen.step[place] = min(max(int((distance - open_m) * to_step), 0), STEPS - 1)
+        seen.sector[place] = sector_of(off + heading)
+        seen.degrees[place] = math.floor((off + heading) * 180.0 / math.pi) % 180
+
+
+@inlined
+def _leave_out_unheard(
+    looks: Looks,
+    ping: int,
+    left: NDArray[np.uint8],
+    limit: NDArray[np.float32],
+    count: int,
+    seen: Sounded,
+) -> int:
+    """Leave out the places of which a ping would hear nothing; returns how many are left."""
+    bins, kept = looks.bins[ping], 0
+    for place in range(count):
+        b = seen.bin[place]
+        if b >= bins:
+            continue
+        loudness = looks.power_gain[ping, seen.entry[place]] * seen.loudness[place] / limit[b]
+        sound = left[seen.ray[place], seen.step[place]] * np.float32(1.0 / WHOLE)
+        seen.which[kept], seen.bin[kept] = seen.which[place], b
+        seen.sector[kept], seen.degrees[kept] = seen.sector[place], seen.degrees[place]
+        seen.loudness[kept], seen.sound[kept] = loudness, sound
+        kept += (loudness > np.float32(LEAST_LOUDNESS)) & (sound >= np.float32(LEAST_SOUND))
+    for place in range(kept):
+        decibels = np.float32(10.0 / math.log(10.0)) * log32(seen.loudness[place])
+        loud = int((decibels - FIRST_DB) / STEP_DB)
+        seen.loud[place] = min(LOUDNESSES - 1, max(0, loud))
+    return kept

@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space import free_space, response, usual_directions
+from usmap_ros.mapping.joint.free_space import free_space, response, silence, usual_directions
 from usmap_ros.mapping.joint.free_space.going_on import GoingOn
 from usmap_ros.mapping.joint.free_space.open_space import ORIENTATIONS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import Facing
@@ -136,16 +136,16 @@ PARTS = {
         "grazing silence is not learnt from", ((response, "SMOOTH", 8.0), (response, "ROUGH", 9.0))
     ),
     "overdispersion": Part(
-        "each silent look counts", ((free_space, "learn_shape", lambda *given: 1e6),)
+        "each silent look counts", ((silence, "learn_shape", lambda *given: 1e6),)
     ),
-    "directions": Part("surfaces face anywhere", ((free_space, "log_priors", _anywhere),)),
+    "directions": Part("surfaces face anywhere", ((silence, "log_priors", _anywhere),)),
     "room": Part("walls need no room", ((free_space, "lacks_room", _none_like(0)),)),
     "round": Part(
-        "nothing round is asked for", ((free_space, "log_priors", _none_of(slice(ROUND, None))),)
+        "nothing round is asked for", ((silence, "log_priors", _none_of(slice(ROUND, None))),)
     ),
     "unfound_mirrors": Part(
         "mirrors that nobody found are not asked for",
-        ((free_space, "log_priors", _none_of(slice(ORIENTATIONS, ROUND))),),
+        ((silence, "log_priors", _none_of(slice(ORIENTATIONS, ROUND))),),
     ),
     "proofs": Part("free by silence alone", settings={"mapping.proof_rays": 1000.0}),
     "rounds": Part("one round of free space", ((free_space, "FREE_ROUNDS", 1),)),

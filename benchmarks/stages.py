@@ -22,7 +22,7 @@ import scenes
 
 from usmap_ros.mapping.joint import estimate, survey
 from usmap_ros.mapping.joint.forward_model import powers
-from usmap_ros.mapping.joint.free_space import free_space
+from usmap_ros.mapping.joint.free_space import free_space, silence
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.surfaces import smooth_things
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
@@ -48,7 +48,9 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "lines": [(estimate, "find_walls")],
     "mirrors": [(smooth_things, "mirror_walls")],
     "columns": [(smooth_things, "round_columns")],
-    "response": [(free_space, name) for name in ("listen", "look_at", "learn_response")],
+    "response": [
+        (free_space, "listen"), (silence, "look_at"), (silence, "learn_response"),
+    ],
     "refutation": [(free_space, "refute_surfaces")],
     "first pings": [(survey, "first_log_odds")],
 }  # fmt: skip

@@ -21,12 +21,14 @@ SQUARE, ASLANT = 3, slice(4, 6)
 TELLING_SILENCE = 0.4
 #: Answers aslant, over those to square looks, below which a wall is a mirror and above which it is
 #: none; looks aslant, and cells, of which a wall counts half: short ones are often none.
-MIRROR, SCATTERER, ENOUGH_LOOKS, ENOUGH_CELLS = 0.05, 0.25, 20.0, 20.0
+MIRROR, SCATTERER, ENOUGH_LOOKS, ENOUGH_CELLS = 0.05, 0.25, 5.0, 8.0
 #: A wall ends where its cells are farther apart than this.
 APART_CELLS = 10.0
 #: Shares that are compared, and how likely they are before anything was heard: a Beta distribution.
+#: With less for others, two or three walls that one robot heard in a room of rough ones would not
+#: do to say that there are hardly any mirrors, and half of what it saw would stay unknown.
 SHARES = np.linspace(0.005, 0.995, 100)
-MIRRORS_BEFORE, OTHERS_BEFORE = 0.1, 1.0
+MIRRORS_BEFORE, OTHERS_BEFORE = 0.1, 3.0
 
 
 def mirror_share(

@@ -8,7 +8,12 @@ import pytest
 
 from usmap_ros.mapping.joint.free_space.response import MOST_EXPLAINED, listen
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
+from usmap_ros.mapping.joint.surfaces.column_fits import (
+    CROWD_M,
+    Circle,
+    PingSet,
+    log_ratio_of_point,
+)
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, lone_cells
 from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn, discs, round_columns
 from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
@@ -85,6 +90,19 @@ def test_a_column_is_found_from_uncertain_poses(make_cone: Callable[..., EchoCon
     assert column.is_certain
     found = column.x_m, column.y_m, column.radius_m
     assert found == pytest.approx((X_M, Y_M, RADIUS_M), abs=0.03)
+
+
+def test_an_echo_may_be_far_from_where_a_column_should_be_heard(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """By poses that are very uncertain: there were fewer than no others around such an echo."""
+    ping_set, _ = heard(pings_around(make_cone, 0.0, 4.0, 10, 0.0))
+    every = np.arange(10)
+    far = Circle(
+        X_M, Y_M, RADIUS_M + 1.1 * CROWD_M, every, every, misses=0, spread=0.3, log_ratio=0.0,
+        is_corner=False, nearest_m=0.8,
+    )  # fmt: skip
+    assert math.isfinite(log_ratio_of_point(ping_set, far))
 
 
 def test_a_pole_from_uncertain_poses_is_no_column(make_cone: Callable[..., EchoCone]) -> None:

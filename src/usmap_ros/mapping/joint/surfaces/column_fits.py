@@ -171,7 +171,7 @@ def fitted_circle(
     offsets = place[:2] - numbers[:, [X, Y]]
     across_m = np.hypot(*offsets.T) - place[2]
     directions = offsets / np.linalg.norm(offsets, axis=1)[:, np.newaxis]
-    crowd, stds_m = _crowd(echoes, hit_pings, across_m), numbers[:, RANGE_STD]
+    crowd, stds_m = _crowd(echoes, hit_pings, across_m, ranges_m), numbers[:, RANGE_STD]
     return Circle(
         float(place[0]), float(place[1]), float(place[2]), hit_pings, hit_echoes, misses,
         spread=float(np.linalg.eigvalsh(directions.T @ directions / hits)[0]),
@@ -191,13 +191,18 @@ def log_ratio_of_point(ping_set: PingSet, circle: Circle) -> float:
     place = np.array([circle.x_m, circle.y_m, circle.radius_m])
     across_m = np.hypot(*(place[:2] - numbers[:, [X, Y]]).T) - circle.radius_m
     off_m = _off_point(numbers, ranges_m, place)
-    crowd = _crowd(echoes, circle.pings, across_m)
+    crowd = _crowd(echoes, circle.pings, across_m, ranges_m)
     return _log_ratio(off_m, numbers[:, RANGE_STD], crowd, circle.misses)
 
 
-def _crowd(echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray) -> NDArray[np.int64]:
+def _crowd(
+    echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray, ranges_m: FloatArray
+) -> NDArray[np.int64]:
     """How many other echoes of the same ping are within `CROWD_M` of where each should be."""
-    return count_between(echoes, pings, across_m - CROWD_M, across_m + CROWD_M) - 1
+    around = count_between(echoes, pings, across_m - CROWD_M, across_m + CROWD_M)
+    # By poses that are very uncertain, an echo may itself be farther off.
+    own: NDArray[np.int64] = around - (np.abs(ranges_m - across_m) < CROWD_M)
+    return own
 
 
 def _hits(

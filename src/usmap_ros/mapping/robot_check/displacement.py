@@ -155,10 +155,13 @@ class Robot:
 
         What landmarks are found varies by chance: those found at each scale are tried at all.
         """
-        found = {scale: self._explained(self._scaled(scale))[1] for scale in SCALES}
+        scaled = {scale: self._scaled(scale) for scale in SCALES}
+        found = {
+            scale: self.landmarks if scale == 1.0 else self._explained(heard)[1]
+            for scale, heard in scaled.items()
+        }
         own, theirs = dict[float, float](), dict.fromkeys(SCALES, 0.0)
-        for scale in SCALES:
-            heard = self._scaled(scale)
+        for scale, heard in scaled.items():
             sets = [self._spread(marks, scale / other) for other, marks in found.items()]
             own[scale] = max(explained_by(marks, heard) for marks in sets)
             for other in others:

@@ -68,7 +68,8 @@ def sightings_of(cones: Sequence[EchoCone]) -> Sightings | None:
     heard = [cone for cone in cones if len(cone.ranges_m)]
     if not heard or sum(map(is_deaf_behind, heard)) > 0.5 * len(heard):
         return None
-    kept = [_telling(cone) for cone in cones]
+    levels_db = [_levels_db(cone) for cone in cones]
+    kept = [_telling(cone, own_db) for cone, own_db in zip(cones, levels_db, strict=True)]
     counts = [len(rows) for rows in kept]
     poses = np.array([[*cone.pose.position_m[:2], cone.pose.yaw_rad] for cone in cones], float)
     columns = np.array(
@@ -82,7 +83,7 @@ def sightings_of(cones: Sequence[EchoCone]) -> Sightings | None:
         ]
     )
     range_m = np.concatenate([c.ranges_m[rows] for c, rows in zip(cones, kept, strict=True)])
-    level_db = np.concatenate([_levels_db(c)[rows] for c, rows in zip(cones, kept, strict=True)])
+    level_db = np.concatenate([own[rows] for own, rows in zip(levels_db, kept, strict=True)])
     beam = heard[0].transducer.beam
     gains = beam.gain(np.linspace(0.0, beam.half_angle_rad, ANGLES))
     x_m, y_m, yaw_rad = np.ascontiguousarray(poses.T)
@@ -103,12 +104,12 @@ def _levels_db(cone: EchoCone) -> FloatArray:
     return np.asarray(20.0 * np.log10(amplitudes) + lost_db)
 
 
-def _telling(cone: EchoCone) -> NDArray[np.intp]:
-    """Rows of the echoes that count."""
+def _telling(cone: EchoCone, levels_db: FloatArray) -> NDArray[np.intp]:
+    """Rows of the echoes that count, by their levels."""
     count = len(cone.ranges_m)
     if count <= FIRST + LOUDEST:
         return np.arange(count)
-    loudness_db = _levels_db(cone) + 40.0 * np.log10(cone.ranges_m.astype(float))
+    loudness_db = levels_db + 40.0 * np.log10(cone.ranges_m.astype(float))
     loudest = np.argsort(-loudness_db, kind="stable")[:LOUDEST]
     return np.union1d(np.arange(FIRST), loudest)
 

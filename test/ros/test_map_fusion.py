@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
+from threading import get_ident
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,6 +28,7 @@ from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes.threads import for_each
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario
 
@@ -582,6 +584,23 @@ def test_a_robot_that_lies_is_named_and_left_out(live: Any, cones: Cones) -> Non
     live.until(lambda: node.health.total("left out") == 1)
     send(live, cones[3:5])
     assert "stuck" not in node.health.report().message
+
+
+def test_a_check_of_robots_keeps_to_its_own_thread(
+    live: Any, cones: Cones, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its share of a core is counted by the time of that one."""
+    monkeypatch.setattr("usmap_ros.processes.threads.available_cores", lambda: 4)
+    node, threads = live.add(MapFusion, check_period_s=0.1), list[set[int]]()
+
+    def findings(_: Callable[[], None]) -> Any:
+        threads.append({get_ident(), *for_each(lambda _: get_ident(), range(4))})
+        return {}
+
+    node.session.fusion.findings = findings
+    send(live, cones[:3])
+    live.until(lambda: threads)
+    assert len(threads[0]) == 1
 
 
 def test_a_check_of_robots_ends_with_its_node(live: Any, cones: Cones) -> None:

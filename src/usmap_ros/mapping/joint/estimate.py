@@ -26,7 +26,7 @@ from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.surfaces.walls import Walls, find_walls
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.joint.visibility.field import NOISE, QUARTERS, Field, X, Y
-from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, Sayings, credit, sayings
+from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, credit, sayings
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -134,8 +134,10 @@ class JointEstimate:
         self._weigh()
         self._cast_shadows(no_walls, FIRST_DAMPING, rounds, between)
 
-    def sayings(self, sources: Sequence[str], names: Sequence[str]) -> Sayings:
-        """What robots say of cells that others speak of.
+    def said_apart(
+        self, sources: Sequence[str], names: Sequence[str]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """What halves of each robot's pings say of cells, as `Powers.weigh_apart` gives it.
 
         Parameters
         ----------
@@ -149,26 +151,15 @@ class JointEstimate:
         for robot in range(len(names)):
             own = np.flatnonzero(number == robot)
             halves[own[len(own) // HALVES :]] += 1
-        cells, said = self._powers.weigh_apart(halves, HALVES * len(names))
-        return sayings(cells, said, self.field)
+        return self._powers.weigh_apart(halves, HALVES * len(names))
 
     def credit(self, sources: Sequence[str]) -> dict[str, float]:
         """How much of the trust in each source is left, by what all say of the cells."""
         names = sorted(set(sources))
         if len(names) < LEAST_WITNESSES:
             return dict.fromkeys(names, 1.0)
-        return dict(zip(names, credit(self.sayings(sources, names)), strict=True))
-
-    def evidence_of(self, some: BoolArray) -> CellEvidence:
-        """What some of the pings say of the cells by themselves, by the powers of all.
-
-        Parameters
-        ----------
-        some : (pings,) bool array
-            Those that count.
-        """
-        weights: NDArray[np.float32] = np.where(some, self.weights, np.float32(0.0))
-        return self._powers.weigh(0.0, weights)
+        said = sayings(*self.said_apart(sources, names), self.field)
+        return dict(zip(names, credit(said), strict=True))
 
     @property
     def power(self) -> NDArray[np.float32]:

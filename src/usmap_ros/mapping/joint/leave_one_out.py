@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.joint.estimate import JointEstimate
-from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no_evidence
+from usmap_ros.mapping.joint.forward_model.cell_evidence import no_evidence
 from usmap_ros.mapping.joint.forward_model.log_odds import hiding, judged, optical_depth
 from usmap_ros.mapping.joint.forward_model.power_estimation import expect_powers
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
@@ -29,7 +29,7 @@ from usmap_ros.mapping.joint.visibility.projection import (
     project,
 )
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_rays
-from usmap_ros.mapping.joint.witnesses import Sayings
+from usmap_ros.mapping.joint.witnesses import HALVES, Sayings, sayings
 from usmap_ros.mapping.looks import Looks, look_in_row
 from usmap_ros.mapping.ping_bins import Look
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -77,8 +77,10 @@ class LeaveOneOutMap:
         between: Callable[[], None] = lambda: None,
     ) -> None:
         self._parameters, self._between = parameters, between
-        kept = kept_pings(cones, parameters)
-        self._areas = [_Area(kept.pings(group), parameters, between) for group in kept.islands()]
+        kept, self._names = kept_pings(cones, parameters), list(cones)
+        self._areas = [
+            _Area(kept.pings(group), self._names, parameters, between) for group in kept.islands()
+        ]
 
     def expected(
         self,
@@ -108,20 +110,10 @@ class LeaveOneOutMap:
                 found[robot].append(Expected(look, ahead[index, bins]))
         return found
 
-    def sayings(self, names: Sequence[str]) -> Sayings:
-        """What robots say of cells that others speak of, in all areas.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Of all that have a part in the map.
-        """
-        agreed, contradicted = np.zeros((2, len(names), len(names)))
-        for area in self._areas:
-            said = area.sayings(names)
-            agreed += said.agreed
-            contradicted += said.contradicted
-        return Sayings(agreed, contradicted)
+    def sayings(self) -> Sayings:
+        """What robots say of cells that others speak of, in all areas."""
+        shape = (-1, 2, len(self._names), len(self._names))
+        return Sayings(*np.reshape([area.sayings() for area in self._areas], shape).sum(axis=0))
 
     def levels(self, rows: NDArray[np.int64], looks: Looks, without: Collection[str]) -> FloatArray:
         """Expected power of each range bin of some pings, (pings, bins).
@@ -160,6 +152,7 @@ class _Area:
     def __init__(
         self,
         pings: Pings,
+        names: Sequence[str],
         parameters: MappingParameters,
         between: Callable[[], None],
     ) -> None:
@@ -170,17 +163,13 @@ class _Area:
             pings.looks, pings.rows, pings.weights, pings.echoes, self._field, self._opacity
         )
         self._estimate.estimate_powers(ROUNDS, between)
-        self._sources = pings.sources
-        self._evidence: dict[str, CellEvidence] = {}
-        for robot in dict.fromkeys(pings.sources):
-            between()
-            own = np.array([source == robot for source in pings.sources], bool)
-            self._evidence[robot] = self._estimate.evidence_of(own)
+        self._names = names
+        self._cells, self._said = self._estimate.said_apart(pings.sources, names)
         self._believed: dict[frozenset[str], _Believed] = {}
 
-    def sayings(self, names: Sequence[str]) -> Sayings:
+    def sayings(self) -> Sayings:
         """What robots say of its cells, beside one another."""
-        return self._estimate.sayings(self._sources, names)
+        return sayings(self._cells, self._said, self._field)
 
     def may_reach(self, looks: Looks, rows: NDArray[np.int64]) -> BoolArray:
         """Whether pings may hear of the area."""
@@ -209,10 +198,8 @@ class _Area:
     def _without(self, robots: frozenset[str]) -> _Believed:
         """What others' evidence speaks for."""
         others, shape = no_evidence(self._field), self._field.shape
-        for other, said in self._evidence.items():
-            if other not in robots:
-                others.own[:] += said.own
-                others.block[:] += said.block
+        count = np.repeat([name not in robots for name in self._names], HALVES)
+        others.own[self._cells], others.block[self._cells] = self._said[count].sum(axis=0)
         seen = np.repeat((judged(others, shape) > SEEN).ravel(), QUARTERS)
         quarters = np.flatnonzero(seen & (self._estimate.power > 0.0))
         cell, part = np.divmod(quarters, QUARTERS)

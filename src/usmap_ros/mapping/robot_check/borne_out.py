@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from usmap_ros.mapping.robot_check.landmarks import (
     HEARD,
     HIGH,
     KIND,
     LEVEL,
     LOW,
+    TINY,
     WALL,
     A,
     B,
     fits_level,
     level_of,
-    seen_from,
     wrap,
 )
 from usmap_ros.mapping.robot_check.sightings import Sightings
@@ -66,23 +68,40 @@ def borne_out(marks: FloatArray, heard: Sightings, shifts: FloatArray, out: Floa
     out : (n,) array
         Log-likelihood ratios are added.
     """
+    said = np.zeros(len(shifts))
+    for mark in marks:
+        said[:] = 0.0
+        for ping in range(len(heard.x_m)):
+            add_said(mark, heard, ping, shifts, said)
+        for number in range(len(shifts)):
+            out[number] += min(max(said[number], LEAST), MOST)
+
+
+@compiled_within
+def add_said(
+    mark: FloatArray, heard: Sightings, ping: int, shifts: FloatArray, said: FloatArray
+) -> None:
+    """Add what a ping says of a landmark in each of some places."""
+    is_wall, edge = mark[KIND] == WALL, INSIDE * heard.half_rad[ping]
+    along_x, along_y = math.cos(mark[A]), math.sin(mark[A])
+    ahead_x, ahead_y = math.cos(heard.yaw_rad[ping]), math.sin(heard.yaw_rad[ping])
+    off_rad = abs(wrap(mark[A] - heard.yaw_rad[ping]))
+    if is_wall and off_rad > edge:
+        return
+    # Rounding may leave what is on the edge to be looked at.
+    least = math.cos(edge) - TINY
     for number in range(len(shifts)):
-        x_m, y_m = shifts[number]
-        for row in range(len(marks)):
-            mark, said = marks[row].copy(), 0.0
-            if mark[KIND] == WALL:
-                mark[B] += math.cos(mark[A]) * x_m + math.sin(mark[A]) * y_m
-            else:
-                mark[A], mark[B] = mark[A] + x_m, mark[B] + y_m
-            for ping in range(len(heard.x_m)):
-                far_m, angle = seen_from(mark, heard.x_m[ping], heard.y_m[ping])
-                off = abs(wrap(angle - heard.yaw_rad[ping])) / heard.half_rad[ping]
-                if far_m < NEAREST_M or far_m > heard.reach_m[ping] or off > INSIDE:
-                    continue
-                along_m = math.cos(mark[A]) * (heard.y_m[ping] - y_m)
-                along_m -= math.sin(mark[A]) * (heard.x_m[ping] - x_m)
-                is_beside = along_m < mark[LOW] - BEYOND_M or along_m > mark[HIGH] + BEYOND_M
-                if mark[KIND] == WALL and is_beside:
-                    continue
-                said += said_by(mark, heard, ping, far_m, off)
-            out[number] += min(max(said, LEAST), MOST)
+        x_m, y_m = heard.x_m[ping] - shifts[number, 0], heard.y_m[ping] - shifts[number, 1]
+        if is_wall:
+            far_m, along_m = mark[B] - along_x * x_m - along_y * y_m, along_x * y_m - along_y * x_m
+            if along_m < mark[LOW] - BEYOND_M or along_m > mark[HIGH] + BEYOND_M:
+                continue
+        else:
+            to_x, to_y = mark[A] - x_m, mark[B] - y_m
+            far_m = math.sqrt(to_x * to_x + to_y * to_y)
+            if ahead_x * to_x + ahead_y * to_y < least * far_m:
+                continue
+            off_rad = abs(wrap(math.atan2(to_y, to_x) - heard.yaw_rad[ping]))
+        if NEAREST_M <= far_m <= heard.reach_m[ping] and off_rad <= edge:
+            off = off_rad / heard.half_rad[ping]
+            said[number] += said_by(mark, heard, ping, far_m, off)

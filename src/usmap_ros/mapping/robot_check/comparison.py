@@ -65,7 +65,7 @@ class RobotComparison:
         between: Callable[[], None],
     ) -> None:
         self._parameters, self._cones, self._between = parameters, cones, between
-        self._topics = sorted(cones)
+        self._topics = list(cones)
         nothing = np.zeros((len(cones), len(cones)))
         self._said = Sayings(nothing, nothing)
         self._agreements: dict[str, Agreement] = {}
@@ -77,7 +77,7 @@ class RobotComparison:
         together = LeaveOneOutMap(self._cones, self._parameters, self._between)
         expected = together.expected(self._cones, of_one=self._of_one)
         self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}
-        self._said = self._without_self_praise(together.sayings(self._topics))
+        self._said = self._without_self_praise(together.sayings())
         found = {}
         for topic, own in self._agreements.items():
             others = [a for t, a in self._agreements.items() if t != topic]

@@ -31,6 +31,7 @@ from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes.threads import for_each
 
 #: Each robot is judged by its latest pings, and of those before them so many, spread evenly, bear
 #: witness apart from them, if there are that many: one that fails on the way contradicts itself,
@@ -155,8 +156,9 @@ class Consistency:
         latest = {t: robot.latest() for t, robot in self._robots.items() if t not in found}
         if len(latest) < LEAST_ROBOTS_LEFT:
             return {}
-        heard = {topic: sightings_of(cones) for topic, cones in latest.items()}
-        return {t: Robot(latest[t], own, between) for t, own in heard.items() if own is not None}
+        heard = {t: own for t, cones in latest.items() if (own := sightings_of(cones)) is not None}
+        robots = for_each(lambda topic: Robot(latest[topic], heard[topic], between), heard)
+        return dict(zip(heard, robots, strict=True))
 
     def _of_robots(self, found: Mapping[str, Finding]) -> dict[str, Finding]:
         """What is to be said of robots, and not of their earlier pings."""

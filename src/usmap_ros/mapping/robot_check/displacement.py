@@ -30,6 +30,7 @@ from usmap_ros.mapping.robot_check.sightings import Sightings, Way
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes.threads import for_each
 
 #: What is tried: turns (rad), times by which poses are late (s), and what ranges are over those
 #: that are told; and steps of the first two around the best of them.
@@ -150,11 +151,12 @@ class Robot:
         wanted = known[self.heard.ping]
         return self._explained(later, wanted)[0] - self._explained(self.heard, wanted)[0]
 
-    def scaling(self, others: Iterable[Robot]) -> Displacement | None:
+    def scaling(self, robots: Iterable[Robot]) -> Displacement | None:
         """What is wrong with its ranges by its own echoes and by what others hear.
 
         What landmarks are found varies by chance: those found at each scale are tried at all.
         """
+        others = [robot for robot in robots if robot is not self]
         scaled = {scale: self._scaled(scale) for scale in SCALES}
         found = {
             scale: self.landmarks if scale == 1.0 else self._explained(heard)[1]
@@ -217,13 +219,11 @@ def displaced(robots: Mapping[str, Robot]) -> dict[str, Finding]:
     robots : mapping of str to Robot
         All that can be asked.
     """
-    found = {name: own for name, robot in robots.items() if (own := robot.displacement())}
+    alone = for_each(Robot.displacement, robots.values())
+    found = {name: own for name, own in zip(robots, alone, strict=True) if own}
     left = {name: robot for name, robot in robots.items() if name not in found}
-    scaled = {
-        name: own
-        for name, robot in left.items()
-        if (own := robot.scaling([other for other in left.values() if other is not robot]))
-    }
+    together = for_each(lambda robot: robot.scaling(left.values()), left.values())
+    scaled = {name: own for name, own in zip(left, together, strict=True) if own}
     if scaled:
         # Beside one whose ranges are too long those of others seem too short.
         worst = max(scaled, key=lambda name: scaled[name].gain)

@@ -9,8 +9,10 @@ by how loud the echoes are, which tells how far off the axis of the beam the lan
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.mapping.robot_check.sightings import ANGLES, Sightings
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -30,6 +32,8 @@ POINT_BASE_M, WALL_BASE_M, RANGE_STD_M, LEVEL_STD_DB = 0.15, 0.25, 0.03, 4.0
 LEAST_ECHOES, COST = 4, 9.0
 #: Probability of hearing it, share of echoes whose level is any, and between which levels, dB.
 HEARD, ANY_LEVEL, LEVELS_DB = 0.5, 0.1, 30.0
+#: Standard deviations within which an echo may be a landmark's, and within which it is.
+WITHIN, SURELY_WITHIN = 3.0, 2.0
 #: Steps of a fit, how well each unknown is known beforehand, and candidates that are fitted.
 STEPS, KNOWN, FITTED = 4, 0.3, 6
 TINY, FAR_M = 1e-9, 1e9
@@ -58,39 +62,70 @@ def level_of(mark: FloatArray, heard: Sightings, far_m: float, off: float) -> fl
     return gain - spread * math.log10(max(far_m, TINY))
 
 
-@compiled_within
-def misses(mark: FloatArray, heard: Sightings, echo: int) -> tuple[float, float, float]:
-    """By how many standard deviations an echo is farther, in which direction, how far off."""
-    ping = heard.ping[echo]
-    far_m, angle = seen_from(mark, heard.x_m[ping], heard.y_m[ping])
-    off = abs(wrap(angle - heard.yaw_rad[ping])) / heard.half_rad[ping]
-    return (heard.range_m[echo] - far_m) / RANGE_STD_M, angle, off
+class Matches(NamedTuple):
+    """Echoes that may be from a landmark; arrays with room for all of them.
+
+    Parameters
+    ----------
+    echo : int array
+        Which.
+    miss, angle_rad, off : arrays
+        By how many standard deviations it is farther, in which direction the landmark is, and how
+        far off the axis of the beam, in half angles.
+    """
+
+    echo: NDArray[np.int64]
+    miss: FloatArray
+    angle_rad: FloatArray
+    off: FloatArray
 
 
 @compiled_within
-def votes(mark: FloatArray, heard: Sightings, left: BoolArray) -> float:
-    """Echoes that may be from a landmark."""
+def room_for(echoes: int) -> Matches:
+    """Matches of so many."""
+    return Matches(np.zeros(echoes, np.int64), np.zeros(echoes), np.zeros(echoes), np.zeros(echoes))
+
+
+@compiled_within
+def match(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> int:
+    """Set which of the echoes that are left may be from a landmark; how many there are."""
+    count, angle, is_point = 0, mark[A], mark[KIND] == POINT
+    along_x, along_y = math.cos(angle), math.sin(angle)
+    for ping in range(len(heard.x_m)):
+        to_x, to_y = mark[A] - heard.x_m[ping], mark[B] - heard.y_m[ping]
+        far_m = mark[B] - along_x * heard.x_m[ping] - along_y * heard.y_m[ping]
+        if is_point:
+            far_m = math.sqrt(to_x * to_x + to_y * to_y) + TINY
+        for echo in range(heard.first[ping], heard.first[ping + 1]):
+            miss = (heard.range_m[echo] - far_m) / RANGE_STD_M
+            if abs(miss) >= WITHIN or not left[echo]:
+                continue
+            if is_point:
+                angle = math.atan2(to_y, to_x)
+            off = abs(wrap(angle - heard.yaw_rad[ping])) / heard.half_rad[ping]
+            its.echo[count], its.miss[count] = echo, miss
+            its.angle_rad[count], its.off[count] = angle, off
+            count += off <= 1.0
+    return count
+
+
+@compiled_within
+def votes(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> float:
+    """Echoes that may be from a landmark, each by how well it fits."""
     total = 0.0
-    for echo in range(len(left)):
-        if left[echo]:
-            miss, _, off = misses(mark, heard, echo)
-            if abs(miss) < 3.0 and off <= 1.0:
-                total += math.exp(-0.5 * miss * miss)
+    for number in range(match(mark, heard, left, its)):
+        total += math.exp(-0.5 * its.miss[number] ** 2)
     return total
 
 
 @compiled_within
-def fit(mark: FloatArray, heard: Sightings, left: BoolArray) -> None:
+def fit(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> None:
     """Move a landmark to where its echoes have it, by least squares."""
     for _ in range(STEPS):
         aa, ab, bb, right_a, right_b = KNOWN, 0.0, KNOWN, 0.0, 0.0
-        for echo in range(len(left)):
-            if not left[echo]:
-                continue
-            miss, angle, off = misses(mark, heard, echo)
-            if abs(miss) >= 3.0 or off > 1.0:
-                continue
-            ping, weight = heard.ping[echo], math.exp(-0.5 * miss * miss)
+        for number in range(match(mark, heard, left, its)):
+            miss, angle = its.miss[number], its.angle_rad[number]
+            ping, weight = heard.ping[its.echo[number]], math.exp(-0.5 * miss * miss)
             by_a, by_b = math.cos(angle), math.sin(angle)
             if mark[KIND] == WALL:
                 by_a = math.sin(angle) * heard.x_m[ping] - math.cos(angle) * heard.y_m[ping]
@@ -106,42 +141,41 @@ def fit(mark: FloatArray, heard: Sightings, left: BoolArray) -> None:
 
 
 @compiled_within
-def judge(mark: FloatArray, heard: Sightings, left: BoolArray, is_its: BoolArray) -> None:
-    """Set what a landmark explains, how loud it is, and which echoes are its."""
+def judge(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> int:
+    """Set what a landmark explains, how loud it is, and which echoes are its; how many."""
     mark[GAIN], mark[LEVEL], mark[LOW], mark[HIGH] = 0.0, 0.0, FAR_M, -FAR_M
-    count, within_db = 0, 1e3
+    count, within_db = match(mark, heard, left, its), 1e3
+    levels_db = np.empty(count)
+    for number in range(count):
+        echo = its.echo[number]
+        expected_db = level_of(mark, heard, heard.range_m[echo], its.off[number])
+        levels_db[number] = heard.level_db[echo] - expected_db
     # The mean of levels, and then of those near it.
     for _ in range(4):
         total, sum_db = TINY, 0.0
-        count = 0
-        for echo in range(len(left)):
-            is_its[echo] = False
-            if not left[echo]:
-                continue
-            miss, _, off = misses(mark, heard, echo)
-            if abs(miss) >= 3.0 or off > 1.0:
-                continue
-            is_its[echo] = True
-            count += 1
-            level_db = heard.level_db[echo] - level_of(mark, heard, heard.range_m[echo], off)
+        for level_db in levels_db:
             weight = math.exp(-0.5 * ((level_db - mark[LEVEL]) / within_db) ** 2)
             total += weight
             sum_db += weight * level_db
         mark[LEVEL], within_db = sum_db / total, 2.0 * LEVEL_STD_DB
     if count < LEAST_ECHOES:
-        return
+        return count
     at_peak = HEARD / (math.sqrt(2.0 * math.pi) * RANGE_STD_M * heard.background)
-    for echo in range(len(left)):
-        if not is_its[echo]:
-            continue
-        miss, _, off = misses(mark, heard, echo)
-        apart_db = heard.level_db[echo] - level_of(mark, heard, heard.range_m[echo], off)
-        fits = at_peak * math.exp(-0.5 * miss * miss) * fits_level(apart_db - mark[LEVEL])
-        mark[GAIN] += math.log(1.0 + fits)
-        ping = heard.ping[echo]
+    for number in range(count):
+        miss, ping = its.miss[number], heard.ping[its.echo[number]]
+        fits = at_peak * math.exp(-0.5 * miss * miss)
+        mark[GAIN] += math.log(1.0 + fits * fits_level(levels_db[number] - mark[LEVEL]))
         along_m = math.cos(mark[A]) * heard.y_m[ping] - math.sin(mark[A]) * heard.x_m[ping]
         mark[LOW], mark[HIGH] = min(mark[LOW], along_m), max(mark[HIGH], along_m)
-        is_its[echo] = abs(miss) < 2.0
+    return count
+
+
+@compiled_within
+def take(count: int, its: Matches, left: BoolArray) -> None:
+    """Take from the echoes that are left those that are a landmark's."""
+    for number in range(count):
+        if abs(its.miss[number]) < SURELY_WITHIN:
+            left[its.echo[number]] = False
 
 
 @compiled_within
@@ -153,49 +187,57 @@ def fits_level(apart_db: float) -> float:
 
 
 @compiled_within
-def may_hear(mark: FloatArray, heard: Sightings, echo: int) -> bool:
-    """Whether a landmark is in the beam of an echo's ping."""
-    return misses(mark, heard, echo)[2] <= 1.0
+def pairs(heard: Sightings, wanted: BoolArray) -> FloatArray:
+    """Landmarks that two echoes have in common, (landmarks, B + 1)."""
+    found, out = 0, np.zeros((MOST_PAIRS, B + 1))
+    for one in range(len(wanted)):
+        ping, near_m = heard.ping[one], heard.range_m[one]
+        for other in range(ping + 1 if wanted[one] else len(heard.x_m), len(heard.x_m)):
+            to_x, to_y = heard.x_m[other] - heard.x_m[ping], heard.y_m[other] - heard.y_m[ping]
+            base_m = math.hypot(to_x, to_y)
+            if base_m < POINT_BASE_M:
+                continue
+            towards = math.atan2(to_y, to_x)
+            for two in range(heard.first[other], heard.first[other + 1]):
+                for kind in (POINT, WALL):
+                    cosine = cosine_between(base_m, near_m, heard.range_m[two], kind)
+                    if not wanted[two] or abs(cosine) >= 1.0:
+                        continue
+                    apart = math.acos(cosine)
+                    for angle in (wrap(towards - apart), wrap(towards + apart)):
+                        if abs(wrap(angle - heard.yaw_rad[ping])) > heard.half_rad[ping]:
+                            continue
+                        if found == len(out):
+                            out = np.concatenate((out, np.zeros_like(out)))
+                        mark = out[found]
+                        place(mark, kind, heard, ping, near_m, angle)
+                        there = seen_from(mark, heard.x_m[other], heard.y_m[other])[1]
+                        found += abs(wrap(there - heard.yaw_rad[other])) <= heard.half_rad[other]
+    return out[:found]
 
 
 @compiled_within
-def angle_between(heard: Sightings, one: int, two: int, kind: float) -> tuple[float, float]:
-    """From one ping towards another, and from there to a landmark of an echo of each.
+def place(
+    mark: FloatArray, kind: float, heard: Sightings, ping: int, far_m: float, angle: float
+) -> None:
+    """Set a landmark to where a ping would have it, so far away in some direction."""
+    x_m = heard.x_m[ping] + far_m * math.cos(angle)
+    y_m = heard.y_m[ping] + far_m * math.sin(angle)
+    mark[KIND], mark[A], mark[B] = kind, x_m, y_m
+    if kind == WALL:
+        mark[A], mark[B] = angle, math.cos(angle) * x_m + math.sin(angle) * y_m
 
-    The latter is beyond π if there is none.
+
+@compiled_within
+def cosine_between(base_m: float, near_m: float, far_m: float, kind: float) -> float:
+    """Of the angle from one ping towards another to a landmark of an echo of each, if there is.
+
+    Otherwise it is no cosine.
     """
-    ping, other = heard.ping[one], heard.ping[two]
-    to_x, to_y = heard.x_m[other] - heard.x_m[ping], heard.y_m[other] - heard.y_m[ping]
-    base_m, near_m, far_m = math.hypot(to_x, to_y), heard.range_m[one], heard.range_m[two]
-    if base_m < (POINT_BASE_M if kind == POINT else WALL_BASE_M):
-        return 0.0, FAR_M
-    cosine = (near_m - far_m) / base_m
     if kind == POINT:
         squares = near_m * near_m + base_m * base_m - far_m * far_m
-        cosine = squares / (2.0 * near_m * base_m)
-    return math.atan2(to_y, to_x), math.acos(cosine) if abs(cosine) < 1.0 else FAR_M
-
-
-@compiled_within
-def pairs(heard: Sightings, wanted: BoolArray, every: int, out: FloatArray) -> int:
-    """Landmarks that two echoes have in common: one of every so many; how many there are."""
-    found, last = 0, len(out) - 1
-    for one in range(len(wanted)):
-        for two in range(one + 1 if wanted[one] else len(wanted), len(wanted)):
-            for kind in (POINT, WALL):
-                towards, apart = angle_between(heard, one, two, kind)
-                if not wanted[two] or apart > math.pi:
-                    continue
-                for side in (-1.0, 1.0):
-                    mark, angle = out[min(found // every, last)], wrap(towards + side * apart)
-                    ping, range_m = heard.ping[one], heard.range_m[one]
-                    x_m = heard.x_m[ping] + range_m * math.cos(angle)
-                    y_m = heard.y_m[ping] + range_m * math.sin(angle)
-                    mark[KIND], mark[A], mark[B] = kind, x_m, y_m
-                    if kind == WALL:
-                        mark[A], mark[B] = angle, math.cos(angle) * x_m + math.sin(angle) * y_m
-                    found += may_hear(mark, heard, one) and may_hear(mark, heard, two)
-    return found
+        return squares / (2.0 * near_m * base_m)
+    return (near_m - far_m) / base_m if base_m >= WALL_BASE_M else FAR_M
 
 
 @compiled
@@ -218,53 +260,50 @@ def explain(heard: Sightings, wanted: BoolArray, found: FloatArray) -> tuple[flo
     count : int
         How many landmarks there are.
     """
-    tried = np.zeros((MOST_PAIRS + 1, COLUMNS))
-    every = pairs(heard, wanted, 1 << 30, tried) // MOST_PAIRS + 1
-    number = pairs(heard, wanted, every, tried) // every
-    left, is_its = wanted.copy(), np.zeros(len(wanted), np.bool_)
-    said, best = np.zeros(number), np.zeros(COLUMNS)
-    for one in range(number):
-        said[one] = votes(tried[one], heard, left)
+    tried = pairs(heard, wanted)
+    every = len(tried) // MOST_PAIRS + 1
+    tried = tried[every - 1 :: every]
+    left, its = wanted.copy(), room_for(len(wanted) + 1)
+    said, best, mark = np.zeros(len(tried)), np.zeros(COLUMNS), np.zeros(COLUMNS)
+    for one in range(len(tried)):
+        said[one] = votes(tried[one], heard, left, its)
     total, count = 0.0, 0
     while count < len(found):
         best[GAIN], fitted = 0.0, 0
-        while fitted < FITTED and number:
+        while fitted < FITTED and len(tried):
             one = int(said.argmax())
             if said[one] < LEAST_ECHOES - 1:
                 break
-            now = votes(tried[one], heard, left)
+            now = votes(tried[one], heard, left, its)
             if now < said[one] - 0.5:
                 said[one] = now
                 continue
             # The same again is tried later, if at all.
             said[one] *= 0.8
-            mark = tried[one].copy()
-            fit(mark, heard, left)
-            judge(mark, heard, left, is_its)
+            mark[: B + 1] = tried[one]
+            fit(mark, heard, left, its)
+            judge(mark, heard, left, its)
             fitted += 1
             if mark[GAIN] > best[GAIN]:
                 best[:] = mark
         if best[GAIN] <= COST:
             break
-        judge(best, heard, left, is_its)
+        take(judge(best, heard, left, its), its, left)
         found[count] = best
         total, count = total + best[GAIN] - COST, count + 1
-        for echo in range(len(left)):
-            left[echo] = left[echo] and not is_its[echo]
     return total, count
 
 
 @compiled
 def explained_by(marks: FloatArray, heard: Sightings) -> float:
     """What landmarks that were found elsewhere explain, each moved to where its echoes have it."""
-    left, is_its = np.ones(len(heard.ping), np.bool_), np.zeros(len(heard.ping), np.bool_)
+    left, its = np.ones(len(heard.ping), np.bool_), room_for(len(heard.ping) + 1)
     total = 0.0
     for row in range(len(marks)):
         mark = marks[row].copy()
-        fit(mark, heard, left)
-        judge(mark, heard, left, is_its)
+        fit(mark, heard, left, its)
+        count = judge(mark, heard, left, its)
         if mark[GAIN] > COST:
             total += mark[GAIN] - COST
-            for echo in range(len(left)):
-                left[echo] = left[echo] and not is_its[echo]
+            take(count, its, left)
     return total

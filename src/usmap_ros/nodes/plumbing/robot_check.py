@@ -12,6 +12,7 @@ from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
+from usmap_ros.processes.threads import alone
 
 #: What the check may take of a core while it runs, and while cones wait to be fused.
 _SHARE_WHILE_RUNNING, _SHARE_WHILE_BEHIND = 0.2, 0.02
@@ -81,7 +82,9 @@ class RobotCheck:
             return period_s
         began_s = self._piece_began_s = time.thread_time()
         try:
-            found = self._fusion.findings(self._between)
+            # In this thread alone: it is the time of this one that its share is counted by.
+            with alone():
+                found = self._fusion.findings(self._between)
         except _StoppedError:
             return period_s
         except Exception as error:  # Mapping goes on, whatever is wrong with the check.

@@ -213,24 +213,16 @@ class Powers:
         self._expect(power, expected)
         return expected
 
-    def weigh(
-        self,
-        forgetting: float,
-        weights: NDArray[np.float32] | None = None,
-        before: CellEvidence | None = None,
-    ) -> CellEvidence:
+    def weigh(self, forgetting: float, before: CellEvidence | None = None) -> CellEvidence:
         """Evidence of all cells.
 
         Parameters
         ----------
         forgetting : float
             Share of what speaks for a cell that is forgotten with a ping that contradicts it.
-        weights : (pings,) float32 array, optional
-            How much each ping says, if not what it counts.
         before : CellEvidence, optional
             That of earlier pings.
         """
-        weights = self._weights if weights is None else weights
         self._expect(self._power, self.expected)
         cells = cells_of(self._scatterers.cell, self._field)
         evidence = no_evidence(self._field)
@@ -241,8 +233,8 @@ class Powers:
         def add(band: tuple[int, int]) -> None:
             for group, each in said:
                 add_said(
-                    self._looks, self._pings[group.which], weights[group.which], each, cells,
-                    self._field, forgetting, evidence, *band,
+                    self._looks, self._pings[group.which], self._weights[group.which], each,
+                    cells, self._field, forgetting, evidence, *band,
                 )  # fmt: skip
 
         # What one ping says after another, of some cells in each thread.

@@ -11,7 +11,7 @@ from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.calibration.pulse import MeasuredPulse
 from usmap_ros.calibration.ringing import Ringing
 from usmap_ros.parameters import CorrectionParameters, RingingParameters
-from usmap_ros.pings.preparation.correction import corrected_channel
+from usmap_ros.pings.preparation.prepare import corrected_channel
 
 #: What is estimated, by the names of `CorrectionParameters`.
 QUANTITIES = (

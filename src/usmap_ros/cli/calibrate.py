@@ -145,7 +145,7 @@ def _record(
     """Record the traces anew, those of `topic` set right."""
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.io.bag_writer import new_bag
-    from usmap_ros.pings.preparation.correction import corrected
+    from usmap_ros.pings.preparation.prepare import corrected
 
     with BagReader(bags) as bag, new_bag(output, replace=replace) as writer:
         for found, trace in bag.traces():

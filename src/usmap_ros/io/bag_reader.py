@@ -16,7 +16,6 @@ from usmap_ros.io.conversions import (
     cone_from_cdr,
     range_from_message,
 )
-from usmap_ros.io.definitions import check_definition
 from usmap_ros.io.message_types import (
     ECHO_CONE,
     ECHO_TRACE,
@@ -24,6 +23,7 @@ from usmap_ros.io.message_types import (
     RANGE,
     TRANSDUCER_ARRAY,
     TRANSFORMS,
+    check_definition,
     decoded,
 )
 from usmap_ros.io.recorded_poses import RecordedPoses

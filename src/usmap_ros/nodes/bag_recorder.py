@@ -8,18 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rosbags.typesys import get_types_from_msg
 
-from usmap_ros.errors import BagError, file_errors
+from usmap_ros.errors import BagError, UsmapError, file_errors
 from usmap_ros.io.bag_writer import BagWriter, qos_to_record
+from usmap_ros.io.message_types import learn_standard, typestore
 from usmap_ros.live.interfaces import BAG_RECORDER, Qos
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth
 from usmap_ros.nodes.plumbing.endpoints import every, qos_profile
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.ros_types import interface_class
 from usmap_ros.nodes.plumbing.run import run_node
-from usmap_ros.nodes.plumbing.type_definitions import UnknownTypeError, definition_of
 from usmap_ros.parameters.nodes import BagRecorderParameters
 from usmap_ros.parameters.nodes.common import is_one_of
 
@@ -27,6 +29,55 @@ from usmap_ros.parameters.nodes.common import is_one_of
 _CHUNK_BYTES = 32 * 2**10
 #: Messages of one topic that may wait to be written.
 _DEPTH = 100
+
+
+class UnknownTypeError(UsmapError):
+    """A message type of which there is no definition."""
+
+
+def definition_of(message_type: str) -> tuple[str, str]:
+    """Definition of a type, with those of all types in it, and its RIHS01 hash.
+
+    Types that are neither standard nor ours are looked up in the installed packages.
+
+    Raises
+    ------
+    UnknownTypeError
+        If there is no definition.
+    """
+    store = typestore()
+    _learn(message_type)
+    definition, _ = store.generate_msgdef(message_type, ros_version=2)
+    return definition, store.hash_rihs01(message_type)
+
+
+def _learn(message_type: str) -> None:
+    """Make a type, and all types in it, known to rosbags."""
+    store = typestore()
+    learn_standard(message_type)
+    if message_type in store.types:
+        return
+    package, _, name = message_type.split("/")
+    try:
+        path = Path(get_package_share_directory(package), "msg", f"{name}.msg")
+        text = path.read_text(encoding="utf-8")
+    except (PackageNotFoundError, OSError) as error:
+        raise UnknownTypeError(f"there is no definition of {message_type}") from error
+    learnt = get_types_from_msg(text, message_type)
+    store.register(learnt)
+    for _, fields in learnt.values():
+        for _, (_, description) in fields:
+            for part in _names_in(description):
+                _learn(part)
+
+
+def _names_in(description: object) -> list[str]:
+    """Names of the message types in rosbags' description of a field."""
+    if isinstance(description, str):
+        return [description] if description.count("/") == 2 else []
+    if isinstance(description, tuple):
+        return [name for part in description for name in _names_in(part)]
+    return []
 
 
 class BagRecorder(Node):

@@ -13,10 +13,9 @@ from usmap_ros.io.atomic import write_atomically
 from usmap_ros.paper.choosing_cells import choosing_a_cell
 from usmap_ros.paper.coefficients import kinds_of_coefficients
 from usmap_ros.paper.figure_1 import single_robot, two_robots
-from usmap_ros.paper.figure_6 import four_paths
 from usmap_ros.paper.figure_8_range import range_of_the_caption
 from usmap_ros.paper.figures_2_3 import beam_patterns, sensing_matrix
-from usmap_ros.paper.figures_4_5 import reconstruction, scene_and_pulse_train
+from usmap_ros.paper.figures_4_to_6 import four_paths, reconstruction, scene_and_pulse_train
 from usmap_ros.paper.figures_7_8 import interference, two_matrices
 from usmap_ros.paper.floor_calibration import mismatched_floor
 from usmap_ros.paper.off_grid import residual_and_f1

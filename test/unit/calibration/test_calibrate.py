@@ -8,7 +8,7 @@ import pytest
 from usmap_ros.calibration import Target, calibrate
 from usmap_ros.errors import UsmapError
 from usmap_ros.parameters import CorrectionParameters, PipelineParameters
-from usmap_ros.pings.preparation.correction import corrected
+from usmap_ros.pings.preparation.prepare import corrected
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
 

@@ -3,8 +3,7 @@
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from usmap_ros.io.message_types import BagMessageTypes, typestore
-from usmap_ros.io.standard_messages import STANDARD_MESSAGES
+from usmap_ros.io.message_types import STANDARD_MESSAGES, BagMessageTypes, typestore
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
 

@@ -4,8 +4,7 @@ import pytest
 
 from usmap_ros.paper.choosing_cells import choosing_a_cell
 from usmap_ros.paper.figure_1 import single_robot, two_robots
-from usmap_ros.paper.figure_6 import four_paths
-from usmap_ros.paper.figures_4_5 import reconstruction, scene_and_pulse_train
+from usmap_ros.paper.figures_4_to_6 import four_paths, reconstruction, scene_and_pulse_train
 from usmap_ros.paper.figures_7_8 import interference, two_matrices
 
 PARTS = [

@@ -14,7 +14,7 @@ from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.reconstruction.baseband import to_baseband
-from usmap_ros.reconstruction.edges import between_samples
+from usmap_ros.reconstruction.delay_search import between_samples
 from usmap_ros.reconstruction.reconstructor import reconstruct
 
 FOLDER = Path(__file__).parents[3] / "benchmarks"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.simulation import Scenario, simulate
-from usmap_ros.simulation.pose_errors import PoseErrors
+from usmap_ros.simulation.robot import PoseErrors
 
 SEED = np.random.SeedSequence(5)
 

@@ -9,10 +9,11 @@ from usmap_ros.io.cdr import BYTE, COUNT, CdrReader, CdrWriter, Layout, Payload
 from usmap_ros.io.conversions.fields import (
     read_bare_pose,
     read_header,
+    read_transducer,
     write_bare_pose,
     write_header,
+    write_transducer,
 )
-from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
 from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
 
 _SWEEP = Layout.of(8, "d")

@@ -11,10 +11,11 @@ from usmap_ros.io.conversions.fields import (
     TWO_DOUBLES,
     read_header,
     read_pose,
+    read_transducer,
     write_header,
     write_pose,
+    write_transducer,
 )
-from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
 from usmap_ros.pings.cone import EchoCone
 
 _UINT8 = np.dtype(np.uint8)

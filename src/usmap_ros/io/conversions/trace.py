@@ -9,10 +9,11 @@ from usmap_ros.io.conversions.fields import (
     read_enumeration,
     read_header,
     read_pose,
+    read_transducer,
     write_header,
     write_pose,
+    write_transducer,
 )
-from usmap_ros.io.conversions.transducer import read_transducer, write_transducer
 from usmap_ros.pings.trace import EchoTrace, Encoding
 
 #: From ``sound_speed`` to ``noise_std``, with ``encoding`` in between.

@@ -14,8 +14,8 @@ from usmap_ros.live.health import Health
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.far_off import FarOffError
 from usmap_ros.mapping.robot_check.consistency import is_of
+from usmap_ros.nodes.plumbing.cone_topics import ForeignCones
 from usmap_ros.nodes.plumbing.corrected_poses import CorrectedPoses
-from usmap_ros.nodes.plumbing.foreign_cones import ForeignCones
 from usmap_ros.nodes.plumbing.frames import Transforms
 from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer

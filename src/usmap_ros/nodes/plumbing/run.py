@@ -1,12 +1,14 @@
-"""What the main functions of all nodes share."""
+"""What the main functions of all nodes share, and how they are asked to end."""
 
 from __future__ import annotations
 
 import os
 import re
 import signal
+import socket
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import PurePath
 from typing import Any, NoReturn
@@ -15,16 +17,53 @@ import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from usmap_ros.errors import UsmapError
-from usmap_ros.nodes.plumbing.signals import EndRequest
 from usmap_ros.runs.compilation import compile_if_needed
 
+_ASKED_TO_END = (signal.SIGINT, signal.SIGTERM)
 #: Time for ROS to let go of a node, s; it takes a twentieth of one, and with a supervisor's 8 there
 #: is time enough for the map to be kept before.
 _PATIENCE_S = 5
 _INIT_FAILED = "failed to initialize rcl: "
+
+
+class EndRequest:
+    """Done as soon as the process is asked to end; asking again changes nothing.
+
+    A handler in Python runs between two of the main thread's steps, and that thread waits inside
+    ROS most of the time; one that raises may interrupt anything, such as the last checkpoint.
+    So the handlers do nothing: Python writes each signal's number into a socket at once, and a
+    thread that waits there tells the executor.
+
+    Attributes
+    ----------
+    future : Future
+        What an executor can spin until.
+    """
+
+    def __init__(self) -> None:
+        self.future = Future()
+        self._receiver, self._sender = socket.socketpair()
+        self._sender.setblocking(False)
+        signal.set_wakeup_fd(self._sender.fileno(), warn_on_full_buffer=False)
+        for number in _ASKED_TO_END:
+            signal.signal(number, lambda *_: None)
+        threading.Thread(target=self._wait, name="signals", daemon=True).start()
+
+    def ignore_more(self) -> None:
+        """Let the process end in its own time: it has been asked."""
+        for number in _ASKED_TO_END:
+            signal.signal(number, signal.SIG_IGN)
+        signal.set_wakeup_fd(-1)
+
+    def _wait(self) -> None:
+        while received := self._receiver.recv(1):
+            if received[0] in _ASKED_TO_END:
+                self.future.set_result(None)
+                return
 
 
 def prepare_environment() -> None:

@@ -3,7 +3,6 @@
 `common` has what several nodes share; the others are named after what their nodes do.
 """
 
-from usmap_ros.parameters.nodes.bags import BagRecorderParameters, BagReplayParameters
 from usmap_ros.parameters.nodes.common import NodeParameters
 from usmap_ros.parameters.nodes.drivers import (
     DeviceDriverParameters,
@@ -11,7 +10,11 @@ from usmap_ros.parameters.nodes.drivers import (
     SerialDriverParameters,
 )
 from usmap_ros.parameters.nodes.fusion import MapFusionParameters
-from usmap_ros.parameters.nodes.reconstructor import ConeReconstructorParameters
+from usmap_ros.parameters.nodes.reconstructor import (
+    BagRecorderParameters,
+    BagReplayParameters,
+    ConeReconstructorParameters,
+)
 
 __all__ = [
     "BagRecorderParameters",

@@ -18,13 +18,7 @@ from pydantic.fields import FieldInfo
 from usmap_ros.io.yaml_files import dump_yaml
 from usmap_ros.live.interfaces import NODES, NodeInterface, Topic
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.parameters.fields import (
-    constraints_of,
-    flat_fields,
-    flat_values,
-    is_among,
-    unit_of,
-)
+from usmap_ros.parameters.fields import constraints_of, flat_fields, flat_values, is_among, unit_of
 from usmap_ros.simulation import Scenario
 
 ROOT = Path(__file__).parents[1]

@@ -20,10 +20,7 @@ from usmap_ros.live.health import Level
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.nodes.map_fusion import MapFusion
-from usmap_ros.nodes.plumbing.map_publisher import (
-    normal_columns,
-    placed,
-)
+from usmap_ros.nodes.plumbing.map_publisher import normal_columns, placed
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters

@@ -34,12 +34,7 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.importing.files import COLUMNS, read_poses, read_samples
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
-from usmap_ros.io.conversions import (
-    cone_from_cdr,
-    cone_to_cdr,
-    trace_from_cdr,
-    trace_to_cdr,
-)
+from usmap_ros.io.conversions import cone_from_cdr, cone_to_cdr, trace_from_cdr, trace_to_cdr
 from usmap_ros.io.map_files import GRID_FILE, load_map, save_map
 from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, typestore
 from usmap_ros.io.nav2_map import load_nav2_map

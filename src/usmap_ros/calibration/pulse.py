@@ -1,7 +1,7 @@
 """The pulse as it is received, measured on the strongest echo of many pings.
 
-All of them are the same pulse, later and weaker or stronger: shifted and scaled onto one another,
-their mean is the pulse, and what is left of each tells how far it can be relied on.
+`usmap_ros.calibration.aligned_echoes` shifts and scales them onto one another: their mean is the
+pulse, and what is left of each tells how far it can be relied on.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from usmap_ros.acoustics.profile import Profile
+from usmap_ros.acoustics.profile import Profile, resonant_profile
 from usmap_ros.acoustics.pulse import Pulse
-from usmap_ros.calibration.onset import onset_s
+from usmap_ros.calibration.aligned_echoes import FINER, AlignedEchoes, align
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.parameters import PulseParameters, ReconstructionParameters
@@ -22,19 +22,11 @@ from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 
-#: Time before and behind the loudest sample that is looked at, in addition to the burst's length,
-#: and points of the template to each baseband sample.
+#: Time before and behind the loudest sample that is looked at, beside the burst's length.
 _BEFORE_S, _BEHIND_S = 0.4e-3, 1.6e-3
-_FINER = 8
 #: Loudness over noise of an echo that tells the pulse, and echoes that are needed.
 _LOUD = 20.0
 _LEAST_ECHOES = 12
-#: Rounds of shifting and averaging, and share of the echoes that are kept: those least like the
-#: mean have others beside them.
-_ROUNDS, _KEPT = 5, 0.6
-#: Echoes that are told apart in the neighbourhood of the strongest, itself among them, and rounds
-#: in which each is fitted beside the others.
-_ECHOES, _SWEEPS = 4, 2
 #: The template begins and ends where so little of its peak is left.
 _SILENT = 0.02
 #: Misfit of the stated pulse from which on a measured one is worth having, of a measured one that
@@ -42,6 +34,14 @@ _SILENT = 0.02
 _STATED_MISFIT, _MEASURED_MISFIT, _IMPROVEMENT = 0.12, 0.35, 0.6
 #: Quantile of the pings whose leftovers the model error covers, and its least value.
 _COVERED, _LEAST_ERROR = 0.75, 0.02
+#: Qualities to start from, and bounds of quality and of the resonance over the carrier.
+_QUALITIES = (5.0, 20.0, 60.0)
+_LEAST_QUALITY, _GREATEST_QUALITY = 1.0, 300.0
+_DETUNED = 0.1
+#: Misfit of resonators, relative to the pulse, from which on they do not explain it.
+_EXPLAINED = 0.3
+#: Points that are compared.
+_POINTS = 160
 
 
 @dataclass(frozen=True)
@@ -77,20 +77,6 @@ class MeasuredPulse:
         return self.parameters.kind == "measured"
 
 
-@dataclass(frozen=True)
-class _Aligned:
-    """Echoes on the template's grid, shifted and scaled to it: (echoes, points) and (points,).
-
-    `echoes` and `misfits` are of those that the template is the mean of, freed of others beside
-    them; `crowded` are all, with what is beside them.
-    """
-
-    echoes: Signal
-    template: Signal
-    misfits: FloatArray
-    crowded: Signal
-
-
 def measure_pulse(
     traces: Sequence[EchoTrace], parameters: ReconstructionParameters
 ) -> MeasuredPulse | None:
@@ -106,8 +92,8 @@ def measure_pulse(
     snippets, rate_hz, pulse = _snippets(traces, parameters)
     if len(snippets) < _LEAST_ECHOES or pulse is None or not pulse.has_carrier:
         return None
-    aligned = _aligned(snippets, max(2, round(pulse.length_s * rate_hz)))
-    fine_hz = _FINER * rate_hz
+    aligned = align(snippets, max(2, round(pulse.length_s * rate_hz)))
+    fine_hz = FINER * rate_hz
     # What is farther beside it in every ping, as it is while a robot stands, is not the pulse.
     risen, faded = _extent(aligned.template, fine_hz, pulse)
     stated = _misfit_of(pulse, aligned.template[risen : faded + 1], fine_hz)
@@ -164,100 +150,6 @@ def _around_loudest(baseband: Baseband, pulse: Pulse) -> Signal | None:
     return np.asarray(baseband.signal[first:stop], dtype=np.complex128)
 
 
-def _aligned(snippets: Signal, apart: int) -> _Aligned:
-    """Shift and scale echoes onto their mean, without others beside them, and average anew.
-
-    Parameters
-    ----------
-    snippets : (echoes, samples) array
-        Around the loudest sample of each.
-    apart : int
-        Samples from an echo from which on another one is told from an error of the mean.
-    """
-    count, samples = snippets.shape
-    spectra = np.fft.fft(snippets, 2 * samples, axis=1)
-    peak = np.abs(snippets).argmax(axis=1)
-    scaled = snippets / snippets[np.arange(count), peak][:, np.newaxis]
-    template = np.median(scaled.real, axis=0) + 1j * np.median(scaled.imag, axis=0)
-    kept = np.ones(count, dtype=bool)
-    shifted, crowded, misfits = scaled, scaled, np.zeros(count)
-    for _ in range(_ROUNDS):
-        shifted, crowded, misfits = _onto(spectra, template, apart)
-        kept = misfits <= np.quantile(misfits, _KEPT)
-        template = shifted[kept].mean(axis=0)
-    fine = _finer(template[np.newaxis])[0]
-    return _Aligned(_finer(shifted[kept]), fine, misfits[kept], _finer(crowded))
-
-
-def _onto(spectra: Signal, template: Signal, apart: int) -> tuple[Signal, Signal, FloatArray]:
-    """Echoes freed of others, shifted by parts of a sample and scaled to fit a template.
-
-    Returns them, (echoes, samples), the same with the others, and the norm of what the template
-    leaves of each that is freed.
-    """
-    samples, width = len(template), spectra.shape[1]
-    frequency = np.fft.fftfreq(width)
-    reference = np.fft.fft(template, width)
-    energy = np.vdot(template, template).real
-    lags = np.zeros((_ECHOES, len(spectra)))
-    parts = np.zeros((_ECHOES, *spectra.shape), dtype=np.complex128)
-    for _ in range(_SWEEPS):
-        for number in range(_ECHOES):
-            rest = spectra - parts.sum(axis=0) + parts[number]
-            # The first one is where it fits best, and the others not so near that they would take
-            # an error of the template for an echo.
-            near = (lags[0], apart) if number else None
-            lags[number], scale = _best_place(rest, reference, near)
-            turned = np.exp(-2j * np.pi * frequency * lags[number][:, np.newaxis])
-            parts[number] = (scale / energy)[:, np.newaxis] * reference * turned
-    alone = spectra - parts[1:].sum(axis=0)
-    turned = np.exp(2j * np.pi * frequency * lags[0][:, np.newaxis])
-    shifted: Signal = np.fft.ifft(alone * turned, axis=1)[:, :samples]
-    scales = ((shifted @ template.conj()) / energy)[:, np.newaxis]
-    crowded: Signal = np.fft.ifft(spectra * turned, axis=1)[:, :samples] / scales
-    shifted = shifted / scales
-    left_over = np.linalg.norm(shifted - template, axis=1) / np.sqrt(energy)
-    return shifted, crowded, left_over
-
-
-def _best_place(
-    spectra: Signal, reference: Signal, away_from: tuple[FloatArray, int] | None
-) -> tuple[FloatArray, Signal]:
-    """Lag (samples, with parts) at which a template fits each signal best, and its product there.
-
-    Not within so many samples of given lags, if any are.
-    """
-    width = spectra.shape[1]
-    crossed = spectra * reference.conj()
-    finer = np.zeros((len(spectra), _FINER * width), dtype=np.complex128)
-    half = width // 2
-    finer[:, :half], finer[:, -half:] = crossed[:, :half], crossed[:, -half:]
-    product = _FINER * np.fft.ifft(finer, axis=1)
-    correlation = np.abs(product)
-    if away_from is not None:
-        lags, apart = away_from
-        places = np.arange(correlation.shape[1]) / _FINER
-        distance = np.abs((places - lags[:, np.newaxis] + 0.5 * width) % width - 0.5 * width)
-        correlation[distance < apart] = 0.0
-    best = correlation.argmax(axis=1)
-    rows, count = np.arange(len(best)), correlation.shape[1]
-    left, middle, right = (correlation[rows, (best + step) % count] for step in (-1, 0, 1))
-    bend = np.minimum(left - 2.0 * middle + right, -np.finfo(float).tiny)
-    part = np.clip(0.5 * (left - right) / bend, -0.5, 0.5)
-    return (best + part) / _FINER, product[rows, best]
-
-
-def _finer(signals: Signal) -> Signal:
-    """The same with `_FINER` points a sample, band-limited."""
-    count, samples = signals.shape
-    spectra = np.fft.fft(signals, axis=1)
-    wide = np.zeros((count, _FINER * samples), dtype=np.complex128)
-    half = (samples + 1) // 2
-    wide[:, :half], wide[:, half - samples :] = spectra[:, :half], spectra[:, half:]
-    finer: Signal = _FINER * np.fft.ifft(wide, axis=1)
-    return finer
-
-
 def _misfit_of(pulse: Pulse, template: Signal, rate_hz: float) -> float:
     """Norm of what a pulse, placed and scaled best, leaves of the template, relative to it."""
     time_s = np.arange(int(np.ceil(pulse.length_s * rate_hz)) + 1) / rate_hz
@@ -289,13 +181,13 @@ def _from_onset(template: Signal, risen: int, faded: int, rate_hz: float, pulse:
     return Profile.of(trimmed, rate_hz).values
 
 
-def _own_error(aligned: _Aligned) -> float:
+def _own_error(aligned: AlignedEchoes) -> float:
     """What a matched filter makes of leftovers of echoes that are freed of others."""
     freed = _answers(aligned.echoes, aligned.template).max(axis=1)
     return float(np.clip(np.quantile(freed, _COVERED), _LEAST_ERROR, 0.5))
 
 
-def _model_error(aligned: _Aligned, pulse_points: int, own_error: float) -> float:
+def _model_error(aligned: AlignedEchoes, pulse_points: int, own_error: float) -> float:
     """What a matched filter makes of leftovers and neighbours, relative to the echo, in most pings.
 
     What stands within the length of the pulse beside the strongest echo of most pings is of the
@@ -315,3 +207,52 @@ def _answers(echoes: Signal, template: Signal) -> FloatArray:
     leftover = np.fft.fft(echoes - template, count, axis=1)
     answers: FloatArray = np.abs(np.fft.ifft(leftover * reference, axis=1)) / energy
     return answers
+
+
+def onset_s(template: Signal, rate_hz: float, pulse: Pulse) -> float | None:
+    """When the burst began, after the template's first value; None if resonators do not explain it.
+
+    Latency and a slow rise look alike.  What tells them apart is the shape: a burst of known length
+    through resonators has begun a known time before its echo is as loud as it is.
+
+    Parameters
+    ----------
+    template : (n,) array
+        A pulse as received, with silence before it.
+    rate_hz : float
+        Of its values.
+    pulse : Pulse
+        The burst that traces state.
+    """
+    drive = pulse.driven
+    time_s = np.linspace(0.0, (len(template) - 1) / rate_hz, _POINTS)
+    grid_s = np.arange(len(template)) / rate_hz
+    seen: Signal = np.interp(time_s, grid_s, template)
+    peak_s = float(grid_s[np.argmax(np.abs(template))])
+
+    def left(unknowns: FloatArray) -> FloatArray:
+        begins_s, log_first, log_second, detuning = unknowns
+        frequency_hz = drive.carrier_hz * (1.0 + detuning)
+        resonances = [(frequency_hz, float(np.exp(one))) for one in (log_first, log_second)]
+        profile = resonant_profile(drive.envelope, drive.duration_s, drive.carrier_hz, resonances)
+        shape = profile(time_s - 1e-3 * begins_s)
+        scale = np.vdot(shape, seen) / max(float(np.linalg.norm(shape)) ** 2, 1e-12)
+        return np.asarray((seen - scale * shape).view(float))
+
+    # Here, because it takes a third of a second, and to look at a recording it is not needed.
+    from scipy.optimize import least_squares
+
+    bounds = (
+        [1e3 * (peak_s - 3.0 * drive.duration_s - 1e-3), *[np.log(_LEAST_QUALITY)] * 2, -_DETUNED],
+        [1e3 * peak_s, *[np.log(_GREATEST_QUALITY)] * 2, _DETUNED],
+    )
+    lowest, highest = (np.array(side, dtype=float) for side in bounds)
+    best, least = None, _EXPLAINED * float(np.linalg.norm(seen))
+    for quality in _QUALITIES:
+        guess = [1e3 * (peak_s - drive.duration_s), np.log(quality), np.log(0.5 * quality), 0.0]
+        start = np.clip(np.array(guess), lowest, highest)
+        found = least_squares(left, start, bounds=(lowest, highest), max_nfev=40)
+        misfit = float(np.sqrt(2.0 * found.cost))
+        if misfit < least:
+            best, least = 1e-3 * float(found.x[0]), misfit
+    return best

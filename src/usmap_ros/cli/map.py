@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from usmap_ros.cli import console
-from usmap_ros.cli.elapsed import seconds_since_start
+from usmap_ros.cli.mapped import seconds_since_start, tell
 from usmap_ros.cli.parameters import (
     ParametersFile,
     Settings,
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from usmap_ros.parameters import PipelineParameters
-    from usmap_ros.runs.offline import MappingRun
     from usmap_ros.runs.pipeline import Pipeline
 
 
@@ -224,7 +222,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
         save_trajectories(order.output / PATHS_FOLDER, paths.trajectories())
         told = order.output / PATHS_FOLDER / TOLD_FOLDER
         save_trajectories(told, run.poses.told.trajectories())
-    _tell(order.output, run, summary, as_json=as_json)
+    tell(order.output, run, summary, as_json=as_json)
 
 
 def _state_frame(order: _Order, pipeline: Pipeline) -> None:
@@ -262,43 +260,10 @@ def _map_collection(
     )
     for text in [*done.warnings, *(f"{name}: {cause}" for name, cause in done.failed.items())]:
         typer.echo(f"usmap: warning: {text}", err=True)
-    _tell(order.output, done.run, summary, as_json=as_json)
+    tell(order.output, done.run, summary, as_json=as_json)
     _refuse_absent(order.without, {*done.run.without, *done.run.robots})
     if done.failed:
         raise UsmapError(
             f"{len(done.failed)} of {len(recordings)} recordings could not be used; the map is of"
             " the others"
-        )
-
-
-def _apart(run: MappingRun) -> str:
-    """Pings that are set apart, as the end of a line; nothing if there are none."""
-    found = [
-        f"{count} of {topic} {why}"
-        for topic, counts in run.set_apart.items()
-        for why, count in counts.items()
-    ]
-    return f"; set apart: {', '.join(found)}" if found else ""
-
-
-def _tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: bool) -> None:
-    from usmap_ros.io.map_files import NAV2_FILE
-
-    for topic, problem in run.suspects().items():
-        counted = "for nothing" if run.poses.parameters.mapping.weigh_robots else "all the same"
-        said = f"its pings count {counted}; --without {topic} leaves it out"
-        typer.echo(f"usmap: warning: {topic}: {problem}; {said}", err=True)
-    for topic, problem in run.contradicted().items():
-        typer.echo(f"usmap: warning: {topic}: {problem}; nobody can tell which is wrong", err=True)
-    for topic, share in run.doubted.items():
-        said = f"others contradict it; in the map it counts for {share:.0%} of what it says"
-        typer.echo(f"usmap: warning: {topic}: {said}", err=True)
-    if as_json:
-        typer.echo(json.dumps(summary, indent=2))
-    else:
-        typer.echo(
-            f"{output / NAV2_FILE}: {run.pings} pings, {run.echoes} echoes,"
-            f" {summary['cells_occupied']} of {summary['cells_observed']} observed cells occupied;"
-            f" {summary['seconds']:.1f} s, {summary['pings_per_second']:.0f} pings/s"
-            f"{_apart(run)}"
         )

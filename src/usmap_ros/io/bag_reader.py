@@ -11,11 +11,7 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 from usmap_ros.errors import BagError, MalformedMessageError, UsmapError, file_errors
-from usmap_ros.io.conversions import (
-    array_from_cdr,
-    cone_from_cdr,
-    range_from_message,
-)
+from usmap_ros.io.conversions import array_from_cdr, cone_from_cdr, range_from_message
 from usmap_ros.io.message_types import (
     ECHO_CONE,
     ECHO_TRACE,

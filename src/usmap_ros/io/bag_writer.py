@@ -15,21 +15,12 @@ from mcap.writer import CompressionType, Writer
 from usmap_ros.errors import BagError, file_errors
 from usmap_ros.io.atomic import new_folder, write_atomically
 from usmap_ros.io.conversions import array_to_cdr, cone_to_cdr, trace_to_cdr
-from usmap_ros.io.message_types import (
-    ECHO_CONE,
-    ECHO_TRACE,
-    TRANSDUCER_ARRAY,
-    typestore,
-)
+from usmap_ros.io.message_types import ECHO_CONE, ECHO_TRACE, TRANSDUCER_ARRAY, typestore
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.pings.transducer_array import TransducerArray
 
-COMPRESSIONS = {
-    "none": CompressionType.NONE,
-    "lz4": CompressionType.LZ4,
-    "zstd": CompressionType.ZSTD,
-}
+COMPRESSIONS = {name: CompressionType[name.upper()] for name in ("none", "lz4", "zstd")}
 
 #: Length of the header of a serialized message and of the stamp that follows it.
 _STAMP_BYTES = 12
@@ -39,7 +30,6 @@ _METADATA_VERSION = 9
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 #: Depth of the queues that the nodes offer these messages with; a player does the same.
 _QUEUE_DEPTHS = {ECHO_TRACE: 10, ECHO_CONE: 50, TRANSDUCER_ARRAY: 64}
-
 
 QosProfiles = list[dict[str, Any]]
 

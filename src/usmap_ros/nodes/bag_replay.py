@@ -21,16 +21,7 @@ from usmap_ros.io.storage import RecordedTopic
 from usmap_ros.io.storage.index import header_stamp_ns
 from usmap_ros.live.attendance import Attendance
 from usmap_ros.live.backlog import Backlog
-from usmap_ros.live.interfaces import (
-    BAG_REPLAY,
-    CLOCK,
-    CONE,
-    DIAGNOSTICS,
-    ECHO,
-    NODES,
-    PAUSE,
-    Qos,
-)
+from usmap_ros.live.interfaces import BAG_REPLAY, CLOCK, CONE, DIAGNOSTICS, ECHO, NODES, PAUSE, Qos
 from usmap_ros.live.readers import LAG_S, Readers
 from usmap_ros.nodes.plumbing.audience import Audience
 from usmap_ros.nodes.plumbing.diagnostics import NodeHealth

@@ -19,14 +19,7 @@ from usmap_ros.paper.setting import AIR, SHORT_PULSE, Points, hear
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
-from usmap_ros.plotting.style import (
-    PROBABILITY,
-    RECONSTRUCTION,
-    ROBOTS,
-    SIGNAL,
-    new_figure,
-    styled,
-)
+from usmap_ros.plotting.style import PROBABILITY, RECONSTRUCTION, ROBOTS, SIGNAL, new_figure, styled
 from usmap_ros.runs.pipeline import Pipeline
 
 #: Two that both robots see, one that only the first sees, and one that only the second sees.

@@ -8,14 +8,7 @@ import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.paper.part import Part
-from usmap_ros.paper.setting import (
-    BASEBAND,
-    CELL_M,
-    OBLIQUE,
-    f1_of_sets,
-    hear,
-    method,
-)
+from usmap_ros.paper.setting import BASEBAND, CELL_M, OBLIQUE, f1_of_sets, hear, method
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.plotting.style import FAINT, ROBOTS, new_figure, styled

@@ -20,15 +20,7 @@ from usmap_ros.paper.drawing import (
 )
 from usmap_ros.paper.figures_2_3 import in_company
 from usmap_ros.paper.part import Part
-from usmap_ros.paper.setting import (
-    ALIGNED,
-    CELL_M,
-    SPARSITY,
-    SQUARE_PULSE,
-    Listening,
-    Points,
-    hear,
-)
+from usmap_ros.paper.setting import ALIGNED, CELL_M, SPARSITY, SQUARE_PULSE, Listening, Points, hear
 from usmap_ros.plotting.style import ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
 from usmap_ros.reconstruction.cone_cells import ConeCells

@@ -15,11 +15,7 @@ from usmap_ros.parameters.pipeline import (
     ReconstructionParameters,
 )
 from usmap_ros.parameters.poses import PoseParameters
-from usmap_ros.parameters.reception import (
-    CorrectionParameters,
-    PulseParameters,
-    RingingParameters,
-)
+from usmap_ros.parameters.reception import CorrectionParameters, PulseParameters, RingingParameters
 
 __all__ = [
     "CorrectionParameters",

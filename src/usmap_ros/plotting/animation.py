@@ -20,13 +20,7 @@ from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.plotting import style
-from usmap_ros.plotting.map import (
-    Extent,
-    draw_legend,
-    figure_size_in,
-    robot_name,
-    shown_extent,
-)
+from usmap_ros.plotting.map import Extent, draw_legend, figure_size_in, robot_name, shown_extent
 from usmap_ros.plotting.plan import draw_probability, draw_truth
 
 _FRAME_MS = 270

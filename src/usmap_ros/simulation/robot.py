@@ -14,12 +14,7 @@ from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
 from usmap_ros.simulation.motion import Motion
-from usmap_ros.simulation.simulator import (
-    NANOSECONDS,
-    EchoSimulator,
-    Intruder,
-    MountedTransducer,
-)
+from usmap_ros.simulation.simulator import NANOSECONDS, EchoSimulator, Intruder, MountedTransducer
 from usmap_ros.simulation.wheel_odometry import OdometryErrors, WheelOdometry
 
 #: Over so much of a path its velocity is measured.

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 import typer
 
-from usmap_ros.cli.elapsed import seconds_since_start
 from usmap_ros.cli.map import map_bags
+from usmap_ros.cli.mapped import seconds_since_start
 from usmap_ros.cli.parameters import complete_setting
 from usmap_ros.errors import BagError
 

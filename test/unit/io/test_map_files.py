@@ -9,13 +9,7 @@ from PIL import Image
 
 from usmap_ros.errors import MapFileError
 from usmap_ros.grids import NORMAL, GridGeometry, OccupancyMap, TruthMap
-from usmap_ros.io.map_files import (
-    load_map,
-    load_truth,
-    map_folder,
-    save_map,
-    save_truth,
-)
+from usmap_ros.io.map_files import load_map, load_truth, map_folder, save_map, save_truth
 from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths

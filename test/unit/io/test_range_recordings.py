@@ -10,13 +10,7 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import odometry_to_message, transform_to_message
 from usmap_ros.io.conversions.common import header_to_message
-from usmap_ros.io.message_types import (
-    ODOMETRY,
-    RANGE,
-    TRANSFORMS,
-    BagMessageTypes,
-    typestore,
-)
+from usmap_ros.io.message_types import ODOMETRY, RANGE, TRANSFORMS, BagMessageTypes, typestore
 from usmap_ros.io.recorded_poses import RecordedPoses
 from usmap_ros.localisation.pose_kind import robot_of
 from usmap_ros.numerics.geometry import Pose

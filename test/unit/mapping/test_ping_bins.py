@@ -7,14 +7,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.mapping.ping_bins import (
-    DEAF_AMPLITUDE,
-    ECHO,
-    GAIN_STEPS,
-    SILENCE,
-    UNJUDGED,
-    look_of,
-)
+from usmap_ros.mapping.ping_bins import DEAF_AMPLITUDE, ECHO, GAIN_STEPS, SILENCE, UNJUDGED, look_of
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits

@@ -21,13 +21,7 @@ from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.pings.trajectory import Trajectory
-from usmap_ros.plotting import (
-    cone_figure,
-    map_figure,
-    overview_figure,
-    save_figure,
-    trace_figure,
-)
+from usmap_ros.plotting import cone_figure, map_figure, overview_figure, save_figure, trace_figure
 from usmap_ros.plotting.animation import MapFrame, save_animation
 from usmap_ros.plotting.map import robot_name, shown_extent
 from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct

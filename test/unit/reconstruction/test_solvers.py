@@ -6,11 +6,7 @@ import pytest
 from usmap_ros.reconstruction.cosamp import Halt
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 from usmap_ros.reconstruction.problem import Problem
-from usmap_ros.reconstruction.solvers import (
-    basis_pursuit,
-    orthogonal_matching_pursuit,
-    solve,
-)
+from usmap_ros.reconstruction.solvers import basis_pursuit, orthogonal_matching_pursuit, solve
 from usmap_ros.reconstruction.whole_numbers import chosen_cells
 
 OTHERS = ["omp", "l1", "tv", "walls", "nnls", "integer", "binary"]

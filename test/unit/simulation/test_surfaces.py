@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from usmap_ros.simulation.occlusion import (
-    NO_OWNER,
-    hidden_by_walls,
-    point_segment_distances,
-)
+from usmap_ros.simulation.occlusion import NO_OWNER, hidden_by_walls, point_segment_distances
 from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along, walls_of_cells
 
 

@@ -144,6 +144,25 @@ class Storage(Protocol):
         """Let go of the file and of cached content; `payload` opens it again."""
 
 
+class FileOfRecording:
+    """What storages of a file have in common.
+
+    Parameters
+    ----------
+    path : path
+        The file to read.
+    shown_path : path, optional
+        What to call it in messages, if it is a temporary copy.
+    compression : str
+        Compression of each single message, as rosbag2's ``compression_mode: message`` makes it.
+    """
+
+    def __init__(self, path: Path, shown_path: Path | None = None, compression: str = "") -> None:
+        self.path = shown_path or path
+        self._file_path = path
+        self._compression = compression
+
+
 def header_stamp_ns(payload: memoryview, otherwise: int) -> int:
     """Stamp of a CDR message that begins with a header, without deserializing it.
 

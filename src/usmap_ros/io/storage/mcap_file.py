@@ -31,7 +31,13 @@ from usmap_ros.io.storage.compression import (
     TooMuchError,
     decompress,
 )
-from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
+from usmap_ros.io.storage.index import (
+    Damage,
+    FileOfRecording,
+    MessageIndex,
+    RecordedTopic,
+    header_stamp_ns,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -63,23 +69,14 @@ class _Chunk(NamedTuple):
     compression: str
 
 
-class McapFile:
+class McapFile(FileOfRecording):
     """Storage of one MCAP file; see `usmap_ros.io.storage.index.Storage`.
 
-    Parameters
-    ----------
-    path : path
-        The file to read.
-    shown_path : path, optional
-        What to call it in messages, if it is a temporary copy.
-    compression : str
-        Compression of each single message, as rosbag2's ``compression_mode: message`` makes it.
+    Parameters are those of `usmap_ros.io.storage.index.FileOfRecording`.
     """
 
     def __init__(self, path: Path, shown_path: Path | None = None, compression: str = "") -> None:
-        self.path = shown_path or path
-        self._file_path = path
-        self._compression = compression
+        super().__init__(path, shown_path, compression)
         self._file: BinaryIO | None = None
         self._chunks: dict[int, _Chunk] = {}
         self._chunk_cache: OrderedDict[int, bytes] = OrderedDict()
@@ -229,8 +226,8 @@ class _Scan:
             block, base = _IN_FILE, position + start
         self._note_all(content, block, base, position)
         if not whole:
-            kept = position if compression else base + _complete_size(content)
-            raise _CorruptError("is cut off", kept)
+            complete = max((stop for _, _, stop in _records_of(content)), default=0)
+            raise _CorruptError("is cut off", position if compression else base + complete)
 
     def _chunk_content(self, stored: memoryview, compression: str, position: int) -> memoryview:
         if not compression:
@@ -304,11 +301,6 @@ def _records_of(content: memoryview) -> Iterator[tuple[int, int, int]]:
         if position > len(content):
             return
         yield opcode, start, position
-
-
-def _complete_size(content: memoryview) -> int:
-    """Size of the complete records at the beginning of `content`."""
-    return max((stop for _, _, stop in _records_of(content)), default=0)
 
 
 def _differs(content: memoryview, checksum: int) -> bool:

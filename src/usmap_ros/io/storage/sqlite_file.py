@@ -10,28 +10,25 @@ from pathlib import Path
 from usmap_ros.bounds import LEAST_SQLITE_STEPS, MAX_CHUNK_BYTES, MAX_SQLITE_STEPS_PER_BYTE
 from usmap_ros.errors import BagError, shortened
 from usmap_ros.io.storage.compression import DECOMPRESSION_ERRORS, Allowance, decompress
-from usmap_ros.io.storage.index import Damage, MessageIndex, RecordedTopic, header_stamp_ns
+from usmap_ros.io.storage.index import (
+    Damage,
+    FileOfRecording,
+    MessageIndex,
+    RecordedTopic,
+    header_stamp_ns,
+)
 
 MAGIC = b"SQLite format 3\x00"
 
 
-class SqliteFile:
+class SqliteFile(FileOfRecording):
     """Storage of one sqlite3 file; see `usmap_ros.io.storage.index.Storage`.
 
-    Parameters
-    ----------
-    path : path
-        The file to read.
-    shown_path : path, optional
-        What to call it in messages, if it is a temporary copy.
-    compression : str
-        Compression of each single message, as rosbag2's ``compression_mode: message`` makes it.
+    Parameters are those of `usmap_ros.io.storage.index.FileOfRecording`.
     """
 
     def __init__(self, path: Path, shown_path: Path | None = None, compression: str = "") -> None:
-        self.path = shown_path or path
-        self._file_path = path
-        self._compression = compression
+        super().__init__(path, shown_path, compression)
         self._connection: sqlite3.Connection | None = None
 
     def scan(self, wanted: Container[str]) -> MessageIndex:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.robot_check.sightings import ANGLES, Sightings
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.compiled import compiled, compiled_within
+from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
 
 #: Kinds of landmarks; columns of one: its kind, x and y or direction of the normal and distance,
 #: the log-likelihood ratio of its echoes, their level at one metre on the axis, dB, and between
@@ -240,6 +240,13 @@ def cosine_between(base_m: float, near_m: float, far_m: float, kind: float) -> f
     return (near_m - far_m) / base_m if base_m >= WALL_BASE_M else FAR_M
 
 
+@inlined
+def put(values: FloatArray, where: FloatArray) -> None:
+    """Copy values one by one: to assign a slice, Numba compiles texts on shapes that do not fit."""
+    for column in range(len(values)):
+        where[column] = values[column]
+
+
 @compiled
 def explain(heard: Sightings, wanted: BoolArray, found: FloatArray) -> tuple[float, int]:
     """Find landmarks that explain echoes, those first that explain most.
@@ -280,16 +287,16 @@ def explain(heard: Sightings, wanted: BoolArray, found: FloatArray) -> tuple[flo
                 continue
             # The same again is tried later, if at all.
             said[one] *= 0.8
-            mark[: B + 1] = tried[one]
+            put(tried[one], mark)
             fit(mark, heard, left, its)
             judge(mark, heard, left, its)
             fitted += 1
             if mark[GAIN] > best[GAIN]:
-                best[:] = mark
+                put(mark, best)
         if best[GAIN] <= COST:
             break
         take(judge(best, heard, left, its), its, left)
-        found[count] = best
+        put(best, found[count])
         total, count = total + best[GAIN] - COST, count + 1
     return total, count
 

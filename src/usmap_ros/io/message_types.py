@@ -10,7 +10,7 @@ import struct
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,9 @@ from rosbags.typesys import (
 from rosbags.typesys.store import Typestore
 
 from usmap_ros.errors import BagError, MalformedMessageError
-from usmap_ros.io.storage import RecordedTopic
+
+if TYPE_CHECKING:
+    from usmap_ros.io.storage import RecordedTopic
 
 #: Fields by type, as in the .msg files of ROS 2 Jazzy.
 STANDARD_MESSAGES = {

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, mirror_walls
@@ -44,6 +45,20 @@ def test_a_mirror_far_from_the_origin_is_found_too(
 
 def test_an_object_is_no_mirror(views: list[EchoCone]) -> None:
     assert mirrors_of(views) == []
+
+
+@pytest.mark.parametrize(("varies", "walls"), [(0.0, 1), (0.3, 0)])
+def test_what_follows_a_steady_echo_makes_no_rough_wall_of_a_mirror(
+    make_cone: Callable[..., EchoCone], mirror_m: float, varies: float, walls: int
+) -> None:
+    beam, cones = BeamPattern.linear(), []
+    for number in range(24):
+        off_rad, level = 0.3 * math.sin(1.3 * number), math.exp(varies * math.sin(2.1 * number))
+        loudness = 0.9 * level * float(beam.gain(off_rad)) / (2.0 * mirror_m)
+        scattered = [(mirror_m + 0.1 * place, 0.05) for place in range(1, 6)]
+        pose = {"x_m": 0.1 * number, "yaw_rad": 0.5 * math.pi + off_rad, "stamp_ns": number}
+        cones.append(make_cone((mirror_m, loudness), *scattered, **pose))
+    assert len(mirrors_of(cones)) == walls
 
 
 def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:

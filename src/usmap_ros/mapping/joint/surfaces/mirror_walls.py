@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirror_fits import Search, candidates, fit
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected, seen_directly
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
 from usmap_ros.mapping.joint.visibility.field import Field, X, Y
 from usmap_ros.mapping.looks import Looks
@@ -32,6 +33,10 @@ MOST_DEVIATION = 0.45
 #: Stretch behind an echo in which others of a rough wall would follow, m, and how many on the
 #: mean a mirror may have there.
 FOLLOWING_M, MOST_FOLLOWING = (0.05, 0.6), 3.2
+#: One whose loudness varies less than this, as a median deviation of its logarithm, is a mirror
+#: whatever follows: sums of what many places of a rough wall return vary by 0.08 at the least, and
+#: by 0.25 as a rule, and a wall that mirrors most may scatter the rest.
+STEADY = 0.07
 #: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
 LEAST_SHARE = 0.6
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share
@@ -93,6 +98,8 @@ class MirrorWall:
         Echoes that follow within `FOLLOWING_M`, on the mean.
     log_mirror : float
         Logarithm of its amplitude reflectivity.
+    deviation : float
+        Median deviation of what its echoes tell of that.
     """
 
     normal_rad: float
@@ -103,6 +110,7 @@ class MirrorWall:
     echoes: NDArray[np.int64]
     following: float
     log_mirror: float
+    deviation: float
 
     def bearing_from(self, x_m: float, y_m: float) -> float:
         """Direction in which a place hears it, rad: the same one everywhere."""
@@ -145,7 +153,9 @@ def mirror_walls(
     """
     found = perpendicular_walls(looks, pings, echoes, ~is_explained)
     hits = np.array([len(wall.echoes) for wall in found])
-    are_mirrors = np.array([wall.following < MOST_FOLLOWING for wall in found], bool)
+    are_mirrors = np.array(
+        [wall.following < MOST_FOLLOWING or wall.deviation < STEADY for wall in found], bool
+    )
     if not found or hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
         return []
     logs = np.array([wall.log_mirror for wall in found])
@@ -156,14 +166,21 @@ def mirror_walls(
     usual = float(np.average(logs[alike[most]], weights=hits[alike[most]]))
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
     search = Search(looks, pings, echoes, is_usable, faintest, loudest)
-    walls = _without_doubles(_found(search, ANY))
-    is_left = is_usable.copy()
+    places_m = looks.numbers[pings][:, [X, Y]]
+    walls = _directly(_without_doubles(_found(search, ANY)), places_m)
+    is_left = is_usable & ~reflected(walls, looks, pings, echoes)
     for wall in walls:
         is_left[wall.echoes] = False
     more = _found(search._replace(is_open=is_left), USUAL)
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
-    return _squared(_without_doubles(walls), looks.numbers[pings][:, [X, Y]], echoes)
+    return _squared(_directly(_without_doubles(walls), places_m), places_m, echoes)
+
+
+def _directly(walls: list[MirrorWall], places_m: FloatArray) -> list[MirrorWall]:
+    """Walls but for those that only stand in others as in mirrors."""
+    seen = seen_directly(walls, places_m) if walls else []
+    return [wall for wall, is_seen in zip(walls, seen, strict=True) if is_seen]
 
 
 def perpendicular_walls(
@@ -282,7 +299,8 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
     if score < bar.score or len(hits.echo) < bar.hits:
         return None
     log_mirror = float(np.median(hits.log_mirror))
-    if np.median(np.abs(hits.log_mirror - log_mirror)) > MOST_DEVIATION:
+    deviation = float(np.median(np.abs(hits.log_mirror - log_mirror)))
+    if deviation > MOST_DEVIATION:
         return None
     feet_m = hits.along_m
     low_m, high_m = np.percentile(feet_m, [5, 95])
@@ -299,7 +317,7 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
     following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
     return MirrorWall(
         normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
-        hits.ping, hits.echo, float(following), log_mirror,
+        hits.ping, hits.echo, float(following), log_mirror, deviation,
     )  # fmt: skip
 
 

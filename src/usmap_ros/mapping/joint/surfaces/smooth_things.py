@@ -17,6 +17,7 @@ from usmap_ros.mapping.joint.surfaces.mirror_walls import (
     mirror_walls,
     perpendicular_walls,
 )
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
     discs,
@@ -98,6 +99,7 @@ class SmoothThings:
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
         self._suspected: list[RoundColumn] = []
+        self._reflected = np.zeros(len(echoes.range_m), bool)
         index = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
         numbers = looks.numbers[pings[index]]
         place = np.floor((echoes.range_m - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M])
@@ -136,6 +138,9 @@ class SmoothThings:
         found = mirror_walls(looks, pings, echoes, is_explained, is_usable)
         for wall in found:
             is_explained[wall.echoes] = True
+        may_follow = ~is_explained & ~first_only[self._ping]
+        self._reflected = reflected(found, looks, pings, echoes) & may_follow
+        is_explained |= self._reflected
         ping_set = PingSet(looks, pings, echoes, left)
         columns = round_columns(ping_set, is_explained, self._field)
         self.columns = [column for column in columns if column.is_certain]
@@ -184,6 +189,7 @@ class SmoothThings:
             expected_m = wall.distance_m - cosine * x_m - sine * y_m
             own = np.flatnonzero(heard(expected_m, np.full(len(may), wall.normal_rad), may))
             self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
+        self._reflected = reflected(self.mirrors, self._looks, self._pings, self._echoes)
         for column in known.columns:
             right_m, up_m = column.x_m - x_m, column.y_m - y_m
             expected_m = np.hypot(right_m, up_m) - column.radius_m
@@ -274,11 +280,10 @@ class SmoothThings:
         return [*self.mirrors, *self.columns]
 
     def _echo_places(self) -> Iterator[tuple[int, slice, int]]:
-        """Ping, range bins around, and the middle one, of each echo of a smooth thing."""
-        for thing in self._things():
-            for ping, echo in zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True):
-                if self._inside[echo]:
-                    middle = int(self._bin[echo])
-                    yield (
-                        ping, slice(max(0, middle - AROUND_BINS), middle + AROUND_BINS + 1), middle
-                    )  # fmt: skip
+        """Ping, range bins around, and the middle one, of each echo of smooth things."""
+        own = [thing.echoes for thing in self._things()]
+        for echo in np.concatenate([*own, np.flatnonzero(self._reflected)]).tolist():
+            if self._inside[echo]:
+                middle = int(self._bin[echo])
+                around = slice(max(0, middle - AROUND_BINS), middle + AROUND_BINS + 1)
+                yield int(self._ping[echo]), around, middle

@@ -1,0 +1,85 @@
+"""Echoes that go by way of several mirrors."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from usmap_ros.acoustics.beam import BeamPattern
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+#: Width of a corridor along x, m, amplitude reflectivity of its walls, and pings in it.
+WIDE_M, MIRROR, PINGS = 1.5, 0.95, 120
+Heard = Callable[[float, float], list[tuple[float, float]]]
+
+
+def corridor_pings(make_cone: Callable[..., EchoCone], heard: Heard) -> list[EchoCone]:
+    """What robots in a corridor hear that look at either wall, by how far off that is."""
+    beam, cones = BeamPattern.linear(), []
+    for number in range(PINGS):
+        x_m, y_m = 0.04 * number, 0.75 + 0.3 * math.sin(0.7 * number)
+        wall_rad = 0.5 * math.pi * (-1.0) ** number
+        off_rad = 0.1 * math.sin(1.3 * number)
+        before_m = WIDE_M - y_m if number % 2 == 0 else y_m
+        echoes = heard(before_m, float(beam.gain(off_rad)))
+        pose = {"x_m": x_m, "y_m": y_m, "yaw_rad": wall_rad + off_rad}
+        cones.append(make_cone(*echoes, stamp_ns=number, **pose))
+    return cones
+
+
+def walls_and_reflected(cones: list[EchoCone]) -> tuple[list[float], np.ndarray, np.ndarray]:
+    """Distances of the mirrors that are found, ranges, and whether each echo went by several."""
+    kept = KeptPings(MappingParameters())
+    for cone in cones:
+        kept.add(cone, "robot")
+    looks, rows, _, echoes = kept.pings()[:4]
+    explained = np.zeros(len(echoes.range_m), bool)
+    walls = mirror_walls(looks, rows, echoes, explained, ~explained)
+    several = reflected(walls, looks, rows, echoes)
+    return sorted(wall.distance_m for wall in walls), echoes.amplitude, several
+
+
+def by_both(before_m: float, gain: float) -> list[tuple[float, float]]:
+    """The wall ahead, and the one behind that stands in it as in a mirror."""
+    ranges_m = before_m, before_m + WIDE_M
+    return [
+        (range_m, gain * mirror / (2.0 * range_m))
+        for range_m, mirror in zip(ranges_m, (MIRROR, MIRROR**3), strict=True)
+    ]
+
+
+def test_the_wall_that_stands_in_another_is_none(make_cone: Callable[..., EchoCone]) -> None:
+    distances_m, _, several = walls_and_reflected(corridor_pings(make_cone, by_both))
+    assert distances_m == pytest.approx([0.0, WIDE_M], abs=0.01)
+    # Each ping hears the wall first, and then the other one in it.
+    assert several.tolist() == [False, True] * PINGS
+
+
+def test_what_is_heard_through_a_door_is_a_wall(make_cone: Callable[..., EchoCone]) -> None:
+    # A second echo, so that nobody takes the sensor for one that reports the nearest thing only.
+    more = (2.85, 0.02)
+    walls = corridor_pings(make_cone, lambda before_m, gain: [by_both(before_m, gain)[0], more])
+    behind = corridor_pings(make_cone, lambda before_m, gain: [by_both(before_m, gain)[1], more])
+    pings = [
+        behind[number] if number % 2 == 0 and 40 <= number < 88 else walls[number]
+        for number in range(PINGS)
+    ]
+    distances_m, _, _ = walls_and_reflected(pings)
+    assert distances_m[-1] == pytest.approx(2.0 * WIDE_M, abs=0.01)
+
+
+def test_what_is_louder_than_mirrors_are_is_no_reflection(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    def loud(before_m: float, gain: float) -> list[tuple[float, float]]:
+        first, (range_m, amplitude) = by_both(before_m, gain)
+        return [first, (range_m, 2.5 * amplitude / gain)]
+
+    _, amplitudes, several = walls_and_reflected(corridor_pings(make_cone, loud))
+    assert len(amplitudes) == 2 * PINGS
+    assert not several.any()

@@ -179,8 +179,8 @@ def mirror_walls(
 
 def _directly(walls: list[MirrorWall], places_m: FloatArray) -> list[MirrorWall]:
     """Walls but for those that only stand in others as in mirrors."""
-    seen = seen_directly(walls, places_m) if walls else []
-    return [wall for wall, is_seen in zip(walls, seen, strict=True) if is_seen]
+    seen = seen_directly(walls, places_m)
+    return [wall for wall, is_seen in zip(walls, seen.tolist(), strict=True) if is_seen]
 
 
 def perpendicular_walls(

@@ -9,7 +9,7 @@ louder than all of their reflectivities allow.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -30,7 +30,7 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
 #: Reflections of a way at the most, and mirrors that are taken for it, those with most echoes.
-MOST_REFLECTIONS, MOST_MIRRORS = 3, 12
+MOST_REFLECTIONS, MOST_MIRRORS = 3, 10
 #: An echo is that of a way if it is so near to where it should be, beyond what its range is
 #: uncertain by, m, and no louder than so many times what mirrors on the beam's axis would return.
 NEAR_M, LOUDER = 0.03, 1.5
@@ -39,6 +39,8 @@ BEYOND_M = 0.3
 #: A wall hides what is farther behind it than this, m, where a foot on it is this near; it is
 #: another's image if such a share of its pings would have to hear it through others.
 BEHIND_M, FOOT_M, HIDDEN_SHARE = 0.15, 0.15, 0.5
+#: Places that are nearer to each other than this, m, see the same.
+APART_M = 0.2
 
 
 class Mirror(Protocol):
@@ -68,8 +70,8 @@ def seen_directly(walls: Sequence[Mirror], places_m: FloatArray) -> BoolArray:
     places_m : (pings, 2) array
         Where pings were heard from.
     """
-    hides = np.array([[_hidden(wall, other, places_m) for other in walls] for wall in walls])
-    is_hidden = hides > HIDDEN_SHARE
+    hides = [[_hidden(wall, other, places_m) for other in walls] for wall in walls]
+    is_hidden = np.array(hides).reshape(len(walls), len(walls)) > HIDDEN_SHARE
     # What hides nothing but images may be one itself.
     stands = ~is_hidden.any(axis=1)
     seen: BoolArray = ~(is_hidden & stands).any(axis=1)
@@ -96,6 +98,35 @@ def _hidden(wall: Mirror, other: Mirror, places_m: FloatArray) -> float:
     return float(np.mean(is_between & (nearest_m < FOOT_M)))
 
 
+def out_of_sight(
+    points_m: FloatArray, mirrors: Sequence[Mirror], places_m: FloatArray
+) -> BoolArray:
+    """Whether mirrors stand between points and every place.
+
+    Parameters
+    ----------
+    points_m : (points, 2) array
+        That echoes seem to come from.
+    mirrors : sequence of Mirror
+        As far as they go.
+    places_m : (pings, 2) array
+        Where pings were heard from.
+    """
+    _, some = np.unique(np.floor(places_m / APART_M), axis=0, return_index=True)
+    place_m, point_m = places_m[some], points_m[:, np.newaxis]
+    hidden = np.zeros((len(points_m), len(some)), bool)
+    for mirror in mirrors:
+        ahead, along = _axes(mirror)
+        before_m = mirror.distance_m - place_m @ ahead
+        beyond_m = point_m @ ahead - mirror.distance_m
+        is_beyond = (before_m > 0.0) & (beyond_m > BEHIND_M)
+        share = before_m / np.where(is_beyond, before_m + beyond_m, 1.0)
+        on_m = place_m @ along + share * (point_m @ along - place_m @ along)
+        hidden |= is_beyond & (on_m > mirror.begin_m) & (on_m < mirror.end_m)
+    nowhere: BoolArray = hidden.all(axis=1)
+    return nowhere
+
+
 def _axes(wall: Mirror) -> tuple[FloatArray, FloatArray]:
     """Unit vectors across a wall and along it."""
     cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
@@ -103,9 +134,13 @@ def _axes(wall: Mirror) -> tuple[FloatArray, FloatArray]:
 
 
 def reflected(
-    mirrors: Sequence[Mirror], looks: Looks, pings: NDArray[np.int64], echoes: Echoes
+    mirrors: Sequence[Mirror],
+    looks: Looks,
+    pings: NDArray[np.int64],
+    echoes: Echoes,
+    most: int = MOST_REFLECTIONS,
 ) -> BoolArray:
-    """Whether each echo may have come by way of two or three mirrors.
+    """Whether each echo may have come by way of several mirrors.
 
     Parameters
     ----------
@@ -117,55 +152,74 @@ def reflected(
         Their rows.
     echoes : Echoes
         Theirs.
+    most : int
+        Reflections of a way.
     """
     numbers = looks.numbers[pings]
-    of_echo = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
-    ranges_m = echoes.range_m
-    level = (
-        2.0 * echoes.amplitude * ranges_m * np.exp(0.5 * numbers[of_echo, ABSORPTION] * ranges_m)
-    )
-    near_m = NEAR_M + numbers[of_echo, RANGE_STD]
-    found = np.zeros(len(ranges_m), bool)
     loudest = sorted(mirrors, key=lambda mirror: -len(mirror.pings))[:MOST_MIRRORS]
-    pending = [[mirror] for mirror in loudest]
-    while pending:
-        way = pending.pop()
-        if len(way) > 1:
-            expected_m = _lengths(way, numbers)[of_echo]
-            greatest = LOUDER * np.exp(sum(mirror.log_mirror for mirror in way))
-            found |= (np.abs(ranges_m - expected_m) < near_m) & (level < greatest)
-        if len(way) < MOST_REFLECTIONS:
-            pending += [[*way, mirror] for mirror in loudest if mirror is not way[-1]]
+    found = np.zeros(len(echoes.range_m), bool)
+    for ping, length_m, loudness in _ways(loudest, numbers, most):
+        count = echoes.start[ping + 1] - echoes.start[ping]
+        way = np.repeat(np.arange(len(ping)), count)
+        echo = np.arange(len(way)) + np.repeat(echoes.start[ping] - np.cumsum(count) + count, count)
+        heard_m, number = echoes.range_m[echo], numbers[ping[way]]
+        decay = np.exp(-0.5 * number[:, ABSORPTION] * heard_m)
+        is_near = np.abs(heard_m - length_m[way]) < NEAR_M + number[:, RANGE_STD]
+        found[echo[is_near & (2.0 * echoes.amplitude[echo] * heard_m < loudness * decay)]] = True
     return found
 
 
-def _lengths(way: Sequence[Mirror], numbers: FloatArray) -> FloatArray:
-    """Half the length of a way from each ping's place and back, m; infinite where it has none."""
+def _ways(
+    mirrors: Sequence[Mirror], numbers: FloatArray, most: int
+) -> Iterator[tuple[NDArray[np.int64], FloatArray, float]]:
+    """Pings that hear a way over several mirrors, its length there and back, halved, and loudness.
+
+    The loudness is what all of its mirrors return, at the most.
+    """
     place_m = numbers[:, [X, Y]]
-    images_m = [place_m]
-    for mirror in way:
-        ahead, _ = _axes(mirror)
-        before_m = mirror.distance_m - images_m[-1] @ ahead
-        images_m.append(images_m[-1] + 2.0 * before_m[:, np.newaxis] * ahead)
-    lengths_m = 0.5 * np.hypot(*(images_m[-1] - place_m).T)
-    exists = lengths_m < numbers[:, GREATEST_RANGE]
-    spot_m = place_m
-    for mirror, image_m in zip(reversed(way), reversed(images_m), strict=False):
+    pending: list[list[tuple[Mirror, FloatArray]]] = [[]]
+    while pending:
+        way = pending.pop()
+        if len(way) > 1:
+            ping = _hearing(way, place_m, numbers)
+            if len(ping) > 0:
+                length_m = 0.5 * np.hypot(*(way[-1][1][ping] - place_m[ping]).T)
+                loudness = LOUDER * float(np.exp(sum(mirror.log_mirror for mirror, _ in way)))
+                yield ping, length_m, loudness
+        if len(way) == most:
+            continue
+        before_m = way[-1][1] if way else place_m
+        for mirror in mirrors:
+            if not way or mirror is not way[-1][0]:
+                ahead, _ = _axes(mirror)
+                across_m = mirror.distance_m - before_m @ ahead
+                if (across_m > 0.0).any():
+                    image_m = before_m + 2.0 * across_m[:, np.newaxis] * ahead
+                    pending.append([*way, (mirror, image_m)])
+
+
+def _hearing(
+    way: Sequence[tuple[Mirror, FloatArray]], place_m: FloatArray, numbers: FloatArray
+) -> NDArray[np.int64]:
+    """Pings from where sound goes all of a way, and leaves and comes back within the beam."""
+    leg_m = way[-1][1] - place_m
+    is_near = np.hypot(*leg_m.T) < 2.0 * numbers[:, GREATEST_RANGE]
+    ping = np.flatnonzero(is_near & _within_beam(leg_m, numbers))
+    spot_m = place_m[ping]
+    for mirror, image_m in reversed(way):
         ahead, along = _axes(mirror)
-        leg_m = image_m - spot_m
-        if mirror is way[-1]:
-            exists &= _heard(leg_m, numbers)
+        leg_m = image_m[ping] - spot_m
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (mirror.distance_m - spot_m @ ahead) / (leg_m @ ahead)
-        exists &= (share > 0.0) & (share < 1.0)
-        spot_m = spot_m + np.where(exists, share, 0.0)[:, np.newaxis] * leg_m
+        spot_m = spot_m + np.nan_to_num(share, posinf=0.0, neginf=0.0)[:, np.newaxis] * leg_m
         on_m = spot_m @ along
+        exists = (share > 0.0) & (share < 1.0)
         exists &= (on_m > mirror.begin_m - BEYOND_M) & (on_m < mirror.end_m + BEYOND_M)
-    exists &= _heard(spot_m - place_m, numbers)
-    return np.where(exists, lengths_m, np.inf)
+        ping, spot_m = ping[exists], spot_m[exists]
+    return ping[_within_beam(spot_m - place_m[ping], numbers[ping])]
 
 
-def _heard(vectors_m: FloatArray, numbers: FloatArray) -> BoolArray:
+def _within_beam(vectors_m: FloatArray, numbers: FloatArray) -> BoolArray:
     """Whether directions are within the beams of pings."""
     off_rad = wrapped(np.arctan2(vectors_m[:, 1], vectors_m[:, 0]) - numbers[:, HEADING])
     heard: BoolArray = np.abs(off_rad) < numbers[:, HALF_ANGLE]

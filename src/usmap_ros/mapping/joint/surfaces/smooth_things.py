@@ -17,7 +17,7 @@ from usmap_ros.mapping.joint.surfaces.mirror_walls import (
     mirror_walls,
     perpendicular_walls,
 )
-from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import out_of_sight, reflected
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
     discs,
@@ -189,7 +189,8 @@ class SmoothThings:
             expected_m = wall.distance_m - cosine * x_m - sine * y_m
             own = np.flatnonzero(heard(expected_m, np.full(len(may), wall.normal_rad), may))
             self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
-        self._reflected = reflected(self.mirrors, self._looks, self._pings, self._echoes)
+        # What goes over more mirrors seems to be behind one, where nothing is shown.
+        self._reflected = reflected(self.mirrors, self._looks, self._pings, self._echoes, most=2)
         for column in known.columns:
             right_m, up_m = column.x_m - x_m, column.y_m - y_m
             expected_m = np.hypot(right_m, up_m) - column.radius_m
@@ -220,6 +221,14 @@ class SmoothThings:
     def lines(self) -> FloatArray:
         """Mirrors as lines, see `usmap_ros.mapping.joint.surfaces.lines`."""
         return np.array([wall.line(self._field) for wall in self.mirrors]).reshape(-1, 5)
+
+    def hide(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> BoolArray:
+        """Whether mirrors hide cells from everywhere: what seems to be there stands in them."""
+        places_m = self._looks.numbers[self._pings][:, [X, Y]]
+        first = self._field.first_column + 0.5, self._field.first_row + 0.5
+        cells = np.stack([columns, rows], axis=1) + np.array(first)
+        points_m = np.asarray(cells * self._field.resolution_m, np.float64)
+        return out_of_sight(points_m, self.mirrors, places_m)
 
     def drawn_columns(self) -> BoolArray:
         """Cells at the surface of columns."""

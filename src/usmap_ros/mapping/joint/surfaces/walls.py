@@ -71,17 +71,18 @@ def find_walls(
     mirrors = smooth.lines()
     rows, columns = np.nonzero(believed)
     certain = log_odds[rows, columns]
-    on_line, is_ghost = (np.zeros(len(rows), bool) for _ in range(2))
+    is_kept, is_ghost = (np.zeros(len(rows), bool) for _ in range(2))
     for line in np.concatenate([lines, mirrors]):
         across, along = off_line(line, rows, columns)
         beside = (along >= line[BEGIN] - 1.0) & (along <= line[END] + 1.0)
         on = beside & (np.abs(across) <= ON_LINE_CELLS)
         usual = float(np.median(certain[on])) if on.any() else USUAL
         off = beside & ~on & (np.abs(across) <= BESIDE_CELLS)
-        on_line |= on
+        is_kept |= on
         is_ghost |= off & (certain < usual + GHOST_MARGIN)
-    kept = on_line | ((certain > SHOWN) & ~is_ghost)
+    alone = np.flatnonzero((certain > SHOWN) & ~is_ghost & ~is_kept)
+    is_kept[alone[~smooth.hide(rows[alone], columns[alone])]] = True
     occupied = np.zeros(field.shape, bool)
-    occupied[rows[kept], columns[kept]] = True
+    occupied[rows[is_kept], columns[is_kept]] = True
     filled = drawn(lines, field.shape) | drawn(mirrors, field.shape) | smooth.drawn_columns()
     return Walls(occupied & ~stood, filled & ~stood, lines, mirrors)

@@ -74,8 +74,7 @@ def seen_directly(walls: Sequence[Mirror], places_m: FloatArray) -> BoolArray:
     is_hidden = np.array(hides).reshape(len(walls), len(walls)) > HIDDEN_SHARE
     # What hides nothing but images may be one itself.
     stands = ~is_hidden.any(axis=1)
-    seen: BoolArray = ~(is_hidden & stands).any(axis=1)
-    return seen
+    return ~np.asarray((is_hidden & stands).any(axis=1), bool)
 
 
 def _hidden(wall: Mirror, other: Mirror, places_m: FloatArray) -> float:
@@ -123,8 +122,7 @@ def out_of_sight(
         share = before_m / np.where(is_beyond, before_m + beyond_m, 1.0)
         on_m = place_m @ along + share * (point_m @ along - place_m @ along)
         hidden |= is_beyond & (on_m > mirror.begin_m) & (on_m < mirror.end_m)
-    nowhere: BoolArray = hidden.all(axis=1)
-    return nowhere
+    return np.asarray(hidden.all(axis=1), bool)
 
 
 def _axes(wall: Mirror) -> tuple[FloatArray, FloatArray]:

@@ -52,11 +52,15 @@ class Sayings(NamedTuple):
     agreed: FloatArray
     contradicted: FloatArray
 
+    def shared(self, robot: int) -> float:
+        """How much a robot says of what others speak of."""
+        others = np.arange(len(self.agreed)) != robot
+        return sum(float(sums[robot, others].sum()) for sums in self)
+
     def borne_out(self, robot: int) -> float:
         """Share of what a robot says that others agree with; 1 if they speak of nothing of it."""
-        others = np.arange(len(self.agreed)) != robot
-        agreed, against = (float(sums[robot, others].sum()) for sums in self)
-        return agreed / (agreed + against) if agreed + against else 1.0
+        shared, own = self.shared(robot), float(self.agreed[robot, robot])
+        return (float(self.agreed[robot].sum()) - own) / shared if shared else 1.0
 
     def borne_out_by_themselves(self, *robots: int) -> float:
         """Share of what halves of these robots' pings say that their other halves agree with."""

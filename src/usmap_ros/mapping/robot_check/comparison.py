@@ -34,6 +34,9 @@ LESS = 0.88
 #: Share of the others' words that is borne out where anybody can be accused by how little of its
 #: own is: where they hardly agree with one another, nobody's word tells anything.
 LEAST_USUAL = 0.3
+#: Evidence that a robot and others must have of the same cells, for it to be accused by that: among
+#: smooth walls it is that of a few cells, which each of them strikes from another side.
+LEAST_SAID = 250.0
 #: Share of its own word that a robot bears out where it does not contradict itself.
 ITSELF = 0.9
 #: What follows a robot's topic in the name of its earlier pings.
@@ -124,6 +127,8 @@ class RobotComparison:
                 np.median([share for other, share in enumerate(shares) if other != robot])
             )
             if left > 0.0 or usual < LEAST_USUAL or shares[robot] > LESS * usual:
+                continue
+            if self._said.shared(robot) < LEAST_SAID:
                 continue
             evidence: dict[str, float | int | None] = {
                 "borne_out": shares[robot],

@@ -38,13 +38,15 @@ TURNS_RAD = tuple(math.radians(by) for by in (*range(-160, -10, 20), *range(20, 
 LATE_S = (-1.0, -0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 SCALES = (0.93, 0.95, 0.97, 1.0, 1.03, 1.05, 1.07)
 CLOSER_RAD, CLOSER_S = math.radians(5.0), 0.1
-#: Turns that are so far from the best one must be worse.
+#: Turns that are so far from the best one must be worse; and so many parts of a robot's way must
+#: gain so much in sum, each by itself: a few walls, met from a few places, fit others by chance.
 ELSEWHERE_RAD = math.radians(60.0)
+PARTS, LEAST_IN_PARTS = 3, 8.0
 #: Gain of log-likelihood from which on it is that which is wrong, and a share of what the echoes
 #: as told gain that must be exceeded as well; for ranges less, but more where more echoes a metre
 #: are unexplained than so many, and fit anything, and so many times if they are too short; and
 #: the least errors that are told of.
-LEAST_GAIN, LEAST_SHARE, LEAST_GAIN_OF_SCALE, DENSE = 20.0, 0.05, 10.0, 0.6
+LEAST_GAIN, LEAST_SHARE, LEAST_GAIN_OF_SCALE, DENSE = 20.0, 0.05, 12.0, 0.6
 TIMES_IF_SHORT = 3.0
 LEAST_TURN_RAD, LEAST_LATE_S = math.radians(12.0), 0.2
 
@@ -118,6 +120,8 @@ class Robot:
         size = abs(best.error[0])
         least = LEAST_TURN_RAD if best is turned else LEAST_LATE_S
         is_sure = best.gain >= LEAST_GAIN + LEAST_SHARE * self.told and size >= least
+        if is_sure and best is turned:
+            is_sure = self._gain_in_parts(best) >= LEAST_IN_PARTS
         return best if is_sure else None
 
     def _best_turn(self) -> Displacement:
@@ -135,8 +139,18 @@ class Robot:
         return Displacement("turned", (-best,), gain, self.told)
 
     def _gain_of_turn(self, by_rad: float) -> float:
-        turned = self.heard._replace(yaw_rad=wrapped(self.heard.yaw_rad + by_rad))
-        return self._explained(turned)[0] - self.told
+        return self._explained(self._turned(by_rad))[0] - self.told
+
+    def _gain_in_parts(self, turned: Displacement) -> float:
+        """What landmarks that each part of its way shows by itself gain by a turn, in sum."""
+        heard, part = self._turned(-turned.error[0]), PARTS * self.heard.ping // len(self.heard.x_m)
+        return sum(
+            self._explained(heard, part == one)[0] - self._explained(self.heard, part == one)[0]
+            for one in range(PARTS)
+        )
+
+    def _turned(self, by_rad: float) -> Sightings:
+        return self.heard._replace(yaw_rad=wrapped(self.heard.yaw_rad + by_rad))
 
     def _best_delay(self) -> Displacement:
         gains = {by: self._gain_of_delay(by) for by in LATE_S}

@@ -315,6 +315,48 @@ def test_of_two_that_contradict_themselves_alike_nobody_is_suspected(
     assert {finding.verdict for finding in findings(pings).values()} == verdicts
 
 
+@pytest.mark.parametrize("times", [1.0, 3.0])
+def test_nobody_is_accused_by_what_is_said_of_a_few_cells(
+    monkeypatch: pytest.MonkeyPatch, times: float
+) -> None:
+    """Of three healthy robots among smooth walls, one struck other walls squarely than the rest."""
+    agreed = [[54.9, 2.8, 127.3], [2.8, 144.4, 0.0], [127.3, 0.0, 55.5]]
+    contradicted = [[0.0, 87.8, 6.4], [87.8, 17.7, 52.6], [6.4, 52.6, 4.0]]
+    said = Sayings(times * np.array(agreed), times * np.array(contradicted))
+    monkeypatch.setattr(LeaveOneOutMap, "sayings", lambda _: said)
+    own = {t: [cone for topic, cone in cones(11) if topic == t] for t in dict(cones(11))}
+    comparison = RobotComparison(MappingParameters(), own, lambda: None)
+
+    found = comparison.culprits(comparison.screen())
+
+    assert named(found) == ({} if times == 1.0 else {LIAR: "misplaced"})
+
+
+@pytest.mark.slow
+def test_nobody_faces_elsewhere_by_a_few_smooth_walls() -> None:
+    """All of the latest pings together fit them better turned, and no part of them does."""
+    root = Path(__file__).parents[4]
+    motion = {"kind": "random_walk", "speed_m_s": 0.6, "clearance_m": 0.25}
+    surface = {
+        "specular_reflectivity": 0.5, "diffuse_reflectivity": 0.3, "scatterers_per_m": 20.0
+    }  # fmt: skip
+    sonar = {"receiver": {"noise_std": 0.01}}
+    content = {
+        "seed": 916,
+        "duration_s": 10.0,
+        "world": {"map": {"path": str(root / "config/maps/flat.yaml"), "surface": surface}},
+        "medium": {"temperature_c": 20.0, "relative_humidity": 0.5},
+        "robots": [
+            {"name": f"robot{number}", "motion": motion, "transducers": [sonar]}
+            for number in (1, 2, 3)
+        ],
+    }
+    scenario = Scenario.from_mapping(content, "flat")
+    pings = [(t, reconstruct(p, ReconstructionParameters()).cone) for t, p in simulate(scenario)]
+
+    assert named(findings(pings)) == {}
+
+
 def test_a_robot_alone_is_not_judged() -> None:
     found = findings([(topic, cone) for topic, cone in cones(11) if topic == LIAR])
 

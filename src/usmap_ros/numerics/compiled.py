@@ -21,8 +21,6 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 #: How all functions are compiled.  None touches an object of Python's: other threads, as that which
 #: receives messages, run meanwhile.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True, "nogil": True}
-#: All functions whose machine code is kept on disk.
-COMPILED: list[Any] = []
 
 #: Where Numba looks for linear algebra.
 _BLAS = "scipy.linalg"
@@ -57,9 +55,7 @@ def compiled(function: Function) -> Function:
         return function
     folder = folder_of(function.__module__)
     with _cached_in(folder):
-        dispatcher = numba.njit(cache=folder is not None, **OPTIONS)(function)
-    COMPILED.append(dispatcher)
-    return cast("Function", dispatcher)
+        return cast("Function", numba.njit(cache=folder is not None, **OPTIONS)(function))
 
 
 def compiled_within(function: Function) -> Function:

@@ -32,7 +32,7 @@ from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.next_view import best_views, candidate_poses
 from usmap_ros.mapping.robot_check.consistency import Consistency
 from usmap_ros.numerics import compiled
-from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED
+from usmap_ros.numerics.compiled import IS_COMPILED
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits
@@ -51,6 +51,8 @@ EACH_TIME = (
 SLOW = "the inner loops run as Python, some eighty times slower"
 #: Versions of each module whose machine code is kept; characters of what a compiler complains of.
 VERSIONS_KEPT, MOST_SAID = 8, 300
+#: Modules that parts load when they run, on whose sources machine code depends as well.
+LOADED_LATER = ("usmap_ros.localisation.refine",)
 #: Pings that are mapped.
 PINGS = 10
 
@@ -167,12 +169,9 @@ def compile_if_needed(
 
 def _missing(parts: Iterable[str], folder: Path) -> dict[str, Path]:
     """Parts that are not in a folder, as new as the code, with the files that will say they are."""
-    functions = (function.py_func for function in COMPILED)
-    # What others have compiled is their business.
-    modules = {name for name in (f.__module__ for f in functions) if name.startswith("usmap_ros.")}
     depends_on = [
-        *(str(compiled.folder_of(name)) for name in sorted(modules)),
-        Path(__file__).read_text(encoding="utf-8"),
+        # Whatever else a program has loaded: a node finds what a command has compiled.
+        *(str(compiled.folder_of(module)) for module in (__spec__.name, *LOADED_LATER)),
         # Numba has a folder for each that sources lie in, and files for each version of Python.
         *(__file__, str(sys.implementation.cache_tag), compiled.compiler_version()),
     ]

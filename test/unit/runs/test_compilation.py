@@ -14,11 +14,19 @@ import pytest
 from usmap_ros import numerics
 from usmap_ros.grids import OCCUPIED_PROBABILITY
 from usmap_ros.io.map_files import load_map
-from usmap_ros.numerics.compiled import COMPILED, IS_COMPILED, compiled
+from usmap_ros.numerics.compiled import IS_COMPILED
 from usmap_ros.runs import compilation
-from usmap_ros.runs.compilation import ALL, EACH_TIME, ONCE, SESSION, SLOW, compile_if_needed
+from usmap_ros.runs.compilation import (
+    ALL,
+    EACH_TIME,
+    LOADED_LATER,
+    ONCE,
+    SESSION,
+    SLOW,
+    compile_if_needed,
+)
 
-SOURCE = Path(compilation.__file__).parent
+SOURCE = Path(compilation.__file__).parents[1]
 needs_compiler = pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
 
 #: Runs the command line, and says which functions were compiled in its own process.
@@ -113,19 +121,22 @@ def test_of_old_versions_the_newest_are_kept(tmp_path: Path) -> None:
 
 
 @needs_compiler
-def test_what_others_compile_does_not_matter(calls: list[list[str]]) -> None:
-    """It made the marks stale for all other processes."""
-    compile_if_needed(lambda line: None)
-
-    def foreign(x: float) -> float:
-        return x
-
-    compiled(foreign)
-    try:
-        compile_if_needed(lambda line: None)
-    finally:
-        COMPILED.pop()
-    assert calls == [list(SESSION)]
+def test_what_one_program_has_compiled_all_others_find(tmp_path: Path) -> None:
+    """A node loads more modules with compiled loops than a command, and compiled all anew."""
+    program = """
+from usmap_ros.runs import compilation
+compilation._compile_apart = lambda marks: [mark.touch() for mark in marks.values()] and None
+compilation.compile_if_needed(print)
+"""
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", imports + program],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True, text=True, check=True,
+        ).stdout.strip()
+        for imports in ("", "import usmap_ros.localisation.refine")
+    ]  # fmt: skip
+    assert said == [ONCE, ""]
 
 
 @needs_compiler
@@ -187,16 +198,20 @@ def test_what_cannot_be_compiled_runs_as_python(
     assert said == [ONCE, f"{numerics.compiled.WHY_NOT}: {SLOW}"]
 
 
-@needs_compiler
 def test_everything_that_is_compiled_is_known() -> None:
-    """Whether it is new enough is asked of the files that were imported."""
-    known = {Path(function.py_func.__code__.co_filename) for function in COMPILED}
+    """Whether machine code is new enough is asked of what these modules import."""
+    modules = (compilation.__name__, *LOADED_LATER)
+    program = f"import sys, {', '.join(modules)}; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout.split()
     decorated = {
-        path
+        ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts)
         for path in SOURCE.rglob("*.py")
         if re.search(r"^@compiled$", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
-    assert decorated == {path for path in known if path.is_relative_to(SOURCE)}
+    assert len(decorated) > 10
+    assert decorated <= set(loaded)
 
 
 @needs_compiler

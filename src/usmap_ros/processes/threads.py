@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,9 @@ Result = TypeVar("Result")
 
 #: Parts that are worked out ahead in each thread, most of which change nothing.
 AHEAD = 4
+
+#: By how much the priority of what can wait is less, of 19 in all.
+PATIENCE = 10
 
 _of_thread = threading.local()
 
@@ -73,6 +77,17 @@ def alone() -> Iterator[None]:
         yield
     finally:
         _of_thread.is_alone = False
+
+
+def give_way() -> None:
+    """Leave the cores to this process's other threads, and to other programs, while they want them.
+
+    So do all threads that this one starts.  Linux alone has priorities of threads.
+    """
+    if sys.platform == "linux":
+        thread = threading.get_native_id()
+        now = os.getpriority(os.PRIO_PROCESS, thread)
+        os.setpriority(os.PRIO_PROCESS, thread, now + PATIENCE)
 
 
 @cache

@@ -1,11 +1,13 @@
 """Work that is divided among threads."""
 
+import os
+import sys
 import threading
 
 import pytest
 
 from usmap_ros.processes import threads
-from usmap_ros.processes.threads import alone, for_each, in_turn
+from usmap_ros.processes.threads import PATIENCE, alone, for_each, give_way, in_turn
 
 
 @pytest.mark.parametrize("cores", [1, 2, 5])
@@ -54,3 +56,25 @@ def test_alone_nothing_is_worked_out_ahead(monkeypatch: pytest.MonkeyPatch) -> N
     with alone():
         in_turn(worked_out.append, range(9), lambda part, _: len(worked_out) != part + 1)
     assert worked_out == list(range(9))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have no priorities")
+def test_who_gives_way_does_so_with_all_threads_that_it_starts() -> None:
+    def priority() -> int:
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    found: list[int] = []
+
+    def work() -> None:
+        give_way()
+        found.append(priority())
+        helper = threading.Thread(target=lambda: found.append(priority()))
+        helper.start()
+        helper.join()
+
+    before = priority()
+    worker = threading.Thread(target=work)
+    worker.start()
+    worker.join()
+    assert found == 2 * [min(before + PATIENCE, 19)]
+    assert priority() == before

@@ -17,7 +17,7 @@ from usmap_ros.processes.threads import alone
 
 #: All pings are explained together again when there are such a share more than the last time; and
 #: always as long as there are so few.
-MORE_SHARE, FEW_PINGS = 0.5, 150
+MORE_SHARE, FEW_PINGS = 0.5, 30
 #: Pings that are explained at once beside those before them.
 BATCH = 32
 #: Name of the thread in which all pings are explained together while maps go on being made.

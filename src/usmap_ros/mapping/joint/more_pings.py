@@ -30,8 +30,6 @@ from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls
 from usmap_ros.mapping.joint.visibility.field import X, Y, field_around
 from usmap_ros.parameters import MappingParameters
 
-#: Rounds of shadows and sweeps.
-ROUNDS = 2
 #: Log-likelihood ratios of surfaces are as good as certain from here on.
 CERTAIN = -50.0
 
@@ -82,14 +80,13 @@ class MorePings:
         """What these pings say of powers and evidence, beside what was known."""
         shape, hides = self.field.shape, before.hiding
         powers.go_on(before.settled, self._stood)
+        # Those before have settled most powers, and what hides them: one round is enough.
         powers.sweep(SWEEPS)
-        evidence = before.evidence
-        for _ in range(ROUNDS):
-            powers.renew_shadows(optical_depth(hides, self._opacity))
-            powers.sweep(SWEEPS)
-            evidence = powers.weigh(self._parameters.forgetting, before=before.evidence)
-            belief = hiding(evidence, shape, before.filled | before.standing)
-            hides = (1.0 - FIRST_DAMPING) * hides + FIRST_DAMPING * belief
+        powers.renew_shadows(optical_depth(hides, self._opacity))
+        powers.sweep(SWEEPS)
+        evidence = powers.weigh(self._parameters.forgetting, before=before.evidence)
+        belief = hiding(evidence, shape, before.filled | before.standing)
+        hides = (1.0 - FIRST_DAMPING) * hides + FIRST_DAMPING * belief
         settled = powers.settled
         said = {name: values.reshape(shape) for name, values in evidence._asdict().items()}
         return before._replace(

@@ -102,7 +102,8 @@ class MapSession:
         self._asked_s = 0.0
         self._is_unpublished = self._was_reset = False
         self._worker = Worker(node, self._step)
-        self._bringer = Worker(node, self._bring_out)
+        # A map that comes later has more in it; pings that wait for one would be dropped.
+        self._bringer = Worker(node, self._bring_out, is_patient=True)
         self.check = RobotCheck(node, self.fusion, parameters, health)
 
     def close(self) -> None:

@@ -53,7 +53,7 @@ class RobotCheck:
         self._checked_version = -1
         self._is_stopping = False
         self._piece_began_s = 0.0
-        self._worker = Worker(node, self._step)
+        self._worker = Worker(node, self._step, is_patient=True)
 
     def stop(self) -> None:
         """End the check, though it may be under way."""

@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
+from usmap_ros.processes.threads import give_way
+
 
 class Worker:
     """Calls `step` in a thread of its own whenever there may be something to do.
@@ -22,6 +24,8 @@ class Worker:
         0 for at once, or None if only when woken.
     interrupt : callable, optional
         Ends a wait within `step`.
+    is_patient : bool
+        Whether it is to leave the cores to all others that want them.
     """
 
     def __init__(
@@ -29,8 +33,10 @@ class Worker:
         node: Node,
         step: Callable[[], float | None],
         interrupt: Callable[[], None] = lambda: None,
+        is_patient: bool = False,
     ) -> None:
         self._step = step
+        self._is_patient = is_patient
         self._interrupt = interrupt
         self._node = node
         self._awake = threading.Event()
@@ -54,6 +60,8 @@ class Worker:
 
     def _run(self) -> None:
         try:
+            if self._is_patient:
+                give_way()
             while not self._is_stopping:
                 self._awake.clear()
                 pause_s = self._step()

@@ -124,7 +124,9 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], float | Non
     found: dict[str, Callable[[], float | None]] = {}
 
     class Stepped:
-        def __init__(self, node: Any, step: Callable[[], float | None]) -> None:
+        def __init__(
+            self, node: Any, step: Callable[[], float | None], *, is_patient: bool = False
+        ) -> None:
             found["publish" if found else "fuse"] = step
 
         def wake(self) -> None:

@@ -47,18 +47,42 @@ def test_an_object_is_no_mirror(views: list[EchoCone]) -> None:
     assert mirrors_of(views) == []
 
 
+def followed_echoes(
+    make_cone: Callable[..., EchoCone],
+    pings: int,
+    loudness: float,
+    varies: float,
+    x_m: float,
+    wall_m: float,
+) -> list[EchoCone]:
+    """Pings along a wall whose echo varies in loudness, and is followed by five more."""
+    beam, cones = BeamPattern.linear(), []
+    for number in range(pings):
+        off_rad, level = 0.3 * math.sin(1.3 * number), math.exp(varies * math.sin(2.1 * number))
+        amplitude = loudness * level * float(beam.gain(off_rad)) / (2.0 * wall_m)
+        scattered = [(wall_m + 0.1 * place, 0.05) for place in range(1, 6)]
+        pose = {"x_m": x_m + 0.1 * number, "yaw_rad": 0.5 * math.pi + off_rad}
+        stamp_ns = round(1e6 * x_m) + number
+        cones.append(make_cone((wall_m, amplitude), *scattered, stamp_ns=stamp_ns, **pose))
+    return cones
+
+
 @pytest.mark.parametrize(("varies", "walls"), [(0.0, 1), (0.3, 0)])
 def test_what_follows_a_steady_echo_makes_no_rough_wall_of_a_mirror(
     make_cone: Callable[..., EchoCone], mirror_m: float, varies: float, walls: int
 ) -> None:
-    beam, cones = BeamPattern.linear(), []
-    for number in range(24):
-        off_rad, level = 0.3 * math.sin(1.3 * number), math.exp(varies * math.sin(2.1 * number))
-        loudness = 0.9 * level * float(beam.gain(off_rad)) / (2.0 * mirror_m)
-        scattered = [(mirror_m + 0.1 * place, 0.05) for place in range(1, 6)]
-        pose = {"x_m": 0.1 * number, "yaw_rad": 0.5 * math.pi + off_rad, "stamp_ns": number}
-        cones.append(make_cone((mirror_m, loudness), *scattered, **pose))
+    cones = followed_echoes(make_cone, 24, 0.9, varies, 0.0, mirror_m)
     assert len(mirrors_of(cones)) == walls
+
+
+def test_rough_walls_beside_a_steady_mirror_do_not_speak_against_it(
+    make_cone: Callable[..., EchoCone], mirror_m: float
+) -> None:
+    """They had more of the hits: a corridor with two smooth walls was mapped as if it had none."""
+    mirror = followed_echoes(make_cone, 24, 0.9, 0.0, 0.0, mirror_m)
+    rough = followed_echoes(make_cone, 60, 0.35, 0.3, 20.0, mirror_m - 0.4)
+    (wall,) = mirrors_of([*mirror, *rough])
+    assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
 
 
 def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:

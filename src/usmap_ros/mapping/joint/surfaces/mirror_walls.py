@@ -151,19 +151,9 @@ def mirror_walls(
     is_usable : (echoes,) bool array
         Whether a mirror may explain an echo.
     """
-    found = perpendicular_walls(looks, pings, echoes, ~is_explained)
-    hits = np.array([len(wall.echoes) for wall in found])
-    are_mirrors = np.array(
-        [wall.following < MOST_FOLLOWING or wall.deviation < STEADY for wall in found], bool
-    )
-    if not found or hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
+    usual = _usual_mirror(perpendicular_walls(looks, pings, echoes, ~is_explained))
+    if usual is None:
         return []
-    logs = np.array([wall.log_mirror for wall in found])
-    alike = (np.abs(logs - logs[:, np.newaxis]) < ALIKE) & are_mirrors
-    most = int(np.argmax(alike @ hits))
-    if alike[most] @ hits < max(LEAST_ALIKE * hits.sum(), LEAST_HITS_ALIKE):
-        return []
-    usual = float(np.average(logs[alike[most]], weights=hits[alike[most]]))
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
     search = Search(looks, pings, echoes, is_usable, faintest, loudest)
     places_m = looks.numbers[pings][:, [X, Y]]
@@ -175,6 +165,27 @@ def mirror_walls(
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
     return _squared(_directly(_without_doubles(walls), places_m), places_m, echoes)
+
+
+def _usual_mirror(found: list[MirrorWall]) -> float | None:
+    """Logarithm of the reflectivity of most mirrors among what was heard squarely, if any are."""
+    if not found:
+        return None
+    hits = np.array([len(wall.echoes) for wall in found])
+    is_steady = np.array([wall.deviation < STEADY for wall in found])
+    are_mirrors = is_steady | np.array([wall.following < MOST_FOLLOWING for wall in found])
+    # One that was heard steadily by many is a mirror, whatever stands beside it.
+    are_certain = is_steady & (hits >= LEAST_HITS_ALIKE)
+    if are_certain.any():
+        are_mirrors, hits = are_certain, np.where(are_certain, hits, 0)
+    elif hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
+        return None
+    logs = np.array([wall.log_mirror for wall in found])
+    alike = (np.abs(logs - logs[:, np.newaxis]) < ALIKE) & are_mirrors
+    most = int(np.argmax(alike @ hits))
+    if alike[most] @ hits < max(LEAST_ALIKE * hits.sum(), LEAST_HITS_ALIKE):
+        return None
+    return float(np.average(logs[alike[most]], weights=hits[alike[most]]))
 
 
 def _directly(walls: list[MirrorWall], places_m: FloatArray) -> list[MirrorWall]:

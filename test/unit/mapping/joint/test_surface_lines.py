@@ -1,10 +1,15 @@
 """Straight runs of believed cells: what is a wall, and what is two things side by side."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES
 from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
+from usmap_ros.mapping.joint.surfaces.walls import find_walls
+from usmap_ros.mapping.joint.visibility.field import Field
 
 GAP_CELLS = 10.0
 
@@ -26,3 +31,20 @@ def test_two_things_side_by_side_are_no_wall() -> None:
 
 def test_a_gap_that_is_too_wide_ends_a_wall() -> None:
     assert len(lines_through(*range(5, 15), *range(30, 40))) == 2
+
+
+@pytest.mark.parametrize(("has_wall", "beside"), [(False, False), (True, True)])
+def test_a_point_is_shown_once_where_nothing_but_points_is(has_wall: bool, beside: bool) -> None:
+    """Weaker cells beside it are its ghosts; among walls they may be what it is part of."""
+    log_odds = np.full((40, 60), -9.0)
+    log_odds[10, 8:11] = 3.0, 4.0, 3.9
+    log_odds[10, 14] = 1.0
+    log_odds[30, 5:30] = 3.0 if has_wall else -9.0
+    nothing = np.zeros(log_odds.shape, bool)
+    smooth: Any = SimpleNamespace(
+        lines=lambda: NO_LINES,
+        drawn_columns=lambda: nothing,
+        hide=lambda rows, _: np.zeros(len(rows), bool),
+    )
+    shown = find_walls(log_odds, Field(0, 0, 40, 60, 0.05), GAP_CELLS * 0.05, smooth, nothing).shown
+    assert shown[10, [8, 9, 10, 14]].tolist() == [beside, True, True, True]

@@ -11,6 +11,7 @@ from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.surfaces.surface_lines import ON_LINE_CELLS, surface_lines
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.special import running_maximum
 
 #: Log-odds from which on a cell is shown as occupied, and from which on it is where a line goes
 #: through it.
@@ -18,6 +19,9 @@ SHOWN, ON_A_LINE = 0.62, 0.0
 #: Ghosts lie beside a line, so many cells off it, and are so much less certain than its cells,
 #: which are as certain as this if there are none.
 BESIDE_CELLS, GHOST_MARGIN, USUAL = 4.0, 1.5, 2.0
+#: Where there are no lines, cells so near to one that is by so much more certain are of the same
+#: point, heard from where poses or ranges are a little off.
+POINT_CELLS, POINT_MARGIN = 2, 0.3
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,10 @@ def find_walls(
     rows, columns = np.nonzero(believed)
     certain = log_odds[rows, columns]
     is_kept, is_ghost = (np.zeros(len(rows), bool) for _ in range(2))
+    if not len(lines) and not len(mirrors):
+        width = 2 * POINT_CELLS + 1
+        most = running_maximum(running_maximum(log_odds, width).T, width).T
+        is_ghost = certain < most[rows, columns] - POINT_MARGIN
     for line in np.concatenate([lines, mirrors]):
         across, along = off_line(line, rows, columns)
         beside = (along >= line[BEGIN] - 1.0) & (along <= line[END] + 1.0)

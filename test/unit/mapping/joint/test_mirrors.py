@@ -79,8 +79,8 @@ def test_rough_walls_beside_a_steady_mirror_do_not_speak_against_it(
     make_cone: Callable[..., EchoCone], mirror_m: float
 ) -> None:
     """They had more of the hits: a corridor with two smooth walls was mapped as if it had none."""
-    mirror = followed_echoes(make_cone, 24, 0.9, 0.0, 0.0, mirror_m)
-    rough = followed_echoes(make_cone, 60, 0.35, 0.3, 20.0, mirror_m - 0.4)
+    mirror = followed_echoes(make_cone, 40, 0.9, 0.0, 0.0, mirror_m)
+    rough = followed_echoes(make_cone, 90, 0.35, 0.3, 20.0, mirror_m - 0.4)
     (wall,) = mirrors_of([*mirror, *rough])
     assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
 

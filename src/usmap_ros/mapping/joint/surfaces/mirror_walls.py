@@ -37,6 +37,9 @@ FOLLOWING_M, MOST_FOLLOWING = (0.05, 0.6), 3.2
 #: whatever follows: sums of what many places of a rough wall return vary by 0.08 at the least, and
 #: by 0.25 as a rule, and a wall that mirrors most may scatter the rest.
 STEADY = 0.07
+#: One that so many heard steadily is a mirror whatever stands beside it: chance lines up 16 such
+#: echoes of rough walls.
+CERTAIN_HITS = 35
 #: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
 LEAST_SHARE = 0.6
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share
@@ -175,7 +178,7 @@ def _usual_mirror(found: list[MirrorWall]) -> float | None:
     is_steady = np.array([wall.deviation < STEADY for wall in found])
     are_mirrors = is_steady | np.array([wall.following < MOST_FOLLOWING for wall in found])
     # One that was heard steadily by many is a mirror, whatever stands beside it.
-    are_certain = is_steady & (hits >= LEAST_HITS_ALIKE)
+    are_certain = is_steady & (hits >= CERTAIN_HITS)
     if are_certain.any():
         are_mirrors, hits = are_certain, np.where(are_certain, hits, 0)
     elif hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():

@@ -34,8 +34,8 @@ MOST_DEVIATION = 0.45
 #: mean a mirror may have there.
 FOLLOWING_M, MOST_FOLLOWING = (0.05, 0.6), 3.2
 #: One whose loudness varies less than this, as a median deviation of its logarithm, is a mirror
-#: whatever follows, for a wall that mirrors most may scatter the rest: sums of what many places of a
-#: rough wall return vary by 0.25 as a rule, and by less than this along few lines only.
+#: whatever follows, for a wall that mirrors most may scatter the rest: sums of what many places of
+#: a rough wall return vary by 0.25 as a rule, and by less than this along few lines only.
 STEADY = 0.07
 #: One that so many heard steadily is a mirror whatever stands beside it: chance lines up 16 such
 #: echoes of rough walls.

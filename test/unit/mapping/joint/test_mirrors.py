@@ -85,6 +85,20 @@ def test_rough_walls_beside_a_steady_mirror_do_not_speak_against_it(
     assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
 
 
+def test_a_mirror_is_found_though_poses_are_a_little_off(
+    make_cone: Callable[..., EchoCone], mirror_m: float
+) -> None:
+    """The sagitta of a point's arc is hardly more than the poses' errors: many echoes tell."""
+    errors_m = np.random.default_rng(4).normal(0.0, 0.015, 40)
+    cones = [
+        make_cone((mirror_m, 0.4), x_m=0.02 * n, y_m=error_m, yaw_rad=0.5 * math.pi, stamp_ns=n)
+        for n, error_m in enumerate(errors_m)
+    ]
+    (wall,) = mirrors_of(cones)
+    assert wall.distance_m == pytest.approx(mirror_m, abs=0.02)
+    assert len(wall.echoes) > 30
+
+
 def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:
     kept = KeptPings(MappingParameters())
     for cone in mirror_pings:

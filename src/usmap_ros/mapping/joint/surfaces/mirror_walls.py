@@ -70,19 +70,20 @@ class Bar(NamedTuple):
         A decimetre apart, that feet have.
     stretch_m : float
         In which they are.
-    point_share : float
-        Its residuals, over those of the point that explains its ranges best, at the most.
+    over_point : float
+        By how much likelier its ranges are than by the point that explains them best: logarithm,
+        with residuals as large as they are.
     """
 
     hits: int
     score: float
     places: int
     stretch_m: float
-    point_share: float
+    over_point: float
 
 
 #: Of any wall, and of one that faces as the others of the place do.
-ANY, USUAL = Bar(6, 5.0, 4, 0.3, 0.6), Bar(4, 3.5, 2, 0.2, 1.0)
+ANY, USUAL = Bar(6, 5.0, 4, 0.3, 3.0), Bar(4, 3.5, 2, 0.2, 0.0)
 
 
 @dataclass(frozen=True)
@@ -325,7 +326,7 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
         numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)
     )
     ranges_m = search.echoes.range_m[hits.echo]
-    if _over_point(feet_m, across_m, ranges_m) > bar.point_share:
+    if _over_point(feet_m, across_m, ranges_m) < bar.over_point:
         return None
     begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
     following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
@@ -336,11 +337,12 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
 
 
 def _over_point(feet_m: FloatArray, across_m: FloatArray, ranges_m: FloatArray) -> float:
-    """Residuals of a wall over those of the point on it that explains its ranges best."""
+    """Log-likelihood ratio of a wall and the point on it that explains its ranges best."""
     points_m = np.linspace(feet_m.min(), feet_m.max(), 25)[:, np.newaxis]
     off_points_m = ranges_m - np.hypot(across_m, feet_m - points_m)
     off_points_m -= np.median(off_points_m, axis=1, keepdims=True)
-    return float(_misfits(ranges_m - across_m) / max(_misfits(off_points_m).min(), 1e-12))
+    share = _misfits(off_points_m).min() / max(_misfits(ranges_m - across_m), 1e-12)
+    return 0.5 * len(ranges_m) * math.log(max(share, 1e-12))
 
 
 def _misfits(residuals_m: FloatArray) -> FloatArray:

@@ -49,6 +49,8 @@ PARTS, LEAST_IN_PARTS = 3, 8.0
 LEAST_GAIN, LEAST_SHARE, LEAST_GAIN_OF_SCALE, DENSE = 20.0, 0.05, 12.0, 0.6
 TIMES_IF_SHORT = 3.0
 LEAST_TURN_RAD, LEAST_LATE_S = math.radians(12.0), 0.2
+#: The same for turns and delays with what others hear of it, which may speak against them.
+LEAST_GAIN_OF_ALL = 30.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,19 @@ class Robot:
         if is_sure and best is turned:
             is_sure = self._gain_in_parts(best) >= LEAST_IN_PARTS
         return best if is_sure else None
+
+    def is_borne_out(self, wrong: Displacement, robots: Iterable[Robot]) -> bool:
+        """Whether what others hear does not speak against a turn or a delay by which it gains."""
+        right = self._turned(-wrong.error[0])
+        if wrong.kind == "late":
+            right, _ = self._way.later(wrong.error[0])
+        landmarks, gain = self._explained(right)[1], wrong.gain
+        for other in robots:
+            if other is not self:
+                gain += _agreement(other.landmarks, right) - _agreement(other.landmarks, self.heard)
+                gain += _agreement(landmarks, other.heard)
+                gain -= _agreement(self.landmarks, other.heard)
+        return gain >= LEAST_GAIN_OF_ALL + LEAST_SHARE * self.told
 
     def _best_turn(self) -> Displacement:
         gains = {by: self._gain_of_turn(by) for by in TURNS_RAD}
@@ -234,7 +249,11 @@ def displaced(robots: Mapping[str, Robot]) -> dict[str, Finding]:
         All that can be asked.
     """
     alone = for_each(Robot.displacement, robots.values())
-    found = {name: own for name, own in zip(robots, alone, strict=True) if own}
+    found = {
+        name: own
+        for (name, robot), own in zip(robots.items(), alone, strict=True)
+        if own and robot.is_borne_out(own, robots.values())
+    }
     left = {name: robot for name, robot in robots.items() if name not in found}
     together = for_each(lambda robot: robot.scaling(left.values()), left.values())
     scaled = {name: own for name, own in zip(left, together, strict=True) if own}

@@ -10,10 +10,13 @@ import pytest
 
 from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.joint.witnesses import Sayings
+from usmap_ros.mapping.robot_check import displacement
 from usmap_ros.mapping.robot_check.agreement import Agreement
 from usmap_ros.mapping.robot_check.comparison import RobotComparison, finding_of
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
+from usmap_ros.mapping.robot_check.displacement import Displacement, Robot
 from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
@@ -267,6 +270,31 @@ def test_of_two_the_one_whose_own_echoes_do_not_meet_is_named() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("turned_rad", "stands"), [(0.0, False), (0.35, True)])
+def test_a_turn_that_others_contradict_is_no_fault(
+    turned_rad: float, *, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However well a robot's own echoes meet with its heading turned."""
+    heard: dict[str, list[EchoCone]] = {}
+    for topic, cone in cones(1):
+        is_turned = topic == LIAR
+        heard.setdefault(topic, []).append(
+            displaced(cone, turned_rad, (0.0, 0.0)) if is_turned else cone
+        )
+    robots = {}
+    for topic, own in heard.items():
+        sightings = sightings_of(own)
+        assert sightings is not None
+        robots[topic] = Robot(own, sightings, lambda: None)
+
+    def by_itself(robot: Robot) -> Displacement | None:
+        is_liar = robot is robots[LIAR]
+        return Displacement("turned", (0.35,), 35.0, 60.0) if is_liar else None
+
+    monkeypatch.setattr(Robot, "displacement", by_itself)
+    assert bool(displacement.displaced(robots)) is stands
+
+
 @pytest.mark.parametrize(("by_m", "turned_rad"), [((0.2, -0.25), 0.0), ((0.0, 0.0), 0.35)])
 def test_one_that_is_misplaced_in_a_room_is_named(
     by_m: tuple[float, float], turned_rad: float

@@ -60,6 +60,12 @@ def align(snippets: Signal, apart: int) -> AlignedEchoes:
     return AlignedEchoes(_finer(shifted[kept]), fine, misfits[kept], _finer(crowded))
 
 
+def misfits(snippets: Signal, template: Signal, apart: int) -> FloatArray:
+    """What a template leaves of each echo that it explains best, as `align` has it of its own."""
+    left = _onto(np.fft.fft(snippets, 2 * snippets.shape[1], axis=1), template, apart)[2]
+    return left[left <= np.quantile(left, _KEPT)]
+
+
 def _onto(spectra: Signal, template: Signal, apart: int) -> tuple[Signal, Signal, FloatArray]:
     """Echoes freed of others, shifted by parts of a sample and scaled to fit a template.
 

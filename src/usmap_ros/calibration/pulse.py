@@ -13,7 +13,7 @@ import numpy as np
 
 from usmap_ros.acoustics.profile import Profile, resonant_profile
 from usmap_ros.acoustics.pulse import Pulse
-from usmap_ros.calibration.aligned_echoes import FINER, AlignedEchoes, align
+from usmap_ros.calibration.aligned_echoes import FINER, AlignedEchoes, align, misfits
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.arrays import FloatArray, Signal
 from usmap_ros.parameters import PulseParameters, ReconstructionParameters
@@ -21,6 +21,7 @@ from usmap_ros.pings.preparation.prepare import prepared
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
 from usmap_ros.reconstruction.shared_noise import SharedNoise
+from usmap_ros.reconstruction.template import Template
 
 #: Time before and behind the loudest sample that is looked at, beside the burst's length.
 _BEFORE_S, _BEHIND_S = 0.4e-3, 1.6e-3
@@ -40,6 +41,8 @@ _LEAST_QUALITY, _GREATEST_QUALITY = 1.0, 300.0
 _DETUNED = 0.1
 #: Misfit of resonators, relative to the pulse, from which on they do not explain it.
 _EXPLAINED = 0.3
+#: Samples before a stated pulse, in which its beginning is smeared.
+_LEAD = 6
 #: Points that are compared.
 _POINTS = 160
 
@@ -89,14 +92,17 @@ def measure_pulse(
     parameters : ReconstructionParameters
         What is known of them beside.
     """
-    snippets, rate_hz, pulse = _snippets(traces, parameters)
-    if len(snippets) < _LEAST_ECHOES or pulse is None or not pulse.has_carrier:
+    snippets, rate_hz, seen = _snippets(traces, parameters)
+    if len(snippets) < _LEAST_ECHOES or seen is None or not seen.pulse.has_carrier:
         return None
-    aligned = align(snippets, max(2, round(pulse.length_s * rate_hz)))
+    pulse = seen.pulse
+    apart = max(2, round(pulse.length_s * rate_hz))
+    aligned = align(snippets, apart)
     fine_hz = FINER * rate_hz
     # What is farther beside it in every ping, as it is while a robot stands, is not the pulse.
     risen, faded = _extent(aligned.template, fine_hz, pulse)
-    stated = _misfit_of(pulse, aligned.template[risen : faded + 1], fine_hz)
+    as_stated = _as_sampled(seen, snippets.shape[1], rate_hz)
+    stated = float(np.median(misfits(snippets, as_stated, apart)))
     residual = float(np.median(aligned.misfits))
     is_better = (
         stated > _STATED_MISFIT and residual < _MEASURED_MISFIT and residual < _IMPROVEMENT * stated
@@ -117,10 +123,13 @@ def measure_pulse(
 
 def _snippets(
     traces: Sequence[EchoTrace], parameters: ReconstructionParameters
-) -> tuple[Signal, float, Pulse | None]:
-    """Baseband around the loudest sample of each loud trace, (echoes, samples), and its rate."""
+) -> tuple[Signal, float, Template | None]:
+    """Baseband around the loudest sample of each loud trace, (echoes, samples), and its rate.
+
+    And what an echo of the stated pulse looks like in it.
+    """
     found: list[Signal] = []
-    rate_hz, pulse = 0.0, None
+    rate_hz, seen = 0.0, None
     noise = SharedNoise(parameters)
     for trace in traces:
         try:
@@ -128,14 +137,14 @@ def _snippets(
             baseband = to_baseband(known)
         except MalformedMessageError:
             continue
-        pulse = pulse or known.transducer.pulse
+        seen = seen or baseband.template
         rate_hz = rate_hz or baseband.sampling.sample_rate_hz
-        if pulse != known.transducer.pulse or baseband.sampling.sample_rate_hz != rate_hz:
+        if seen != baseband.template or baseband.sampling.sample_rate_hz != rate_hz:
             continue
-        snippet = _around_loudest(baseband, pulse)
+        snippet = _around_loudest(baseband, seen.pulse)
         if snippet is not None:
             found.append(snippet)
-    return np.array(found), rate_hz, pulse
+    return np.array(found), rate_hz, seen
 
 
 def _around_loudest(baseband: Baseband, pulse: Pulse) -> Signal | None:
@@ -150,13 +159,12 @@ def _around_loudest(baseband: Baseband, pulse: Pulse) -> Signal | None:
     return np.asarray(baseband.signal[first:stop], dtype=np.complex128)
 
 
-def _misfit_of(pulse: Pulse, template: Signal, rate_hz: float) -> float:
-    """Norm of what a pulse, placed and scaled best, leaves of the template, relative to it."""
-    time_s = np.arange(int(np.ceil(pulse.length_s * rate_hz)) + 1) / rate_hz
-    shape = np.asarray(pulse.envelope(time_s), dtype=np.complex128)
-    overlap = np.abs(np.correlate(template, shape, mode="full")).max()
-    alike = overlap / (np.linalg.norm(shape) * np.linalg.norm(template))
-    return float(np.sqrt(max(0.0, 1.0 - alike**2)))
+def _as_sampled(seen: Template, samples: int, rate_hz: float) -> Signal:
+    """An echo of a pulse: of edges samples keep what is below half of their rate."""
+    time_s = seen.start_s + (np.arange(FINER * samples) - FINER * _LEAD) / (FINER * rate_hz)
+    spectrum = np.fft.fft(np.asarray(seen(time_s), dtype=np.complex128))
+    spectrum[np.abs(np.fft.fftfreq(len(time_s))) > 0.5 / FINER] = 0.0
+    return np.asarray(np.fft.ifft(spectrum)[::FINER])
 
 
 def _extent(template: Signal, rate_hz: float, pulse: Pulse) -> tuple[int, int]:

@@ -25,6 +25,29 @@ def test_nothing_is_wrong_with_shipped_scenarios(name: str) -> None:
     assert problems(name) == {}
 
 
+@pytest.mark.parametrize("encoding", ["envelope", "iq"])
+def test_a_burst_that_begins_at_once_is_what_few_samples_of_it_show(encoding: str) -> None:
+    motion = {"kind": "random_walk", "speed_m_s": 0.8, "start": [1.0, 1.0, 0.5]}
+    sensor = {
+        "pulse": {"shape": "tone_burst", "carrier_hz": 40e3, "duration_s": 2e-4},
+        "receiver": {"encoding": encoding, "sample_rate_hz": 20e3, "noise_std": 0.0005},
+    }
+    walls = {"corners_m": [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]], "closed": True}
+    content = {
+        "seed": 3,
+        "duration_s": 8.0,
+        "world": {
+            "walls": [walls],
+            "surface": {"specular_reflectivity": 0.8, "diffuse_reflectivity": 0.02},
+        },
+        "robots": [{"name": "robot1", "motion": motion, "transducers": [sensor]}],
+    }
+    survey = ReceiverSurvey(STATED)
+    for topic, trace in simulate(Scenario.from_mapping(content, "tone bursts")):
+        survey.add(topic, trace)
+    assert survey.problems() == {}
+
+
 def test_a_resonant_pulse_that_is_not_stated_is_named_with_the_remedy() -> None:
     found = problems("as_real")
     unlearnt = problems("as_real", ReconstructionParameters(pulse=PulseParameters(learn=False)))

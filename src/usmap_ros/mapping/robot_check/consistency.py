@@ -26,7 +26,7 @@ from usmap_ros.mapping.robot_check.displacement import Robot, displaced
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
-from usmap_ros.mapping.robot_check.shifts import shifted
+from usmap_ros.mapping.robot_check.shifts import Pairs, shifted
 from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
@@ -42,6 +42,9 @@ MOVED_M, MOVED_RAD = 0.01, 0.01
 #: Pings with echoes from a robot that moves that are needed to say that it repeats itself, and the
 #: share of them that must be repetitions to the last digit, which noise never makes.
 LEAST_REPEATS, REPEATED_SHARE = 10, 0.5
+#: Share of what others bear out of a robot elsewhere that they do where it says it is, for it to be
+#: there.
+HERE = 0.5
 
 
 class _Robot:
@@ -125,7 +128,8 @@ class Consistency:
         found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
         robots = self._heard(found, between)
         found |= displaced(robots)
-        moved = shifted({t: own for t, own in robots.items() if t not in found}, between)
+        pairs = Pairs({t: own for t, own in robots.items() if t not in found}, between)
+        moved = shifted(pairs)
         found |= {topic: finding for topic, finding in moved.items() if finding.is_suspect}
         while True:
             left = {name: cones for name, cones in sources.items() if name not in found}
@@ -137,6 +141,12 @@ class Consistency:
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
             can_tell = not found or count > LEAST_ROBOTS_LEFT
             named = comparison.culprits(screened) if can_tell else {}
+            # Whose landmarks others hear where it says they are is there, whatever cells say.
+            named = {
+                topic: finding
+                for topic, finding in named.items()
+                if finding.verdict != "misplaced" or not pairs.is_borne_out(topic, share=HERE)
+            }
             if not named:
                 return self._of_robots(_cleared(screened) | moved | found)
             found |= named

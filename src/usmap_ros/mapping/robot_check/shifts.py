@@ -36,13 +36,18 @@ class Pairs:
         All of them.
     between : callable
         Called between pieces of work.
+
+    Attributes
+    ----------
+    names : list of str
+        Theirs.
     """
 
     def __init__(self, robots: Mapping[str, Robot], between: Callable[[], None]) -> None:
-        self._names = sorted(robots)
+        self.names = sorted(robots)
         self._said: dict[tuple[str, str], FloatArray] = {}
-        for number, one in enumerate(self._names):
-            for other in self._names[:number]:
+        for number, one in enumerate(self.names):
+            for other in self.names[:number]:
                 between()
                 said, back = np.zeros((2, len(SHIFTS_M)))
                 borne_out(robots[one].landmarks, robots[other].heard, SHIFTS_M, said)
@@ -54,7 +59,7 @@ class Pairs:
 
     def shift(self, name: str) -> Displacement | None:
         """How a robot is shifted by what others hear, if they hear it."""
-        said = [self._said[name, other] for other in self._names if other != name]
+        said = [self._said[name, other] for other in self.names if other != name]
         total = np.sum(said, axis=0) if said else np.zeros(len(SHIFTS_M))
         best = int(total.argmax())
         gain, told = float(total[best] - total[0]), float(total[0])
@@ -74,23 +79,20 @@ class Pairs:
 
         At the least by such a share of what it would elsewhere.
         """
-        others = [other for other in self._names if other not in (name, but_by)]
-        said = [self._said[name, other] for other in others]
+        others = [other for other in self.names if other != but_by]
+        said = [self._said[name, other] for other in others if (name, other) in self._said]
         return any(one[0] >= max(BORNE_OUT, share * one.max()) for one in said)
 
 
-def shifted(robots: Mapping[str, Robot], between: Callable[[], None]) -> dict[str, Finding]:
+def shifted(pairs: Pairs) -> dict[str, Finding]:
     """Who is elsewhere; or who may be, where nobody can tell which of them is.
 
     Parameters
     ----------
-    robots : mapping of str to Robot
-        All in whom nothing else is wrong.
-    between : callable
-        Called between pieces of work.
+    pairs : Pairs
+        Of all in whom nothing else is wrong.
     """
-    pairs = Pairs(robots, between)
-    suspects = {name: shift for name in robots if (shift := pairs.shift(name))}
+    suspects = {name: shift for name in pairs.names if (shift := pairs.shift(name))}
     if not suspects:
         return {}
     worst = max(suspects, key=lambda name: suspects[name].gain)

@@ -192,6 +192,13 @@ def test_one_whom_nobody_bears_out_is_named(monkeypatch: pytest.MonkeyPatch) -> 
     assert found[LIAR].summary()["evidence"]["borne_out"] < 0.1
 
 
+def test_no_map_accuses_one_whose_landmarks_others_hear(monkeypatch: pytest.MonkeyPatch) -> None:
+    misplaced = Finding("misplaced", {}, "misplaced: by cells")
+    monkeypatch.setattr(RobotComparison, "culprits", lambda *_: {LIAR: misplaced})
+
+    assert named(findings(cones(1))) == {}
+
+
 def test_one_that_is_elsewhere_is_named_with_how_far() -> None:
     """By others alone: its own echoes agree with one another."""
     by_m = (0.6, -0.45)

@@ -85,18 +85,22 @@ def test_rough_walls_beside_a_steady_mirror_do_not_speak_against_it(
     assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
 
 
-def test_a_mirror_is_found_though_poses_are_a_little_off(
-    make_cone: Callable[..., EchoCone], mirror_m: float
+@pytest.mark.parametrize(("told_std_m", "walls"), [(0.015, 1), (0.0, 0)])
+def test_a_mirror_is_found_though_poses_are_as_far_off_as_they_say(
+    make_cone: Callable[..., EchoCone], mirror_m: float, told_std_m: float, walls: int
 ) -> None:
     """The sagitta of a point's arc is hardly more than the poses' errors: many echoes tell."""
     errors_m = np.random.default_rng(4).normal(0.0, 0.015, 40)
+    covariance = np.diag([told_std_m**2, told_std_m**2, 0.0])
+    where = {"yaw_rad": 0.5 * math.pi, "planar_covariance": covariance}
     cones = [
-        make_cone((mirror_m, 0.4), x_m=0.02 * n, y_m=error_m, yaw_rad=0.5 * math.pi, stamp_ns=n)
+        make_cone((mirror_m, 0.4), x_m=0.02 * n, y_m=error_m, stamp_ns=n, **where)
         for n, error_m in enumerate(errors_m)
     ]
-    (wall,) = mirrors_of(cones)
-    assert wall.distance_m == pytest.approx(mirror_m, abs=0.02)
-    assert len(wall.echoes) > 30
+    found = mirrors_of(cones)
+    assert len(found) == walls
+    assert all(abs(wall.distance_m - mirror_m) < 0.02 for wall in found)
+    assert all(len(wall.echoes) > 30 for wall in found)
 
 
 def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.surfaces.mirror_fits import Search, candidates, fit
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected, seen_directly
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
-from usmap_ros.mapping.joint.visibility.field import Field, X, Y
+from usmap_ros.mapping.joint.visibility.field import RANGE_STD, Field, X, Y
 from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.processes.threads import in_turn
@@ -56,6 +56,9 @@ SQUARE, USUAL_SHARE = 0.1, 0.3
 #: that: their feet are too close together to tell.
 SHORT_M, UNSURE_RAD = 2.0, 0.03
 
+#: Sum of squares of what errors of poses explain, over that of their standard deviations.
+POSES_SHARE = 2.25
+
 
 class Bar(NamedTuple):
     """What a wall must have.
@@ -73,6 +76,8 @@ class Bar(NamedTuple):
     over_point : float
         By how much likelier its ranges are than by the point that explains them best: logarithm,
         with residuals as large as they are.
+    point_share : float
+        Its residuals over those of that point, at the most, where errors of poses explain less.
     """
 
     hits: int
@@ -80,10 +85,11 @@ class Bar(NamedTuple):
     places: int
     stretch_m: float
     over_point: float
+    point_share: float
 
 
 #: Of any wall, and of one that faces as the others of the place do.
-ANY, USUAL = Bar(6, 5.0, 4, 0.3, 3.0), Bar(4, 3.5, 2, 0.2, 0.0)
+ANY, USUAL = Bar(6, 5.0, 4, 0.3, 3.0, 0.6), Bar(4, 3.5, 2, 0.2, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -326,7 +332,11 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
         numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)
     )
     ranges_m = search.echoes.range_m[hits.echo]
-    if _over_point(feet_m, across_m, ranges_m) < bar.over_point:
+    wall, point = _residuals(feet_m, across_m, ranges_m)
+    if 0.5 * len(feet_m) * math.log(point / wall) < bar.over_point:
+        return None
+    by_poses = POSES_SHARE * float((numbers[:, RANGE_STD] ** 2).sum())
+    if wall > max(bar.point_share * point, by_poses):
         return None
     begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
     following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
@@ -336,13 +346,15 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
     )  # fmt: skip
 
 
-def _over_point(feet_m: FloatArray, across_m: FloatArray, ranges_m: FloatArray) -> float:
-    """Log-likelihood ratio of a wall and the point on it that explains its ranges best."""
+def _residuals(
+    feet_m: FloatArray, across_m: FloatArray, ranges_m: FloatArray
+) -> tuple[float, float]:
+    """Of a wall, and of the point on it that explains its ranges best."""
     points_m = np.linspace(feet_m.min(), feet_m.max(), 25)[:, np.newaxis]
     off_points_m = ranges_m - np.hypot(across_m, feet_m - points_m)
     off_points_m -= np.median(off_points_m, axis=1, keepdims=True)
-    share = _misfits(off_points_m).min() / max(_misfits(ranges_m - across_m), 1e-12)
-    return 0.5 * len(ranges_m) * math.log(max(share, 1e-12))
+    wall, point = _misfits(ranges_m - across_m), _misfits(off_points_m).min()
+    return max(float(wall), 1e-12), max(float(point), 1e-12)
 
 
 def _misfits(residuals_m: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.looks import Looks, stacked
 from usmap_ros.mapping.ping_bins import look_of
@@ -31,6 +32,27 @@ SQUARE_M = 2.0
 #: Pings by which each robot is judged: the latest ones.
 REMEMBERED = 200
 _ALL_BELIEVED: Mapping[str, float] = MappingProxyType({})
+
+
+class Sensors(NamedTuple):
+    """What pings together tell of the sensors that heard them.
+
+    Parameters
+    ----------
+    first_only : set of str
+        Frames of those that report the first thing only.
+    steps : mapping of str to int
+        See `usmap_ros.mapping.joint.loudness.steps_to_scale`.
+    """
+
+    first_only: set[str]
+    steps: Mapping[str, int]
+
+    def heard(self, cone: EchoCone, source: str) -> EchoCone:
+        """What a ping says, by such sensors."""
+        if cone.child_frame_id in self.first_only:
+            return first_return(cone)
+        return raised(cone, self.steps[source]) if source in self.steps else cone
 
 
 class Pings(NamedTuple):
@@ -73,8 +95,8 @@ class KeptPings:
         self._parameters = parameters
         self._cones: list[tuple[EchoCone, str, Place]] = []
         self._at: dict[Place, int] = {}
-        # Sensors that report the first thing only, as far as that was asked since pings changed.
-        self._first_only: set[str] | None = None
+        # As far as that was asked since pings changed.
+        self._sensors: Sensors | None = None
         #: How much each source's pings count, where that is less than wholly: 0 to 1.
         self.trust: dict[str, float] = {}
         # Since when pings of these are doubtful.
@@ -102,14 +124,15 @@ class KeptPings:
             oldest = next(i for i, kept in enumerate(self._cones) if kept[2] == place)
             self._remove(oldest)
         self._cones.append((cone, source, place))
-        self._first_only = None
+        self._sensors = None
         return self._at[place] == 1
 
-    def first_only(self) -> set[str]:
-        """Frames of the sensors that report the first thing only."""
-        if self._first_only is None:
-            self._first_only = report_first_only(cone for cone, *_ in self._cones)
-        return self._first_only
+    def sensors(self) -> Sensors:
+        """What is known of the sensors."""
+        if self._sensors is None:
+            first_only = report_first_only(cone for cone, *_ in self._cones)
+            self._sensors = Sensors(first_only, steps_to_scale(self.cones()))
+        return self._sensors
 
     def copy(self) -> KeptPings:
         """The same pings; neither changes with the other."""
@@ -210,7 +233,7 @@ class KeptPings:
         self,
         among: list[int] | None = None,
         credit: Mapping[str, float] = _ALL_BELIEVED,
-        first_only: set[str] | None = None,
+        sensors: Sensors | None = None,
     ) -> Pings:
         """Them, or some of them, as an estimate takes them.
 
@@ -222,17 +245,14 @@ class KeptPings:
             Which.
         credit : mapping of str to float
             How much of the trust in each source is left here, where that is less than all of it.
-        first_only : set of str, optional
-            As in `first_only`, if more pings than these have told.
+        sensors : Sensors, optional
+            As in `sensors`, if more pings than these have told.
         """
         kept = self._cones if among is None else [self._cones[index] for index in among]
         kept = [each for each in kept if credit.get(each[1], 1.0) > 0.0]
         kept = sorted(kept, key=lambda each: (each[0].stamp_ns, *each[2]))
-        first_only = self.first_only() if first_only is None else first_only
-        kept = [
-            (first_return(cone) if cone.child_frame_id in first_only else cone, source, place)
-            for cone, source, place in kept
-        ]
+        sensors = self.sensors() if sensors is None else sensors
+        kept = [(sensors.heard(cone, source), source, place) for cone, source, place in kept]
         ranges_m = [np.asarray(cone.ranges_m, np.float64) for cone, *_ in kept]
         amplitudes = [np.asarray(cone.amplitudes, np.float64) for cone, *_ in kept]
         start = np.concatenate([[0], np.cumsum([len(ranges) for ranges in ranges_m])])
@@ -245,13 +265,13 @@ class KeptPings:
             np.arange(len(kept)),
             np.array(weights, np.float32),
             Echoes(start.astype(np.int64), np.concatenate(ranges_m), np.concatenate(amplitudes)),
-            np.array([cone.child_frame_id in first_only for cone, *_ in kept], bool),
+            np.array([cone.child_frame_id in sensors.first_only for cone, *_ in kept], bool),
             [source for _, source, _ in kept],
         )
 
     def _remove(self, index: int) -> None:
         _, _, place = self._cones.pop(index)
-        self._first_only = None
+        self._sensors = None
         self._at[place] -= 1
         if not self._at[place]:
             del self._at[place]

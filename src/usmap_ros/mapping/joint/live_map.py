@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.drawing import drawn_map
-from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.kept_pings import KeptPings, Sensors
 from usmap_ros.mapping.joint.known import Known
 from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.mapping.joint.visibility.field import field_around
@@ -46,7 +46,7 @@ class LiveMap:
         self._areas: list[Known] = []
         self._earlier: OccupancyMap | None = None
         self.epoch = 0
-        self._first_only: set[str] = set()
+        self._sensors = Sensors(set(), {})
         # Numbers of the newest ping of the areas, and of those by which they were known at first;
         # and how many pings that were.
         self._newest = self._first = self._pings = 0
@@ -89,7 +89,7 @@ class LiveMap:
         epoch : int
             When they were told: nothing holds that was told before the last `forget`.
         """
-        first_only, newest = kept.first_only(), number
+        sensors, newest = kept.sensors(), number
         while True:
             with self._lock:
                 if number < self._first or epoch != self.epoch:
@@ -98,10 +98,10 @@ class LiveMap:
                 behind = [ping for ping in self._more if newest < ping[2] <= self._newest][:BATCH]
                 if not behind:
                     self._areas, self._newest, self._first = areas, newest, number
-                    self._pings, self._first_only, self._earlier = len(kept), first_only, earlier
+                    self._pings, self._sensors, self._earlier = len(kept), sensors, earlier
                     self._more = [ping for ping in self._more if ping[2] > number]
                     return
-            if not self._add(areas, behind, first_only):
+            if not self._add(areas, behind, sensors):
                 self.forget()
                 return
             newest = behind[-1][2]
@@ -165,26 +165,26 @@ class LiveMap:
                 is_whole = len(batch) == BATCH
                 # The others are explained anew with those that come.
                 areas = areas if is_whole else [area.copy() for area in areas]
-                if not self._add(areas, batch, self._first_only):
+                if not self._add(areas, batch, self._sensors):
                     return None
                 self._newest = batch[-1][2] if is_whole else self._newest
             return drawn_map(areas, self._parameters, self._earlier, frame_id, stamp_ns)
 
-    def _add(self, areas: list[Known], batch: list[Numbered], first_only: set[str]) -> bool:
+    def _add(self, areas: list[Known], batch: list[Numbered], sensors: Sensors) -> bool:
         """Add some more pings to what is known, unless any of them is in no area, or in two."""
         kept = KeptPings(self._parameters)
         for cone, source, _ in batch:
             kept.add(cone, source)
         known = areas.copy()
         for group in kept.islands():
-            pings = kept.pings(group, first_only=first_only)
+            pings = kept.pings(group, sensors=sensors)
             field = field_around(pings.looks, pings.rows, self._parameters.resolution_m)
             here = [place for place, area in enumerate(known) if area.overlaps(field)]
             if len(here) != 1:
                 return False
             believed = [known[here[0]].credit.get(source, 1.0) for source in pings.sources]
             if min(believed) < 1.0 and max(believed) > 0.0:
-                pings = kept.pings(group, known[here[0]].credit, first_only)
+                pings = kept.pings(group, known[here[0]].credit, sensors)
             if max(believed) > 0.0:
                 known[here[0]] = MorePings(pings, self._parameters).add_to(known[here[0]])
         areas[:] = known

@@ -40,7 +40,9 @@ def test_a_wall_that_is_not_heard_aslant_is_a_mirror(is_mirror: bool) -> None:
     for cone in readings_along_a_wall(is_mirror):
         kept.add(cone, "robot")
     looks, rows, _, echoes = kept.pings()[:4]
-    walls = perpendicular_walls(looks, rows, echoes, np.ones(len(echoes.range_m), bool))
+    walls = perpendicular_walls(
+        looks, rows, echoes, np.ones(len(echoes.range_m), bool), np.ones(len(rows), bool)
+    )
     assert any(abs(wall.distance_m - WALL_M) < 0.01 for wall in walls)
     assert answer_as_mirrors(walls, looks, rows, echoes) is is_mirror
 
@@ -50,7 +52,9 @@ def test_where_there_is_no_wall_there_is_no_mirror(views: list[EchoCone]) -> Non
     for cone in views:
         kept.add(cone, "robot")
     looks, rows, _, echoes = kept.pings()[:4]
-    walls = perpendicular_walls(looks, rows, echoes, np.ones(len(echoes.range_m), bool))
+    walls = perpendicular_walls(
+        looks, rows, echoes, np.ones(len(echoes.range_m), bool), np.ones(len(rows), bool)
+    )
     assert not answer_as_mirrors(walls, looks, rows, echoes)
 
 

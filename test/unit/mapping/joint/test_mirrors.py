@@ -9,7 +9,8 @@ import pytest
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -20,7 +21,7 @@ def mirrors_of(cones: list[EchoCone]) -> list[MirrorWall]:
         kept.add(cone, "robot")
     looks, rows, _, echoes = kept.pings()[:4]
     explained = np.zeros(len(echoes.range_m), bool)
-    return mirror_walls(looks, rows, echoes, explained, ~explained)
+    return mirror_walls(looks, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
 
 
 def test_a_mirror_is_where_its_echoes_are_square_to_it(
@@ -56,11 +57,13 @@ def followed_echoes(
     wall_m: float,
 ) -> list[EchoCone]:
     """Pings along a wall whose echo varies in loudness, and is followed by five more."""
-    beam, cones = BeamPattern.linear(), []
+    beam, cones, chance = BeamPattern.linear(), [], np.random.default_rng(6)
     for number in range(pings):
         off_rad, level = 0.3 * math.sin(1.3 * number), math.exp(varies * math.sin(2.1 * number))
         amplitude = loudness * level * float(beam.gain(off_rad)) / (2.0 * wall_m)
-        scattered = [(wall_m + 0.1 * place, 0.05) for place in range(1, 6)]
+        # Each from somewhere on the wall: what lay on one line would be a mirror, too.
+        away_m = wall_m + np.sort(chance.uniform(0.05, 0.55, 5))
+        scattered = list(zip(away_m, 0.05 * chance.rayleigh(size=5), strict=True))
         pose = {"x_m": x_m + 0.1 * number, "yaw_rad": 0.5 * math.pi + off_rad}
         stamp_ns = round(1e6 * x_m) + number
         cones.append(make_cone((wall_m, amplitude), *scattered, stamp_ns=stamp_ns, **pose))
@@ -109,7 +112,7 @@ def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> Non
         kept.add(cone, "robot")
     looks, rows, _, echoes = kept.pings()[:4]
     explained = np.ones(len(echoes.range_m), bool)
-    assert mirror_walls(looks, rows, echoes, explained, explained) == []
+    assert mirror_walls(looks, rows, echoes, explained, explained, np.zeros(len(rows), bool)) == []
 
 
 def test_a_mirror_is_drawn_where_it_stands(mirror_pings: list[EchoCone], mirror_m: float) -> None:

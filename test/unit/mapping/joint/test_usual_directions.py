@@ -18,7 +18,7 @@ from usmap_ros.mapping.joint.free_space.usual_directions import (
     log_priors,
 )
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
-from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, face_usually
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, face_usually
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.parameters import MappingParameters
@@ -51,7 +52,7 @@ def walls_of(cones: Iterable[EchoCone]) -> list[MirrorWall]:
         kept.add(cone, f"robot{number}")
     looks, rows, _, echoes = kept.pings()[:4]
     explained = np.zeros(len(echoes.range_m), bool)
-    found = mirror_walls(looks, rows, echoes, explained, ~explained)
+    found = mirror_walls(looks, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
     walls = WallEnds(looks, rows, echoes, left, found, []).extended()
     return sorted(walls, key=lambda wall: -math.sin(wall.normal_rad))

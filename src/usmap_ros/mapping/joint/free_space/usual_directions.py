@@ -18,7 +18,7 @@ from usmap_ros.mapping.joint.free_space.open_space import (
     ROUND,
 )
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y
-from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, usual_direction
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, usual_direction
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 

@@ -10,11 +10,11 @@ louder than all of their reflectivities allow.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.joint.visibility.field import (
     ABSORPTION,
@@ -43,29 +43,12 @@ BEHIND_M, FOOT_M, HIDDEN_SHARE = 0.15, 0.15, 0.5
 APART_M = 0.2
 
 
-class Mirror(Protocol):
-    """A wall as a mirror: see `usmap_ros.mapping.joint.surfaces.mirror_walls.MirrorWall`."""
-
-    @property
-    def normal_rad(self) -> float: ...  # noqa: D102 - as there
-    @property
-    def distance_m(self) -> float: ...  # noqa: D102
-    @property
-    def begin_m(self) -> float: ...  # noqa: D102
-    @property
-    def end_m(self) -> float: ...  # noqa: D102
-    @property
-    def log_mirror(self) -> float: ...  # noqa: D102
-    @property
-    def pings(self) -> NDArray[np.int64]: ...  # noqa: D102
-
-
-def seen_directly(walls: Sequence[Mirror], places_m: FloatArray) -> BoolArray:
+def seen_directly(walls: Sequence[MirrorWall], places_m: FloatArray) -> BoolArray:
     """Whether each wall is heard with no other one in the way, as an image is not.
 
     Parameters
     ----------
-    walls : sequence of Mirror
+    walls : sequence of MirrorWall
         Those that were heard.
     places_m : (pings, 2) array
         Where pings were heard from.
@@ -77,7 +60,7 @@ def seen_directly(walls: Sequence[Mirror], places_m: FloatArray) -> BoolArray:
     return ~np.asarray((is_hidden & stands).any(axis=1), bool)
 
 
-def _hidden(wall: Mirror, other: Mirror, places_m: FloatArray) -> float:
+def _hidden(wall: MirrorWall, other: MirrorWall, places_m: FloatArray) -> float:
     """Share of a wall's pings that have another one, where it was heard, before its feet."""
     heard_from_m = places_m[wall.pings]
     ahead, along = _axes(other)
@@ -98,7 +81,7 @@ def _hidden(wall: Mirror, other: Mirror, places_m: FloatArray) -> float:
 
 
 def out_of_sight(
-    points_m: FloatArray, mirrors: Sequence[Mirror], places_m: FloatArray
+    points_m: FloatArray, mirrors: Sequence[MirrorWall], places_m: FloatArray
 ) -> BoolArray:
     """Whether mirrors stand between points and every place.
 
@@ -106,7 +89,7 @@ def out_of_sight(
     ----------
     points_m : (points, 2) array
         That echoes seem to come from.
-    mirrors : sequence of Mirror
+    mirrors : sequence of MirrorWall
         As far as they go.
     places_m : (pings, 2) array
         Where pings were heard from.
@@ -125,14 +108,14 @@ def out_of_sight(
     return np.asarray(hidden.all(axis=1), bool)
 
 
-def _axes(wall: Mirror) -> tuple[FloatArray, FloatArray]:
+def _axes(wall: MirrorWall) -> tuple[FloatArray, FloatArray]:
     """Unit vectors across a wall and along it."""
     cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
     return np.array([cosine, sine]), np.array([-sine, cosine])
 
 
 def reflected(
-    mirrors: Sequence[Mirror],
+    mirrors: Sequence[MirrorWall],
     looks: Looks,
     pings: NDArray[np.int64],
     echoes: Echoes,
@@ -142,7 +125,7 @@ def reflected(
 
     Parameters
     ----------
-    mirrors : sequence of Mirror
+    mirrors : sequence of MirrorWall
         That stand.
     looks : Looks
         Pings.
@@ -168,14 +151,14 @@ def reflected(
 
 
 def _ways(
-    mirrors: Sequence[Mirror], numbers: FloatArray, most: int
+    mirrors: Sequence[MirrorWall], numbers: FloatArray, most: int
 ) -> Iterator[tuple[NDArray[np.int64], FloatArray, float]]:
     """Pings that hear a way over several mirrors, its length there and back, halved, and loudness.
 
     The loudness is what all of its mirrors return, at the most.
     """
     place_m = numbers[:, [X, Y]]
-    pending: list[list[tuple[Mirror, FloatArray]]] = [[]]
+    pending: list[list[tuple[MirrorWall, FloatArray]]] = [[]]
     while pending:
         way = pending.pop()
         if len(way) > 1:
@@ -197,7 +180,7 @@ def _ways(
 
 
 def _hearing(
-    way: Sequence[tuple[Mirror, FloatArray]], place_m: FloatArray, numbers: FloatArray
+    way: Sequence[tuple[MirrorWall, FloatArray]], place_m: FloatArray, numbers: FloatArray
 ) -> NDArray[np.int64]:
     """Pings from where sound goes all of a way, and leaves and comes back within the beam."""
     leg_m = way[-1][1] - place_m

@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead
-from usmap_ros.mapping.joint.surfaces.mirror_walls import (
-    MirrorWall,
-    mirror_walls,
-    perpendicular_walls,
-)
+from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls, perpendicular_walls
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import out_of_sight, reflected
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
@@ -135,7 +132,7 @@ class SmoothThings:
         left = cast_all_rays(looks, pings, self._field, depth)
         is_usable = ~first_only[self._ping] | self._mirror_first_returns(first_only)
         is_explained = is_explained | ~is_usable
-        found = mirror_walls(looks, pings, echoes, is_explained, is_usable)
+        found = mirror_walls(looks, pings, echoes, is_explained, is_usable, first_only)
         for wall in found:
             is_explained[wall.echoes] = True
         may_follow = ~is_explained & ~first_only[self._ping]
@@ -161,7 +158,7 @@ class SmoothThings:
         looks, pings, echoes = self._looks, self._pings, self._echoes
         if not first_only.any():
             return False
-        walls = perpendicular_walls(looks, pings, echoes, first_only[self._ping])
+        walls = perpendicular_walls(looks, pings, echoes, first_only[self._ping], first_only)
         return answer_as_mirrors(walls, looks, pings, echoes)
 
     @property

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.surfaces.mirror_walls import MirrorWall, face_usually
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, face_usually
 from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn
 from usmap_ros.mapping.joint.visibility.beams import (
     LOOKING_SHARE,

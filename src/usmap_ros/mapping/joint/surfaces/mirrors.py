@@ -1,0 +1,143 @@
+"""A mirror: a wall that is heard at the feet of perpendiculars; and how such walls face."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.visibility.echoes import Echoes
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: A wall is another one's double if it is so near to it, m, and as parallel.
+DOUBLE_M, DOUBLE_COSINE = 0.2, 0.9
+#: Walls are parallel or square to each other up to this sine of twice the angle; they face usual
+#: directions if such a share of all that was heard of walls does.
+SQUARE, USUAL_SHARE = 0.1, 0.3
+#: Walls no longer than this, m, whose direction is off a usual one by less than this, rad, have
+#: that: their feet are too close together to tell.
+SHORT_M, UNSURE_RAD = 2.0, 0.03
+
+
+@dataclass(frozen=True)
+class MirrorWall:
+    """A mirror.
+
+    Parameters
+    ----------
+    normal_rad, distance_m : float
+        Direction of the normal, towards the wall, and distance of the wall from the origin.
+    begin_m, end_m : float
+        Where along the tangent (-sin, cos) its feet begin and end.
+    pings, echoes : (hits,) integer arrays
+        That heard it, and their echoes of it.
+    following : float
+        Echoes that follow behind one of its own, on the mean.
+    log_mirror : float
+        Logarithm of its amplitude reflectivity.
+    deviation : float
+        Median deviation of what its echoes tell of that.
+    """
+
+    normal_rad: float
+    distance_m: float
+    begin_m: float
+    end_m: float
+    pings: NDArray[np.int64]
+    echoes: NDArray[np.int64]
+    following: float
+    log_mirror: float
+    deviation: float
+
+    def bearing_from(self, x_m: float, y_m: float) -> float:
+        """Direction in which a place hears it, rad: the same one everywhere."""
+        return self.normal_rad
+
+    def line(self, field: Field) -> FloatArray:
+        """The wall on a field, its cells half a cell behind its face."""
+        res = field.resolution_m
+        nx, ny = math.cos(self.normal_rad), math.sin(self.normal_rad)
+        x0, y0 = field.first_column * res, field.first_row * res
+        distance = (self.distance_m + 0.5 * res - nx * x0 - ny * y0) / res - 0.5 * (nx + ny)
+        shift = (nx * y0 - ny * x0) / res + 0.5 * (nx - ny)
+        return np.array([nx, ny, distance, self.begin_m / res - shift, self.end_m / res - shift])
+
+
+def face_usually(walls: list[MirrorWall], among: list[MirrorWall]) -> BoolArray:
+    """Whether each of some walls is parallel or square to many of others."""
+    hits = np.array([len(wall.echoes) for wall in among], float)
+    usual: BoolArray = _square(walls, among) @ hits > USUAL_SHARE * hits.sum()
+    return usual
+
+
+def usual_direction(normals_rad: FloatArray, weights: FloatArray) -> float:
+    """Direction, rad, that the most of some walls, by their weights, are parallel or square to."""
+    turns_rad = normals_rad - normals_rad[:, np.newaxis]
+    is_square = np.abs(np.sin(2.0 * turns_rad)) < SQUARE
+    most = int(np.argmax(is_square @ weights))
+    mean = np.where(is_square[most], weights, 0.0) @ np.exp(4j * turns_rad[most])
+    return float(normals_rad[most] + 0.25 * np.angle(mean))
+
+
+def _square(walls: list[MirrorWall], others: list[MirrorWall]) -> BoolArray:
+    """Whether walls are parallel or square to others, a row for each of the first."""
+    normals, across = (np.array([wall.normal_rad for wall in some]) for some in (walls, others))
+    square: BoolArray = np.abs(np.sin(2.0 * (normals[:, np.newaxis] - across))) < SQUARE
+    return square
+
+
+def squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> list[MirrorWall]:
+    """Walls, the short ones turned to a usual direction that is near."""
+    if not walls:
+        return []
+    normals_rad = np.array([wall.normal_rad for wall in walls])
+    hits = np.array([len(wall.echoes) for wall in walls], float)
+    direction, quarter = usual_direction(normals_rad, hits), 0.5 * math.pi
+    squared = list[MirrorWall]()
+    for wall in walls:
+        turn = (direction - wall.normal_rad + 0.5 * quarter) % quarter - 0.5 * quarter
+        is_unsure = wall.end_m - wall.begin_m < SHORT_M and abs(turn) < UNSURE_RAD
+        squared.append(_turned(wall, turn, places_m, echoes) if is_unsure else wall)
+    return squared
+
+
+def _turned(wall: MirrorWall, turn: float, places_m: FloatArray, echoes: Echoes) -> MirrorWall:
+    """The wall that faces otherwise and fits its echoes best."""
+    normal_rad, heard_from_m = wall.normal_rad + turn, places_m[wall.pings]
+    cosine, sine = math.cos(normal_rad), math.sin(normal_rad)
+    distances_m = heard_from_m @ (cosine, sine) + echoes.range_m[wall.echoes]
+    feet_m = heard_from_m @ (-sine, cosine)
+    return replace(
+        wall,
+        normal_rad=normal_rad,
+        distance_m=float(np.median(distances_m)),
+        begin_m=float(feet_m.min()),
+        end_m=float(feet_m.max()),
+    )
+
+
+def without_doubles(walls: list[MirrorWall]) -> list[MirrorWall]:
+    """Walls but for those close beside a heavier one that face the same way: echoes beside it."""
+    kept: list[MirrorWall] = []
+    for wall in sorted(walls, key=lambda wall: -len(wall.echoes)):
+        middle_m = 0.5 * (wall.begin_m + wall.end_m)
+        x_m = wall.distance_m * math.cos(wall.normal_rad) - middle_m * math.sin(wall.normal_rad)
+        y_m = wall.distance_m * math.sin(wall.normal_rad) + middle_m * math.cos(wall.normal_rad)
+        for other in kept:
+            cosine, sine = math.cos(other.normal_rad), math.sin(other.normal_rad)
+            across_m, along_m = (
+                x_m * cosine + y_m * sine - other.distance_m,
+                y_m * cosine - x_m * sine,
+            )
+            if (
+                abs(across_m) < DOUBLE_M
+                and math.cos(wall.normal_rad - other.normal_rad) > DOUBLE_COSINE
+                and other.begin_m < along_m < other.end_m
+            ):
+                break
+        else:
+            kept.append(wall)
+    return kept

@@ -181,6 +181,8 @@ def test_pulse_that_is_not_the_stated_one_is_a_warning(
     for number, trace in enumerate(pinged):
         echo.publish(trace_to_cdr(trace))
         live.until(lambda n=number: node.health.total("received") > n)
-    live.until(lambda: "receiver: echo: the stated pulse leaves" in node.health.report().message)
+    live.until(lambda: "the stated pulse leaves" in node.health.report().message)
     assert node.health.report().level is Level.WARN
-    assert "usmap calibrate" in node.health.report().message
+    assert "receiver: echo: its samples are some 40 dB larger" in node.health.report().message
+    assert "is used instead" in node.health.report().message
+    assert not node.health.total("implausible")

@@ -3,10 +3,12 @@
 A person who buys a transducer does not know its pulse: its resonances round the burst off and ring
 for longer than it lasts, and every echo seems to be many.  A recording's own loud echoes tell.
 Nor does anybody know what its casing and its mount return to it: what is in every ping, tells.
+And its converter counts in units of its own.
 """
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from usmap_ros.calibration.pulse import MeasuredPulse, measure_pulse
 from usmap_ros.calibration.ringing import Ringing, ringing_of
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.preparation.units import unit_of
 from usmap_ros.pings.trace import EchoTrace
 
 #: Every so manyth trace of a topic is kept, so many at most, and of no more bytes than this.
@@ -44,6 +47,8 @@ class ReceiverSurvey:
         ringing = parameters.ringing
         self._judges_pulse = parameters.pulse.kind == "stated"
         self._finds_ringing = ringing.learn and not any(ringing.amplitudes)
+        self._finds_unit = parameters.correction.gain == 1.0
+        self._units: dict[str, float] = {}
         self._seen: defaultdict[str, int] = defaultdict(int)
         self._first: defaultdict[str, list[EchoTrace]] = defaultdict(list)
         self._apart: defaultdict[str, list[EchoTrace]] = defaultdict(list)
@@ -54,6 +59,8 @@ class ReceiverSurvey:
         """Take a trace into account, or leave it out if others before it are enough."""
         number = self._seen[topic]
         self._seen[topic] += 1
+        if self._finds_unit and not self._units.get(topic):
+            self._units[topic] = unit_of(trace)
         first, apart = self._first[topic], self._apart[topic]
         most = min(_KEPT, _KEPT_BYTES // max(trace.samples.nbytes, 1))
         if self._judges_pulse and number % _EVERY == 0 and len(first) < most:
@@ -61,6 +68,10 @@ class ReceiverSurvey:
         is_wanted = self._judges_pulse or self._finds_ringing
         if is_wanted and len(apart) < most and _is_apart(trace, apart):
             apart.append(trace)
+
+    def is_in_other_units(self, topic: str) -> bool:
+        """Whether traces of a topic are in other units than they should be."""
+        return self._units.get(topic, 1.0) not in {0.0, 1.0}
 
     def is_full(self, topic: str) -> bool:
         """Whether traces of a topic are enough to judge its pulse."""
@@ -77,24 +88,35 @@ class ReceiverSurvey:
     def known(self, topic: str) -> ReconstructionParameters | None:
         """Parameters for the transducers of one topic; None if nothing was learnt of them."""
         measured, ringing = self._judged(topic)
-        known = _with_pulse(self._parameters, measured)
+        known = _with_pulse(self._in_units(topic), measured)
         if ringing is not None:
             known = known.model_copy(update={"ringing": ringing.parameters})
         return None if known is self._parameters else known
+
+    def _in_units(self, topic: str) -> ReconstructionParameters:
+        """What is known of the traces of a topic, and the units of their samples."""
+        if not self.is_in_other_units(topic):
+            return self._parameters
+        correction = self._parameters.correction.model_copy(update={"gain": self._units[topic]})
+        return self._parameters.model_copy(update={"correction": correction})
 
     def _judged(self, topic: str) -> tuple[MeasuredPulse | None, Ringing | None]:
         """The pulse, if it explains echoes much better than the stated one, and the ringing."""
         apart = self._apart[topic]
         judged, pulse, ringing = self._learnt.get(topic, (-1, None, None))
         if judged < len(apart):
-            pulse = self._measured(apart if self.has_moved(topic) else self._first[topic])
-            known = _with_pulse(self._parameters, pulse)
+            stated = self._in_units(topic)
+            traces = apart if self.has_moved(topic) else self._first[topic]
+            pulse = self._measured(traces, stated)
+            known = _with_pulse(stated, pulse)
             ringing = ringing_of(apart, known) if self._finds_ringing else None
             self._learnt[topic] = len(apart), pulse, ringing
         return pulse, ringing
 
-    def _measured(self, traces: list[EchoTrace]) -> MeasuredPulse | None:
-        measured = measure_pulse(traces, self._parameters) if self._judges_pulse else None
+    def _measured(
+        self, traces: list[EchoTrace], stated: ReconstructionParameters
+    ) -> MeasuredPulse | None:
+        measured = measure_pulse(traces, stated) if self._judges_pulse else None
         return measured if measured is not None and measured.is_known else None
 
     def problems(self) -> dict[str, str]:
@@ -106,6 +128,8 @@ class ReceiverSurvey:
         """What is wrong with the receiver of one topic; empty if nothing is."""
         measured, ringing = self._judged(topic)
         said = []
+        if self.is_in_other_units(topic):
+            said.append(_said_of_unit(self._units[topic]))
         if measured is not None:
             said.append(_said_of_pulse(measured, is_learnt=self._parameters.pulse.learn))
         if ringing is not None:
@@ -120,6 +144,15 @@ class ReceiverSurvey:
 def _is_apart(trace: EchoTrace, others: list[EchoTrace]) -> bool:
     here_m = trace.pose.position_m[:2]
     return all(np.hypot(*(here_m - one.pose.position_m[:2])) > _APART_M for one in others)
+
+
+def _said_of_unit(unit: float) -> str:
+    decibels = 20.0 * math.log10(unit)
+    return (
+        f"its samples are some {abs(decibels):.0f} dB {'larger' if unit > 1.0 else 'smaller'} than"
+        f" echoes are, such as a converter's counts, and are divided by {unit:g}"
+        " (reconstruction.correction.gain)"
+    )
 
 
 def _said_of_pulse(measured: MeasuredPulse, *, is_learnt: bool) -> str:

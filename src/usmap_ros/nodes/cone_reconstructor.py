@@ -165,12 +165,19 @@ class ConeReconstructor(Node):
         if judged == _JUDGEMENTS:
             return
         self._receivers.add(topic, trace)
+        if self._receivers.is_in_other_units(topic) and topic not in self._judged:
+            # The first trace tells: no cone is to be in other units than those after it.
+            self._judged[topic] = 0
+            self._learn_reception(topic)
         is_known = [self._receivers.is_full(topic), self._receivers.has_moved(topic)]
         if is_known[0] and sum(is_known) > judged:
             # Judged, whatever comes of it.
             self._judged[topic] = sum(is_known)
-            self._receiver_problems[topic] = self._receivers.problem(topic)
-            self._pipeline.learn_reception(self._receivers, topic)
+            self._learn_reception(topic)
+
+    def _learn_reception(self, topic: str) -> None:
+        self._receiver_problems[topic] = self._receivers.problem(topic)
+        self._pipeline.learn_reception(self._receivers, topic)
 
     def _look_at_receivers(self) -> Remark | None:
         found = [f"{topic}: {said}" for topic, said in self._receiver_problems.items() if said]

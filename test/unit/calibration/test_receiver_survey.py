@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from usmap_ros.calibration.receiver_survey import ReceiverSurvey
-from usmap_ros.parameters import PulseParameters, ReconstructionParameters
+from usmap_ros.parameters import CorrectionParameters, PulseParameters, ReconstructionParameters
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIOS = Path(__file__).parents[3] / "config/scenarios"
@@ -59,6 +59,7 @@ def test_a_resonant_pulse_that_is_not_stated_is_named_with_the_remedy() -> None:
     assert all("\n" not in problem for problem in found.values())
 
 
-def test_a_pulse_that_is_told_is_not_judged() -> None:
+def test_what_is_told_is_not_judged() -> None:
     told = PulseParameters(kind="resonant", resonances_hz=[40e3], qualities=[10.0])
-    assert problems("as_real", STATED.model_copy(update={"pulse": told})) == {}
+    counts = CorrectionParameters(gain=500.0)
+    assert problems("as_real", ReconstructionParameters(pulse=told, correction=counts)) == {}

@@ -299,22 +299,30 @@ class TestProcess:
         assert "Traceback" not in done.stderr
 
 
-def test_samples_in_other_units_are_noticed(usmap: Run, workspace: Path) -> None:
+def test_samples_in_other_units_are_brought_to_the_right_ones(usmap: Run, workspace: Path) -> None:
     with BagReader([workspace / "bag"]) as bag, new_bag(workspace / "counts") as writer:
         for topic, trace in bag.traces():
             counts = (2000.0 * trace.samples).astype(np.float32)
             writer.write_trace(topic, replace(trace, samples=counts, noise_std=0.0))
 
-    for arguments in (["map", "counts", "-o", "blank"], ["info", "counts"]):
+    for arguments in (["map", "counts", "-o", "learnt"], ["info", "counts"]):
         done = usmap(*arguments, cwd=workspace)
         assert done.returncode == 0
         said = " ".join((done.stdout + done.stderr).split())
-        assert "dB louder than objects make them" in said
-        assert "reconstruction.correction.gain should be about" in said
+        assert "its samples are some 60 dB larger than echoes are" in said
 
     gain = "reconstruction.correction.gain=2000"
-    done = usmap("map", "counts", "-o", "map2", "--set", gain, cwd=workspace)
+    done = usmap("map", "counts", "-o", "told", "--set", gain, cwd=workspace)
     assert done.stderr == ""
+    learnt, told = (
+        {
+            tuple(np.add(cell, found.geometry.first_cell[::-1]).tolist())
+            for cell in np.argwhere(found.predicted())
+        }
+        for found in (load_map(workspace / name)[0] for name in ("learnt", "told"))
+    )
+    assert told
+    assert learnt == told
 
 
 def test_walls_of_a_map_become_part_of_the_sensing_matrix(usmap: Run, tmp_path: Path) -> None:

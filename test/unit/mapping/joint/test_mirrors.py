@@ -48,6 +48,21 @@ def test_an_object_is_no_mirror(views: list[EchoCone]) -> None:
     assert mirrors_of(views) == []
 
 
+def test_a_mirror_that_few_pings_strike_is_found(
+    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone], mirror_m: float
+) -> None:
+    """Others hear no more than a floor, a twentieth as loud."""
+    chance, floor = np.random.default_rng(7), list[EchoCone]()
+    for number in range(3 * len(mirror_pings)):
+        away_m = np.sort(chance.uniform(0.5, 1.2, 3))
+        echoes = list(zip(away_m, 0.025 * chance.rayleigh(size=3) / away_m, strict=True))
+        pose = {"x_m": 0.03 * number, "yaw_rad": -0.5 * math.pi}
+        floor.append(make_cone(*echoes, stamp_ns=10**9 + number, **pose))
+    assert [wall.distance_m for wall in mirrors_of(mirror_pings + floor)] == [
+        pytest.approx(mirror_m, abs=0.005)
+    ]
+
+
 def followed_echoes(
     make_cone: Callable[..., EchoCone],
     pings: int,

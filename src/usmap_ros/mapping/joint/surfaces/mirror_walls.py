@@ -29,9 +29,9 @@ from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.processes.threads import in_turn
 
-#: Amplitude reflectivities that a mirror may have, over what a ping's loudest echo means as a rule,
-#: for half of all pings and more hear nothing squarely; and where ranges alone are known.
-LEAST_MIRROR, MOST_MIRROR, OF_RANGES = 0.5, 6.0, (0.25, 1.6)
+#: Amplitude reflectivities that a mirror may have, over what the loudest echo of one ping in ten
+#: means, for most pings hear nothing squarely, but a floor; and where ranges alone are known.
+LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
 #: Mirrors that are found at the most.
 MOST_WALLS = 60
 #: Largest median deviation of the logarithm of one's reflectivity from its median.
@@ -200,8 +200,8 @@ def _loudness(
     np.maximum.at(loudest, ping, level)
     if not loudest.any():
         return OF_RANGES
-    usual = float(np.median(loudest[loudest > 0.0]))
-    return LEAST_MIRROR * usual, MOST_MIRROR * usual
+    loud = float(np.quantile(loudest[loudest > 0.0], 1.0 - LOUD_PINGS))
+    return LEAST_MIRROR * loud, MOST_MIRROR * loud
 
 
 def _found(search: Search, bar: Bar) -> list[MirrorWall]:

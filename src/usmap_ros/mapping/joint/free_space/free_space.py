@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
-from usmap_ros.mapping.joint.forward_model.log_odds import (
-    cell_log_odds,
-    optical_depth,
-    over_block,
-)
+from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth, over_block
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected
 from usmap_ros.mapping.joint.free_space.going_on import ENDS, behind, behind_alone, go_on
@@ -28,17 +24,10 @@ from usmap_ros.mapping.joint.free_space.open_space import (
     ROUND,
     refute_surfaces,
 )
-from usmap_ros.mapping.joint.free_space.response import (
-    Listening,
-    listen,
-)
+from usmap_ros.mapping.joint.free_space.response import Listening, listen
 from usmap_ros.mapping.joint.free_space.silence import Silence, learn_silence
-from usmap_ros.mapping.joint.free_space.usual_directions import (
-    lacks_room,
-)
-from usmap_ros.mapping.joint.surfaces.lines import (
-    drawn,
-)
+from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
+from usmap_ros.mapping.joint.surfaces.lines import drawn
 from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import (
@@ -175,17 +164,18 @@ class FreeSpace:
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
                 _close(is_refuted, worst, wanted, silence)
-            free = (wanted & is_refuted.all(axis=2) & ~closed) | stood
-            if turn < FREE_ROUNDS - 1:
-                # What was not refuted while all was open is not when less is.
-                wanted &= free | proven | closed
-                before = left
-                left = self._left(
-                    np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown))
-                )
-                changed = _differ(left, before)
-                self._refute(left, listening, silence, wanted, changed, worst)
-                is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
+            before, free = free, (wanted & is_refuted.all(axis=2) & ~closed) | stood
+            if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
+                break
+            # What was not refuted while all was open is not when less is.
+            wanted &= free | proven | closed
+            left_before = left
+            left = self._left(
+                np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown))
+            )
+            changed = _differ(left, left_before)
+            self._refute(left, listening, silence, wanted, changed, worst)
+            is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
         self.heard = Heard(worst, proofs, closed)
         return walls, connected(free, stood | (free & proven), occupied)
 

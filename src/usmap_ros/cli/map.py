@@ -199,6 +199,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
     else:
         pipeline, paths = resume_map(resume, order.parameters)
     _state_frame(order, pipeline)
+    pipeline.refine(order.passes)
     with BagReader(bags) as bag, map_folder(order.output):
         _refuse_absent(order.without, bag.ping_topics())
         # Not before it is known that all there is to read can be read.
@@ -212,7 +213,6 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
             console.progress("mapping", pings) as step,
         ):
             run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
-        pipeline.refine(order.passes)
         occupancy = pipeline.occupancy_map()
         run.doubted = pipeline.fusion.doubted
         summary = save_map(

@@ -30,6 +30,7 @@ from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.repeats import SeenPings
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.processes.threads import begun
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
@@ -175,7 +176,10 @@ def map_bag(
     run.set_apart = apart.summary()
     if not run.pings:
         raise _why_nothing(bag, left_out, apart)
+    # What either leaves of the cores, the other takes; nobody being doubted, the map stands.
+    made = begun(pipeline.fusion.snapshot())
     run.robots = consistency.findings()
+    made.result()
     pipeline.fusion.trust({topic: found.trust for topic, found in run.robots.items()})
     return run
 

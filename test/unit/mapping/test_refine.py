@@ -21,6 +21,7 @@ def test_no_pass_changes_nothing() -> None:
     pipeline = pipeline_with_pings()
     before = pipeline.occupancy_map()
     pipeline.refine(0)
+    assert pipeline.fusion.is_whole
     assert np.array_equal(pipeline.occupancy_map().log_odds, before.log_odds)
 
 

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from usmap_ros.processes import threads
-from usmap_ros.processes.threads import PATIENCE, alone, for_each, give_way, in_turn
+from usmap_ros.processes.threads import PATIENCE, alone, begun, for_each, give_way, in_turn
 
 
 @pytest.mark.parametrize("cores", [1, 2, 5])
@@ -22,6 +22,16 @@ def test_what_a_part_raises_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "available_cores", lambda: 2)
     with pytest.raises(ZeroDivisionError):
         for_each(lambda number: 1 // number, [1, 0])
+
+
+def test_what_is_begun_goes_on_beside() -> None:
+    goes_on = threading.Event()
+    waiting = begun(lambda: goes_on.wait(10.0))
+    assert not waiting.done()
+    goes_on.set()
+    assert waiting.result()
+    with pytest.raises(ZeroDivisionError):
+        begun(lambda: 1 // 0).result()
 
 
 def test_a_thread_that_is_to_work_alone_asks_no_other(monkeypatch: pytest.MonkeyPatch) -> None:

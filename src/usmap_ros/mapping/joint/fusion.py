@@ -116,8 +116,9 @@ class JointFusion(Fusion):
         """Let every map from now on be made with more rounds of shadows and sweeps."""
         if passes < 0:
             raise UsmapError(f"passes: is {passes}, must not be negative")
-        self._more_rounds += passes
-        self._changed()
+        if passes:
+            self._more_rounds += passes
+            self._changed()
 
     @property
     def doubted(self) -> dict[str, float]:

@@ -115,7 +115,7 @@ def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: Wish
     """
     pipeline, paths = Pipeline(parameters), RobotPaths()
     pipeline.fusion.frame_id = wishes.frame_id
+    pipeline.refine(wishes.passes)
     with BagReader([Path(path) for path in cones]) as bag:
         run = map_bag(bag, pipeline, paths, without=wishes.without)
-    pipeline.refine(wishes.passes)
     return AreaMap(pipeline.occupancy_map(), paths, run)

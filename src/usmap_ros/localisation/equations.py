@@ -5,26 +5,22 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solveh_banded
+from scipy.linalg import cho_factor, cho_solve
 
 from usmap_ros.localisation.planar import between, derivatives
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
-#: What is known of a pose that is held, as inverse covariance of x, y (m) and yaw (rad).
-_HELD = np.diag([1.0 / 0.005**2, 1.0 / 0.005**2, 1.0 / 0.01**2])
-#: Diagonals above the main one of a chain's equations.
-_BAND = 5
 #: Least and most that odometry is off over what is stated, and errors that outweigh that.
 _SPREADS, _USUAL = (0.05, 2.0), 4.0
 #: How far off ways by odometry are as a whole, as a share.
 _SCALE_STD = 0.03
 
 
-def odometry_errors(track: Track, knots: FloatArray, first: int = 0) -> FloatArray:
-    """By how much changes from knot to knot, from knot `first` on, differ from odometry."""
-    errors = between(knots[:-1], knots[1:]) - track.increments[first : first + len(knots) - 1]
+def odometry_errors(track: Track, knots: FloatArray) -> FloatArray:
+    """By how much changes from knot to knot differ from odometry."""
+    errors = between(knots[:-1], knots[1:]) - track.increments
     errors[:, 2] = wrapped(errors[:, 2])
     return errors
 
@@ -88,21 +84,15 @@ class ScaleEquation(NamedTuple):
         track.scale += self.right / self.information
 
 
-def chain(
-    track: Track, knots: FloatArray, first: int = 0, *, is_held: bool = False
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Equations of odometry for consecutive knots.
+def chain(track: Track, knots: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Equations of odometry for the knots of a track.
 
     Parameters
     ----------
     track : Track
         Whose.
     knots : (n, 3) array
-        Poses, from knot `first` on.
-    first : int
-        Which knot is the first.
-    is_held : bool
-        Whether the first one is where it is, rather than where it was told to be.
+        Poses.
 
     Returns
     -------
@@ -114,66 +104,17 @@ def chain(
         Right-hand sides.
     """
     blocks, right = np.zeros((len(knots), 3, 3)), np.zeros((len(knots), 3))
-    errors, change = (
-        odometry_errors(track, knots, first),
-        derivatives(knots[:-1], knots[1:]),
-    )
-    weighed = np.swapaxes(change, 1, 2) @ track.informations[first : first + len(knots) - 1]
+    errors, change = odometry_errors(track, knots), derivatives(knots[:-1], knots[1:])
+    weighed = np.swapaxes(change, 1, 2) @ track.informations
     both, pull = weighed @ change, -np.einsum("nij,nj->ni", weighed, errors)
     blocks[:-1] += both[:, :3, :3]
     blocks[1:] += both[:, 3:, 3:]
     right[:-1] += pull[:, :3]
     right[1:] += pull[:, 3:]
-    if is_held:
-        blocks[0] += _HELD
-    else:
-        known = track.start_information()
-        blocks[0] += known
-        right[0] -= known @ start_error(track, knots)
+    known = track.start_information()
+    blocks[0] += known
+    right[0] -= known @ start_error(track, knots)
     return blocks, both[:, :3, 3:], right
-
-
-def solve_chain(blocks: FloatArray, above: FloatArray, right: FloatArray) -> FloatArray:
-    """Changes of knots, (n, 3), by a banded Cholesky decomposition."""
-    count = len(blocks)
-    band = np.zeros((_BAND + 1, 3 * count))
-    for row in range(3):
-        for column in range(3):
-            if row <= column:
-                band[_BAND - (column - row), column::3] = blocks[:, row, column]
-            if count > 1:
-                band[_BAND - (3 + column - row), 3 + column :: 3] = above[:, row, column]
-    return np.asarray(solveh_banded(band, right.ravel())).reshape(count, 3)
-
-
-def on_knots(
-    knot: np.ndarray,
-    share: FloatArray,
-    information: FloatArray,
-    gradient: FloatArray,
-    blocks: FloatArray,
-    above: FloatArray,
-    right: FloatArray,
-) -> None:
-    """Add what is known of the x and y of pings to the equations of the knots around them.
-
-    Parameters
-    ----------
-    knot, share : (n,) arrays
-        The knot before each ping, and how far it is on the way to the next one.
-    information, gradient : (n, 2, 2) and (n, 2) arrays
-        Of the pings.
-    blocks, above, right : arrays
-        As of `chain`; added to.
-    """
-    last = len(blocks) - 1
-    for side, part in ((0, 1.0 - share), (1, share)):
-        at = np.minimum(knot + side, last)
-        np.add.at(right[:, :2], at, part[:, np.newaxis] * gradient)
-        np.add.at(blocks[:, :2, :2], at, (part**2)[:, np.newaxis, np.newaxis] * information)
-    if last:
-        mixed = (share * (1.0 - share))[:, np.newaxis, np.newaxis] * information
-        np.add.at(above[:, :2, :2], np.minimum(knot, last - 1), mixed)
 
 
 def solve(matrix: FloatArray, right: FloatArray) -> tuple[FloatArray, tuple[FloatArray, bool]]:

@@ -1,4 +1,4 @@
-"""Lines through the places that walls would answer from: compiled."""
+"""Lines through the places that walls would answer from, and points: compiled."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from usmap_ros.numerics.compiled import compiled, inlined
 
 #: How well the peak of the votes says the direction, rad, and the farthest step from it.
 _PEAK_RAD, _MOST_TURN_RAD = 0.02, 0.05
+#: How well the peak of the votes says where a point is, m.
+_PEAK_M = 0.1
 #: Steps of a fit, echoes that it needs, and how well a distance is known beforehand, per m².
 _STEPS, _LEAST_ECHOES, _DISTANCE = 4, 1e-3, 1e-6
 #: How far behind a line echoes are that cannot be its, m.
@@ -130,3 +132,58 @@ def fit_line(
         angle += min(max(turn, -_MOST_TURN_RAD), _MOST_TURN_RAD)
         scale_m = sigma_m
     return angle, distance_m
+
+
+@inlined
+def _ray(rows: Bearers, echo: int, x_m: float, y_m: float) -> tuple[bool, float, float, float]:
+    """Whether an echo may be of a point, the unit vector there, and how far behind it it is."""
+    x, y = x_m - rows.x_m[echo], y_m - rows.y_m[echo]
+    far_m = math.hypot(x, y) + 1e-9
+    off_rad = math.atan2(y, x) - rows.yaw_rad[echo]
+    off_rad -= 2.0 * math.pi * math.floor(off_rad / (2.0 * math.pi) + 0.5)
+    can_be = abs(off_rad) <= rows.reach_rad[echo]
+    return can_be, x / far_m, y / far_m, rows.range_m[echo] - far_m
+
+
+@compiled
+def put_on_point(
+    rows: Bearers, wanted: BoolArray, x_m: float, y_m: float, behind_m: FloatArray
+) -> None:
+    """Set how far behind a point echoes are; kilometres, if they cannot be its.
+
+    Parameters are those of `put_on_line`.
+    """
+    for echo in range(len(rows.x_m)):
+        can_be, _, _, off_m = _ray(rows, echo, x_m, y_m)
+        behind_m[echo] = off_m if can_be and wanted[echo] else _NOT_ITS_M
+
+
+@compiled
+def fit_point(
+    rows: Bearers, wanted: BoolArray, place: tuple[float, float], coarse_m: float, sigma_m: float
+) -> tuple[float, float]:
+    """A point at what is near it, by least squares.
+
+    Parameters are those of `fit_line`, but for where it is nearly, and so is what is returned.
+    """
+    x_m, y_m = place
+    scale_m, known = max(coarse_m, sigma_m), (sigma_m / _PEAK_M) ** 2
+    for _ in range(_STEPS):
+        first, mixed, second, moved_x, moved_y = known, 0.0, known, 0.0, 0.0
+        for echo in range(len(rows.x_m)):
+            if not wanted[echo]:
+                continue
+            can_be, x, y, off_m = _ray(rows, echo, x_m, y_m)
+            if not can_be or abs(off_m) >= 3.0 * scale_m:
+                continue
+            weight = rows.weight[echo] * math.exp(-0.5 * (off_m / scale_m) ** 2)
+            first += weight * x * x
+            mixed += weight * x * y
+            second += weight * y * y
+            moved_x += weight * x * off_m
+            moved_y += weight * y * off_m
+        determinant = first * second - mixed * mixed
+        x_m += (second * moved_x - mixed * moved_y) / determinant
+        y_m += (first * moved_y - mixed * moved_x) / determinant
+        scale_m = sigma_m
+    return x_m, y_m

@@ -1,21 +1,49 @@
-"""The search for poses: among points or along walls, and never worse than none."""
+"""The search for poses: what was gone so far is adjusted to the landmarks that it shows."""
 
 from __future__ import annotations
 
-from usmap_ros.localisation.along_walls import along_walls, gained_by_walls
-from usmap_ros.localisation.among_points import among_points, make_field, most_likely, with_all
-from usmap_ros.localisation.found import Found
-from usmap_ros.localisation.smoother import Smoother
+import copy
+import math
 
-#: What lines of walls, with what they cost, gain of log-likelihood an echo where it is walls: among
-#: poles it was 0.2 to 0.43, in rooms 0.49 and more.  Share of echoes from places that pings share,
-#: with the poses that points make most likely: among poles it was 0.43 and more, in rooms up to
-#: 0.26.  Where both are less, too few pings share anything, and points are the safer guess.
-_WALLED, _POINTS, _LEAST_WALLED = 0.52, 0.35, 0.4
+from usmap_ros.localisation.equations import covariances
+from usmap_ros.localisation.found import Found, average, of_pings
+from usmap_ros.localisation.lines_and_points import Landmarks
+from usmap_ros.localisation.shares import share_out, worth_their_cost
+from usmap_ros.localisation.smoother import Smoother
+from usmap_ros.localisation.votes import find_lines, find_points
+from usmap_ros.numerics.arrays import FloatArray
+
+#: How far walls may seem to be off, m, one after the other; steps for each before the last one.
+_WALLS_M, _WALL_STEPS = (0.1, 0.05), 2
+#: Knots that are added at once on the way along walls, one search for each: in short stretches
+#: little drift is added at once, in long ones much is seen of walls that are new.  All at once is
+#: surest where odometry is so good that poses as told show walls; it also tells the others how well
+#: odometry is known.
+_STRETCHES = (10**6, 12, 6)
+#: How far walls may seem to be off, m, for points to be looked for.  Where poses are worse, points
+#: among smooth walls are mostly chance, and lead a search astray; among poles, which have few walls
+#: to follow, one more search takes them from its start.
+_POINTS_M = 0.04
+#: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
+#: are found by, at the least, or a wall would be found twice.
+_TOWARDS_THE_END_M, _FOUND_M = (0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.03, 0.03), 0.03
+#: The same last of all, but for readings of the first thing only: ways of drones got worse by that.
+_AT_THE_END_M = 0.02
+#: Times that noise is told by how far echoes are off landmarks; how much wider than that it is, for
+#: poses have taken some of it up; and what it is at the least and the most, m.
+_NOISE_ROUNDS, _WIDER, _LEAST_M, _MOST_M = 2, 1.2, 0.01, 0.03
+#: Ends that differ by less of log-likelihood are much alike: so much it is off by which lines are
+#: found.
+_ALIKE = 20.0
+#: By so much, for the root of the number of echoes, it is off by chance: poses as told stand unless
+#: something is likelier by more.
+_BY_CHANCE = 0.5
+#: Stretches at the most.
+_MOST_STRETCHES = 40
 
 
 def search(start: Smoother) -> Found | None:
-    """Find poses that odometry and all echoes together make most likely.
+    """Go along with all robots, and average ends by how likely landmarks and odometry make them.
 
     Parameters
     ----------
@@ -25,21 +53,108 @@ def search(start: Smoother) -> Found | None:
     Returns
     -------
     Found or None
-        None where nothing is more likely than what was told.
+        None where no end is more likely than what was told.
     """
     if len(start.echoes.ping) == 0:
         return None
-    # Sensors that hear surfaces from any side hear some in every beam, poles or not.
-    if start.echoes.are_first_only:
-        return along_walls(start)
-    told = with_all(start)
-    gained = gained_by_walls(told)
-    if gained > _WALLED:
-        return along_walls(start)
-    make_field(told)
-    ends = among_points(start, told)
-    if max(one.shared() for one in ends) < _POINTS:
-        gained = max(gained, *map(gained_by_walls, ends))
-        if gained > _LEAST_WALLED:
-            return along_walls(start)
-    return most_likely(ends, told)
+    start.active[:] = True
+    first_only = start.echoes.are_first_only
+    finest_m = _FOUND_M if first_only else _AT_THE_END_M
+    ends, least = [], _likely_by_landmarks(start, finest_m)
+    if first_only:
+        least += _BY_CHANCE * math.sqrt(float(start.echoes.weight.sum()))
+    searches = [(stretch, _POINTS_M) for stretch in _STRETCHES]
+    if not first_only:
+        searches.append((_STRETCHES[-1], math.inf))
+    for stretch, points_m in searches:
+        one = copy.deepcopy(start)
+        factor = _go_along(one, stretch, points_m)
+        # The next search knows by this one how well odometry is known.
+        for track, so_far in zip(start.tracks, one.tracks, strict=True):
+            track.spread = so_far.spread
+        left_open = one.left_open(factor) if first_only else 0.0
+        if not first_only:
+            factor = _by_noise(one, points_m)
+        likely = _likely_by_landmarks(one, finest_m) - left_open
+        if likely > least:
+            ends.append((likely / _ALIKE, of_pings(one, covariances(factor, one.knot_count))))
+    return average(ends) if ends else None
+
+
+def _by_noise(smoother: Smoother, points_m: float) -> tuple[FloatArray, bool]:
+    """Adjust poses to landmarks by how far echoes are really off them; see `_go_along`."""
+    sigma_m = _TOWARDS_THE_END_M[-1]
+    for _ in range(_NOISE_ROUNDS - 1):
+        sigma_m = _noise_m(smoother, sigma_m, points_m)
+        _adjust_to_landmarks(smoother, sigma_m, points_m)
+    return _adjust_to_landmarks(smoother, _noise_m(smoother, sigma_m, points_m), points_m)
+
+
+def _noise_m(smoother: Smoother, sigma_m: float, points_m: float) -> float:
+    """How far echoes seem to be off the landmarks that they are of, and one more by `sigma_m`."""
+    landmarks = _landmarks(smoother, max(sigma_m, _FOUND_M), points_m)
+    echoes = smoother.echoes
+    heard = share_out(echoes, smoother.poses, smoother.active, landmarks, sigma_m)
+    weights = heard.shares * echoes.weight[heard.echo]
+    total = float(weights @ heard.off_m**2) + sigma_m**2
+    off_m = _WIDER * math.sqrt(total / (float(weights.sum()) + 1.0))
+    return min(max(off_m, _LEAST_M), _MOST_M)
+
+
+def _landmarks(smoother: Smoother, sigma_m: float, points_m: float) -> Landmarks:
+    """Walls that echoes show, and points among them, such as poles and edges.
+
+    Points are looked for where poses are not off by more than `points_m`.
+    """
+    heard = smoother.echoes, smoother.poses, smoother.active
+    lines = find_lines(*heard, sigma_m)
+    if smoother.echoes.are_first_only or sigma_m > points_m:
+        return lines
+    both = lines._replace(points_m=find_points(*heard, sigma_m))
+    return worth_their_cost(*heard, both, sigma_m)
+
+
+def _likely_by_landmarks(smoother: Smoother, sigma_m: float) -> float:
+    """How likely poses are by the walls that they show, whatever others they were adjusted to."""
+    walls = _landmarks(smoother, _FOUND_M, _POINTS_M)
+    return smoother.log_posterior_of(walls, sigma_m)
+
+
+def _go_along(smoother: Smoother, stretch: int, points_m: float) -> tuple[FloatArray, bool]:
+    """Adjust what was gone so far to the walls that it shows, each time with so many knots more.
+
+    Returns
+    -------
+    factor
+        Decomposition for `covariances`.  By finer ranges poses would seem to be known better than
+        they are: what walls are off, they are off for many pings alike.
+    """
+    longest = max(map(len, smoother.knots))
+    stretches = min(-(-longest // stretch), _MOST_STRETCHES)
+    for number in range(1, stretches + 1):
+        last = longest * number // stretches
+        for robot, first in smoother.first.items():
+            rows = smoother.tracks[robot].rows
+            smoother.active[rows] = smoother.knot[rows] - first < last
+        for blur_m in _WALLS_M:
+            _adjust_to_landmarks(smoother, blur_m, points_m)
+        for robot in smoother.first:
+            smoother.predict(robot, min(last, len(smoother.knots[robot]) - 1))
+        smoother.spread()
+    factor = _adjust_to_landmarks(smoother, _TOWARDS_THE_END_M[0], points_m)
+    for blur_m in _TOWARDS_THE_END_M[1:]:
+        factor = _adjust_to_landmarks(smoother, blur_m, points_m)
+        smoother.weigh_odometry(factor)
+    return factor
+
+
+def _adjust_to_landmarks(
+    smoother: Smoother, sigma_m: float, points_m: float
+) -> tuple[FloatArray, bool]:
+    """Adjust poses and walls together; gives the decomposition for `covariances`."""
+    found_m = max(sigma_m, _FOUND_M)
+    walls = _landmarks(smoother, found_m, points_m)
+    for _ in range(_WALL_STEPS):
+        walls, _ = smoother.adjust_to(walls, sigma_m)
+    _, factor = smoother.adjust_to(walls, sigma_m)
+    return factor

@@ -8,13 +8,15 @@ from pings_among_poles import Ping, cone
 
 from usmap_ros.localisation import refine_poses
 from usmap_ros.localisation.echo_table import tabulate
+from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.planar import between, compose
-from usmap_ros.localisation.walls import Walls, find_walls, share_out
+from usmap_ros.localisation.shares import share_out, worth_their_cost
+from usmap_ros.localisation.votes import find_lines, find_points
 from usmap_ros.numerics.geometry import Pose, wrapped
 from usmap_ros.pings.range_cones import RangeReading
 
 #: Normals and distances of a room's walls: one of them aslant, so that no turn brings it back.
-ROOM = Walls(np.array([0.0, 1.6, np.pi, -1.3]), np.array([6.0, 4.5, 0.5, 0.3]))
+ROOM = Landmarks(np.array([0.0, 1.6, np.pi, -1.3]), np.array([6.0, 4.5, 0.5, 0.3]))
 #: Odometry's errors from ping to ping: m, m, rad.
 DRIFT = np.array([0.006, 0.006, 0.006])
 
@@ -32,7 +34,7 @@ def at(pose: np.ndarray, covariance: np.ndarray | None = None) -> Pose:
     return Pose.planar(x_m, y_m, yaw_rad, planar_covariance=covariance)
 
 
-def ranges_m(pose: np.ndarray, walls: Walls = ROOM) -> np.ndarray:
+def ranges_m(pose: np.ndarray, walls: Landmarks = ROOM) -> np.ndarray:
     """From where the walls in the beam answer."""
     far_m = walls.distances_m - pose[:2] @ walls.normals()
     faced = np.abs(wrapped(walls.normals_rad - pose[2])) < 0.66
@@ -102,7 +104,7 @@ def test_lines_are_found_by_the_feet_of_their_perpendiculars() -> None:
     true = way(240)
     echoes = tabulate([cone(at(pose), ranges_m(pose)) for pose in true], np.ones(len(true)))
     everyone = np.ones(len(true), bool)
-    found = find_walls(echoes, true, everyone, 0.05)
+    found = find_lines(echoes, true, everyone, 0.05)
     # By components of normals, so that no angle has a seam.
     there = np.vstack([ROOM.normals(), ROOM.distances_m])
     here = np.vstack([found.normals(), found.distances_m])
@@ -124,13 +126,34 @@ def test_walls_whose_echoes_scatter_little_count_for_more() -> None:
         [cone(at(pose), each) for pose, each in zip(true, heard_m, strict=True)], np.ones(240)
     )
     heard = share_out(echoes, true, np.ones(240, bool), ROOM, 0.02)
-    even, others = (heard.precision[(heard.wall % 2 == side)].mean() for side in (0, 1))
+    even, others = (heard.precision[(heard.landmark % 2 == side)].mean() for side in (0, 1))
     assert even > 3.0 * others
+
+
+def test_poles_in_a_room_are_points_and_its_walls_are_lines() -> None:
+    true = way(240)
+    poles_m = np.array([[1.8, 3.4], [4.6, 1.2]])
+    heard_m = []
+    for pose in true:
+        off_m = poles_m - pose[:2]
+        far_m, aside = np.hypot(*off_m.T), wrapped(np.arctan2(*off_m.T[::-1]) - pose[2])
+        heard_m.append(np.sort(np.append(ranges_m(pose), far_m[np.abs(aside) < 0.6])))
+    cones = [cone(at(pose), each) for pose, each in zip(true, heard_m, strict=True)]
+    heard = tabulate(cones, np.ones(240)), true, np.ones(240, bool)
+    both = find_lines(*heard, 0.03)._replace(points_m=find_points(*heard, 0.03))
+    found = worth_their_cost(*heard, both, 0.03)
+    apart_m = np.linalg.norm(found.points_m[:, np.newaxis] - poles_m, axis=2)
+    assert apart_m.min(axis=0).max() < 0.03
+    there = np.vstack([ROOM.normals(), ROOM.distances_m])
+    here = np.vstack([found.normals(), found.distances_m])
+    apart = np.abs(there[:, :, np.newaxis] - here[:, np.newaxis]).max(axis=0)
+    assert apart.min(axis=1).max() < 0.03
+    assert found.total < both.total
 
 
 def test_where_nobody_hears_anything_there_are_no_walls() -> None:
     silent = tabulate([cone(at(pose)) for pose in way(9)], np.ones(9))
-    assert len(find_walls(silent, way(9), np.ones(9, bool), 0.05).normals_rad) == 0
+    assert len(find_lines(silent, way(9), np.ones(9, bool), 0.05).normals_rad) == 0
 
 
 @pytest.mark.parametrize("seed", [4, 6])
@@ -149,11 +172,11 @@ def test_a_sensor_of_the_first_thing_hears_walls_at_the_edge_of_its_beam() -> No
     assert heard.shares.sum() > 0.7 * len(echoes.ping)
     by_turning = np.array([[0.0, 0.0, 1e-4]])
     turned = share_out(echoes, true + by_turning, np.ones(len(true), bool), ROOM, 0.05)
-    where = {pair: row for row, pair in enumerate(zip(turned.echo, turned.wall, strict=True))}
+    where = {pair: row for row, pair in enumerate(zip(turned.echo, turned.landmark, strict=True))}
     hits = np.flatnonzero(heard.shares > 0.5)
-    there = [where[heard.echo[hit], heard.wall[hit]] for hit in hits]
+    there = [where[heard.echo[hit], heard.landmark[hit]] for hit in hits]
     np.testing.assert_allclose(
-        turned.off_m[there] - heard.off_m[hits], 1e-4 * heard.per_rad_m[hits], atol=1e-6
+        turned.off_m[there] - heard.off_m[hits], 1e-4 * heard.by_pose[2, hits], atol=1e-6
     )
 
 
@@ -209,7 +232,7 @@ def test_a_wrong_closure_does_not_bend_the_way() -> None:
 def test_echoes_of_what_is_not_there_do_not_bend_the_way() -> None:
     rng, true = np.random.default_rng(9), way(400)
     # Half of all pings hear a wall that is parallel to another and nearer, all hear something.
-    ghost = Walls(np.array([0.0]), np.array([5.6]))
+    ghost = Landmarks(np.array([0.0]), np.array([5.6]))
     lies = [
         np.concatenate(
             [ranges_m(pose), ranges_m(pose, ghost)[: rng.integers(2)], rng.uniform(0.3, 4.5, 1)]

@@ -1,13 +1,16 @@
-"""Ranges to walls in the normal equations of knots, the walls eliminated."""
+"""Ranges to landmarks in the normal equations of knots, the landmarks eliminated."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from usmap_ros.localisation.echo_table import Echoes
-from usmap_ros.localisation.landmarks import Knots
-from usmap_ros.localisation.walls import Heard, Walls
+from usmap_ros.localisation.lines_and_points import Landmarks
+from usmap_ros.localisation.shares import Heard
 from usmap_ros.numerics.arrays import FloatArray
 
 #: Shares that are less say nothing.
@@ -16,16 +19,32 @@ _LEAST_SHARE = 0.02
 _MAY_TURN_RAD, _MAY_MOVE_M = 0.2, 0.3
 
 
-class WallEquations:
-    """What echoes of walls add to the equations of knots.
-
-    Walls are unknowns as well, a direction and a distance each.  They do not know one another, so
-    that they are eliminated (Schur complement), and follow from the knots afterwards.
+class Knots(NamedTuple):
+    """Between which knots pings are.
 
     Parameters
     ----------
-    walls, heard : Walls, Heard
-        What stands, and whose each echo is.
+    before : (pings,) int array
+        The knot before each ping; -1: its pose is fixed.
+    share : (pings,) array
+        How far it is on the way to the next one, 0 to 1.
+    """
+
+    before: NDArray[np.int64]
+    share: FloatArray
+
+
+class LandmarkEquations:
+    """What echoes of landmarks add to the equations of knots.
+
+    Landmarks are unknowns as well, two each: a wall's direction and distance, a point's x and y.
+    They do not know one another, so that they are eliminated (Schur complement), and follow from
+    the knots afterwards.
+
+    Parameters
+    ----------
+    landmarks, heard : Landmarks, Heard
+        What stands, and which echoes are whose.
     echoes : Echoes
         Of all pings.
     poses : (pings, 3) array
@@ -40,7 +59,7 @@ class WallEquations:
 
     def __init__(
         self,
-        walls: Walls,
+        landmarks: Landmarks,
         heard: Heard,
         echoes: Echoes,
         poses: FloatArray,
@@ -48,35 +67,40 @@ class WallEquations:
         count: int,
         weight: float,
     ) -> None:
-        self._walls = walls
+        self._landmarks = landmarks
         kept = np.flatnonzero(heard.shares > _LEAST_SHARE)
-        echo, wall = heard.echo[kept], heard.wall[kept]
+        echo, wall = heard.echo[kept], heard.landmark[kept]
         ping, rows = echoes.ping[echo], np.arange(len(echo))
         weights = heard.shares[kept] * echoes.weight[echo] * weight * heard.precision[kept]
         off_m, along_m = heard.off_m[kept], heard.along_m[kept]
-        number, lines = len(walls.normals_rad), len(echo)
+        number, lines = landmarks.total, len(echo)
         # Walls turn about the middle of their feet.
         total = np.bincount(wall, weights, number)
         middle = np.bincount(wall, weights * along_m, number)
         self._middle_m = middle / np.maximum(total, 1e-12)
         is_free = knots.before[ping] >= 0
         before, share = np.maximum(knots.before[ping], 0), knots.share[ping]
-        after, normals = np.minimum(before + 1, count - 1), walls.normals()[:, wall]
+        after, changes = np.minimum(before + 1, count - 1), heard.by_pose[:, kept]
         parts = np.stack([1.0 - share, share]) * is_free
-        changes = np.vstack([normals, heard.per_rad_m[kept]])
         values = (parts[:, np.newaxis] * changes).reshape(6, -1)
         columns = np.stack([3 * knot + axis for knot in (before, after) for axis in range(3)])
         by_pose = sparse.csr_matrix(
             (values.ravel(), (np.tile(rows, 6), columns.ravel())), (lines, 3 * count)
         )
-        turns = np.concatenate([along_m - self._middle_m[wall], -np.ones(lines)])
+        turns = np.stack([along_m - self._middle_m[wall], -np.ones(lines)])
+        is_point = wall >= len(landmarks.normals_rad)
+        turns[:, is_point] = -changes[:2, is_point]
         columns = np.concatenate([2 * wall, 2 * wall + 1])
-        by_wall = sparse.csr_matrix((turns, (np.tile(rows, 2), columns)), (lines, 2 * number))
+        by_wall = sparse.csr_matrix(
+            (turns.ravel(), (np.tile(rows, 2), columns)), (lines, 2 * number)
+        )
         weighed = sparse.diags(weights) @ by_pose
         self._matrix = (by_pose.T @ weighed).toarray()
         self._right = -np.asarray(by_pose.T @ (weights * off_m))
         own = (by_wall.T @ sparse.diags(weights) @ by_wall).toarray()
-        own += np.diag(np.tile([_MAY_TURN_RAD**-2, _MAY_MOVE_M**-2], number))
+        may_change = np.full((number, 2), _MAY_MOVE_M)
+        may_change[: len(landmarks.normals_rad), 0] = _MAY_TURN_RAD
+        own += np.diag(may_change.ravel() ** -2)
         self._to_walls = np.linalg.solve(own, (by_wall.T @ weighed).toarray())
         self._alone = np.linalg.solve(own, -np.asarray(by_wall.T @ (weights * off_m)))
         self._coupling = (weighed.T @ by_wall).toarray()
@@ -86,10 +110,13 @@ class WallEquations:
         matrix += self._matrix - self._coupling @ self._to_walls
         right += self._right - self._coupling @ self._alone
 
-    def moved(self, change: FloatArray) -> Walls:
-        """Walls after a change of the knots, (knots, 3)."""
-        turn, shift_m = (self._alone - self._to_walls @ change.ravel()).reshape(-1, 2).T
-        return Walls(
-            self._walls.normals_rad + turn,
-            self._walls.distances_m + shift_m + self._middle_m * turn,
+    def moved(self, change: FloatArray) -> Landmarks:
+        """Landmarks after a change of the knots, (knots, 3)."""
+        lines = len(self._landmarks.normals_rad)
+        changes = (self._alone - self._to_walls @ change.ravel()).reshape(-1, 2)
+        turn, shift_m = changes[:lines].T
+        return Landmarks(
+            self._landmarks.normals_rad + turn,
+            self._landmarks.distances_m + shift_m + self._middle_m[:lines] * turn,
+            self._landmarks.points_m + changes[lines:],
         )

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from usmap_ros.pings.amplitude_scale import loudest_log_reflectivity
 from usmap_ros.pings.cone import LIMIT_AMPLITUDES, LIMIT_STEP_DB, EchoCone
 
 #: What the loudest echo of one ping in ten is beyond, dB over that of an ideal point at 1 m, were
@@ -33,11 +34,9 @@ def steps_to_scale(cones: Iterable[tuple[EchoCone, str]]) -> dict[str, int]:
     """
     loudest_db: defaultdict[str, list[float]] = defaultdict(list)
     for cone, source in cones:
-        if len(cone.ranges_m) and cone.amplitudes.any():
-            range_m = cone.ranges_m.astype(np.float64)
-            spread = np.maximum(cone.amplitudes * range_m**2, np.finfo(np.float32).tiny)
-            level_db = 20.0 * np.log10(spread) + 2.0 * cone.attenuation_db_m * range_m
-            loudest_db[source].append(float(level_db.max()))
+        loudest = loudest_log_reflectivity(cone)
+        if loudest is not None:
+            loudest_db[source].append(20.0 / np.log(10.0) * loudest)
     steps = {}
     for source, levels_db in loudest_db.items():
         loud_db = float(np.quantile(levels_db, QUANTILE))

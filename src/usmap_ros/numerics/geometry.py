@@ -17,6 +17,8 @@ COVARIANCE_TOLERANCE = 1e-6
 #: How far the norm of a quaternion may be from 1 (tf2 and nav2 use a like tolerance).
 QUATERNION_TOLERANCE = 1e-2
 
+#: Variance of a place from which on it stands for one that is not known, m².
+UNKNOWN_M2 = 1e4
 #: Rows and columns of x, y and yaw in the 6 × 6 covariance of a ROS pose.
 PLANAR_AXES = (0, 1, 5)
 _PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
@@ -185,6 +187,22 @@ def on_base(base: Pose, mount: Pose) -> Pose:
     lever = np.eye(6)
     lever[0, 5], lever[1, 5] = -arm_y_m, arm_x_m
     return Pose(pose.position_m, pose.orientation, lever @ base.covariance @ lever.T)
+
+
+def told_covariance(covariance: FloatArray) -> FloatArray:
+    """A covariance as messages have it; zeros if it says that nothing is known.
+
+    That is -1 in the first place, as ``sensor_msgs`` have it, or variances of no place on earth
+    such as 1e6, as others do: poses without a place would not have been sent.
+
+    Parameters
+    ----------
+    covariance : (36,) array
+        Row by row.
+    """
+    x_m2, y_m2 = covariance[0], covariance[7]
+    is_known = x_m2 != -1.0 and not min(x_m2, y_m2) >= UNKNOWN_M2
+    return covariance.reshape(6, 6) if is_known else np.zeros((6, 6))
 
 
 def at_height(places_m: FloatArray, height_m: float | FloatArray) -> FloatArray:

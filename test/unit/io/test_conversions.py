@@ -17,6 +17,7 @@ from usmap_ros.io.conversions import (
     trace_to_cdr,
 )
 from usmap_ros.io.message_types import ECHO_TRACE, TRANSDUCER_ARRAY, typestore
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.pings.transducer_array import TransducerArray
@@ -85,6 +86,16 @@ def test_the_noise_is_read_without_the_rest(make_trace: MakeTrace) -> None:
     assert noise_from_cdr(trace_to_cdr(make_trace(noise_std=0.25))) == 0.25
     with pytest.raises(MalformedMessageError, match="message"):
         noise_from_cdr(trace_to_cdr(make_trace())[:300])
+
+
+@pytest.mark.parametrize("unknown", [-np.eye(6)[:1], 1e6 * np.eye(6)], ids=["-1", "1e6"])
+def test_a_covariance_may_be_said_to_be_unknown(make_trace: MakeTrace, unknown: Any) -> None:
+    """As of `sensor_msgs` or as others do; recordings were refused for the one, and empty maps."""
+    pose = Pose.planar(1.0, 2.0, 0.5)
+    pose.covariance[: len(unknown)] = unknown
+    trace = trace_from_cdr(trace_to_cdr(make_trace(pose=pose)))
+    trace.validate()
+    assert not trace.pose.covariance.any()
 
 
 def test_an_unknown_encoding_is_named(make_trace: MakeTrace) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.errors import MalformedMessageError
-from usmap_ros.numerics.geometry import Pose
+from usmap_ros.numerics.geometry import Pose, told_covariance
 
 NANOSECONDS = 1_000_000_000
 MAX_SECONDS = 2**31 - 1
@@ -76,7 +76,7 @@ def pose_from_message(message: Any) -> Pose:
         orientation=np.array(
             [orientation.x, orientation.y, orientation.z, orientation.w], dtype=np.float64
         ),
-        covariance=covariance.reshape(6, 6),
+        covariance=told_covariance(covariance),
     )
 
 

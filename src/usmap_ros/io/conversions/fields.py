@@ -15,7 +15,7 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.cdr import BYTE, CdrReader, CdrWriter, Layout
 from usmap_ros.io.conversions.common import stamp_from_parts, stamp_to_parts
-from usmap_ros.numerics.geometry import Pose
+from usmap_ros.numerics.geometry import Pose, told_covariance
 
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 TWO_DOUBLES = Layout.of(8, "dd")
@@ -52,7 +52,7 @@ def read_pose(reader: CdrReader) -> Pose:
     """`Pose` from a ``geometry_msgs/PoseWithCovariance``, not yet validated."""
     # A copy: doubles need not lie in memory as compiled functions want them.
     numbers = reader.array(FLOAT64, _POSE_WITH_COVARIANCE).copy()
-    covariance = numbers[_POSE:].reshape(6, 6)
+    covariance = told_covariance(numbers[_POSE:])
     return Pose(numbers[:_POSITION], numbers[_POSITION:_POSE], covariance)
 
 

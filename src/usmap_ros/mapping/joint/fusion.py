@@ -13,6 +13,7 @@ from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.known import Known, least_credit
 from usmap_ros.mapping.joint.live_map import LiveMap
+from usmap_ros.mapping.joint.local_origin import LocalOrigin
 from usmap_ros.mapping.joint.survey import Survey
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
@@ -40,6 +41,8 @@ class JointFusion(Fusion):
     def __init__(self, parameters: MappingParameters) -> None:
         super().__init__(parameters)
         self._kept = KeptPings(parameters)
+        # From which all is counted that is kept, by the first ping or an earlier map.
+        self._origin: LocalOrigin | None = None
         # What those before the window have said.
         self._earlier: Callable[[], OccupancyMap] | None = None
         self._retired: Survey | None = None
@@ -54,6 +57,10 @@ class JointFusion(Fusion):
         if len(self._kept) >= self.parameters.window:
             self._retire()
         self._count += 1
+        if self._origin is None:
+            x_m, y_m, _ = cone.pose.position_m.tolist()
+            self._origin = LocalOrigin.near(x_m, y_m, self.parameters.resolution_m)
+        cone = self._origin.cone(cone)
         is_new = self._kept.add(cone, source)
         # All from one place count as one, whether they come before or after.
         if self._live is not None and is_new and self._kept.trust.get(source, 1.0) > 0.0:
@@ -132,7 +139,11 @@ class JointFusion(Fusion):
 
     def snapshot(self) -> Callable[[], OccupancyMap]:
         """What makes the map as it is now, in its own time and in any thread."""
-        return self._surveyed().occupancy_map
+        return self._in_frame(self._surveyed().occupancy_map)
+
+    def _in_frame(self, make: Callable[[], OccupancyMap]) -> Callable[[], OccupancyMap]:
+        origin = self._origin
+        return make if origin is None else lambda: origin.in_frame(make())
 
     def live_snapshot(self, in_time: bool = False) -> Callable[[], OccupancyMap]:
         """What makes the map of late: where most is known, new pings alone are visited.
@@ -157,7 +168,7 @@ class JointFusion(Fusion):
             found = live.occupancy_map(whole.frame_id, whole.stamp_ns, newest)
             return whole.occupancy_map() if found is None else found
 
-        return made
+        return self._in_frame(made)
 
     @property
     def is_whole(self) -> bool:
@@ -190,7 +201,11 @@ class JointFusion(Fusion):
             If its resolution or origin does not fit this grid.
         """
         super().resume(occupancy)
-        before = copied(occupancy)
+        if self._origin is None:
+            self._origin = LocalOrigin.near(
+                *occupancy.geometry.origin_m, self.parameters.resolution_m
+            )
+        before = self._origin.from_here(copied(occupancy))
         self._earlier, self._retired = (lambda: before), None
         self._changed()
 

@@ -22,6 +22,8 @@ from usmap_ros.processes import threads
 MakeCone = Callable[..., EchoCone]
 #: More than twice the range of the pings, and a whole number of cells.
 FAR_M = 20.0
+#: Where a country's grid may have a room.
+COUNTRY_M = 500_000.0, 4_500_000.0
 
 
 def fused(cones: list[EchoCone], source: str = "", **parameters: float) -> JointFusion:
@@ -215,6 +217,26 @@ def test_a_map_is_resumed_and_goes_on(views: list[EchoCone]) -> None:
     occupancy = resumed.occupancy_map()
     for x_m in (1.525, 1.525 + FAR_M):
         assert at(occupancy, occupancy.predicted(), x_m, 0.425)
+
+
+def test_a_place_far_from_the_origin_is_mapped_as_any_other(
+    mirror_pings_at: Callable[..., list[EchoCone]],
+) -> None:
+    """Robots in a country's grid; searches by distance from the origin took all memory there."""
+    here = fused(mirror_pings_at()).occupancy_map()
+    assert here.predicted().any()
+    fusion = fused(mirror_pings_at(*COUNTRY_M)[:20])
+    resumed = fused([])
+    resumed.resume(fusion.occupancy_map())
+    for cone in mirror_pings_at(*COUNTRY_M)[20:]:
+        fusion.fuse(cone)
+    there = fusion.occupancy_map()
+    np.testing.assert_allclose(
+        np.subtract(there.geometry.origin_m, here.geometry.origin_m), COUNTRY_M
+    )
+    np.testing.assert_array_equal(there.predicted(), here.predicted())
+    np.testing.assert_array_equal(there.observed, here.observed)
+    assert_same(resumed.occupancy_map(), fused(mirror_pings_at(*COUNTRY_M)[:20]).occupancy_map())
 
 
 def test_an_earlier_map_is_not_changed(views: list[EchoCone]) -> None:

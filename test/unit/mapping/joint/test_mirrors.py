@@ -121,6 +121,21 @@ def test_a_mirror_is_found_though_poses_are_as_far_off_as_they_say(
     assert all(len(wall.echoes) > 30 for wall in found)
 
 
+@pytest.mark.parametrize(("told_std_m", "walls"), [(0.04, 0), (0.0, 1)])
+def test_a_pole_heard_along_a_way_that_drifts_is_no_mirror(
+    make_cone: Callable[..., EchoCone], told_std_m: float, walls: int
+) -> None:
+    """Errors of poses wander slowly, and make arcs straighter; a field of poles got such walls."""
+    covariance = np.diag([told_std_m**2, told_std_m**2, 0.0])
+    where = {"yaw_rad": 0.5 * math.pi, "planar_covariance": covariance}
+    cones = []
+    for n, x_m in enumerate(np.linspace(-0.35, 0.35, 20)):
+        range_m = math.hypot(x_m, 2.0)
+        y_m = 0.62 * (2.0 - range_m)
+        cones.append(make_cone((range_m, 0.2), x_m=x_m, y_m=y_m, stamp_ns=n, **where))
+    assert len(mirrors_of(cones)) == walls
+
+
 def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:
     kept = KeptPings(MappingParameters())
     for cone in mirror_pings:

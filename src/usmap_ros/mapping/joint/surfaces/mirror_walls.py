@@ -53,8 +53,9 @@ LEAST_SHARE = 0.6
 ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE = 0.1, 0.33, 15
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
 BAND = 0.4
-#: Sum of squares of what errors of poses explain, over that of their standard deviations.
-POSES_SHARE = 2.25
+#: Sum of squares of what errors of poses explain, over that of their standard deviations; and of
+#: what they are off from one ping of a wall to the next, for they wander slowly.
+POSES_SHARE, WANDERING_SHARE = 2.25, 0.05
 
 
 class Bar(NamedTuple):
@@ -241,10 +242,11 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
     )
     ranges_m = search.echoes.range_m[hits.echo]
     wall, point = _residuals(feet_m, across_m, ranges_m)
-    if 0.5 * len(feet_m) * math.log(point / wall) < bar.over_point:
+    by_poses = float((numbers[:, RANGE_STD] ** 2).sum())
+    wandering = WANDERING_SHARE * by_poses
+    if 0.5 * len(feet_m) * math.log((point + wandering) / (wall + wandering)) < bar.over_point:
         return None
-    by_poses = POSES_SHARE * float((numbers[:, RANGE_STD] ** 2).sum())
-    if wall > max(bar.point_share * point, by_poses):
+    if wall > max(bar.point_share * point, POSES_SHARE * by_poses):
         return None
     begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
     following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()

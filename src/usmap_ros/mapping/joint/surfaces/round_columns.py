@@ -47,6 +47,8 @@ LEAST_HITS, LEAST_SPREAD = 12, 0.1
 #: Log-likelihood ratio of a column to chance: in all, and on the mean of its hits, times the spread
 #: of directions.
 LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT = 55.0, 0.16
+#: By how much likelier than a point it is: where poses are uncertain, a circle fits as well.
+LEAST_OVER_POINT = 3.0
 #: In all, and on the mean of its hits, at which a column is suspected, from wherever it was heard.
 SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
 #: A wall so near to a column, in cells, touches it, and is none if it is shorter: columns' sides
@@ -176,7 +178,7 @@ def _is_heard_around(circle: Circle, ping_set: PingSet) -> bool:
         and circle.log_ratio >= LEAST_LOG_RATIO
         and circle.log_ratio * circle.spread >= LEAST_LOG_RATIO_A_HIT * hits
         and not circle.is_corner
-        and circle.log_ratio > log_ratio_of_point(ping_set, circle)
+        and circle.log_ratio > log_ratio_of_point(ping_set, circle) + LEAST_OVER_POINT
     )
 
 

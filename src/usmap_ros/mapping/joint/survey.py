@@ -88,12 +88,15 @@ class Survey:
     def _area(self, group: list[int]) -> Known:
         parameters, pings = self._parameters, self._kept.pings(group)
         estimate, credit = self._estimate(pings), dict[str, float]()
+        walls = estimate.estimate_walls()
         if parameters.weigh_robots:
+            # Not before mirrors are known, whose echoes nobody hears from elsewhere.
             credit = estimate.credit(pings.sources)
             if min(credit.values()) < 1.0:
                 pings = self._kept.pings(group, credit)
                 estimate = self._estimate(pings)
-        field, walls = estimate.field, estimate.estimate_walls()
+                walls = estimate.estimate_walls()
+        field = estimate.field
         belief = None
         if self._earlier is None:
             belief = first_log_odds(

@@ -5,10 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.free_space.mirror_share import expected_share, mirror_share
+from usmap_ros.mapping.joint.free_space.mirror_share import (
+    expected_share,
+    facing_who_heard,
+    mirror_share,
+)
 from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, Looked
 from usmap_ros.mapping.joint.free_space.silence import WALLED
-from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
+from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES, SECTORS
+from usmap_ros.numerics.arrays import FloatArray
 
 #: Square, and at 20 to 50 degrees.
 SQUARE, ASLANT = 1, 4
@@ -66,3 +71,38 @@ def test_what_stands_alone_tells_where_most_does() -> None:
     assert mirror_share(looked, poles, LOG_SILENT, 0.0) == pytest.approx(
         expected_share(0.0, 0.0, 0.5), rel=1e-6
     )
+
+
+def lone_things(*sides: tuple[list[int], list[int]]) -> FloatArray:
+    """How things on no line face, by the sectors that they were heard and not heard from."""
+    looks = [
+        (thing, sector, heard)
+        for thing, both in enumerate(sides)
+        for heard, sectors in zip((1, 0), both, strict=True)
+        for sector in sectors
+    ]
+    surface, sector, heard = np.array(looks, np.int32).T
+    looked = Looked(
+        surface, sector * 0 + 10, sector * 0, sector, heard.astype(np.uint8),
+        np.ones(len(looks), np.float32),
+    )  # fmt: skip
+    return facing_who_heard(looked, np.tile([3.0, 3.0, NO_NORMAL], (len(sides), 1)))[:, 2]
+
+
+def test_what_was_heard_from_one_side_may_be_a_mirror_that_faces_it() -> None:
+    """Ends of a corridor of mirrors were taken for poles, and its silent sides for open space."""
+    north, south = (2.0 * math.pi * (sector + 0.5) / SECTORS for sector in (3, 9))
+    facing = lone_things(([3, 3, 3], []), ([9, 9], [0, 3]))
+    np.testing.assert_allclose(np.sin(facing - [north, south]), 0.0, atol=1e-9)
+
+
+def test_one_thing_that_was_heard_from_aside_tells_that_others_would_be() -> None:
+    pole, heard_once = ([0, 3, 5], [4]), ([3, 3, 3], [])
+    assert (lone_things(pole, heard_once, heard_once) == NO_NORMAL).all()
+
+
+def test_things_that_are_silent_from_aside_outweigh_one_that_is_not() -> None:
+    pole, mirror = ([0, 3, 5], [4]), ([3, 3, 3], [0, 0, 5, 6])
+    facing = lone_things(pole, mirror, mirror)
+    assert facing[0] == NO_NORMAL
+    assert (facing[1:] != NO_NORMAL).all()

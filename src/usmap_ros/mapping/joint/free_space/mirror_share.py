@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, Looked
+from usmap_ros.mapping.joint.visibility.soundings import SECTORS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Classes of incidence below which a look is square, and those that are aslant.
@@ -22,6 +23,9 @@ TELLING_SILENCE = 0.4
 #: Answers aslant, over those to square looks, below which a wall is a mirror and above which it is
 #: none; looks aslant, and cells, of which a wall counts half: short ones are often none.
 MIRROR, SCATTERER, ENOUGH_LOOKS, ENOUGH_CELLS = 0.05, 0.25, 5.0, 8.0
+#: Mean axis of the directions from which something is heard, below which that is several sides and
+#: above which it is one: those that are spread evenly over 60 and 30 degrees.
+FROM_ASIDE, FROM_ONE_SIDE = 0.83, 0.95
 #: A wall ends where its cells are farther apart than this.
 APART_CELLS = 10.0
 #: Shares that are compared, and how likely they are before anything was heard: a Beta distribution.
@@ -68,6 +72,43 @@ def expected_share(mirrors: float, others: float, struck: float) -> float:
     likelihood -= (mirrors + others) * log_found
     weights = np.exp(likelihood - likelihood.max())
     return float(weights @ SHARES / weights.sum())
+
+
+def facing_who_heard(looked: Looked, surfaces: FloatArray) -> FloatArray:
+    """Surfaces of which nobody knows how they face, facing who heard them if they may be mirrors.
+
+    What is heard from one side only may be a mirror that is struck squarely from there: in a
+    place where nothing was heard from several sides, silence aslant says nothing of anything.
+
+    Parameters
+    ----------
+    looked, surfaces
+        By and as in `usmap_ros.mapping.joint.free_space.response.look_at`.
+
+    Returns
+    -------
+    surfaces : (surfaces, 3) array
+        The same, but for directions.
+    """
+    heard, looks = (
+        _axes(looked, some, len(surfaces)) for some in (looked.heard > 0, looked.heard >= 0)
+    )
+    is_lone = (surfaces[:, 2] == NO_NORMAL) & (heard != 0.0)
+    from_aside = is_lone & (np.abs(heard) < FROM_ASIDE)
+    silent_aslant = is_lone & (np.abs(heard) > FROM_ONE_SIDE) & (np.abs(looks) < FROM_ASIDE)
+    if np.count_nonzero(from_aside) > np.count_nonzero(silent_aslant):
+        return surfaces
+    facing = surfaces.copy()
+    facing[is_lone & ~from_aside, 2] = 0.5 * np.angle(heard[is_lone & ~from_aside])
+    return facing
+
+
+def _axes(looked: Looked, some: BoolArray, count: int) -> NDArray[np.complex128]:
+    """Mean of the axes of view of some looks at each surface: of length 1 if all are the same."""
+    twice_rad = 4.0 * np.pi * (looked.sector[some] + 0.5) / SECTORS
+    which, number = looked.surface[some], np.bincount(looked.surface[some], minlength=count)
+    cosine, sine = (np.bincount(which, part(twice_rad), count) for part in (np.cos, np.sin))
+    return np.asarray((cosine + 1.0j * sine) / np.maximum(number, 1), np.complex128)
 
 
 def _told_apart(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import judged, over_block
-from usmap_ros.mapping.joint.free_space.mirror_share import mirror_share
+from usmap_ros.mapping.joint.free_space.mirror_share import facing_who_heard, mirror_share
 from usmap_ros.mapping.joint.free_space.overdispersion import learn_shape
 from usmap_ros.mapping.joint.free_space.response import (
     NO_NORMAL,
@@ -89,10 +89,14 @@ def learn_silence(
         What stands.
     """
     surfaces, on_lines = _surfaces(walls, evidence, field)
+    things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     looked = look_at(looks, pings, field, left, listening, surfaces)
+    facing_them = facing_who_heard(looked, surfaces)
+    if facing_them is not surfaces:
+        surfaces = facing_them
+        looked = look_at(looks, pings, field, left, listening, surfaces)
     log_silent = learn_response(looked, surfaces)
     walled = _walled(walls.shown, on_lines)
-    things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
     mirrored = mirror_share(looked, surfaces, log_silent, 1.0 - walled)
     walls_facing = facing(smooth.mirrors, walls.lines, field.resolution_m)

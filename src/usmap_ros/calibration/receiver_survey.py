@@ -3,7 +3,7 @@
 A person who buys a transducer does not know its pulse: its resonances round the burst off and ring
 for longer than it lasts, and every echo seems to be many.  A recording's own loud echoes tell.
 Nor does anybody know what its casing and its mount return to it: what is in every ping, tells.
-And its converter counts in units of its own.
+And its converter counts in units of its own, and is noisier than its data sheet says.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ import numpy as np
 
 from usmap_ros.calibration.pulse import MeasuredPulse, measure_pulse
 from usmap_ros.calibration.ringing import Ringing, ringing_of
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.preparation.prepare import prepared
 from usmap_ros.pings.preparation.units import unit_of
 from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.reconstruction.baseband import estimated_noise_std
 
 #: Every so manyth trace of a topic is kept, so many at most, and of no more bytes than this.
 _EVERY, _KEPT, _KEPT_BYTES = 2, 40, 4_000_000
@@ -25,6 +28,9 @@ _EVERY, _KEPT, _KEPT_BYTES = 2, 40, 4_000_000
 _APART_M = 0.05
 #: Traces of a topic, the first ones, after which no more are wanted, though a robot still stands.
 SURVEYED = 1000
+#: Traces that tell the noise at the least, and how much louder than stated the quietest tenth of
+#: them must be: where echoes leave no part silent, as in small rooms over a floor, they are 1.3.
+LEAST_NOISY, UNDERSTATED = 10, 1.35
 #: Greatest share of a learnt pulse's length by which two echoes must be apart: it rings for long,
 #: and its beginning tells them.
 _RINGING_EXCLUSION = 0.2
@@ -48,6 +54,8 @@ class ReceiverSurvey:
         self._judges_pulse = parameters.pulse.kind == "stated"
         self._finds_ringing = ringing.learn and not any(ringing.amplitudes)
         self._finds_unit = parameters.correction.gain == 1.0
+        self._judges_noise = parameters.correction.noise_factor == 1.0
+        self._noise: defaultdict[str, list[float]] = defaultdict(list)
         self._units: dict[str, float] = {}
         self._seen: defaultdict[str, int] = defaultdict(int)
         self._first: defaultdict[str, list[EchoTrace]] = defaultdict(list)
@@ -65,9 +73,29 @@ class ReceiverSurvey:
         most = min(_KEPT, _KEPT_BYTES // max(trace.samples.nbytes, 1))
         if self._judges_pulse and number % _EVERY == 0 and len(first) < most:
             first.append(trace)
+        if self._judges_noise and number % _EVERY == 0 and len(self._noise[topic]) < _KEPT:
+            self._noise[topic] += self._noise_of(trace)
         is_wanted = self._judges_pulse or self._finds_ringing
         if is_wanted and len(apart) < most and _is_apart(trace, apart):
             apart.append(trace)
+
+    def _noise_of(self, trace: EchoTrace) -> list[float]:
+        """Noise of a trace over what it states, if both can be told."""
+        if not trace.noise_std > 0.0:
+            return []
+        try:
+            factor = estimated_noise_std(prepared(trace, self._parameters)) / trace.noise_std
+        except MalformedMessageError:
+            # Its reconstruction will say why it cannot be used.
+            return []
+        return [factor * self._parameters.correction.gain] if math.isfinite(factor) else []
+
+    def noise_factor(self, topic: str) -> float:
+        """How many times as loud as stated the noise on a topic is, if it clearly is; or 1."""
+        factors = self._noise[topic]
+        if len(factors) < LEAST_NOISY or np.quantile(factors, 0.1) < UNDERSTATED:
+            return 1.0
+        return float(np.quantile(factors, 0.25))
 
     def is_in_other_units(self, topic: str) -> bool:
         """Whether traces of a topic are in other units than they should be."""
@@ -94,10 +122,15 @@ class ReceiverSurvey:
         return None if known is self._parameters else known
 
     def _in_units(self, topic: str) -> ReconstructionParameters:
-        """What is known of the traces of a topic, and the units of their samples."""
-        if not self.is_in_other_units(topic):
+        """What is known of the traces of a topic, with their noise and units of their samples."""
+        found = {}
+        if self.is_in_other_units(topic):
+            found["gain"] = self._units[topic]
+        if (factor := self.noise_factor(topic)) > 1.0:
+            found["noise_factor"] = factor
+        if not found:
             return self._parameters
-        correction = self._parameters.correction.model_copy(update={"gain": self._units[topic]})
+        correction = self._parameters.correction.model_copy(update=found)
         return self._parameters.model_copy(update={"correction": correction})
 
     def _judged(self, topic: str) -> tuple[MeasuredPulse | None, Ringing | None]:
@@ -130,6 +163,11 @@ class ReceiverSurvey:
         said = []
         if self.is_in_other_units(topic):
             said.append(_said_of_unit(self._units[topic]))
+        if (factor := self.noise_factor(topic)) > 1.0:
+            said.append(
+                f"its noise is {factor:.1f} times as loud as stated, and taken for what it is"
+                " (reconstruction.correction.noise_factor)"
+            )
         if measured is not None:
             said.append(_said_of_pulse(measured, is_learnt=self._parameters.pulse.learn))
         if ringing is not None:

@@ -29,6 +29,12 @@ class CorrectionParameters(ParameterGroup):
         gt=0.0,
         le=1e12,
     )
+    noise_factor: float = quantity(
+        1.0,
+        "Noise over what traces state of it; 1: learnt of each transducer, where it is more.",
+        ge=1.0,
+        le=1e6,
+    )
     range_offset_m: float = quantity(
         0.0, "By how much ranges come out too long; it is taken off.", "m", ge=-10.0, le=10.0
     )

@@ -114,7 +114,7 @@ def corrected(trace: EchoTrace, correction: CorrectionParameters) -> EchoTrace:
     return replace(
         shifted,
         channel=channel,
-        noise_std=trace.noise_std / correction.gain,
+        noise_std=trace.noise_std * correction.noise_factor / correction.gain,
         samples=(shifted.samples / np.float32(correction.gain)).astype(np.float32),
     )
 

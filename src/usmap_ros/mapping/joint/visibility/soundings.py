@@ -87,11 +87,9 @@ def room_for(places: int) -> Sounded:
 
 
 @inlined
-def sector_of(direction_rad: float) -> int:
-    """Sector of a direction of view."""
-    turns = direction_rad / (2.0 * math.pi)
-    turns -= math.floor(turns)
-    return min(int(turns * SECTORS), SECTORS - 1)
+def sector_of(turns: np.float32) -> np.int32:
+    """Sector of a direction of view, in turns, which must not be negative."""
+    return np.int32(turns * np.float32(SECTORS)) % np.int32(SECTORS)
 
 
 @inlined
@@ -172,23 +170,31 @@ def _set_views(looks: Looks, ping: int, open_m: float, count: int, seen: Sounded
     """Set how loudly, and from where, a ping looks at places in its cone."""
     numbers = looks.numbers[ping]
     cos_half, heading, half = numbers[COS_HALF_ANGLE], numbers[HEADING], numbers[HALF_ANGLE]
-    least, greatest = numbers[LEAST_RANGE], numbers[GREATEST_RANGE]
     cosine, sine = np.float32(math.cos(heading)), np.float32(math.sin(heading))
-    absorption = np.float32(-numbers[ABSORPTION])
-    per_bin = 1.0 / numbers[BIN_M]
-    to_entry, to_ray = GAIN_STEPS / (1.0 - cos_half), RAYS / (2.0 * half)
-    to_step = STEPS / greatest
+    absorption, one = np.float32(-numbers[ABSORPTION]), np.float32(1.0)
+    least, per_bin = np.float32(numbers[LEAST_RANGE]), np.float32(1.0 / numbers[BIN_M])
+    to_entry, to_ray = np.float32(GAIN_STEPS / (1.0 - cos_half)), np.float32(0.5 * RAYS / half)
+    edge, before = np.float32(half), np.float32(open_m)
+    to_step = np.float32(STEPS / numbers[GREATEST_RANGE])
+    # A whole one more, so that no direction in the beam is negative.
+    turns = np.float32(heading / (2.0 * math.pi) - math.floor(heading / (2.0 * math.pi)) + 1.0)
+    to_turns = np.float32(0.5 / math.pi)
+    # Of numbers of 32 bits the processor takes as many at once as it can.
     for place in range(count):
-        x, y, distance = seen.x[place], seen.y[place], np.sqrt(seen.distance[place])
-        seen.loudness[place] = exp32(absorption * distance) / distance**4
+        x, y, squared = seen.x[place], seen.y[place], seen.distance[place]
+        distance = np.sqrt(squared)
+        seen.loudness[place] = exp32(absorption * distance) / (squared * squared)
         off = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
-        seen.bin[place] = int((distance - least) * per_bin)
-        entry = int((1.0 - seen.ahead[place] / distance) * to_entry)
-        seen.entry[place] = min(max(entry, 0), GAIN_STEPS)
-        seen.ray[place] = min(max(int((off + half) * to_ray), 0), RAYS - 1)
-        seen.step[place] = min(max(int((distance - open_m) * to_step), 0), STEPS - 1)
-        seen.sector[place] = sector_of(off + heading)
-        seen.degrees[place] = math.floor((off + heading) * 180.0 / math.pi) % 180
+        seen.bin[place] = np.int32((distance - least) * per_bin)
+        entry = np.int32((one - seen.ahead[place] / distance) * to_entry)
+        seen.entry[place] = min(max(entry, np.int32(0)), np.int32(GAIN_STEPS))
+        ray = np.int32((off + edge) * to_ray)
+        seen.ray[place] = min(max(ray, np.int32(0)), np.int32(RAYS - 1))
+        step = np.int32((distance - before) * to_step)
+        seen.step[place] = min(max(step, np.int32(0)), np.int32(STEPS - 1))
+        direction = off * to_turns + turns
+        seen.sector[place] = sector_of(direction)
+        seen.degrees[place] = np.int32(direction * np.float32(360.0)) % np.int32(180)
 
 
 @inlined
@@ -201,19 +207,21 @@ def _leave_out_unheard(
     seen: Sounded,
 ) -> int:
     """Leave out the places of which a ping would hear nothing; returns how many are left."""
-    bins, kept = looks.bins[ping], 0
+    bins, gains, kept = looks.bins[ping], looks.power_gain[ping], 0
     for place in range(count):
-        b = seen.bin[place]
-        if b >= bins:
-            continue
-        loudness = looks.power_gain[ping, seen.entry[place]] * seen.loudness[place] / limit[b]
-        sound = left[seen.ray[place], seen.step[place]] * np.float32(1.0 / WHOLE)
+        loudness = gains[seen.entry[place]] * seen.loudness[place]
+        seen.loudness[place] = loudness / limit[min(seen.bin[place], bins - 1)]
+        sound = np.float32(left[seen.ray[place], seen.step[place]])
+        seen.sound[place] = sound * np.float32(1.0 / WHOLE)
+    for place in range(count):
+        b, loudness, sound = seen.bin[place], seen.loudness[place], seen.sound[place]
         seen.which[kept], seen.bin[kept] = seen.which[place], b
         seen.sector[kept], seen.degrees[kept] = seen.sector[place], seen.degrees[place]
         seen.loudness[kept], seen.sound[kept] = loudness, sound
-        kept += (loudness > np.float32(LEAST_LOUDNESS)) & (sound >= np.float32(LEAST_SOUND))
+        is_heard = (loudness > np.float32(LEAST_LOUDNESS)) & (sound >= np.float32(LEAST_SOUND))
+        kept += is_heard & (b < bins)
+    to_step = np.float32(10.0 / math.log(10.0) / STEP_DB)
     for place in range(kept):
-        decibels = np.float32(10.0 / math.log(10.0)) * log32(seen.loudness[place])
-        loud = int((decibels - FIRST_DB) / STEP_DB)
-        seen.loud[place] = min(LOUDNESSES - 1, max(0, loud))
+        loud = np.int32(to_step * log32(seen.loudness[place]) - np.float32(FIRST_DB / STEP_DB))
+        seen.loud[place] = min(max(loud, np.int32(0)), np.int32(LOUDNESSES - 1))
     return kept

@@ -17,8 +17,8 @@ from usmap_ros.numerics.elementary import exp32, log32
 #: Range bins that a cell, and that a block of nine, may reach into; and cells of a block.
 CELL_BINS, BLOCK_BINS, BLOCK_CELLS = 32, 72, 9
 #: Range bins of a cell begin at multiples of so many, so that what is added up lies as the
-#: processor takes it: as many at once.
-AT_ONCE = 8
+#: processor takes it: as many at once.  Range bins beyond a ping's that it may take, too.
+AT_ONCE, BEYOND = 8, BLOCK_BINS + CELL_BINS
 #: A contribution below this share of what is expected in a bin neither explains nor contradicts.
 LEAST_SHARE = 0.05
 #: More than any.
@@ -70,22 +70,27 @@ class Parts(NamedTuple):
 
 
 class Levels(NamedTuple):
-    """What is known of each range bin of one ping; (bins,) float32 arrays, but for `echoes`.
+    """What is known of each range bin of one ping, and of `BEYOND` bins of which nothing is.
 
     Parameters
     ----------
-    least : float32 array
+    level, power, limit : (bins + BEYOND,) float32 arrays
+        Power that is expected, that came back, and that would have been reported.
+    least : (bins + BEYOND,) float32 array
         Least contribution that says anything.
-    per_least : (bins + CELL_BINS,) float32 array
+    per_least : (bins + BEYOND,) float32 array
         1 over it; 0 where nothing does.
-    silent : float32 array
+    silent : (bins + BEYOND,) float32 array
         Logarithm of the probability of silence, by all that is expected.
-    is_echo : (bins + CELL_BINS,) float32 array
+    is_echo : (bins + BEYOND,) float32 array
         1 if there is an echo, else 0.
     echoes : (bins + 1,) int32 array
         Echoes before each.
     """
 
+    level: NDArray[np.float32]
+    power: NDArray[np.float32]
+    limit: NDArray[np.float32]
     least: NDArray[np.float32]
     per_least: NDArray[np.float32]
     silent: NDArray[np.float32]
@@ -133,16 +138,20 @@ def _log_silent(limit: np.float32, level: np.float32) -> np.float32:
 @inlined
 def know_bins(looks: Looks, ping: int, levels: NDArray[np.float32], known: Levels) -> None:
     """Set what is known of the bins of a ping by what is expected of them."""
-    bins, least, never = looks.bins[ping], np.float32(LEAST_SHARE), np.float32(NEVER)
+    bins, never = looks.bins[ping], np.float32(NEVER)
     for b in range(bins):
-        kind = looks.kind[ping, b]
-        known.least[b] = never if kind == UNJUDGED else least * levels[b]
+        kind, level, limit = looks.kind[ping, b], levels[b], looks.limit[ping, b]
+        least = np.float32(LEAST_SHARE) * level
+        known.level[b], known.power[b], known.limit[b] = level, looks.power[ping, b], limit
+        known.least[b] = never if kind == UNJUDGED else least
+        known.per_least[b] = 0.0 if kind == UNJUDGED else np.float32(1.0) / least
         known.is_echo[b] = np.float32(1.0) if kind == ECHO else np.float32(0.0)
-        known.silent[b] = _log_silent(looks.limit[ping, b], levels[b])
-        known.per_least[b] = 0.0 if kind == UNJUDGED else np.float32(1.0) / known.least[b]
-    known.per_least[bins : bins + CELL_BINS] = known.is_echo[bins : bins + CELL_BINS] = 0.0
-    for b in range(bins):
-        known.echoes[b + 1] = known.echoes[b] + (1 if looks.kind[ping, b] == ECHO else 0)
+        known.silent[b] = _log_silent(limit, level)
+        known.echoes[b + 1] = known.echoes[b] + (1 if kind == ECHO else 0)
+    for b in range(bins, bins + BEYOND):
+        known.level[b] = known.limit[b] = np.float32(1.0)
+        known.power[b] = known.silent[b] = known.is_echo[b] = known.per_least[b] = 0.0
+        known.least[b] = never
 
 
 @inlined

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_parts import (
+    BEYOND,
     BLOCK_BINS,
     BLOCK_CELLS,
     CELL_BINS,
@@ -42,6 +43,8 @@ NEARLY_ONE = 0.999
 MOST_A_BIN = 3.0
 #: What one ping says against a cell at the most, where one missed echo is not one piece of news.
 MOST_A_PING = 24.0 * MOST_A_BIN
+#: Range bins that are weighed at once: as many as let the compiler have the processor do that.
+TOGETHER = 16
 #: Echoes within so many metres crowd around a cell's.
 CROWD_M = 0.5
 
@@ -72,26 +75,6 @@ class Said(NamedTuple):
     asked: NDArray[np.float32]
     crowd: NDArray[np.float32]
     start: NDArray[np.int64]
-
-
-class Pairs(NamedTuple):
-    """Contributions to range bins of one ping that say something of who makes them.
-
-    Parameters
-    ----------
-    bin, of : (pairs,) int32 arrays
-        Which bin, and which sum: two for each cell, its own and its block's.
-    part, ratio : (pairs,) float32 arrays
-        Power, and log-likelihood ratio with it to without it.
-    total : (2 cells,) float32 array
-        Sums of them.
-    """
-
-    bin: NDArray[np.int32]
-    of: NDArray[np.int32]
-    part: NDArray[np.float32]
-    ratio: NDArray[np.float32]
-    total: NDArray[np.float32]
 
 
 @compiled
@@ -129,16 +112,11 @@ def weigh_pings(
         np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32),
         np.zeros(len(pings) + 1, np.int64),
     )  # fmt: skip
-    bins = expected.shape[1]
+    bins = expected.shape[1] + BEYOND
     known = Levels(
-        np.empty(bins, np.float32), np.empty(bins + CELL_BINS, np.float32),
-        np.empty(bins, np.float32), np.empty(bins + CELL_BINS, np.float32),
-        np.zeros(bins + 1, np.int32),
-    )  # fmt: skip
-    room = most * (CELL_BINS + BLOCK_BINS)
-    pairs = Pairs(
-        np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room, np.float32),
-        np.empty(room, np.float32), np.empty(2 * most, np.float32),
+        np.empty(bins, np.float32), np.empty(bins, np.float32), np.empty(bins, np.float32),
+        np.empty(bins, np.float32), np.empty(bins, np.float32), np.empty(bins, np.float32),
+        np.empty(bins, np.float32), np.zeros(bins, np.int32),
     )  # fmt: skip
     block = np.empty(BLOCK_BINS + CELL_BINS, np.float32)
     beside = np.empty(BLOCK_CELLS + 1, np.int64)
@@ -147,15 +125,14 @@ def weigh_pings(
         know_bins(looks, ping, levels, known)
         count = divide(looks, ping, rows, index, power, cells, parts)
         sum_up(count, known, parts)
-        found = _pair(looks, ping, cells, count, parts, known, beside, block, start, said, pairs)
-        _compare(looks, ping, levels, known, count, found, start, said, pairs)
+        _compare(looks, ping, cells, count, parts, known, beside, block, start, said)
         _name_cells(looks, ping, field, cells, known.echoes, count, parts, start, said)
         said.start[index + 1] = start + count
     return said
 
 
 @inlined
-def _pair(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     looks: Looks,
     ping: int,
     cells: Cells,
@@ -166,9 +143,8 @@ def _pair(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     block: NDArray[np.float32],
     start: int,
     said: Said,
-    pairs: Pairs,
-) -> int:
-    """Set contributions of cells, and of blocks of nine, that say something; returns how many.
+) -> None:
+    """Weigh what is expected with cells, and with blocks of nine, against that without them.
 
     Parameters
     ----------
@@ -179,83 +155,83 @@ def _pair(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     beside, block : (BLOCK_CELLS + 1,) int64 array, (BLOCK_BINS + CELL_BINS,) float32 array
         Room for the places of a block's cells, and for what it returns.
     start, said : int, Said
-        Row of the first cell; whether there are echoes that may be its block's is set.
-    pairs : Pairs
-        Set, but for ratios and sums.
+        Row of the first cell; ratios, shares and whether there are echoes are set.
     """
-    bins, found, one = looks.bins[ping], 0, np.float32(NEARLY_ONE)
+    numbers, one, none = looks.numbers[ping], np.float32(NEARLY_ONE), np.float32(0.0)
+    noise = np.float32(numbers[NOISE])
+    # One echo that is missed is missed in several bins: where ranges are uncertain, that is one
+    # piece of news, for it may have come from beside them.
+    is_blurred = numbers[RANGE_STD] > numbers[BIN_M]
+    lowest = -np.float32(MOST_A_BIN) if is_blurred else -np.float32(MOST_A_PING)
     for entry in range(count):
+        row, own, whole, share = start + entry, none, none, none
         if parts.largest[entry] >= one:
-            for place in range(parts.length[entry]):
-                part, b = parts.power[entry, place], parts.begin[entry] + place
-                pairs.part[found], pairs.bin[found], pairs.of[found] = part, b, 2 * entry
-                found += part >= known.least[b]
+            begin, length = parts.begin[entry], parts.length[entry]
+            own = _weigh(parts.power[entry], begin, length, noise, known)
         near = neighbours(cells.block[parts.cell[entry]], parts.place, beside)
-        of_echoes, largest = np.float32(0.0), np.float32(0.0)
+        of_echoes, largest = none, none
         for which in range(near):
             of_echoes += parts.echoes[beside[which]]
             largest += parts.largest[beside[which]]
-        said.asked[start + entry] = 1.0 if of_echoes > 0.0 else 0.0
-        if largest < one:
-            continue
-        first, end = add_up(parts, near, beside, block)
-        for place in range(min(end - first, BLOCK_BINS, bins - first)):
-            part, b = block[place], first + place
-            pairs.part[found], pairs.bin[found], pairs.of[found] = part, b, 2 * entry + 1
-            found += part >= known.least[b]
-    return found
+        if largest >= one:
+            first, end = add_up(parts, near, beside, block)
+            length = min(end - first, BLOCK_BINS)
+            whole = _weigh(block, first, length, noise, known)
+            share = _largest_share(block, first, length, known) if of_echoes > none else none
+        said.own[row], said.block[row] = max(own, lowest), max(whole, lowest)
+        said.share[row], said.asked[row] = share, 1.0 if of_echoes > none else 0.0
 
 
 @inlined
-def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
-    ping: int,
-    levels: NDArray[np.float32],
-    known: Levels,
-    count: int,
-    found: int,
-    start: int,
-    said: Said,
-    pairs: Pairs,
-) -> None:
-    """Weigh what is expected of a ping with some cells against what is expected without them.
+def _weigh(
+    parts: NDArray[np.float32], first: int, length: int, noise: np.float32, known: Levels
+) -> np.float32:
+    """Log-likelihood ratio with contributions to range bins to without.
 
     Parameters
     ----------
-    looks, ping, levels, known
-        The ping, and what is expected of its bins.
-    count, found : int
-        How many cells and how many pairs.
-    start, said : int, Said
-        Row of the first cell; ratios and shares are set.
-    pairs : Pairs
-        Ratios and sums are set.
+    parts : (length,) float32 array
+        Contributions, 0 up to the next multiple of `TOGETHER`.
+    first, length : int
+        First bin, and how many follow.
+    noise, known : float, Levels
+        Of the ping.
     """
-    noise, most, one = np.float32(looks.numbers[ping, NOISE]), np.float32(MOST_A_BIN), np.float32(1)
-    for pair in range(found):
-        b, part = pairs.bin[pair], pairs.part[pair]
-        level, is_echo = levels[b], known.is_echo[b] > 0.0
-        without = max(level - part, noise)
-        below = probability_below(looks.limit[ping, b] / without)
-        logarithm = log32(without / level if is_echo else below)
-        of_echo = looks.power[ping, b] * (one / without - one / level) + logarithm
-        ratio = of_echo if is_echo else known.silent[b] - logarithm
-        pairs.ratio[pair] = min(max(ratio, -most), most)
-    for entry in range(count):
-        pairs.total[2 * entry] = pairs.total[2 * entry + 1] = said.share[start + entry] = 0.0
-    for pair in range(found):
-        of, b = pairs.of[pair], pairs.bin[pair]
-        pairs.total[of] += pairs.ratio[pair]
-        if known.is_echo[b] > 0.0 and of & 1:
-            row = start + (of >> 1)
-            said.share[row] = max(said.share[row], pairs.part[pair] / levels[b])
-    # One echo that is missed is missed in several bins: where ranges are uncertain, that is one
-    # piece of news, for it may have come from beside them.
-    is_blurred = looks.numbers[ping, RANGE_STD] > looks.numbers[ping, BIN_M]
-    lowest = -most if is_blurred else -np.float32(MOST_A_PING)
-    for entry in range(count):
-        said.own[start + entry] = max(pairs.total[2 * entry], lowest)
-        said.block[start + entry] = max(pairs.total[2 * entry + 1], lowest)
+    most, one, none = np.float32(MOST_A_BIN), np.float32(1.0), np.float32(0.0)
+    total = none
+    for begin in range(0, length, TOGETHER):
+        at, end = first + begin, first + begin + TOGETHER
+        level, power, limit = known.level[at:end], known.power[at:end], known.limit[at:end]
+        least, silent, echo = known.least[at:end], known.silent[at:end], known.is_echo[at:end]
+        part = parts[begin : begin + TOGETHER]
+        for b in range(TOGETHER):
+            is_echo = echo[b] > none
+            without = max(level[b] - part[b], noise)
+            per_level, per_rest = one / level[b], one / without
+            below = probability_below(limit[b] * per_rest)
+            logarithm = log32(without * per_level if is_echo else below)
+            of_echo = power[b] * (per_rest - per_level) + logarithm
+            ratio = of_echo if is_echo else silent[b] - logarithm
+            ratio = min(max(ratio, -most), most)
+            total += ratio if part[b] >= least[b] else none
+    return total
+
+
+@inlined
+def _largest_share(
+    parts: NDArray[np.float32], first: int, length: int, known: Levels
+) -> np.float32:
+    """Largest share of contributions in what is expected of a bin with an echo; as `_weigh`."""
+    none = np.float32(0.0)
+    largest = none
+    for begin in range(0, length, TOGETHER):
+        at, end = first + begin, first + begin + TOGETHER
+        level, least, echo = known.level[at:end], known.least[at:end], known.is_echo[at:end]
+        part = parts[begin : begin + TOGETHER]
+        for b in range(TOGETHER):
+            share = part[b] * echo[b] / level[b]
+            largest = max(largest, share if part[b] >= least[b] else none)
+    return largest
 
 
 @inlined

@@ -103,6 +103,9 @@ class Powers:
         # What earlier pings say of each scatterer, by `go_on`; and what these pings say.
         self._before: Settled | None = None
         self._gradients = np.zeros((0, 0, 2), np.float32)
+        # What each group said last, and of which cells.
+        self._said: list[Said] = []
+        self._cells = cells_of(self._scatterers.cell, field)
 
     def start(self) -> None:
         """Begin with all cells that may have returned echoes, and thin them out."""
@@ -224,14 +227,16 @@ class Powers:
             That of earlier pings.
         """
         self._expect(self._power, self.expected)
-        cells = cells_of(self._scatterers.cell, self._field)
+        cells = self._cells = cells_of(self._scatterers.cell, self._field)
         evidence = no_evidence(self._field)
         if before is not None:
             evidence = CellEvidence(*(values.copy() for values in before))
-        said = list(zip(self._groups, self._say(cells), strict=True))
+        # What they said before takes as much memory.
+        self._said = []
+        self._said = self._say(cells)
 
         def add(band: tuple[int, int]) -> None:
-            for group, each in said:
+            for group, each in zip(self._groups, self._said, strict=True):
                 add_said(
                     self._looks, self._pings[group.which], self._weights[group.which], each,
                     cells, self._field, forgetting, evidence, *band,
@@ -261,16 +266,15 @@ class Powers:
         said : (parts, 2, cells) float32 array
             Evidence of each cell, and of its block.
         """
-        cells = cells_of(self._scatterers.cell, self._field)
-        count = len(cells.number)
+        count = len(self._cells.number)
         sums = np.zeros((2, parts * count), np.float32)
-        for group, said in zip(self._groups, self._say(cells), strict=True):
+        for group, said in zip(self._groups, self._said, strict=True):
             rows, end = np.diff(said.start), said.start[-1]
             places = np.repeat(part[group.which] * count, rows) + said.cell[:end]
             weights = np.repeat(self._weights[group.which], rows)
             for which, ratios in enumerate((said.own, said.block)):
                 sums[which] += np.bincount(places, ratios[:end] * weights, parts * count)
-        return cells.number, sums.reshape(2, parts, count).swapaxes(0, 1)
+        return self._cells.number, sums.reshape(2, parts, count).swapaxes(0, 1)
 
     def _say(self, cells: Cells) -> list[Said]:
         """What each group of pings says, by what is expected of them."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ _ECHO = {
     "amplitudes": bounds.LOUDNESS,
     "amplitude_stds": bounds.LOUDNESS,
 }
+_BY_ECHO = (
+    "ranges_m", "range_stds_m", "amplitudes", "amplitude_stds", "bearings_rad", "bearing_stds_rad",
+)  # fmt: skip
 _LEAST, _GREATEST = (
     np.array([[getattr(bound, end)] for bound in _ECHO.values()]) for end in ("least", "greatest")
 )
@@ -91,6 +95,24 @@ class EchoCone:
         """`detection_limits` as amplitudes."""
         amplitudes: FloatArray = LIMIT_AMPLITUDES[self.detection_limits]
         return amplitudes
+
+    def louder_than(self, other: FloatArray, hidden: FloatArray) -> EchoCone:
+        """The cone without echoes of something else, which hides others.
+
+        Parameters
+        ----------
+        other : (echoes,) array
+            Amplitude that echoes of something else may have where each echo is; negative: nowhere.
+        hidden : (bins,) array
+            Amplitude that it may hide in each bin of `detection_limits`.
+        """
+        kept = self.amplitudes > other
+        columns = {name: getattr(self, name) for name in _BY_ECHO}
+        echoes: dict[str, Any] = {
+            name: column[kept] for name, column in columns.items() if column is not None
+        }
+        limits = np.maximum(self.detection_limits, encode_limits(hidden))
+        return replace(self, detection_limits=limits, **echoes)
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

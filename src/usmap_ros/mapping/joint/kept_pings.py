@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.clutter import Kind, clutter_of, without_clutter
 from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.looks import Looks, stacked
 from usmap_ros.mapping.ping_bins import look_of
-from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.range_cones import first_return, report_first_only
@@ -43,16 +44,20 @@ class Sensors(NamedTuple):
         Frames of those that report the first thing only.
     steps : mapping of str to int
         See `usmap_ros.mapping.joint.loudness.steps_to_scale`.
+    clutter : mapping
+        See `usmap_ros.mapping.joint.clutter.clutter_of`.
     """
 
     first_only: set[str]
     steps: Mapping[str, int]
+    clutter: Mapping[Kind, FloatArray] = MappingProxyType({})
 
     def heard(self, cone: EchoCone, source: str) -> EchoCone:
         """What a ping says, by such sensors."""
         if cone.child_frame_id in self.first_only:
             return first_return(cone)
-        return raised(cone, self.steps[source]) if source in self.steps else cone
+        loud = raised(cone, self.steps[source]) if source in self.steps else cone
+        return without_clutter(loud, self.clutter)
 
 
 class Pings(NamedTuple):
@@ -131,7 +136,10 @@ class KeptPings:
         """What is known of the sensors."""
         if self._sensors is None:
             first_only = report_first_only(cone for cone, *_ in self._cones)
-            self._sensors = Sensors(first_only, steps_to_scale(self.cones()))
+            sensors = Sensors(first_only, steps_to_scale(self.cones()))
+            whole = (each for each in self.cones() if each[0].child_frame_id not in first_only)
+            clutter = clutter_of(sensors.heard(*each) for each in whole)
+            self._sensors = sensors._replace(clutter=clutter)
         return self._sensors
 
     def copy(self) -> KeptPings:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from usmap_ros.parameters import RingingParameters
-from usmap_ros.pings.cone import EchoCone, encode_limits
+from usmap_ros.pings.cone import EchoCone
 
 #: How far from where the ringing was found its echoes may be, and how much louder.
 _WIDTH_M, _LOUDER = 0.02, 1.5
@@ -28,17 +26,13 @@ def without_ringing(cone: EchoCone, ringing: RingingParameters) -> EchoCone:
     loudness = _LOUDER * np.asarray(ringing.amplitudes)
     at_m = np.asarray(ringing.ranges_m)
     near = np.abs(cone.ranges_m[:, np.newaxis] - at_m) < _WIDTH_M
-    kept = ~np.any(near & (cone.amplitudes[:, np.newaxis] <= loudness), axis=1)
     begin_m = cone.transducer.min_range_m + cone.limit_step_m * np.arange(
         len(cone.detection_limits)
     )
     reached = (begin_m[:, np.newaxis] < at_m + _WIDTH_M) & (
         begin_m[:, np.newaxis] + cone.limit_step_m > at_m - _WIDTH_M
     )
-    hidden = np.max(np.where(reached, loudness, 0.0), axis=1)
-    limits = np.maximum(cone.detection_limits, encode_limits(hidden))
-    columns = ("ranges_m", "range_stds_m", "amplitudes", "amplitude_stds")
-    optional = ("bearings_rad", "bearing_stds_rad")
-    there = [name for name in optional if getattr(cone, name) is not None]
-    echoes = {name: getattr(cone, name)[kept] for name in (*columns, *there)}
-    return replace(cone, detection_limits=limits, **echoes)
+    return cone.louder_than(
+        np.max(np.where(near, loudness, -1.0), axis=1),
+        np.max(np.where(reached, loudness, 0.0), axis=1),
+    )

@@ -11,6 +11,7 @@ from scipy import sparse
 from usmap_ros.localisation.echo_table import Echoes
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.shares import Heard
+from usmap_ros.localisation.square_walls import Squareness
 from usmap_ros.numerics.arrays import FloatArray
 
 #: Shares that are less say nothing.
@@ -38,8 +39,7 @@ class LandmarkEquations:
     """What echoes of landmarks add to the equations of knots.
 
     Landmarks are unknowns as well, two each: a wall's direction and distance, a point's x and y.
-    They do not know one another, so that they are eliminated (Schur complement), and follow from
-    the knots afterwards.
+    They are eliminated (Schur complement), and follow from the knots afterwards.
 
     Parameters
     ----------
@@ -55,6 +55,8 @@ class LandmarkEquations:
         Of knots.
     weight : float
         Of an echo, per m².
+    square : Squareness
+        How lines keep to one direction.
     """
 
     def __init__(
@@ -66,6 +68,7 @@ class LandmarkEquations:
         knots: Knots,
         count: int,
         weight: float,
+        square: Squareness,
     ) -> None:
         self._landmarks = landmarks
         kept = np.flatnonzero(heard.shares > _LEAST_SHARE)
@@ -101,8 +104,12 @@ class LandmarkEquations:
         may_change = np.full((number, 2), _MAY_MOVE_M)
         may_change[: len(landmarks.normals_rad), 0] = _MAY_TURN_RAD
         own += np.diag(may_change.ravel() ** -2)
+        alone = -np.asarray(by_wall.T @ (weights * off_m))
+        is_turn = slice(0, 2 * len(square.off_rad), 2)
+        own[is_turn, is_turn] += square.information()
+        alone[is_turn] -= square.information() @ square.off_rad
         self._to_walls = np.linalg.solve(own, (by_wall.T @ weighed).toarray())
-        self._alone = np.linalg.solve(own, -np.asarray(by_wall.T @ (weights * off_m)))
+        self._alone = np.linalg.solve(own, alone)
         self._coupling = (weighed.T @ by_wall).toarray()
 
     def add(self, matrix: FloatArray, right: FloatArray) -> None:

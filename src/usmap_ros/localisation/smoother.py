@@ -20,6 +20,7 @@ from usmap_ros.localisation.landmark_equations import Knots, LandmarkEquations
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.planar import compose
 from usmap_ros.localisation.shares import ECHO_WEIGHT, cost_of_landmark, share_out
+from usmap_ros.localisation.square_walls import squareness
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import wrapped
@@ -69,7 +70,8 @@ class Smoother:
         """
         heard = share_out(self.echoes, self.poses, self.active, landmarks, sigma_m)
         cost = landmarks.total * cost_of_landmark(int(self.active.sum()))
-        return ECHO_WEIGHT * heard.log_likelihood - cost - 0.5 * self._odometry_cost()
+        square = squareness(landmarks.normals_rad, sigma_m).gain
+        return ECHO_WEIGHT * heard.log_likelihood + square - cost - 0.5 * self._odometry_cost()
 
     def _odometry_cost(self) -> float:
         return sum(odometry_cost(self.tracks[n], self.knots[n]) for n in self._free)
@@ -96,7 +98,7 @@ class Smoother:
         heard = share_out(self.echoes, self.poses, self.active, landmarks, sigma_m)
         equations = LandmarkEquations(
             landmarks, heard, self.echoes, self.poses, Knots(self.knot, self.share),
-            self.knot_count, ECHO_WEIGHT / sigma_m**2,
+            self.knot_count, ECHO_WEIGHT / sigma_m**2, squareness(landmarks.normals_rad, sigma_m),
         )  # fmt: skip
         size = 3 * self.knot_count
         matrix, right = np.zeros((size, size)), np.zeros(size)

@@ -6,6 +6,7 @@ from usmap_ros.localisation.echo_table import Echoes
 from usmap_ros.localisation.landmark_equations import Knots, LandmarkEquations
 from usmap_ros.localisation.lines_and_points import Landmarks, look
 from usmap_ros.localisation.shares import Heard
+from usmap_ros.localisation.square_walls import Squareness
 
 #: Two walls and two points.
 PLACES = Landmarks(np.array([0.3, 1.8]), np.array([2.5, 3.0]), np.array([[2.0, 0.5], [1.0, 2.5]]))
@@ -41,15 +42,15 @@ def test_eliminated_landmarks_leave_the_same_poses() -> None:
         there, places = moved(change)
         return errors(ranges_m, places, there)
 
-    weights, step = rng.uniform(0.2, 1.0, 24), 1e-6
-    start = off_m(np.zeros(17))
+    weights, step, start = rng.uniform(0.2, 1.0, 24), 1e-6, off_m(np.zeros(17))
     slopes = np.stack([(off_m(step * one) - off_m(-step * one)) for one in np.eye(17)], axis=1)
     slopes /= 2.0 * step
     seen = look(PLACES, echoes, poses)
     by_pose = np.stack([seen.toward_x.ravel(), seen.toward_y.ravel(), np.zeros(24)])
     along_m = seen.along_m.ravel()
     heard = Heard(echo, landmark, ones, start, along_m, by_pose, weights, 0.0)
-    equations = LandmarkEquations(PLACES, heard, echoes, poses, knots, 3, 7.0)
+    square = Squareness(np.array([0.9, 0.6]), np.array([0.02, -0.01]), 0.02, 1.0)
+    equations = LandmarkEquations(PLACES, heard, echoes, poses, knots, 3, 7.0, square)
     matrix, right = 100.0 * np.eye(9), np.zeros(9)
     equations.add(matrix, right)
     change = np.linalg.solve(matrix, right)
@@ -66,8 +67,13 @@ def test_eliminated_landmarks_leave_the_same_poses() -> None:
         known += np.outer(row, row) / 0.3**2
         known[turn, turn] += 1.0 / 0.2**2
     known[13:, 13:] += np.eye(4) / 0.3**2
+    # Both walls keep to a direction that is an unknown, too: what they differ by is known.
+    apart = np.eye(17)[9] - np.eye(17)[11]
+    information = 1.0 / (1.0 / 0.9 + 1.0 / 0.6) / 0.02**2
+    known += information * np.outer(apart, apart)
     full = known + 7.0 * slopes.T @ (weights[:, np.newaxis] * slopes)
-    together = np.linalg.solve(full, -7.0 * slopes.T @ (weights * start))
+    pull = -7.0 * slopes.T @ (weights * start) - information * 0.03 * apart
+    together = np.linalg.solve(full, pull)
     np.testing.assert_allclose(change, together[:9], rtol=1e-4, atol=1e-8)
     places = equations.moved(change.reshape(3, 3))
     np.testing.assert_allclose(places.points_m, PLACES.points_m + together[13:].reshape(2, 2),

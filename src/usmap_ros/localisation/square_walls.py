@@ -1,0 +1,91 @@
+"""Walls of a place are mostly parallel or square to each other.
+
+What is usual is not stated: a direction, and how many lines keep to it, are found with the lines,
+as a mixture of those that do and of those that face anywhere (expectation maximisation).  So the
+walls of rooms tell robots how they have turned (orthogonal SLAM: Nguyen, Harati, Martinelli,
+Siegwart & Tomatis, IROS 2006), and lines that chance has among poles tell nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from usmap_ros.numerics.arrays import FloatArray
+
+#: Directions that are the same, rad.
+_QUARTER = 0.5 * math.pi
+#: How far walls are off them, rad (standard deviation): themselves, and for each metre that ranges
+#: and poses are off.
+_OFF_RAD, _OFF_RAD_PER_M = 0.009, 0.3
+#: Steps of expectation maximisation, and the share of lines that it begins with.
+_STEPS, _FIRST_SHARE = 6, 0.5
+#: Log-likelihood over that of lines that face anywhere, at the least: chance lines up some of them.
+_LEAST_GAIN = 6.0
+
+
+class Squareness(NamedTuple):
+    """How lines keep to one direction.
+
+    Parameters
+    ----------
+    shares : (n,) array
+        How likely each does.
+    off_rad : (n,) array
+        By how much each is off it, to the nearest quarter turn.
+    std_rad : float
+        How far those that do are off it.
+    gain : float
+        Log-likelihood of all directions over that of lines that face anywhere.
+    """
+
+    shares: FloatArray
+    off_rad: FloatArray
+    std_rad: float
+    gain: float
+
+    def information(self) -> FloatArray:
+        """Of the lines' directions, (n, n), whatever the direction is that they keep to."""
+        total = max(float(self.shares.sum()), 1e-9)
+        own = np.diag(self.shares) - np.outer(self.shares, self.shares) / total
+        return np.asarray(own / self.std_rad**2)
+
+
+def squareness(normals_rad: FloatArray, sigma_m: float) -> Squareness:
+    """How lines keep to the direction that most of them keep to, if they do.
+
+    Parameters
+    ----------
+    normals_rad : (n,) array
+        Their normals.
+    sigma_m : float
+        How far ranges and poses are off.
+    """
+    std_rad = max(_OFF_RAD, _OFF_RAD_PER_M * sigma_m)
+    nothing = Squareness(0.0 * normals_rad, 0.0 * normals_rad, std_rad, 0.0)
+    if len(normals_rad) < 2:
+        return nothing
+    off_rad = _off(normals_rad - normals_rad[:, np.newaxis])
+    off_rad = off_rad[np.argmax(_density(off_rad, std_rad).sum(axis=1))]
+    shares = np.full(len(off_rad), _FIRST_SHARE)
+    for _ in range(_STEPS):
+        density = shares.mean() * _density(off_rad, std_rad)
+        shares = density / (density + 1.0 - shares.mean())
+        off_rad = _off(off_rad - shares @ off_rad / shares.sum())
+    share = shares.mean()
+    likelihood = np.log(1.0 - share + share * _density(off_rad, std_rad))
+    gain = float(likelihood.sum()) - _LEAST_GAIN
+    return Squareness(shares, off_rad, std_rad, gain) if gain > 0.0 else nothing
+
+
+def _off(turn_rad: FloatArray) -> FloatArray:
+    """Turns to the nearest quarter turn."""
+    return np.asarray(turn_rad - _QUARTER * np.round(turn_rad / _QUARTER))
+
+
+def _density(off_rad: FloatArray, std_rad: float) -> FloatArray:
+    """Of lines that keep to a direction, over that of lines that face anywhere."""
+    peak = _QUARTER / (std_rad * math.sqrt(2.0 * math.pi))
+    return np.asarray(peak * np.exp(-0.5 * (off_rad / std_rad) ** 2))

@@ -25,6 +25,9 @@ SHIFTS_M = np.array([(0.0, 0.0), *((x_m, y_m) for x_m in STEPS_M for y_m in STEP
 #: two; and all of them the one who is elsewhere, there.
 LEAST_GAIN, TIMES_TOLD, MOST_SHARE, LEAST_M, BORNE_OUT = 28.0, 2.0, 0.35, 0.5, 4.0
 LEAST_THERE = 8.0
+#: How much others must contradict one where it says it is, and gain that does if they do not: of
+#: one who is alone there nobody knows anything, and its walls fit others' somewhere (up to 58).
+LEAST_AGAINST, GAIN_ALONE = 6.0, 70.0
 
 
 class Pairs:
@@ -64,7 +67,8 @@ class Pairs:
         best = int(total.argmax())
         gain, told = float(total[best] - total[0]), float(total[0])
         size_m = float(np.hypot(*SHIFTS_M[best]))
-        is_sure = gain - TIMES_TOLD * told >= LEAST_GAIN and told <= MOST_SHARE * total[best]
+        least = LEAST_GAIN if told <= -LEAST_AGAINST else GAIN_ALONE
+        is_sure = gain - TIMES_TOLD * told >= least and told <= MOST_SHARE * total[best]
         # At the edge nothing but parallel walls may say where it ends.
         is_inside = float(np.abs(SHIFTS_M[best]).max()) < STEPS_M[-2]
         # Who is deaf is contradicted everywhere, and borne out nowhere.

@@ -21,6 +21,7 @@ from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import PLANAR_AXES, Pose, wrapped
+from usmap_ros.pings.clutter import clutter_of, without_clutter
 from usmap_ros.pings.cone import EchoCone
 
 #: A ping, with the topic that it came on.
@@ -142,7 +143,9 @@ def _refine_frame(
         first += len(own)
     half_rad = np.array([one.transducer.beam.half_angle_rad for one in cones])
     looks = np.concatenate([track.looks(half_rad[track.rows]) for track in tracks])
-    found = search(Smoother(tracks, tabulate(cones, looks)))
+    clutter = clutter_of(cones)
+    things = [without_clutter(cone, clutter) for cone in cones]
+    found = search(Smoother(tracks, tabulate(things, looks)))
     if found is None:
         return dict.fromkeys(rows, 0.0)
     moved_m = np.hypot(*(found.poses - told)[:, :2].T)

@@ -36,6 +36,28 @@ def test_robots_among_poles_find_back(drifting: Drifting, refined: Refinement) -
     assert 0.5 * before_m < rms_m(np.array([list(refined.corrections_m.values())])) < 3.0 * before_m
 
 
+def test_a_floor_that_is_heard_everywhere_leads_nobody_astray(drifting: Drifting) -> None:
+    rng, pings = np.random.default_rng(7), []
+    for topic, one in drifting[0]:
+        floor_m = np.arange(0.4, 1.2, 0.04)
+        columns = {
+            "ranges_m": floor_m,
+            "range_stds_m": np.full(len(floor_m), 2e-3),
+            "amplitudes": 0.01 * np.sqrt(rng.exponential(size=len(floor_m))),
+            "amplitude_stds": np.full(len(floor_m), 2e-3),
+        }
+        both = {name: np.append(getattr(one, name), own) for name, own in columns.items()}
+        order = np.argsort(both["ranges_m"])
+        echoes = {name: own[order].astype(np.float32) for name, own in both.items()}
+        pings.append((topic, replace(one, **echoes)))
+    before_m, after_m = (
+        rms_m(errors_m(each, drifting[1])) for each in (pings, refine_poses(pings).pings)
+    )
+    assert before_m > 0.1
+    # 0.027 if the nearest echoes are taken for things.
+    assert after_m < 0.015
+
+
 def test_what_was_found_says_how_well_it_is_known(drifting: Drifting, refined: Refinement) -> None:
     squares = []
     for (_, found), off_m in zip(refined.pings, errors_m(refined.pings, drifting[1]), strict=True):

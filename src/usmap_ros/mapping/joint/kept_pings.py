@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.clutter import Kind, clutter_of, without_clutter
 from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.looks import Looks, stacked
 from usmap_ros.mapping.ping_bins import look_of
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.clutter import Kind, clutter_of, without_clutter
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.range_cones import first_return, report_first_only
 
@@ -45,7 +45,7 @@ class Sensors(NamedTuple):
     steps : mapping of str to int
         See `usmap_ros.mapping.joint.loudness.steps_to_scale`.
     clutter : mapping
-        See `usmap_ros.mapping.joint.clutter.clutter_of`.
+        See `usmap_ros.pings.clutter.clutter_of`.
     """
 
     first_only: set[str]

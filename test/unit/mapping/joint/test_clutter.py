@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.clutter import APART_M, LEAST_PINGS, clutter_of, without_clutter
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.clutter import APART_M, LEAST_PINGS, clutter_of, without_clutter
 from usmap_ros.pings.cone import EchoCone
 
 MakeCone = Callable[..., EchoCone]

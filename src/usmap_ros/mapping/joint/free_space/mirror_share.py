@@ -26,6 +26,8 @@ MIRROR, SCATTERER, ENOUGH_LOOKS, ENOUGH_CELLS = 0.05, 0.25, 5.0, 8.0
 #: Mean axis of the directions from which something is heard, below which that is several sides and
 #: above which it is one: those that are spread evenly over 60 and 30 degrees.
 FROM_ASIDE, FROM_ONE_SIDE = 0.83, 0.95
+#: Pings from which on it tells that nothing was heard from several sides: few hear poles from one.
+TELLING_PINGS = 100
 #: A wall ends where its cells are farther apart than this.
 APART_CELLS = 10.0
 #: Shares that are compared, and how likely they are before anything was heard: a Beta distribution.
@@ -74,7 +76,7 @@ def expected_share(mirrors: float, others: float, struck: float) -> float:
     return float(weights @ SHARES / weights.sum())
 
 
-def facing_who_heard(looked: Looked, surfaces: FloatArray) -> FloatArray:
+def facing_who_heard(looked: Looked, surfaces: FloatArray, pings: int) -> FloatArray:
     """Surfaces of which nobody knows how they face, facing who heard them if they may be mirrors.
 
     What is heard from one side only may be a mirror that is struck squarely from there: in a
@@ -84,12 +86,16 @@ def facing_who_heard(looked: Looked, surfaces: FloatArray) -> FloatArray:
     ----------
     looked, surfaces
         By and as in `usmap_ros.mapping.joint.free_space.response.look_at`.
+    pings : int
+        How many there are.
 
     Returns
     -------
     surfaces : (surfaces, 3) array
         The same, but for directions.
     """
+    if pings < TELLING_PINGS:
+        return surfaces
     heard, looks = (
         _axes(looked, some, len(surfaces)) for some in (looked.heard > 0, looked.heard >= 0)
     )

@@ -91,7 +91,7 @@ def learn_silence(
     surfaces, on_lines = _surfaces(walls, evidence, field)
     things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     looked = look_at(looks, pings, field, left, listening, surfaces)
-    facing_them = facing_who_heard(looked, surfaces)
+    facing_them = facing_who_heard(looked, surfaces, len(pings))
     if facing_them is not surfaces:
         surfaces = facing_them
         looked = look_at(looks, pings, field, left, listening, surfaces)

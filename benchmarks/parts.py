@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space import free_space, response, silence, usual_directions
-from usmap_ros.mapping.joint.free_space.going_on import GoingOn
+from usmap_ros.mapping.joint.free_space.continuations import Continuations
 from usmap_ros.mapping.joint.free_space.open_space import ORIENTATIONS, ROUND
-from usmap_ros.mapping.joint.free_space.usual_directions import Facing
-from usmap_ros.mapping.joint.surfaces import mirror_walls, smooth_things, walls
-from usmap_ros.mapping.joint.visibility.field import NOISE
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.joint.free_space.usual_directions import WallDirections
+from usmap_ros.mapping.joint.surfaces import mirror_walls, smooth_surfaces, walls
+from usmap_ros.mapping.ping_table import NOISE, PingTable
 from usmap_ros.numerics.arrays import FloatArray
 
 #: Where it stands, what it is called, and what stands there instead.
@@ -72,17 +71,22 @@ def _none_like(place: int) -> Callable[..., NDArray[np.bool_]]:
     return lambda *given: np.zeros(given[place].shape[:2], bool)
 
 
+def _ending(lines: FloatArray, *given: Any) -> Continuations:
+    """Lines that end where they were found to."""
+    return Continuations(lines, _none_like(0)(*given))
+
+
 def _by_noise(
-    looks: Looks, pings: NDArray[np.int64], expected: NDArray[np.float32], reach: int
-) -> response.Listening:
+    table: PingTable, pings: NDArray[np.int64], expected: NDArray[np.float32], reach: int
+) -> response.HeardBins:
     """What was heard where nothing is expected to be."""
-    noise = np.repeat(looks.numbers[pings, NOISE, np.newaxis], expected.shape[1], axis=1)
-    return response.listen(looks, pings, noise.astype(np.float32), reach)
+    noise = np.repeat(table.numbers[pings, NOISE, np.newaxis], expected.shape[1], axis=1)
+    return response.listen(table, pings, noise.astype(np.float32), reach)
 
 
-def _anywhere(_: Facing, mirrors: int, *given: Any) -> FloatArray:
+def _anywhere(_: WallDirections, mirrors: int, *given: Any) -> FloatArray:
     """Orientations as they are asked for where no smooth walls are."""
-    nothing = Facing(*np.zeros((3, 0)))
+    nothing = WallDirections(*np.zeros((3, 0)))
     return usual_directions.log_priors(nothing, 0, *given)
 
 
@@ -110,20 +114,20 @@ PARTS = {
         "ghosts beside lines stay",
         ((walls, "without_doubles", lambda lines: lines), (walls, "GHOST_MARGIN", -np.inf)),
     ),
-    "mirrors": Part("no smooth walls", ((smooth_things, "mirror_walls", _none),)),
+    "mirrors": Part("no smooth walls", ((smooth_surfaces, "mirror_walls", _none),)),
     "usual_mirrors": Part(
         "smooth walls all need as many hits",
         ((mirror_walls, "face_usually", lambda found, among: np.zeros(len(found), bool)),),
     ),
-    "wall_ends": Part("smooth walls end at their feet", ((smooth_things, "WallEnds", _AsFound),)),
-    "columns": Part("no round columns", ((smooth_things, "round_columns", _none),)),
+    "wall_ends": Part("smooth walls end at their feet", ((smooth_surfaces, "WallEnds", _AsFound),)),
+    "columns": Part("no round columns", ((smooth_surfaces, "round_columns", _none),)),
     "taken_out": Part(
         "echoes of smooth things stay",
-        ((smooth_things.SmoothThings, "take_out", lambda things: None),),
+        ((smooth_surfaces.SmoothSurfaces, "take_out", lambda things: None),),
     ),
     "going_on": Part(
         "rough walls do not go on",
-        ((free_space, "go_on", lambda lines, *given: GoingOn(lines, _none_like(0)(*given))),),
+        ((free_space, "continue_lines", _ending),),
     ),
     "behind": Part(
         "nothing is solid behind what one side heard",

@@ -24,7 +24,7 @@ from usmap_ros.mapping.joint import estimate, survey
 from usmap_ros.mapping.joint.forward_model import powers
 from usmap_ros.mapping.joint.free_space import free_space, silence
 from usmap_ros.mapping.joint.fusion import JointFusion
-from usmap_ros.mapping.joint.surfaces import smooth_things
+from usmap_ros.mapping.joint.surfaces import smooth_surfaces
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.simulation import Scenario
@@ -34,7 +34,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "candidates": [(powers, "count_all_hits"), (powers, "candidates")],
     "projection": [(powers, "project")],
     "rays": [
-        (powers, "cast_rays"), (smooth_things, "cast_all_rays"), (free_space, "cast_all_rays"),
+        (powers, "cast_rays"), (smooth_surfaces, "cast_all_rays"), (free_space, "cast_all_rays"),
     ],
     "shadows": [(powers, "cast_shadows")],
     "sweeps": [(powers, "gather_gradients"), (powers, "update_powers")],
@@ -46,8 +46,8 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
         (estimate, "hiding"), (estimate, "optical_depth"), (estimate, "cell_log_odds"),
     ],
     "lines": [(estimate, "find_walls")],
-    "mirrors": [(smooth_things, "mirror_walls")],
-    "columns": [(smooth_things, "round_columns")],
+    "mirrors": [(smooth_surfaces, "mirror_walls")],
+    "columns": [(smooth_surfaces, "round_columns")],
     "response": [
         (free_space, "listen"), (silence, "look_at"), (silence, "learn_response"),
     ],

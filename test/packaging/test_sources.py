@@ -1,6 +1,7 @@
 """What must not be found in the project's files."""
 
 import re
+from collections import Counter
 
 # Put together from pieces, or this file would be the first to be found.
 HOSTS = ["py" + "pi.", "pythonhosted" + ".org", "anaconda" + ".org", "packages.ros" + ".org"]
@@ -43,3 +44,16 @@ def test_no_private_parts_of_dependencies_but_in_one_file(root, sources):
     for pattern, allowed in PRIVATE.items():
         found = {path for path, text in code.items() if re.search(pattern, text, re.MULTILINE)}
         assert found == allowed
+
+
+def test_each_public_class_has_a_name_of_its_own(root, sources):
+    code = [
+        (root / path).read_text(encoding="utf-8")
+        for path in sources
+        if path.suffix == ".py" and path.parts[0] == "src"
+    ]
+    names = Counter(
+        name for text in code for name in re.findall(r"^class ([A-Z]\w*)", text, re.MULTILINE)
+    )
+    assert names
+    assert not [name for name, count in names.items() if count > 1]

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.reconstruction.bearings import Sighting, Viewpoint, bearings_of, find_bearings
-from usmap_ros.reconstruction.cones import Echoes
+from usmap_ros.reconstruction.cones import RecoveredEchoes
 
 QUICK = settings(max_examples=60, deadline=None)
 BEAM = BeamPattern.linear()
@@ -21,7 +21,7 @@ offsets = st.floats(-0.01, 0.01)
 
 def echoes(ranges_m, amplitudes):
     stds_m = np.full(len(ranges_m), 1e-3)
-    return Echoes(np.asarray(ranges_m), stds_m, amplitudes, 0.05 * amplitudes)
+    return RecoveredEchoes(np.asarray(ranges_m), stds_m, amplitudes, 0.05 * amplitudes)
 
 
 @QUICK

@@ -17,7 +17,7 @@ from usmap_ros.simulation import EchoSimulator, MountedTransducer
 from usmap_ros.simulation.motion import RandomWalk
 from usmap_ros.simulation.receiver import Converter, Receiver
 from usmap_ros.simulation.scene import Discs, Scene
-from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along
+from usmap_ros.simulation.surfaces import Surface, WallSegments, scatter_along
 
 PULSE = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
 SURFACE = Surface(0.5, 2.0, 30.0, 0.005)
@@ -42,16 +42,16 @@ def discs_of(items, radius=0.0):
 
 def walls_of(items):
     starts, ends = np.array(items).transpose(1, 0, 2)
-    return Walls.between(starts, ends, SURFACE, one_sided=False)
+    return WallSegments.between(starts, ends, SURFACE, one_sided=False)
 
 
 def scene_of(discs, walls=None, moved=lambda positions: positions):
     """Scene whose discs, walls and scatterers are drawn first and then moved."""
-    walls = Walls.joined([]) if walls is None else walls
+    walls = WallSegments.joined([]) if walls is None else walls
     scatterers = scatter_along(walls, SURFACE, np.random.default_rng(0))
     return Scene(
         Discs(moved(discs.centers_m), discs.radii_m, discs.reflectivities),
-        Walls(moved(walls.starts_m), moved(walls.ends_m), *_sides(walls)),
+        WallSegments(moved(walls.starts_m), moved(walls.ends_m), *_sides(walls)),
         type(scatterers)(
             moved(scatterers.positions_m), scatterers.reflectivities, scatterers.walls
         ),
@@ -147,7 +147,7 @@ def test_walls_only_take_away(items, ends):
     silent = Surface(0.0, 0.0, 1.0, 0.0)
     open_scene = scene_of(discs_of(items))
     starts, stops = np.array(ends).transpose(1, 0, 2)
-    walls = Walls.between(starts, stops, silent, one_sided=False)
+    walls = WallSegments.between(starts, stops, silent, one_sided=False)
     walled = Scene(open_scene.discs, walls, open_scene.scatterers)
     # Each object is heard as in the open, or not at all.
     for index in range(len(items)):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usmap_ros.drivers.frames import TRIGGER, Frame
+from usmap_ros.drivers.frames import TRIGGER, SampleFrame
 
 Answer = Callable[[int], bytes]
 SENSOR = """
@@ -30,7 +30,7 @@ def counts(number: int) -> np.ndarray:
 
 def frame(number: int) -> bytes:
     """Answer as a device does that works."""
-    return Frame(number, counts(number)).packed()
+    return SampleFrame(number, counts(number)).packed()
 
 
 class PlayedDevice:

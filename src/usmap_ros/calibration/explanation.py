@@ -20,8 +20,8 @@ from usmap_ros.calibration.fit import (
     OFFSET,
     SLOWNESS,
     UNKNOWN_SLOWNESS,
+    EchoMatches,
     FittedModel,
-    Matches,
     Model,
     fit,
 )
@@ -141,7 +141,7 @@ class Explained:
     """Echoes, where they came from, and the model that says so."""
 
     table: EchoTable
-    matches: Matches
+    matches: EchoMatches
     fit: FittedModel
 
 
@@ -251,7 +251,7 @@ def _explained(
 
 def _searched(
     table: EchoTable, model: Model, candidates: IndexArray, gates_m: tuple[float, ...]
-) -> tuple[Model, FittedModel, Matches]:
+) -> tuple[Model, FittedModel, EchoMatches]:
     """Look for more objects among the echoes that are `candidates`, and fit all of them."""
     places_m = find_objects(table.read_as(model.slowness, model.offset_m), candidates)
     model = model.with_objects(places_m, np.zeros(len(places_m)), is_fixed=False)
@@ -263,7 +263,7 @@ def _searched(
     return found.model, found, matches
 
 
-def _matched(table: EchoTable, model: Model, gate_m: float) -> tuple[Matches, Model]:
+def _matched(table: EchoTable, model: Model, gate_m: float) -> tuple[EchoMatches, Model]:
     """Match echoes anew, and drop objects that too few are left of."""
     model, matches = associate(table, model, gate_m)
     counts = np.bincount(matches.objects, minlength=len(model.places_m))

@@ -120,7 +120,7 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Matches:
+class EchoMatches:
     """Echoes that are explained, each array of shape (matches,).
 
     Parameters
@@ -134,9 +134,9 @@ class Matches:
     objects: IndexArray
     paths: IndexArray
 
-    def where(self, kept: BoolArray) -> Matches:
+    def where(self, kept: BoolArray) -> EchoMatches:
         """Some of them."""
-        return Matches(self.echoes[kept], self.objects[kept], self.paths[kept])
+        return EchoMatches(self.echoes[kept], self.objects[kept], self.paths[kept])
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class FittedModel:
 
 
 def fit(
-    table: EchoTable, matches: Matches, start: Model, *, offset_std_m: float = UNKNOWN_OFFSET_M
+    table: EchoTable, matches: EchoMatches, start: Model, *, offset_std_m: float = UNKNOWN_OFFSET_M
 ) -> FittedModel:
     """Least squares over all unknowns, with a loss that outliers cannot dominate.
 
@@ -173,7 +173,7 @@ def fit(
     ----------
     table : EchoTable
         All echoes of the recording, with poses and pings.
-    matches : Matches
+    matches : EchoMatches
         What they came from.
     start : Model
         Where to start; what it says of fixed places and of having a floor stays.
@@ -203,7 +203,7 @@ class _Problem:
     """Residuals, in standard deviations, and their derivatives."""
 
     def __init__(
-        self, table: EchoTable, matches: Matches, start: Model, offset_std_m: float
+        self, table: EchoTable, matches: EchoMatches, start: Model, offset_std_m: float
     ) -> None:
         pings = table.pings[matches.echoes]
         self.matches, self._start = matches, start

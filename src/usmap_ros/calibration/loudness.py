@@ -6,7 +6,7 @@ import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel, FloorModel
 from usmap_ros.calibration.echo_table import EchoTable
-from usmap_ros.calibration.fit import Matches, Model
+from usmap_ros.calibration.fit import EchoMatches, Model
 from usmap_ros.calibration.result import Estimate
 from usmap_ros.numerics.arrays import FloatArray, IndexArray
 from usmap_ros.parameters import MappingParameters
@@ -28,7 +28,7 @@ _LARGEST_REFLECTIVITY_STD = 0.1
 
 
 def log_reflectivities(
-    table: EchoTable, matches: Matches, model: Model, channel: Channel
+    table: EchoTable, matches: EchoMatches, model: Model, channel: Channel
 ) -> tuple[FloatArray, IndexArray]:
     """Ln of the reflectivity that direct echoes mean, in units of the samples, and their objects.
 
@@ -95,7 +95,7 @@ def gain_from_echoes(table: EchoTable, channel: Channel, mapping: MappingParamet
 
 
 def floor_reflectivity(
-    table: EchoTable, matches: Matches, model: Model, channel: Channel
+    table: EchoTable, matches: EchoMatches, model: Model, channel: Channel
 ) -> Estimate:
     """Reflectivity of the floor, from echoes over it beside direct ones of the same ping."""
     if model.floor_m is None:

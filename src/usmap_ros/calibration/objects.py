@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from usmap_ros.calibration.echo_table import EchoTable
-from usmap_ros.calibration.fit import Matches, Model
+from usmap_ros.calibration.fit import EchoMatches, Model
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 #: Bearings at which an echo's object is first supposed: their step, and the widest.
@@ -149,7 +149,7 @@ def _extent_m(positions_m: FloatArray) -> float:
     return float(np.linalg.norm(np.ptp(positions_m, axis=0))) if len(positions_m) else 0.0
 
 
-def associate(table: EchoTable, model: Model, gate_m: float) -> tuple[Model, Matches]:
+def associate(table: EchoTable, model: Model, gate_m: float) -> tuple[Model, EchoMatches]:
     """Match every echo with the object and path that it fits, where only one does.
 
     Objects that would share most of their echoes are one: only the one with most of them is left.
@@ -175,7 +175,7 @@ def associate(table: EchoTable, model: Model, gate_m: float) -> tuple[Model, Mat
     return model, possible.where((echo_count == 1) & (times[first] == 1))
 
 
-def _possible(table: EchoTable, model: Model, gate_m: float) -> Matches:
+def _possible(table: EchoTable, model: Model, gate_m: float) -> EchoMatches:
     """All echoes, objects and paths that fit together."""
     found = [np.zeros((3, 0), dtype=np.intp)]
     for ping, transducer in enumerate(table.transducers):
@@ -193,10 +193,10 @@ def _possible(table: EchoTable, model: Model, gate_m: float) -> Matches:
         echo, cause = np.nonzero(apart_m < allowed_m)
         which, path = np.divmod(cause, model.path_count)
         found.append(np.stack([echoes.start + echo, audible[which], path]))
-    return Matches(*np.concatenate(found, axis=1))
+    return EchoMatches(*np.concatenate(found, axis=1))
 
 
-def _different(possible: Matches, is_fixed: BoolArray) -> IndexArray:
+def _different(possible: EchoMatches, is_fixed: BoolArray) -> IndexArray:
     """Objects that are left when of those that share most of their echoes only one stays."""
     count = len(is_fixed)
     direct = possible.where(possible.paths == 0)

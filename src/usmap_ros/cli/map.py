@@ -241,7 +241,7 @@ def _map_collection(
     from usmap_ros.io.map_files import map_folder, save_map
     from usmap_ros.processes.cluster import cluster
     from usmap_ros.processes.cores import available_cores
-    from usmap_ros.runs.collection import Wishes, map_collection
+    from usmap_ros.runs.collection import AreaOptions, map_collection
     from usmap_ros.runs.parallel import worker_processes
 
     with map_folder(order.output):
@@ -253,7 +253,7 @@ def _map_collection(
     ):
         done = map_collection(
             recordings, order.output, order.parameters, executor,
-            wishes=Wishes(order.passes, tuple(order.without), order.frame), step=step,
+            wishes=AreaOptions(order.passes, tuple(order.without), order.frame), step=step,
         )  # fmt: skip
     summary = save_map(
         order.output, done.occupancy, done.paths, lambda: done.summary(seconds_since_start())

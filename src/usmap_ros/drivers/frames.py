@@ -35,7 +35,7 @@ _CHECKSUM = struct.Struct("<I")
 
 
 @dataclass(frozen=True)
-class Frame:
+class SampleFrame:
     """An answer to a trigger.
 
     Parameters
@@ -67,7 +67,7 @@ class FrameReader:
         """Forget what has come of a frame."""
         self._waiting.clear()
 
-    def feed(self, data: bytes) -> Iterator[Frame | MalformedMessageError]:
+    def feed(self, data: bytes) -> Iterator[SampleFrame | MalformedMessageError]:
         """Take what has come; yield the frames that are complete, and what is wrong with others."""
         self._waiting += data
         while self._find_header():
@@ -84,7 +84,7 @@ class FrameReader:
                 yield self._refused("checksum", "is wrong: bytes were lost or damaged on the line")
                 continue
             del self._waiting[: length + _CHECKSUM.size]
-            yield Frame(number, np.frombuffer(content, dtype, count, _HEADER.size))
+            yield SampleFrame(number, np.frombuffer(content, dtype, count, _HEADER.size))
 
     def _find_header(self) -> bool:
         """Drop what is before the next header; whether it is there as a whole."""

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from usmap_ros.drivers.frames import TRIGGER, Frame, FrameReader
+from usmap_ros.drivers.frames import TRIGGER, FrameReader, SampleFrame
 from usmap_ros.drivers.ping_source import NoAnswerError
 from usmap_ros.drivers.port import Port
 from usmap_ros.errors import MalformedMessageError
@@ -52,7 +52,7 @@ class SerialTransducer:
         samples = frame.samples.astype(np.float64)
         return [self._sensor.trace(samples, stamp_ns, self._sensor.pose(base))]
 
-    def _answer(self) -> Frame:
+    def _answer(self) -> SampleFrame:
         """The frame that answers the last trigger; those of earlier ones came too late."""
         deadline_s = time.monotonic() + self._timeout_s
         heard = 0

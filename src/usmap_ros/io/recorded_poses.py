@@ -20,7 +20,7 @@ _STILL_M, _STILL_RAD = 0.1, 0.05
 _MOST_FRAMES = 32
 
 
-class Located(NamedTuple):
+class LocatedFrame(NamedTuple):
     """Where a frame was.
 
     Parameters
@@ -104,7 +104,7 @@ class RecordedPoses:
             )
             _append(track, stamp_ns, pose)
 
-    def locate(self, topic: str, frame_id: str, stamp_ns: int) -> Located:
+    def locate(self, topic: str, frame_id: str, stamp_ns: int) -> LocatedFrame:
         """Where the frame of a message on `topic` was, and of which robot it is.
 
         A sensor of which no transform is known sits where its robot's odometry is.
@@ -138,7 +138,7 @@ class RecordedPoses:
         robot = self._robot(moving or frame, frame)
         if not is_placed:
             self.unplaced.setdefault(robot, set()).add(frame_id)
-        return Located(found, frame, robot)
+        return LocatedFrame(found, frame, robot)
 
     def _robot(self, base: str, world: str) -> str:
         """Name of the robot whose base moves: its frames' prefix, its topics', or the base's."""

@@ -30,7 +30,7 @@ _LONGEST_REACH = 0.1
 
 
 @dataclass(frozen=True)
-class Fused:
+class FusionOutcome:
     """What became of one cone.
 
     Parameters
@@ -172,7 +172,7 @@ class LiveFusion:
         if count:
             self._on_set_apart(count, f"{count} pings {why}, '{self.frame_id}'{then}")
 
-    def fuse_next(self) -> Fused | None:
+    def fuse_next(self) -> FusionOutcome | None:
         """Fuse the next cone, if its turn has come.
 
         Raises
@@ -202,7 +202,7 @@ class LiveFusion:
             # Nobody looks at maps; what the oldest pings said has to stay in one.
             self.occupancy_map()
         self.queue.spend(topic, cone)
-        return Fused(topic, self._clock() - came_s)
+        return FusionOutcome(topic, self._clock() - came_s)
 
     def _fuse(self, topic: str, cone: EchoCone) -> None:
         """Put a cone into the map, under its lock."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from usmap_ros.errors import MalformedMessageError, MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.live.anchors import Anchor, anchored
-from usmap_ros.live.located import Located, locate, of_latest_lives
+from usmap_ros.live.located import LocatedRobots, locate, of_latest_lives
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.mapping.joint.drawing import copied
@@ -41,7 +41,7 @@ class LivePoses:
     ----------
     own_frames : set of str
         Frames of odometry that pings were kept in.
-    latest : Located
+    latest : LocatedRobots
         Where robots are by the newest map.
     doubted : dict
         Whom it does not believe wholly: see `usmap_ros.mapping.fusion.Fusion.doubted`.
@@ -64,7 +64,7 @@ class LivePoses:
         self._made: _Made | None = None
         self._going_on: _GoingOn | None = None
         self.own_frames: set[str] = set()
-        self.latest = Located(Corrected([]), "", {})
+        self.latest = LocatedRobots(Corrected([]), "", {})
         self.doubted: dict[str, float] = {}
 
     @property

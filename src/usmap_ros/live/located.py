@@ -17,7 +17,7 @@ from usmap_ros.runs.restarts import first_name
 
 
 @dataclass(frozen=True)
-class Located:
+class LocatedRobots:
     """Where robots were found to be.
 
     Parameters
@@ -53,7 +53,7 @@ class Located:
         return one.state if is_here else "alone"
 
 
-def locate(told: Sequence[Ping], corrected: Corrected, frame_id: str) -> Located:
+def locate(told: Sequence[Ping], corrected: Corrected, frame_id: str) -> LocatedRobots:
     """Where frames of odometry are in the map by the newest ping of each that is in it."""
     frames: dict[str, FloatArray] = {}
     for (_, before), (_, after) in zip(told, corrected.pings, strict=True):
@@ -65,7 +65,7 @@ def locate(told: Sequence[Ping], corrected: Corrected, frame_id: str) -> Located
         else:
             # Since it began anew nobody knows where it is.
             frames.pop(first_name(before.frame_id), None)
-    return Located(corrected, frame_id, frames)
+    return LocatedRobots(corrected, frame_id, frames)
 
 
 def of_latest_lives(told: Sequence[Ping], found: Sequence[Ping]) -> list[bool]:

@@ -22,7 +22,7 @@ _ANY_BEARING = 1e6
 _ASLANT_RAD = 1.0
 
 
-class Echoes(NamedTuple):
+class TrackEchoes(NamedTuple):
     """Echoes of all pings, one behind the other.
 
     Parameters
@@ -55,7 +55,7 @@ class Echoes(NamedTuple):
         return bool(np.median(self.aslant_rad) > 0.0)
 
 
-def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> Echoes:
+def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> TrackEchoes:
     """Echoes of cones.
 
     Parameters
@@ -81,13 +81,13 @@ def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> Echoes:
     table = np.concatenate(columns)
     # In one piece each, as compiled code wants them.
     whose, *others = (np.ascontiguousarray(column) for column in table.T)
-    return Echoes(whose.astype(np.int64), *others)
+    return TrackEchoes(whose.astype(np.int64), *others)
 
 
-def of_rows(echoes: Echoes, rows: NDArray[np.intp]) -> Echoes:
+def of_rows(echoes: TrackEchoes, rows: NDArray[np.intp]) -> TrackEchoes:
     """Some of the echoes."""
     whose, *others = (np.asarray(column[rows], float) for column in echoes)
-    return Echoes(whose.astype(np.int64), *others)
+    return TrackEchoes(whose.astype(np.int64), *others)
 
 
 def _telling(cone: EchoCone) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ from usmap_ros.numerics.geometry import wrapped
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundPoses:
     """Poses that were found.
 
     Parameters
@@ -27,7 +27,7 @@ class Found:
     covariances: FloatArray
 
 
-def of_pings(smoother: Smoother, at_knots: FloatArray) -> Found:
+def of_pings(smoother: Smoother, at_knots: FloatArray) -> FoundPoses:
     """The poses as they are, with covariances between those of the knots.
 
     Parameters
@@ -43,17 +43,17 @@ def of_pings(smoother: Smoother, at_knots: FloatArray) -> Found:
         before, share = smoother.knot[rows], smoother.share[rows][:, np.newaxis, np.newaxis]
         after = np.minimum(before + 1, first + len(smoother.knots[number]) - 1)
         known[rows] = (1.0 - share) * at_knots[before] + share * at_knots[after]
-    return Found(smoother.poses.copy(), known)
+    return FoundPoses(smoother.poses.copy(), known)
 
 
-def average(ends: list[tuple[float, Found]]) -> Found:
+def average(ends: list[tuple[float, FoundPoses]]) -> FoundPoses:
     """Poses that the ends of several searches have on average, by how likely they are.
 
     What they differ by is uncertain, and counts as such.
 
     Parameters
     ----------
-    ends : list of (float, Found)
+    ends : list of (float, FoundPoses)
         With the logarithm of how likely each is.
     """
     gained = np.array([one for one, _ in ends])
@@ -68,4 +68,4 @@ def average(ends: list[tuple[float, Found]]) -> Found:
     within = np.einsum("e,enij->nij", weights, np.array([one.covariances for _, one in ends]))
     poses = first + mean
     poses[:, 2] = wrapped(poses[:, 2])
-    return Found(poses, within + spread)
+    return FoundPoses(poses, within + spread)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from usmap_ros.localisation.echo_table import Echoes
+from usmap_ros.localisation.data_association import DataAssociation
+from usmap_ros.localisation.echo_table import TrackEchoes
 from usmap_ros.localisation.lines_and_points import Landmarks
-from usmap_ros.localisation.shares import Heard
 from usmap_ros.localisation.square_walls import Squareness
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -43,9 +43,9 @@ class LandmarkEquations:
 
     Parameters
     ----------
-    landmarks, heard : Landmarks, Heard
+    landmarks, heard : Landmarks, DataAssociation
         What stands, and which echoes are whose.
-    echoes : Echoes
+    echoes : TrackEchoes
         Of all pings.
     poses : (pings, 3) array
         x, y (m) and yaw (rad).
@@ -62,8 +62,8 @@ class LandmarkEquations:
     def __init__(
         self,
         landmarks: Landmarks,
-        heard: Heard,
-        echoes: Echoes,
+        heard: DataAssociation,
+        echoes: TrackEchoes,
         poses: FloatArray,
         knots: Knots,
         count: int,

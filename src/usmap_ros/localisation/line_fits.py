@@ -18,7 +18,7 @@ _STEPS, _LEAST_ECHOES, _DISTANCE = 4, 1e-3, 1e-6
 _NOT_ITS_M = 1e9
 
 
-class Bearers(NamedTuple):
+class LandmarkEchoes(NamedTuple):
     """Echoes that may be walls', and where they were heard from: (echoes,) arrays.
 
     Parameters
@@ -43,7 +43,7 @@ class Bearers(NamedTuple):
 
 
 @inlined
-def _place(rows: Bearers, echo: int, angle: float) -> tuple[bool, float, float]:
+def _place(rows: LandmarkEchoes, echo: int, angle: float) -> tuple[bool, float, float]:
     """Where a wall that faces so would answer from, and whether it can."""
     yaw, reach = rows.yaw_rad[echo], rows.reach_rad[echo]
     off_rad = angle - yaw
@@ -56,7 +56,7 @@ def _place(rows: Bearers, echo: int, angle: float) -> tuple[bool, float, float]:
 
 @compiled
 def put_on_line(
-    rows: Bearers,
+    rows: LandmarkEchoes,
     wanted: BoolArray,
     angle: float,
     distance_m: float,
@@ -67,7 +67,7 @@ def put_on_line(
 
     Parameters
     ----------
-    rows : Bearers
+    rows : LandmarkEchoes
         The echoes.
     wanted : (echoes,) bool array
         Those that may be its.
@@ -86,7 +86,11 @@ def put_on_line(
 
 @compiled
 def fit_line(
-    rows: Bearers, wanted: BoolArray, line: tuple[float, float], coarse_m: float, sigma_m: float
+    rows: LandmarkEchoes,
+    wanted: BoolArray,
+    line: tuple[float, float],
+    coarse_m: float,
+    sigma_m: float,
 ) -> tuple[float, float]:
     """A line through what is near it, by least squares.
 
@@ -135,7 +139,9 @@ def fit_line(
 
 
 @inlined
-def _ray(rows: Bearers, echo: int, x_m: float, y_m: float) -> tuple[bool, float, float, float]:
+def _ray(
+    rows: LandmarkEchoes, echo: int, x_m: float, y_m: float
+) -> tuple[bool, float, float, float]:
     """Whether an echo may be of a point, the unit vector there, and how far behind it it is."""
     x, y = x_m - rows.x_m[echo], y_m - rows.y_m[echo]
     far_m = math.hypot(x, y) + 1e-9
@@ -147,7 +153,7 @@ def _ray(rows: Bearers, echo: int, x_m: float, y_m: float) -> tuple[bool, float,
 
 @compiled
 def put_on_point(
-    rows: Bearers, wanted: BoolArray, x_m: float, y_m: float, behind_m: FloatArray
+    rows: LandmarkEchoes, wanted: BoolArray, x_m: float, y_m: float, behind_m: FloatArray
 ) -> None:
     """Set how far behind a point echoes are; kilometres, if they cannot be its.
 
@@ -160,7 +166,11 @@ def put_on_point(
 
 @compiled
 def fit_point(
-    rows: Bearers, wanted: BoolArray, place: tuple[float, float], coarse_m: float, sigma_m: float
+    rows: LandmarkEchoes,
+    wanted: BoolArray,
+    place: tuple[float, float],
+    coarse_m: float,
+    sigma_m: float,
 ) -> tuple[float, float]:
     """A point at what is near it, by least squares.
 

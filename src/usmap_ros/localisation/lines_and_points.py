@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.localisation.echo_table import Echoes
+from usmap_ros.localisation.echo_table import TrackEchoes
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
@@ -51,7 +51,7 @@ class Landmarks(NamedTuple):
         return Landmarks(self.normals_rad[lines], self.distances_m[lines], self.points_m[points])
 
 
-class Looks(NamedTuple):
+class LandmarkViews(NamedTuple):
     """How pings would hear landmarks, (pings, landmarks) each.
 
     Parameters
@@ -76,7 +76,7 @@ class Looks(NamedTuple):
     along_m: FloatArray
 
 
-def look(landmarks: Landmarks, echoes: Echoes, poses: FloatArray) -> Looks:
+def view_landmarks(landmarks: Landmarks, echoes: TrackEchoes, poses: FloatArray) -> LandmarkViews:
     """Where pings would hear landmarks: walls at a perpendicular's foot, or at the beam's edge."""
     half_rad, most_rad = np.zeros((2, len(poses), 1))
     half_rad[echoes.ping, 0], most_rad[echoes.ping, 0] = echoes.half_angle_rad, echoes.aslant_rad
@@ -92,7 +92,7 @@ def look(landmarks: Landmarks, echoes: Echoes, poses: FloatArray) -> Looks:
     toward /= np.maximum(apart_m, 1e-9)
     aside_rad = wrapped(np.arctan2(toward[1], toward[0]) - poses[:, 2, np.newaxis])
     nothing = np.zeros_like(apart_m)
-    return Looks(
+    return LandmarkViews(
         np.hstack([faced, np.abs(aside_rad) < WITHIN * half_rad]),
         np.hstack([far_m, apart_m]),
         np.hstack([np.broadcast_to(normals[0], faced.shape), toward[0]]),

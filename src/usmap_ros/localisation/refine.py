@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.localisation.echo_table import tabulate
-from usmap_ros.localisation.found import Found
+from usmap_ros.localisation.found import FoundPoses
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
 from usmap_ros.localisation.search import search
 from usmap_ros.localisation.smoother import Smoother
@@ -160,7 +160,7 @@ def _refine_frame(
     }
 
 
-def _corrected(pose: Pose, told: FloatArray, found: Found, place: int) -> Pose:
+def _corrected(pose: Pose, told: FloatArray, found: FoundPoses, place: int) -> Pose:
     """A pose turned and shifted in the plane, with the covariance of what was found."""
     change = found.poses[place] - told
     turn = Pose.planar(0.0, 0.0, float(wrapped(change[2])))

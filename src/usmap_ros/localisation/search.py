@@ -5,10 +5,10 @@ from __future__ import annotations
 import copy
 import math
 
+from usmap_ros.localisation.data_association import associate_echoes, worth_their_cost
 from usmap_ros.localisation.equations import covariances
-from usmap_ros.localisation.found import Found, average, of_pings
+from usmap_ros.localisation.found import FoundPoses, average, of_pings
 from usmap_ros.localisation.lines_and_points import Landmarks
-from usmap_ros.localisation.shares import share_out, worth_their_cost
 from usmap_ros.localisation.smoother import Smoother
 from usmap_ros.localisation.votes import find_lines, find_points
 from usmap_ros.numerics.arrays import FloatArray
@@ -43,7 +43,7 @@ _BY_CHANCE = 1.7
 _MOST_STRETCHES = 40
 
 
-def search(start: Smoother) -> Found | None:
+def search(start: Smoother) -> FoundPoses | None:
     """Go along with all robots, and average ends by how likely landmarks and odometry make them.
 
     Parameters
@@ -95,7 +95,7 @@ def _noise_m(smoother: Smoother, sigma_m: float, points_m: float) -> float:
     """How far echoes seem to be off the landmarks that they are of, and one more by `sigma_m`."""
     landmarks = _landmarks(smoother, max(sigma_m, _FOUND_M), points_m)
     echoes = smoother.echoes
-    heard = share_out(echoes, smoother.poses, smoother.active, landmarks, sigma_m)
+    heard = associate_echoes(echoes, smoother.poses, smoother.active, landmarks, sigma_m)
     weights = heard.shares * echoes.weight[heard.echo]
     total = float(weights @ heard.off_m**2) + sigma_m**2
     off_m = _WIDER * math.sqrt(total / (float(weights.sum()) + 1.0))

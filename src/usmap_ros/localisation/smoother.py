@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from usmap_ros.localisation.echo_table import Echoes
+from usmap_ros.localisation.data_association import ECHO_WEIGHT, associate_echoes, cost_of_landmark
+from usmap_ros.localisation.echo_table import TrackEchoes
 from usmap_ros.localisation.equations import (
     ScaleEquation,
     chain,
@@ -19,7 +20,6 @@ from usmap_ros.localisation.equations import (
 from usmap_ros.localisation.landmark_equations import Knots, LandmarkEquations
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.planar import compose
-from usmap_ros.localisation.shares import ECHO_WEIGHT, cost_of_landmark, share_out
 from usmap_ros.localisation.square_walls import squareness
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray
@@ -36,11 +36,11 @@ class Smoother:
     ----------
     tracks : sequence of Track
         Of the robots.
-    echoes : Echoes
+    echoes : TrackEchoes
         Of all pings.
     """
 
-    def __init__(self, tracks: Sequence[Track], echoes: Echoes) -> None:
+    def __init__(self, tracks: Sequence[Track], echoes: TrackEchoes) -> None:
         self.tracks, self.echoes = list(tracks), echoes
         self.poses = np.zeros((sum(len(track.rows) for track in tracks), 3))
         for track in tracks:
@@ -68,7 +68,7 @@ class Smoother:
 
         Relative to no echo being a landmark's.
         """
-        heard = share_out(self.echoes, self.poses, self.active, landmarks, sigma_m)
+        heard = associate_echoes(self.echoes, self.poses, self.active, landmarks, sigma_m)
         cost = landmarks.total * cost_of_landmark(int(self.active.sum()))
         square = squareness(landmarks.normals_rad, sigma_m).gain
         return ECHO_WEIGHT * heard.log_likelihood + square - cost - 0.5 * self._odometry_cost()
@@ -95,7 +95,7 @@ class Smoother:
         factor
             Decomposition for `covariances`.
         """
-        heard = share_out(self.echoes, self.poses, self.active, landmarks, sigma_m)
+        heard = associate_echoes(self.echoes, self.poses, self.active, landmarks, sigma_m)
         equations = LandmarkEquations(
             landmarks, heard, self.echoes, self.poses, Knots(self.knot, self.share),
             self.knot_count, ECHO_WEIGHT / sigma_m**2, squareness(landmarks.normals_rad, sigma_m),

@@ -11,8 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.localisation.echo_table import Echoes, of_rows
-from usmap_ros.localisation.line_fits import Bearers, fit_line, fit_point, put_on_line, put_on_point
+from usmap_ros.localisation.echo_table import TrackEchoes, of_rows
+from usmap_ros.localisation.line_fits import (
+    LandmarkEchoes,
+    fit_line,
+    fit_point,
+    put_on_line,
+    put_on_point,
+)
 from usmap_ros.localisation.lines_and_points import WITHIN, Landmarks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
@@ -24,12 +30,14 @@ _DIRECTIONS, _STEP_M = 120, 0.04
 _MOST, _LEAST_ECHOES, _LEAST_PLACES = 200, 5.0, 4
 
 
-def find_lines(echoes: Echoes, poses: FloatArray, wanted: BoolArray, sigma_m: float) -> Landmarks:
+def find_lines(
+    echoes: TrackEchoes, poses: FloatArray, wanted: BoolArray, sigma_m: float
+) -> Landmarks:
     """Lines that echoes of several places have in common, those of most echoes first.
 
     Parameters
     ----------
-    echoes : Echoes
+    echoes : TrackEchoes
         Of all pings.
     poses : (pings, 3) array
         x, y (m) and yaw (rad).
@@ -45,7 +53,9 @@ def find_lines(echoes: Echoes, poses: FloatArray, wanted: BoolArray, sigma_m: fl
     return Landmarks(normals_rad, distances_m + away_m)
 
 
-def find_points(echoes: Echoes, poses: FloatArray, wanted: BoolArray, sigma_m: float) -> FloatArray:
+def find_points(
+    echoes: TrackEchoes, poses: FloatArray, wanted: BoolArray, sigma_m: float
+) -> FloatArray:
     """Points that arcs of echoes have in common, (n, 2); parameters are those of `find_lines`."""
     centre_m = poses[:, :2].mean(axis=0)
     bearers = _bearers(echoes, poses, wanted, centre_m)
@@ -71,10 +81,12 @@ def _found(kind: _Lines | _Points) -> FloatArray:
     return np.array(found).reshape(-1, 2)
 
 
-def _bearers(echoes: Echoes, poses: FloatArray, wanted: BoolArray, centre_m: FloatArray) -> Bearers:
+def _bearers(
+    echoes: TrackEchoes, poses: FloatArray, wanted: BoolArray, centre_m: FloatArray
+) -> LandmarkEchoes:
     heard = of_rows(echoes, np.flatnonzero(wanted[echoes.ping]))
     x_m, y_m = np.ascontiguousarray((poses[heard.ping, :2] - centre_m).T)
-    return Bearers(
+    return LandmarkEchoes(
         x_m, y_m, poses[heard.ping, 2], heard.range_m, WITHIN * heard.half_angle_rad,
         heard.aslant_rad, heard.weight,
     )  # fmt: skip
@@ -140,7 +152,7 @@ class _Ballot:
 class _Lines:
     """Votes for lines."""
 
-    def __init__(self, rows: Bearers, step_m: float, sigma_m: float) -> None:
+    def __init__(self, rows: LandmarkEchoes, step_m: float, sigma_m: float) -> None:
         self._rows, self._step_m, self._sigma_m = rows, step_m, sigma_m
         self.count = len(rows.x_m)
         angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
@@ -180,7 +192,7 @@ class _Lines:
 class _Points:
     """Votes for points."""
 
-    def __init__(self, rows: Bearers, step_m: float, sigma_m: float) -> None:
+    def __init__(self, rows: LandmarkEchoes, step_m: float, sigma_m: float) -> None:
         self._rows, self._step_m, self._sigma_m = rows, step_m, sigma_m
         self.count = len(rows.x_m)
         count = np.ceil(2.0 * rows.reach_rad * rows.range_m / step_m).astype(np.int64) + 1

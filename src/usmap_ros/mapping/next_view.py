@@ -124,7 +124,7 @@ def view_scores(
     rows, columns = np.nonzero(layers[AMBIGUITY] >= _LEAST_AMBIGUITY)
     centers_m = geometry.cell_centers_m(rows, columns)
     nowhere = np.zeros(geometry.shape, np.float32)
-    looks = np.stack(
+    table = np.stack(
         [layers.get(name, nowhere)[rows, columns] for name in (LOOKS_COS, LOOKS_SIN)], axis=-1
     ).astype(np.float64)
     ambiguity = layers[AMBIGUITY][rows, columns].astype(np.float64)
@@ -143,7 +143,7 @@ def view_scores(
         amplitude = reflectivity * gain[seen] / range_m[seen] ** 2
         heard = np.exp(-((limit_amplitude / amplitude) ** 2))
         twice = 2.0 * direction[seen]
-        alike = looks[seen, 0] * np.cos(twice) + looks[seen, 1] * np.sin(twice)
+        alike = table[seen, 0] * np.cos(twice) + table[seen, 1] * np.sin(twice)
         scores[index] = np.sum(ambiguity[seen] * heard * 0.5 * (1.0 - alike))
     return scores
 

@@ -39,7 +39,7 @@ DEAF_AMPLITUDE = 23.0
 LEAST_NOISE = 1e-12
 
 
-class Look(NamedTuple):
+class PingBins(NamedTuple):
     """A ping in the window, in the form that compiled functions take.
 
     Parameters
@@ -104,7 +104,7 @@ class Look(NamedTuple):
     bearing_weight: NDArray[np.float32]
 
 
-def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
+def ping_bins_of(cone: EchoCone, parameters: MappingParameters) -> PingBins:
     """Bring a cone into the form that fusion keeps.
 
     Parameters
@@ -120,7 +120,7 @@ def look_of(cone: EchoCone, parameters: MappingParameters) -> Look:
     half_angle = min(float(beam.half_angle_rad) + WIDENING_STDS * bearing_std, np.pi)
     bin_m = max(FINEST_BIN_M, parameters.resolution_m / BINS_PER_CELL)
     binned, noise = _binned_echoes(cone, bin_m, bearing_std)
-    return Look(
+    return PingBins(
         x_m=float(cone.pose.position_m[0]),
         y_m=float(cone.pose.position_m[1]),
         axis_x=float(axis_x),
@@ -159,7 +159,7 @@ def _uncertainty(cone: EchoCone) -> tuple[float, float]:
 
 
 class BinnedEchoes(NamedTuple):
-    """What a look has of each range bin; see `Look`."""
+    """What a ping has of each range bin; see `PingBins`."""
 
     kind: NDArray[np.uint8]
     power: NDArray[np.float32]

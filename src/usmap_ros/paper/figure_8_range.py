@@ -24,8 +24,8 @@ from usmap_ros.paper.setting import (
     CENTRES,
     CONCRETE,
     SINE,
-    Listening,
     Points,
+    SampledPulse,
     hear,
     method,
 )
@@ -68,10 +68,10 @@ class Setting:
     centres: Points
 
     @property
-    def listening(self) -> Listening:
+    def listening(self) -> SampledPulse:
         """The pulse, and its sampling."""
         pulse = Pulse(PulseShape.TONE_BURST, self.carrier_hz, self.duration_s)
-        return Listening(pulse, Encoding.RAW, self.samples_per_cycle * self.carrier_hz)
+        return SampledPulse(pulse, Encoding.RAW, self.samples_per_cycle * self.carrier_hz)
 
     @property
     def channel(self) -> Channel:

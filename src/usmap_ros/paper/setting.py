@@ -54,7 +54,7 @@ SHORT = Pulse(PulseShape.HANN_BURST, 50e3, 0.32e-3)
 
 
 @dataclass(frozen=True)
-class Listening:
+class SampledPulse:
     """A pulse, and how its echoes are sampled.
 
     Parameters
@@ -76,11 +76,11 @@ class Listening:
 
 
 #: The square pulse of the paper's first half, and the sinusoids of its section 4.
-SQUARE_PULSE = Listening(SQUARE, Encoding.RAW, 10e3)
-SINUSOID = Listening(SINE, Encoding.RAW, 10e3)
+SQUARE_PULSE = SampledPulse(SQUARE, Encoding.RAW, 10e3)
+SINUSOID = SampledPulse(SINE, Encoding.RAW, 10e3)
 #: What the product listens to unless told otherwise.
-BASEBAND = Listening(SMOOTH, Encoding.IQ, 25e3)
-SHORT_PULSE = Listening(SHORT, Encoding.IQ, 25e3, max_range_m=5.0)
+BASEBAND = SampledPulse(SMOOTH, Encoding.IQ, 25e3)
+SHORT_PULSE = SampledPulse(SHORT, Encoding.IQ, 25e3, max_range_m=5.0)
 
 
 def method(**changes: object) -> ReconstructionParameters:
@@ -91,7 +91,7 @@ def method(**changes: object) -> ReconstructionParameters:
 
 def hear(
     points: Points | FloatArray,
-    listening: Listening,
+    listening: SampledPulse,
     *,
     reflectivities: Sequence[float] | FloatArray | None = None,
     channel: Channel = AIR,
@@ -106,7 +106,7 @@ def hear(
     ----------
     points : (n, 2) array-like
         Where objects stand.
-    listening : Listening
+    listening : SampledPulse
         Pulse and sampling.
     reflectivities : (n,) array-like, optional
         Of the objects; 1 by default.

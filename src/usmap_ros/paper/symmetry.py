@@ -20,7 +20,15 @@ from usmap_ros.paper.drawing import (
 )
 from usmap_ros.paper.figures_2_3 import in_company
 from usmap_ros.paper.part import Part
-from usmap_ros.paper.setting import ALIGNED, CELL_M, SPARSITY, SQUARE_PULSE, Listening, Points, hear
+from usmap_ros.paper.setting import (
+    ALIGNED,
+    CELL_M,
+    SPARSITY,
+    SQUARE_PULSE,
+    Points,
+    SampledPulse,
+    hear,
+)
 from usmap_ros.plotting.style import ROBOTS, new_figure, styled
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, cell_signal
 from usmap_ros.reconstruction.cone_cells import ConeCells
@@ -49,7 +57,7 @@ class Pair:
         What makes them different.
     yaws_rad : (float, float)
         Where they look.
-    listenings : (Listening, Listening)
+    listenings : (SampledPulse, SampledPulse)
         Pulse, encoding and sample rate of each of the two transducers.
     together : bool
         Whether they emit at once, so that only the sum of their echoes is received.
@@ -57,7 +65,7 @@ class Pair:
 
     name: str
     yaws_rad: tuple[float, float]
-    listenings: tuple[Listening, Listening]
+    listenings: tuple[SampledPulse, SampledPulse]
     together: bool
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.reconstruction.cones import Echoes
+from usmap_ros.reconstruction.cones import RecoveredEchoes
 
 #: Standard deviation of ln amplitude between two receivers, beyond what noise makes.
 AMPLITUDE_SPREAD = 0.3
@@ -88,14 +88,14 @@ class Sighting:
     shares : bool
         Whether the first transducer is one end of the paths, so that half their length is
         (r + s) / 2; otherwise the other is both ends, and it is s.
-    echoes : Echoes
+    echoes : RecoveredEchoes
         With half the lengths of the direct paths as ranges.
     """
 
     mount: Pose
     beam: BeamPattern
     shares: bool
-    echoes: Echoes
+    echoes: RecoveredEchoes
 
     def distances_m(self, own_m: FloatArray, halves_m: FloatArray) -> FloatArray:
         """Distance s of the object from the other transducer."""
@@ -103,13 +103,13 @@ class Sighting:
 
 
 def find_bearings(
-    own: Echoes, view: Viewpoint, sightings: list[Sighting]
+    own: RecoveredEchoes, view: Viewpoint, sightings: list[Sighting]
 ) -> tuple[FloatArray, FloatArray]:
     """Bearing of every echo that a sighting tells the direction of.
 
     Parameters
     ----------
-    own : Echoes
+    own : RecoveredEchoes
         Of the transducer's own pulse, heard by itself.
     view : Viewpoint
         Where the transducer is whose echoes get bearings, and its beam.
@@ -134,7 +134,7 @@ def find_bearings(
 
 
 def _from_sighting(
-    own: Echoes, view: Viewpoint, sighting: Sighting
+    own: RecoveredEchoes, view: Viewpoint, sighting: Sighting
 ) -> tuple[FloatArray, FloatArray]:
     """Bearings from the partner of each echo, where it has one for certain."""
     nothing = np.full(len(own.ranges_m), np.nan)
@@ -202,7 +202,9 @@ def bearings_of(
     return np.where(inside[0] != inside[1], chosen, np.nan)
 
 
-def _misfit(own: Echoes, view: Viewpoint, sighting: Sighting, bearing: FloatArray) -> FloatArray:
+def _misfit(
+    own: RecoveredEchoes, view: Viewpoint, sighting: Sighting, bearing: FloatArray
+) -> FloatArray:
     """How much amplitudes speak against two echoes being of one object, χ² of each pair.
 
     Pairs whose lengths fit no object in the beam have a misfit that rules them out.

@@ -18,7 +18,7 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.cell_dictionary import CellDictionary, CellObjects, cell_signal
 from usmap_ros.reconstruction.column_sets import ColumnSets, alike, distinguishable
-from usmap_ros.reconstruction.cones import Echoes, make_cone
+from usmap_ros.reconstruction.cones import RecoveredEchoes, make_cone
 from usmap_ros.reconstruction.cosamp import Solution
 from usmap_ros.reconstruction.detection import binned_maximum
 from usmap_ros.reconstruction.matrix_operator import MatrixOperator
@@ -152,7 +152,7 @@ def cell_cone(
     stds = found.noise_std * unit[cell] / dictionary.norms[cell]
     return make_cone(
         trace,
-        Echoes(
+        RecoveredEchoes(
             ranges_m=ranges_m,
             range_stds_m=np.full(len(support), parameters.cell_size_m / np.sqrt(12.0)),
             amplitudes=amplitudes,

@@ -12,7 +12,7 @@ from usmap_ros.pings.trace import EchoTrace
 
 
 @dataclass(frozen=True)
-class Echoes:
+class RecoveredEchoes:
     """Echoes that a dictionary explains a trace by, in any order.
 
     Parameters
@@ -28,9 +28,9 @@ class Echoes:
     amplitudes: FloatArray
     amplitude_stds: FloatArray
 
-    def where(self, kept: BoolArray) -> Echoes:
+    def where(self, kept: BoolArray) -> RecoveredEchoes:
         """Those echoes for which `kept` is true."""
-        return Echoes(
+        return RecoveredEchoes(
             self.ranges_m[kept],
             self.range_stds_m[kept],
             self.amplitudes[kept],
@@ -40,7 +40,7 @@ class Echoes:
 
 def make_cone(
     trace: EchoTrace,
-    echoes: Echoes,
+    echoes: RecoveredEchoes,
     limit_amplitudes: FloatArray,
     limit_step_m: float,
     residual: float,
@@ -51,7 +51,7 @@ def make_cone(
     ----------
     trace : EchoTrace
         Where it was heard from, and with what.
-    echoes : Echoes
+    echoes : RecoveredEchoes
         What was found in it.
     limit_amplitudes : (bins,) array
         Amplitude below which an object could have gone unreported, by range bin.

@@ -38,7 +38,7 @@ _TINY = 1e-30
 
 
 @dataclass(frozen=True)
-class Searched:
+class FoundEchoes:
     """Echoes that were found in a signal.
 
     Parameters
@@ -69,7 +69,7 @@ class Searched:
 
 def search(
     dictionary: DelayDictionary, baseband: Baseband, parameters: ReconstructionParameters
-) -> Searched:
+) -> FoundEchoes:
     """Search on the grid and move delays off it in turn, until they have settled.
 
     What a misplaced strong echo leaves behind would otherwise be taken for weak ones.
@@ -92,7 +92,7 @@ def search(
         dictionary.sampled,
         signal.astype(np.complex128, copy=False),
         noise_thresholds(dictionary, baseband, parameters.false_alarms_per_ping),
-        sampled.Search(
+        sampled.SearchSettings(
             sparsity=parameters.sparsity,
             max_iterations=parameters.max_iterations,
             non_negative=parameters.non_negative and not is_complex,
@@ -113,7 +113,7 @@ def search(
         steps_s, stds_s = _between_samples(dictionary, baseband, found)
         ranges_m = ranges_m + 0.5 * speed_m_s * steps_s
     overlaps = _overlaps(dictionary, found.support, 2.0 * ranges_m / speed_m_s)
-    return Searched(
+    return FoundEchoes(
         found.support,
         found.residual if is_complex else found.residual.real,
         ranges_m,
@@ -126,7 +126,7 @@ def search(
 
 
 def _between_samples(
-    dictionary: DelayDictionary, baseband: Baseband, found: sampled.Found
+    dictionary: DelayDictionary, baseband: Baseband, found: sampled.SearchResult
 ) -> tuple[FloatArray, FloatArray]:
     """Steps and standard deviations of the delays where echoes have edges."""
     support = found.support

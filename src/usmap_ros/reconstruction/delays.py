@@ -13,9 +13,9 @@ from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.reconstruction.baseband import Baseband, to_baseband
-from usmap_ros.reconstruction.cones import Echoes, make_cone
+from usmap_ros.reconstruction.cones import RecoveredEchoes, make_cone
 from usmap_ros.reconstruction.delay_domain import DelayDictionary
-from usmap_ros.reconstruction.delay_search import Searched, search
+from usmap_ros.reconstruction.delay_search import FoundEchoes, search
 from usmap_ros.reconstruction.detection import binned_maximum, crowding, unreported
 from usmap_ros.reconstruction.envelope import std_factors, unbiased
 
@@ -39,7 +39,7 @@ class DelayReconstruction:
         What its echoes leave of the signal.
     cone : EchoCone
         What fusion is told.
-    echoes : tuple of Echoes
+    echoes : tuple of RecoveredEchoes
         Of each pulse in the air, in the order of `EchoTrace.sent`; ranges are half the lengths of
         the paths from its transducer to the one that listened.
     """
@@ -48,7 +48,7 @@ class DelayReconstruction:
     dictionary: DelayDictionary
     residual: Signal
     cone: EchoCone
-    echoes: tuple[Echoes, ...]
+    echoes: tuple[RecoveredEchoes, ...]
 
 
 def reconstruct_delays(
@@ -114,9 +114,9 @@ def _echoes(
     trace: EchoTrace,
     baseband: Baseband,
     dictionary: DelayDictionary,
-    found: Searched,
+    found: FoundEchoes,
     parameters: ReconstructionParameters,
-) -> Echoes:
+) -> RecoveredEchoes:
     """Range and amplitude of every block of the support, in its order."""
     support = found.support
     unit_norms = dictionary.unit_norms[support]
@@ -128,7 +128,7 @@ def _echoes(
             of_delay, of_amplitude = std_factors(amplitudes, *known)
         amplitudes = unbiased(amplitudes, *known)
     jitter = dictionary.of_pulses(support, [one.amplitude_jitter for one in baseband.templates])
-    return Echoes(
+    return RecoveredEchoes(
         ranges_m=found.ranges_m,
         range_stds_m=0.5 * trace.channel.sound_speed_m_s * of_delay * found.delay_stds_s,
         amplitudes=amplitudes,
@@ -144,7 +144,7 @@ def _limits(
     trace: EchoTrace,
     baseband: Baseband,
     dictionary: DelayDictionary,
-    found: Searched,
+    found: FoundEchoes,
     parameters: ReconstructionParameters,
 ) -> FloatArray:
     """Amplitude below which an echo of the first pulse could have gone unreported, by range."""

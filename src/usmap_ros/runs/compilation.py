@@ -97,8 +97,8 @@ def find_free_space() -> None:
     parameters = MappingParameters()
     cones = [_cone_from(0.1 * number, TRANSDUCER) for number in range(PINGS)]
     pings = kept_pings({"": cones}, parameters).pings()
-    field = field_around(pings.looks, pings.rows, parameters.resolution_m)
-    estimate = JointEstimate(pings.looks, pings.rows, pings.weights, pings.echoes, field)
+    field = field_around(pings.table, pings.rows, parameters.resolution_m)
+    estimate = JointEstimate(pings.table, pings.rows, pings.weights, pings.echoes, field)
     estimate.free_space(estimate.walls())
     # Two objects are no wall.
     surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)

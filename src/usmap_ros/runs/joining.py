@@ -36,7 +36,7 @@ _STATED = np.array([0.02, 0.02, 0.01])
 
 
 @dataclass
-class Frame:
+class JoinedRobots:
     """Robots whose frames are one.
 
     Parameters
@@ -163,7 +163,7 @@ def join_robots(
     base, current = list(told), list(refined)
     frames = _frames_of(base)
     if earlier is not None:
-        frames.setdefault(earlier.frame_id, Frame([], set())).earlier = earlier
+        frames.setdefault(earlier.frame_id, JoinedRobots([], set())).earlier = earlier
     matches: dict[tuple[str, str], Match | None] = {}
     while made := _links(frames, matches, current, parameters):
         for link in made:
@@ -189,17 +189,17 @@ def join_robots(
     )
 
 
-def _frames_of(pings: Sequence[Ping]) -> dict[str, Frame]:
-    frames: dict[str, Frame] = {}
+def _frames_of(pings: Sequence[Ping]) -> dict[str, JoinedRobots]:
+    frames: dict[str, JoinedRobots] = {}
     for row, (topic, cone) in enumerate(pings):
-        frame = frames.setdefault(cone.frame_id, Frame([], set()))
+        frame = frames.setdefault(cone.frame_id, JoinedRobots([], set()))
         frame.rows.append(row)
         frame.robots.add(robot_of(topic, cone))
     return dict(sorted(frames.items()))
 
 
 def _links(
-    frames: Mapping[str, Frame],
+    frames: Mapping[str, JoinedRobots],
     matches: dict[tuple[str, str], Match | None],
     pings: Sequence[Ping],
     parameters: PipelineParameters,
@@ -232,7 +232,7 @@ def _links(
 
 
 def _match(
-    one: Frame, other: Frame, pings: Sequence[Ping], parameters: PipelineParameters
+    one: JoinedRobots, other: JoinedRobots, pings: Sequence[Ping], parameters: PipelineParameters
 ) -> Match | None:
     # A robot that has lost itself makes a map that is too large, and joins nobody.
     with suppress(MapSizeError):
@@ -240,7 +240,9 @@ def _match(
     return None
 
 
-def _map_of(frame: Frame, pings: Sequence[Ping], parameters: PipelineParameters) -> OccupancyMap:
+def _map_of(
+    frame: JoinedRobots, pings: Sequence[Ping], parameters: PipelineParameters
+) -> OccupancyMap:
     if frame.map is None:
         pipeline, far = Pipeline(parameters), FarOff(parameters.mapping)
         if frame.earlier is not None:
@@ -255,7 +257,7 @@ def _map_of(frame: Frame, pings: Sequence[Ping], parameters: PipelineParameters)
     return frame.map
 
 
-def _name(frames: dict[str, Frame], pings: list[Ping], world: str) -> None:
+def _name(frames: dict[str, JoinedRobots], pings: list[Ping], world: str) -> None:
     """Call the frame that most robots came to share by no robot's name."""
     joined = [one for one in frames if is_own_frame(one) and len(frames[one].robots) > 1]
     has_earlier = any(frame.earlier is not None for frame in frames.values())

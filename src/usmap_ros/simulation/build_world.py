@@ -16,9 +16,9 @@ from usmap_ros.simulation.motion import Bounds
 from usmap_ros.simulation.reflectors import EVERYWHERE, Reflectors
 from usmap_ros.simulation.scene import Discs, FreeCells, Scene
 from usmap_ros.simulation.surfaces import (
-    Scatterers,
     Surface,
-    Walls,
+    WallScatterers,
+    WallSegments,
     edges_of,
     scatter_along,
     scatterer_counts,
@@ -132,18 +132,18 @@ def world_bounds(world: WorldModel, plan: Nav2Map | None) -> Bounds:
 
 def _rough_walls(
     world: WorldModel, plan: Nav2Map | None, rng: np.random.Generator
-) -> tuple[Walls, Scatterers, Scatterers]:
-    parts: list[tuple[Walls, Surface]] = []
+) -> tuple[WallSegments, WallScatterers, WallScatterers]:
+    parts: list[tuple[WallSegments, Surface]] = []
     for wall in world.walls:
         corners = [*wall.corners_m, wall.corners_m[0]] if wall.closed else wall.corners_m
         surface = (wall.surface or world.surface).build()
-        parts.append((Walls.along(np.array(corners), surface), surface))
+        parts.append((WallSegments.along(np.array(corners), surface), surface))
     if plan is not None and world.map is not None:
         surface = (world.map.surface or world.surface).build()
         occupied = plan.probability >= OCCUPIED_PROBABILITY
         geometry = plan.geometry
         starts, ends = walls_of_cells(occupied, geometry.resolution_m, geometry.origin_m)
-        parts.append((Walls.between(starts, ends, surface, one_sided=True), surface))
+        parts.append((WallSegments.between(starts, ends, surface, one_sided=True), surface))
     points = sum(scatterer_counts(walls, surface).sum() for walls, surface in parts)
     if points > MAX_SCATTERERS:
         raise UsmapError(
@@ -155,8 +155,8 @@ def _rough_walls(
         drawn.append(scatter_along(walls, surface, rng).of_walls_from(first))
         edges.append(edges_of(walls, surface).of_walls_from(first))
         first += len(walls)
-    walls = Walls.joined([walls for walls, _ in parts])
-    return walls, Scatterers.joined(drawn), Scatterers.joined(edges)
+    walls = WallSegments.joined([walls for walls, _ in parts])
+    return walls, WallScatterers.joined(drawn), WallScatterers.joined(edges)
 
 
 def _random_poles(

@@ -14,7 +14,7 @@ from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.simulation.receiver import Receiver
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.simulator import EchoSimulator, MountedTransducer
-from usmap_ros.simulation.surfaces import Scatterers, Walls
+from usmap_ros.simulation.surfaces import WallScatterers, WallSegments
 
 #: A burst of 50 kHz, the beam of the paper, and I/Q pairs at 25 kHz, through ideal air.
 TRANSDUCER = Transducer(
@@ -77,5 +77,5 @@ def hear(
         stated_noise_std=receiver.stated_noise_std,
         pose_stds=np.zeros(3),
     )
-    simulator = EchoSimulator(Scene(discs, Walls.joined([]), Scatterers.joined([])))
+    simulator = EchoSimulator(Scene(discs, WallSegments.joined([]), WallScatterers.joined([])))
     return simulator.ping(sonar, pose or at_origin, 0, np.random.default_rng(seed))

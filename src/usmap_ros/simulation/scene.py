@@ -11,7 +11,7 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.simulation.occlusion import path_wall_distances, point_segment_distances
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.reflectors import Reflectors
-from usmap_ros.simulation.surfaces import Scatterers, Walls
+from usmap_ros.simulation.surfaces import WallScatterers, WallSegments
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,9 @@ class Scene:
     ----------
     discs : Discs
         Points and cylinders that stand still.
-    walls : Walls
+    walls : WallSegments
         Wall segments, those of a map among them.
-    scatterers : Scatterers
+    scatterers : WallScatterers
         The roughness of the walls.
     moving : list of MovingDisc
         What moves.  Robots' paths do not keep clear of it.
@@ -113,21 +113,21 @@ class Scene:
         Whether sound reaches objects by way of walls too.
     wall_bounces : int
         Most walls that sound is returned by in turn.
-    edges : Scatterers
+    edges : WallScatterers
         Ends of walls, as far as they answer by themselves, from wherever they are heard.
     free_space : FreeCells or None
         Where robots and random poles may be put down; None: anywhere.
     """
 
     discs: Discs
-    walls: Walls
-    scatterers: Scatterers
+    walls: WallSegments
+    scatterers: WallScatterers
     moving: list[MovingDisc] = field(default_factory=list)
     free_space: FreeCells | None = None
     reflectors: Reflectors = field(default_factory=Reflectors.none)
     wall_paths: bool = False
     wall_bounces: int = 1
-    edges: Scatterers = field(default_factory=lambda: Scatterers.joined([]))
+    edges: WallScatterers = field(default_factory=lambda: WallScatterers.joined([]))
 
     def discs_at(self, time_s: float) -> Discs:
         """All discs, the moving ones where they are at a time after the scene's start."""

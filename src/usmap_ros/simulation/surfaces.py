@@ -47,7 +47,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Walls:
+class WallSegments:
     """Straight wall segments.
 
     Parameters
@@ -66,21 +66,23 @@ class Walls:
     specular_reflectivity: FloatArray
 
     @classmethod
-    def along(cls, corners_m: FloatArray, surface: Surface, *, one_sided: bool = False) -> Walls:
+    def along(
+        cls, corners_m: FloatArray, surface: Surface, *, one_sided: bool = False
+    ) -> WallSegments:
         """Walls from each corner to the next; `corners_m` has shape (n + 1, 2)."""
         return cls.between(corners_m[:-1], corners_m[1:], surface, one_sided=one_sided)
 
     @classmethod
     def between(
         cls, starts_m: FloatArray, ends_m: FloatArray, surface: Surface, *, one_sided: bool
-    ) -> Walls:
+    ) -> WallSegments:
         """Walls of one surface between given end points."""
         count = len(starts_m)
         specular = np.full(count, surface.specular_reflectivity)
         return cls(starts_m, ends_m, np.full(count, one_sided), specular)
 
     @classmethod
-    def joined(cls, parts: list[Walls]) -> Walls:
+    def joined(cls, parts: list[WallSegments]) -> WallSegments:
         """All walls of several collections, in order."""
         ends = np.zeros((0, 2))
         return cls(
@@ -100,7 +102,7 @@ class Walls:
 
 
 @dataclass(frozen=True)
-class Scatterers:
+class WallScatterers:
     """Points of rough walls.
 
     Parameters
@@ -117,12 +119,12 @@ class Scatterers:
     reflectivities: FloatArray
     walls: IntArray
 
-    def of_walls_from(self, first: int) -> Scatterers:
+    def of_walls_from(self, first: int) -> WallScatterers:
         """The same on walls that are counted from `first` on."""
-        return Scatterers(self.positions_m, self.reflectivities, self.walls + first)
+        return WallScatterers(self.positions_m, self.reflectivities, self.walls + first)
 
     @classmethod
-    def joined(cls, parts: list[Scatterers]) -> Scatterers:
+    def joined(cls, parts: list[WallScatterers]) -> WallScatterers:
         """All scatterers of several collections, in order."""
         return cls(
             np.concatenate([np.zeros((0, 2)), *(part.positions_m for part in parts)]),
@@ -131,7 +133,7 @@ class Scatterers:
         )
 
 
-def scatterer_counts(walls: Walls, surface: Surface) -> IntArray:
+def scatterer_counts(walls: WallSegments, surface: Surface) -> IntArray:
     """How many scatterers `scatter_along` draws on each of `walls`."""
     if surface.diffuse_reflectivity == 0.0:
         return np.zeros(len(walls), dtype=np.int64)
@@ -140,7 +142,9 @@ def scatterer_counts(walls: Walls, surface: Surface) -> IntArray:
     return counts
 
 
-def scatter_along(walls: Walls, surface: Surface, rng: np.random.Generator) -> Scatterers:
+def scatter_along(
+    walls: WallSegments, surface: Surface, rng: np.random.Generator
+) -> WallScatterers:
     """Draw the scatterers of `walls`: one at random in every stretch of 1 / density.
 
     Strengths are Rayleigh distributed, as the sum of many small facets is.
@@ -155,23 +159,23 @@ def scatter_along(walls: Walls, surface: Surface, rng: np.random.Generator) -> S
     depth = surface.roughness_m * rng.random(len(owners))
     positions = walls.starts_m[owners] + along + depth[:, np.newaxis] * walls.normals[owners]
     rms = surface.diffuse_reflectivity * np.sqrt(lengths[owners] / counts[owners])
-    return Scatterers(positions, rng.rayleigh(rms / np.sqrt(2.0)), owners)
+    return WallScatterers(positions, rng.rayleigh(rms / np.sqrt(2.0)), owners)
 
 
-def edges_of(walls: Walls, surface: Surface) -> Scatterers:
+def edges_of(walls: WallSegments, surface: Surface) -> WallScatterers:
     """Ends of walls, where sound is diffracted; an end that walls share counts once.
 
     They stand a millimetre in front of their walls, which therefore do not hide them.
     """
     if surface.edge_reflectivity == 0.0:
-        return Scatterers.joined([])
+        return WallScatterers.joined([])
     ends_m = np.concatenate([walls.starts_m, walls.ends_m])
     owners = np.tile(np.arange(len(walls)), 2)
     _, first = np.unique(np.round(ends_m / _SAME_END_M), axis=0, return_index=True)
     first.sort()
     positions_m = ends_m[first] + _SAME_END_M * walls.normals[owners[first]]
     strengths = np.full(len(first), surface.edge_reflectivity)
-    return Scatterers(positions_m, strengths, owners[first])
+    return WallScatterers(positions_m, strengths, owners[first])
 
 
 def walls_of_cells(

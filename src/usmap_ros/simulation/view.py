@@ -16,7 +16,7 @@ from usmap_ros.simulation.occlusion import (
     point_segment_distances,
 )
 from usmap_ros.simulation.scene import Discs, Scene
-from usmap_ros.simulation.surfaces import Walls
+from usmap_ros.simulation.surfaces import WallSegments
 
 #: What is nearer is inside the transducer, where sound does not spread as from a point.
 _NEAREST_M = 0.01
@@ -165,7 +165,7 @@ def _in_cone(candidates: _Candidates, view: View) -> BoolArray:
     return inside & (candidates.reflectivities > 0.0)
 
 
-def _walls_near(walls: Walls, view: View) -> IntArray:
+def _walls_near(walls: WallSegments, view: View) -> IntArray:
     """Walls that can answer or hide anything: within reach, in the cone, not turned away.
 
     A one-sided wall that is turned away belongs to a body whose front hides what it would.
@@ -198,7 +198,7 @@ def _disc_fronts(discs: Discs, view: View) -> _Candidates:
     return _Candidates.upright(fronts, reflectivities, np.arange(len(discs)), _nobody(len(discs)))
 
 
-def _mirror_points(walls: Walls, near: IntArray, view: View) -> _Candidates:
+def _mirror_points(walls: WallSegments, near: IntArray, view: View) -> _Candidates:
     """The foot of the perpendicular on every wall that has one.
 
     A plane answers like the transducer's mirror image at twice the distance r, with amplitude
@@ -248,14 +248,16 @@ def _floating_points(scene: Scene, view: View) -> _Candidates:
     return _Candidates(points_m[:, :2], reflectivities, nobody, nobody, points_m[:, 2])
 
 
-def _faces(walls: Walls, near: IntArray, view: View) -> BoolArray:
+def _faces(walls: WallSegments, near: IntArray, view: View) -> BoolArray:
     """Whether the transducer is on a side of the wall that can be seen."""
     side = np.sum((view.position_m - walls.starts_m[near]) * walls.normals[near], axis=-1)
     facing: BoolArray = (side > 0.0) | ~walls.one_sided[near]
     return facing
 
 
-def _behind_walls(candidates: _Candidates, walls: Walls, near: IntArray, view: View) -> BoolArray:
+def _behind_walls(
+    candidates: _Candidates, walls: WallSegments, near: IntArray, view: View
+) -> BoolArray:
     # Owners count all walls, the test counts those within reach; index -1 is the last entry.
     owner_within_reach = np.full(len(walls) + 1, NO_OWNER)
     owner_within_reach[near] = np.arange(len(near))

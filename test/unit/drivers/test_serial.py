@@ -10,7 +10,7 @@ import pytest
 from played_devices import SENSOR, PlayedDevice, counts, frame
 
 from usmap_ros.drivers import DeviceError, NoAnswerError
-from usmap_ros.drivers.frames import Frame, FrameReader
+from usmap_ros.drivers.frames import FrameReader, SampleFrame
 from usmap_ros.drivers.port import Port
 from usmap_ros.drivers.serial_transducer import SerialTransducer
 from usmap_ros.errors import MalformedMessageError
@@ -46,7 +46,12 @@ def transducer(device, sensor):
 @pytest.mark.parametrize("dtype", ["<i2", "<u2", "<f4"])
 def test_frames_come_in_pieces_of_any_length(dtype):
     samples = np.arange(50).astype(dtype)
-    line = b"boot: ok\r\n" + Frame(7, samples).packed() + b"US" + Frame(8, samples[:0]).packed()
+    line = (
+        b"boot: ok\r\n"
+        + SampleFrame(7, samples).packed()
+        + b"US"
+        + SampleFrame(8, samples[:0]).packed()
+    )
     for piece in (1, 3, 20, len(line)):
         reader = FrameReader()
         found = [
@@ -60,7 +65,7 @@ def test_frames_come_in_pieces_of_any_length(dtype):
 def test_frame_is_what_the_page_says():
     content = b"USM1" + bytes([9, 0, 2, 0]) + struct.pack("<hh", 3, -4)
     expected = content + struct.pack("<I", zlib.crc32(content))
-    assert Frame(9, np.array([3, -4], dtype="<i2")).packed() == expected
+    assert SampleFrame(9, np.array([3, -4], dtype="<i2")).packed() == expected
 
 
 def test_damaged_frame_is_named_and_the_next_one_found():
@@ -105,7 +110,7 @@ def test_what_is_wrong_is_said(transducer, device):
     device.answer = lambda number: frame(number)[:-1] + b"?"
     with pytest.raises(MalformedMessageError, match="checksum"):
         transducer.ping(2, BASE)
-    device.answer = lambda number: Frame(number, np.full(9, np.nan, dtype="<f4")).packed()
+    device.answer = lambda number: SampleFrame(number, np.full(9, np.nan, dtype="<f4")).packed()
     with pytest.raises(MalformedMessageError, match="samples"):
         transducer.ping(3, BASE)
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from usmap_ros.localisation.echo_table import Echoes
+from usmap_ros.localisation.data_association import DataAssociation
+from usmap_ros.localisation.echo_table import TrackEchoes
 from usmap_ros.localisation.landmark_equations import Knots, LandmarkEquations
-from usmap_ros.localisation.lines_and_points import Landmarks, look
-from usmap_ros.localisation.shares import Heard
+from usmap_ros.localisation.lines_and_points import Landmarks, view_landmarks
 from usmap_ros.localisation.square_walls import Squareness
 
 #: Two walls and two points.
@@ -15,8 +15,10 @@ PLACES = Landmarks(np.array([0.3, 1.8]), np.array([2.5, 3.0]), np.array([[2.0, 0
 def errors(ranges_m: np.ndarray, places: Landmarks, poses: np.ndarray) -> np.ndarray:
     """By how much ranges are too long, one to each place from each pose."""
     ones = np.ones(len(poses))
-    echoes = Echoes(np.arange(len(poses)), ones, 3.3 * ones, 0.0 * ones, ones, ones, 0.0 * ones)
-    return np.asarray(ranges_m - look(places, echoes, poses).far_m).ravel()
+    echoes = TrackEchoes(
+        np.arange(len(poses)), ones, 3.3 * ones, 0.0 * ones, ones, ones, 0.0 * ones
+    )
+    return np.asarray(ranges_m - view_landmarks(places, echoes, poses).far_m).ravel()
 
 
 def test_eliminated_landmarks_leave_the_same_poses() -> None:
@@ -27,7 +29,7 @@ def test_eliminated_landmarks_leave_the_same_poses() -> None:
     ranges_m = 2.0 + 0.02 * rng.normal(size=(6, 4))
     echo, ones = np.arange(24), np.ones(24)
     ping, landmark = echo // 4, echo % 4
-    echoes = Echoes(ping, ranges_m.ravel(), ones, 0.0 * ones, ones, ones, 0.0 * ones)
+    echoes = TrackEchoes(ping, ranges_m.ravel(), ones, 0.0 * ones, ones, ones, 0.0 * ones)
 
     def moved(change: np.ndarray) -> tuple[np.ndarray, Landmarks]:
         at, places = change[:9].reshape(3, 3), change[9:].reshape(4, 2)
@@ -45,10 +47,10 @@ def test_eliminated_landmarks_leave_the_same_poses() -> None:
     weights, step, start = rng.uniform(0.2, 1.0, 24), 1e-6, off_m(np.zeros(17))
     slopes = np.stack([(off_m(step * one) - off_m(-step * one)) for one in np.eye(17)], axis=1)
     slopes /= 2.0 * step
-    seen = look(PLACES, echoes, poses)
+    seen = view_landmarks(PLACES, echoes, poses)
     by_pose = np.stack([seen.toward_x.ravel(), seen.toward_y.ravel(), np.zeros(24)])
     along_m = seen.along_m.ravel()
-    heard = Heard(echo, landmark, ones, start, along_m, by_pose, weights, 0.0)
+    heard = DataAssociation(echo, landmark, ones, start, along_m, by_pose, weights, 0.0)
     square = Squareness(np.array([0.9, 0.6]), np.array([0.02, -0.01]), 0.02, 1.0)
     equations = LandmarkEquations(PLACES, heard, echoes, poses, knots, 3, 7.0, square)
     matrix, right = 100.0 * np.eye(9), np.zeros(9)

@@ -7,10 +7,10 @@ import pytest
 from pings_among_poles import Ping, cone
 
 from usmap_ros.localisation import refine_poses
+from usmap_ros.localisation.data_association import associate_echoes, worth_their_cost
 from usmap_ros.localisation.echo_table import tabulate
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.planar import between, compose
-from usmap_ros.localisation.shares import share_out, worth_their_cost
 from usmap_ros.localisation.votes import find_lines, find_points
 from usmap_ros.numerics.geometry import Pose, wrapped
 from usmap_ros.pings.range_cones import RangeReading
@@ -110,7 +110,7 @@ def test_lines_are_found_by_the_feet_of_their_perpendiculars() -> None:
     here = np.vstack([found.normals(), found.distances_m])
     apart = np.abs(there[:, :, np.newaxis] - here[:, np.newaxis]).max(axis=0)
     assert apart.min(axis=1).max() < 0.03
-    heard = share_out(echoes, true, everyone, found, 0.05)
+    heard = associate_echoes(echoes, true, everyone, found, 0.05)
     assert heard.shares.sum() > 0.9 * len(echoes.ping)
     assert np.abs(heard.off_m[heard.shares > 0.5]).max() < 0.02
 
@@ -125,7 +125,7 @@ def test_walls_whose_echoes_scatter_little_count_for_more() -> None:
     echoes = tabulate(
         [cone(at(pose), each) for pose, each in zip(true, heard_m, strict=True)], np.ones(240)
     )
-    heard = share_out(echoes, true, np.ones(240, bool), ROOM, 0.02)
+    heard = associate_echoes(echoes, true, np.ones(240, bool), ROOM, 0.02)
     even, others = (heard.precision[(heard.landmark % 2 == side)].mean() for side in (0, 1))
     assert even > 3.0 * others
 
@@ -167,11 +167,11 @@ def test_walls_correct_odometry(seed: int) -> None:
 def test_a_sensor_of_the_first_thing_hears_walls_at_the_edge_of_its_beam() -> None:
     pings, true = ranging(0.3)
     echoes = tabulate([one for _, one in pings], np.ones(len(true)))
-    heard = share_out(echoes, true, np.ones(len(true), bool), ROOM, 0.05)
+    heard = associate_echoes(echoes, true, np.ones(len(true), bool), ROOM, 0.05)
     # Two thirds of them hear no foot of a perpendicular.
     assert heard.shares.sum() > 0.7 * len(echoes.ping)
     by_turning = np.array([[0.0, 0.0, 1e-4]])
-    turned = share_out(echoes, true + by_turning, np.ones(len(true), bool), ROOM, 0.05)
+    turned = associate_echoes(echoes, true + by_turning, np.ones(len(true), bool), ROOM, 0.05)
     where = {pair: row for row, pair in enumerate(zip(turned.echo, turned.landmark, strict=True))}
     hits = np.flatnonzero(heard.shares > 0.5)
     there = [where[heard.echo[hit], heard.landmark[hit]] for hit in hits]

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.mapping.ping_bins import DEAF_AMPLITUDE, ECHO, GAIN_STEPS, SILENCE, UNJUDGED, look_of
+from usmap_ros.mapping.ping_bins import (
+    DEAF_AMPLITUDE,
+    ECHO,
+    GAIN_STEPS,
+    SILENCE,
+    UNJUDGED,
+    ping_bins_of,
+)
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits
@@ -17,86 +24,88 @@ PARAMETERS = MappingParameters()
 
 
 def test_echoes_fall_into_bins_of_a_quarter_of_a_cell(make_cone: MakeCone) -> None:
-    look = look_of(make_cone((1.006, 0.3), (1.007, 0.4), (2.005, 0.1)), PARAMETERS)
-    assert look.bin_m == 0.0125
-    assert len(look.kind) == 232
+    ping = ping_bins_of(make_cone((1.006, 0.3), (1.007, 0.4), (2.005, 0.1)), PARAMETERS)
+    assert ping.bin_m == 0.0125
+    assert len(ping.kind) == 232
     first, second = int((1.0065 - 0.1) / 0.0125), int((2.005 - 0.1) / 0.0125)
-    assert np.flatnonzero(look.kind == ECHO).tolist() == [first, second]
-    assert look.power[first] == pytest.approx(0.3**2 + 0.4**2)
-    assert look.power[second] == pytest.approx(0.1**2)
+    assert np.flatnonzero(ping.kind == ECHO).tolist() == [first, second]
+    assert ping.power[first] == pytest.approx(0.3**2 + 0.4**2)
+    assert ping.power[second] == pytest.approx(0.1**2)
     beside = [first - 1, first + 1, second - 1, second + 1]
-    assert np.flatnonzero(look.kind == UNJUDGED).tolist() == beside
-    assert np.count_nonzero(look.kind == SILENCE) == 232 - 6
+    assert np.flatnonzero(ping.kind == UNJUDGED).tolist() == beside
+    assert np.count_nonzero(ping.kind == SILENCE) == 232 - 6
 
 
 def test_neighbouring_echoes_both_count(make_cone: MakeCone) -> None:
-    look = look_of(make_cone((1.006, 0.3), (1.018, 0.4)), PARAMETERS)
-    assert np.count_nonzero(look.kind == ECHO) == 2
+    ping = ping_bins_of(make_cone((1.006, 0.3), (1.018, 0.4)), PARAMETERS)
+    assert np.count_nonzero(ping.kind == ECHO) == 2
 
 
 def test_limits_are_squared_and_noise_lies_below_them(make_cone: MakeCone) -> None:
-    look = look_of(make_cone(limit=0.02), PARAMETERS)
-    np.testing.assert_allclose(look.limit, 0.02**2, rtol=0.2)
-    assert look.noise == pytest.approx(look.limit[0] / 16.0)
+    ping = ping_bins_of(make_cone(limit=0.02), PARAMETERS)
+    np.testing.assert_allclose(ping.limit, 0.02**2, rtol=0.2)
+    assert ping.noise == pytest.approx(ping.limit[0] / 16.0)
 
 
 def test_what_was_not_listened_to_is_not_judged(make_cone: MakeCone) -> None:
     cone = make_cone()
     limits = np.full(len(cone.detection_limits), 0.01)
     limits[:10] = 10.0 * DEAF_AMPLITUDE
-    look = look_of(replace(cone, detection_limits=encode_limits(limits)), PARAMETERS)
-    deaf = 10 * cone.limit_step_m / look.bin_m
+    ping = ping_bins_of(replace(cone, detection_limits=encode_limits(limits)), PARAMETERS)
+    deaf = 10 * cone.limit_step_m / ping.bin_m
     np.testing.assert_array_equal(
-        look.kind, np.where(np.arange(len(look.kind)) + 0.5 < deaf, UNJUDGED, SILENCE)
+        ping.kind, np.where(np.arange(len(ping.kind)) + 0.5 < deaf, UNJUDGED, SILENCE)
     )
 
 
 def test_the_table_of_gains_is_the_beams_squared(make_cone: MakeCone) -> None:
     beam = BeamPattern.linear()
-    look = look_of(make_cone(beam=beam), PARAMETERS)
-    cosine = 1.0 - np.linspace(0.0, 1.0 - look.cos_half_angle, GAIN_STEPS + 1)
-    np.testing.assert_allclose(look.power_gain, beam.gain(np.arccos(cosine)) ** 2, atol=1e-6)
+    ping = ping_bins_of(make_cone(beam=beam), PARAMETERS)
+    cosine = 1.0 - np.linspace(0.0, 1.0 - ping.cos_half_angle, GAIN_STEPS + 1)
+    np.testing.assert_allclose(ping.power_gain, beam.gain(np.arccos(cosine)) ** 2, atol=1e-6)
 
 
 def test_gains_are_averaged_over_the_headings_that_the_pose_allows(make_cone: MakeCone) -> None:
     beam, std = BeamPattern.linear(), 0.1
-    exact = look_of(make_cone(beam=beam), PARAMETERS)
-    look = look_of(make_cone(beam=beam, planar_covariance=np.diag([0.0, 0.0, std**2])), PARAMETERS)
-    assert look.half_angle_rad == pytest.approx(exact.half_angle_rad + 2.0 * std)
+    exact = ping_bins_of(make_cone(beam=beam), PARAMETERS)
+    ping = ping_bins_of(
+        make_cone(beam=beam, planar_covariance=np.diag([0.0, 0.0, std**2])), PARAMETERS
+    )
+    assert ping.half_angle_rad == pytest.approx(exact.half_angle_rad + 2.0 * std)
     headings = std * np.random.default_rng(1).standard_normal(20_000)
     for off_axis in (0.0, 0.5 * exact.half_angle_rad, exact.half_angle_rad + std):
-        step = (1.0 - np.cos(off_axis)) / (1.0 - look.cos_half_angle) * GAIN_STEPS
-        gain = np.interp(step, np.arange(GAIN_STEPS + 1), look.power_gain)
+        step = (1.0 - np.cos(off_axis)) / (1.0 - ping.cos_half_angle) * GAIN_STEPS
+        gain = np.interp(step, np.arange(GAIN_STEPS + 1), ping.power_gain)
         assert gain == pytest.approx(np.mean(beam.gain(off_axis + headings) ** 2), rel=0.05)
 
 
 def test_what_a_position_is_off_across_turns_bearings_too(make_cone: MakeCone) -> None:
     cone = make_cone(planar_covariance=np.diag([0.03**2, 0.03**2, 0.0]))
-    exact, look = look_of(make_cone(), PARAMETERS), look_of(cone, PARAMETERS)
+    exact, ping = ping_bins_of(make_cone(), PARAMETERS), ping_bins_of(cone, PARAMETERS)
     turned = 0.03 / (0.5 * cone.transducer.max_range_m)
-    assert look.half_angle_rad - exact.half_angle_rad == pytest.approx(2.0 * turned, abs=1e-3)
+    assert ping.half_angle_rad - exact.half_angle_rad == pytest.approx(2.0 * turned, abs=1e-3)
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 2.0, -3.0])
 def test_the_axis_is_where_the_transducer_looks(make_cone: MakeCone, yaw_rad: float) -> None:
-    look = look_of(make_cone(yaw_rad=yaw_rad), PARAMETERS)
-    assert (look.axis_x, look.axis_y) == pytest.approx((np.cos(yaw_rad), np.sin(yaw_rad)))
-    assert look.axis_z == 0.0
-    assert look.heading_rad == pytest.approx(yaw_rad)
+    ping = ping_bins_of(make_cone(yaw_rad=yaw_rad), PARAMETERS)
+    assert (ping.axis_x, ping.axis_y) == pytest.approx((np.cos(yaw_rad), np.sin(yaw_rad)))
+    assert ping.axis_z == 0.0
+    assert ping.heading_rad == pytest.approx(yaw_rad)
 
 
 def test_a_tilted_axis_rises(make_cone: MakeCone) -> None:
     """A rotation about y by a negative angle turns x up."""
     up = 0.3
     pose = Pose(np.zeros(3), np.array([0.0, np.sin(-up / 2), 0.0, np.cos(-up / 2)]))
-    look = look_of(replace(make_cone(), pose=pose), PARAMETERS)
-    assert (look.axis_x, look.axis_z) == pytest.approx((np.cos(up), np.sin(up)))
+    ping = ping_bins_of(replace(make_cone(), pose=pose), PARAMETERS)
+    assert (ping.axis_x, ping.axis_z) == pytest.approx((np.cos(up), np.sin(up)))
 
 
 def test_the_error_of_range_is_the_poses_and_what_nobody_states(make_cone: MakeCone) -> None:
     cone = make_cone(planar_covariance=np.diag([0.03**2, 0.03**2, 0.0]))
-    look = look_of(cone, MappingParameters(range_error_m=0.04))
-    assert look.range_std_m == pytest.approx(0.05)
+    ping = ping_bins_of(cone, MappingParameters(range_error_m=0.04))
+    assert ping.range_std_m == pytest.approx(0.05)
 
 
 def test_a_measured_bearing_stands_in_its_echos_bin(make_cone: MakeCone) -> None:
@@ -106,11 +115,11 @@ def test_a_measured_bearing_stands_in_its_echos_bin(make_cone: MakeCone) -> None
         bearings_rad=np.array([0.2, np.nan], np.float32),
         bearing_stds_rad=np.array([0.1, np.nan], np.float32),
     )
-    look = look_of(cone, PARAMETERS)
-    (known,) = np.flatnonzero(look.bearing_weight)
-    assert look.kind[known] == ECHO
-    assert look.bearing[known] == pytest.approx(0.2)
-    assert look.bearing_weight[known] == pytest.approx(0.5 / 0.1**2)
+    ping = ping_bins_of(cone, PARAMETERS)
+    (known,) = np.flatnonzero(ping.bearing_weight)
+    assert ping.kind[known] == ECHO
+    assert ping.bearing[known] == pytest.approx(0.2)
+    assert ping.bearing_weight[known] == pytest.approx(0.5 / 0.1**2)
     pose = make_cone(planar_covariance=np.diag([0.0, 0.0, 0.05**2])).pose
-    uncertain = look_of(replace(cone, pose=pose), PARAMETERS)
+    uncertain = ping_bins_of(replace(cone, pose=pose), PARAMETERS)
     assert uncertain.bearing_weight[known] == pytest.approx(0.5 / (0.1**2 + 0.05**2))

@@ -14,7 +14,7 @@ from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.receiver import Receiver
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.simulator import MountedTransducer
-from usmap_ros.simulation.surfaces import Surface, Walls, scatter_along
+from usmap_ros.simulation.surfaces import Surface, WallSegments, scatter_along
 
 ROOT = Path(__file__).parents[3]
 SMOOTH = Surface(1.0, 0.0, 40.0, 0.0)
@@ -34,11 +34,11 @@ def make_points(*positions, reflectivity=1.0, radius=0.0):
 
 
 def make_walls(*corners, surface=SMOOTH, one_sided=False):
-    return Walls.along(np.array(corners, dtype=float), surface, one_sided=one_sided)
+    return WallSegments.along(np.array(corners, dtype=float), surface, one_sided=one_sided)
 
 
 def make_scene(discs=None, walls=None, surface=SMOOTH, **others):
-    walls = Walls.joined([]) if walls is None else walls
+    walls = WallSegments.joined([]) if walls is None else walls
     scatterers = scatter_along(walls, surface, np.random.default_rng(0))
     return Scene(make_points() if discs is None else discs, walls, scatterers, **others)
 

@@ -6,7 +6,7 @@ import pytest
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import MovingDisc
-from usmap_ros.simulation.surfaces import Walls
+from usmap_ros.simulation.surfaces import WallSegments
 from usmap_ros.simulation.view import View, targets_in_view
 
 AHEAD = View(Pose.planar(0.0, 0.0, 0.0), np.deg2rad(40.0), 5.0)
@@ -73,7 +73,7 @@ def test_leaving_out_walls_outside_the_cone_changes_nothing(scene, rough):
     rng = np.random.default_rng(8)
     corners = rng.uniform(-6.0, 6.0, (40, 2))
     ends = corners + rng.uniform(-0.5, 0.5, (40, 2))
-    wall = Walls.between(corners, ends, rough, one_sided=False)
+    wall = WallSegments.between(corners, ends, rough, one_sided=False)
     world = scene(walls=wall, surface=rough)
     for heading in np.linspace(-3.0, 3.0, 9):
         # Beyond 90° no wall is left out.

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from usmap_ros.grids import AMBIGUITY, LOOKS_COS, LOOKS_SIN, NORMAL, GridGeometry, OccupancyMap
 from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.fusion import LEAST_NEWS
+from usmap_ros.mapping.joint.area_state import AreaState, CellStates
 from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING, over_block
-from usmap_ros.mapping.joint.known import Cells, Known
 from usmap_ros.mapping.joint.surfaces.walls import SHOWN
 from usmap_ros.mapping.normals import surface_normals
 from usmap_ros.numerics.arrays import BoolArray
@@ -28,7 +28,7 @@ OCCUPIED_LOG_ODDS = 0.8
 
 
 def drawn_map(
-    areas: Sequence[Known],
+    areas: Sequence[AreaState],
     parameters: MappingParameters,
     earlier: OccupancyMap | None,
     frame_id: str,
@@ -38,7 +38,7 @@ def drawn_map(
 
     Parameters
     ----------
-    areas : sequence of Known
+    areas : sequence of AreaState
         What is known of each.
     parameters : MappingParameters
         Of the map.
@@ -83,7 +83,7 @@ def drawn_map(
 def _put(
     occupancy: OccupancyMap,
     layers: dict[str, NDArray[np.float32]],
-    area: Known,
+    area: AreaState,
     known: BoolArray,
     parameters: MappingParameters,
 ) -> None:
@@ -137,7 +137,7 @@ def _put_earlier(
         layers[name][here] = earlier.layers[name][there]
 
 
-def _known(cells: Cells, parameters: MappingParameters) -> BoolArray:
+def _known(cells: CellStates, parameters: MappingParameters) -> BoolArray:
     """Cells of which anything is to be said."""
     news = np.clip(cells.belief, parameters.least_log_odds, SHOWN) - logit(parameters.prior)
     suspected = (cells.belief > NOTHING) & (np.abs(news) >= LEAST_NEWS)
@@ -173,7 +173,10 @@ def _bounds(first_row: int, first_column: int, known: BoolArray) -> tuple[int, i
 
 
 def _layers(
-    cells: Cells, part: tuple[slice, slice], occupancy: OccupancyMap, place: tuple[slice, slice]
+    cells: CellStates,
+    part: tuple[slice, slice],
+    occupancy: OccupancyMap,
+    place: tuple[slice, slice],
 ) -> dict[str, NDArray[np.float32]]:
     """What else is known of the cells of an area."""
     heard, asked, axis_cos, axis_sin, from_x, from_y = (

@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.area_state import AreaState, CellStates
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
-from usmap_ros.mapping.joint.known import Cells, Known
 from usmap_ros.mapping.joint.surfaces.lone_columns import lone_cells
-from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls, find_walls
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.joint.visibility.field import NOISE, QUARTERS, Field, X, Y
-from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, credit, sayings
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
+from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, credit, mutual_evidence
+from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Sweeps before anything hides anything, after each of which what has no power goes; rounds of
@@ -50,7 +50,7 @@ class JointEstimate:
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings; `kind` is changed where mirrors explain echoes.
     pings : (pings,) integer array
         Rows of those that count, in the order of their stamps.
@@ -76,7 +76,7 @@ class JointEstimate:
 
     def __init__(  # noqa: PLR0913, PLR0917 - all that an estimate is made from
         self,
-        looks: Looks,
+        table: PingTable,
         pings: NDArray[np.int64],
         weights: NDArray[np.float32],
         echoes: Echoes,
@@ -88,18 +88,18 @@ class JointEstimate:
         proofs: float = 3.0,
         first_only: BoolArray | None = None,
     ) -> None:
-        self.looks, self.pings, self.weights = looks, pings, weights
+        self.table, self.pings, self.weights = table, pings, weights
         self.field, self._opacity, self._forgetting = field, opacity, forgetting
         self._gap_m, self._proofs = gap_m, proofs
         self._first_only = np.zeros(len(pings), bool) if first_only is None else first_only
         self._standing = np.zeros(field.shape, bool) if standing is None else standing
-        self._powers = Powers(looks, pings, weights, field)
-        numbers = looks.numbers[pings]
+        self._powers = Powers(table, pings, weights, field)
+        numbers = table.numbers[pings]
         self._stood = field.cells_within(numbers[:, X], numbers[:, Y], STOOD_M)
         self.evidence: CellEvidence = no_evidence(field)
         self.depth = np.zeros(field.shape, np.float32)
         self._hiding: FloatArray = np.zeros(field.shape)
-        self._smooth = SmoothThings(looks, pings, echoes, field)
+        self._smooth = SmoothSurfaces(table, pings, echoes, field)
 
     # ------------------------------------------------------------------ powers and belief
 
@@ -134,7 +134,7 @@ class JointEstimate:
         self._weigh()
         self._cast_shadows(no_walls, FIRST_DAMPING, rounds, between)
 
-    def said_apart(
+    def ratios_by_source(
         self, sources: Sequence[str], names: Sequence[str]
     ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """What halves of each robot's pings say of cells, as `Powers.weigh_apart` gives it.
@@ -158,7 +158,7 @@ class JointEstimate:
         names = sorted(set(sources))
         if len(names) < LEAST_WITNESSES:
             return dict.fromkeys(names, 1.0)
-        said = sayings(*self.said_apart(sources, names), self.field)
+        said = mutual_evidence(*self.ratios_by_source(sources, names), self.field)
         return dict(zip(names, credit(said), strict=True))
 
     @property
@@ -214,8 +214,8 @@ class JointEstimate:
         expected = self._powers.expected_of(cells.ravel())
         index, bins, inside = self._smooth.echo_bins
         rows = self.pings[index]
-        noise = self.looks.numbers[rows, NOISE]
-        share = (expected[index, bins] - noise) / np.maximum(self.looks.power[rows, bins], 1e-12)
+        noise = self.table.numbers[rows, NOISE]
+        share = (expected[index, bins] - noise) / np.maximum(self.table.power[rows, bins], 1e-12)
         explained: BoolArray = inside & (share > EXPLAINED_SHARE)
         return explained
 
@@ -233,7 +233,7 @@ class JointEstimate:
             What stands.
         """
         space = FreeSpace(
-            self.looks, self.pings, self.weights, self.field, self._standing, self._stood,
+            self.table, self.pings, self.weights, self.field, self._standing, self._stood,
             self._proofs, self._first_only,
         )  # fmt: skip
         walls, free = space.find(walls, self._smooth, self._powers, self.evidence)
@@ -242,7 +242,7 @@ class JointEstimate:
 
     def known(
         self, walls: Walls, free: BoolArray, belief: FloatArray, credit: Mapping[str, float]
-    ) -> Known:
+    ) -> AreaState:
         """What is known after `free_space`, for more pings to be explained beside these.
 
         Parameters
@@ -258,10 +258,10 @@ class JointEstimate:
         said: dict[str, Any] = {
             name: values.reshape(shape) for name, values in self.evidence._asdict().items()
         }
-        cells = Cells(
+        cells = CellStates(
             power=settled.power.reshape(*shape, QUARTERS),
             firmness=settled.known.reshape(*shape, QUARTERS),
             **said, hiding=self._hiding, **self.heard._asdict(), free=free,
             occupied=walls.occupied, filled=walls.filled, standing=self._standing, belief=belief,
         )  # fmt: skip
-        return Known(self.field, cells, self._smooth.recognised, self.silence, credit)
+        return AreaState(self.field, cells, self._smooth.recognised, self.silence, credit)

@@ -25,7 +25,7 @@ from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING, OWN_SHARE, o
 from usmap_ros.mapping.joint.kept_pings import STEP_M, STEP_RAD
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.projection import MOST_BLUR_BINS
-from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE, UNJUDGED, Look
+from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE, UNJUDGED, PingBins
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 from usmap_ros.numerics.special import logistic, logit
 from usmap_ros.parameters import MappingParameters
@@ -46,7 +46,7 @@ POWER_STEPS, POWER_SPREAD = 80, 3.2
 LEAST_LOG_DENSITY, LEAST_SILENCE = -12.0, 0.0025
 
 
-class Heard(NamedTuple):
+class PlaceReadings(NamedTuple):
     """What each ping has of places that may have returned an echo; (pings, places) arrays.
 
     Parameters
@@ -72,20 +72,20 @@ class Heard(NamedTuple):
     weight: FloatArray
     fit: FloatArray
 
-    def of(self, places: IndexArray) -> Heard:
+    def of(self, places: IndexArray) -> PlaceReadings:
         """The same of some places."""
         parts: list[NDArray[Any]] = [values[:, places] for values in self]
-        return Heard(*parts)
+        return PlaceReadings(*parts)
 
 
 def first_log_odds(
-    looks: Iterable[Look], field: Field, parameters: MappingParameters
+    pings: Iterable[PingBins], field: Field, parameters: MappingParameters
 ) -> FloatArray | None:
     """Log-odds of the cells that may have returned any echo of a few pings.
 
     Parameters
     ----------
-    looks : iterable of Look
+    pings : iterable of PingBins
         The pings, in bins of range; of those from one place only the last is looked at.
     field : Field
         The cells.
@@ -97,9 +97,9 @@ def first_log_odds(
     log_odds : (rows, columns) array or None
         `NOTHING` where nothing is suspected; None if pings, or cells to suspect, are too many.
     """
-    last: dict[tuple[int, int, int], Look] = {}
-    for look in looks:
-        last[_place(look)] = look
+    last: dict[tuple[int, int, int], PingBins] = {}
+    for ping in pings:
+        last[_place(ping)] = ping
         if len(last) > FEW_PLACES:
             return None
     few = list(last.values())
@@ -107,7 +107,7 @@ def first_log_odds(
     if len(suspected) * QUARTERS * len(few) > MOST_PAIRS:
         return None
     x_m, y_m = _quarters(suspected, field)
-    heard = hear(few, x_m, y_m, 0.5 * field.resolution_m, parameters.fluctuation)
+    heard = read_places(few, x_m, y_m, 0.5 * field.resolution_m, parameters.fluctuation)
     density, prior = densities(heard, parameters), logit(parameters.prior / QUARTERS)
     odds = weigh_sources(heard, density, parameters.detection_probability, prior)
     vacancy = np.zeros(field.shape)
@@ -120,19 +120,19 @@ def first_log_odds(
     return np.where(is_acquitted, NOTHING, log_odds)
 
 
-def _place(look: Look) -> tuple[int, int, int]:
+def _place(ping: PingBins) -> tuple[int, int, int]:
     """Where a ping looks from, in steps."""
     return (
-        round(look.x_m / STEP_M), round(look.y_m / STEP_M), round(look.heading_rad / STEP_RAD)
+        round(ping.x_m / STEP_M), round(ping.y_m / STEP_M), round(ping.heading_rad / STEP_RAD)
     )  # fmt: skip
 
 
-def _suspects(looks: list[Look], field: Field, parameters: MappingParameters) -> BoolArray:
+def _suspects(pings: list[PingBins], field: Field, parameters: MappingParameters) -> BoolArray:
     """Cells for which more echoes speak than silence speaks against."""
     row, column = np.divmod(np.arange(field.rows * field.columns), field.columns)
     x_m = (field.first_column + column + 0.5) * field.resolution_m
     y_m = (field.first_row + row + 0.5) * field.resolution_m
-    heard = hear(looks, x_m, y_m, field.resolution_m, parameters.fluctuation)
+    heard = read_places(pings, x_m, y_m, field.resolution_m, parameters.fluctuation)
     is_loud = heard.weight * parameters.reflectivity**2 > heard.level
     against = (heard.kind == SILENCE) & is_loud
     votes = np.sum((heard.kind == ECHO) - SILENCE_COUNTS * against, axis=0)
@@ -150,14 +150,14 @@ def _quarters(cells: IndexArray, field: Field) -> tuple[FloatArray, FloatArray]:
     return x_m, y_m
 
 
-def hear(
-    looks: list[Look], x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
-) -> Heard:
+def read_places(
+    pings: list[PingBins], x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
+) -> PlaceReadings:
     """What some pings have of square places.
 
     Parameters
     ----------
-    looks : list of Look
+    pings : list of PingBins
         The pings.
     x_m, y_m : (places,) arrays
         Centres of the places.
@@ -166,46 +166,46 @@ def hear(
     fluctuation : float
         Standard deviation of ln amplitude from look to look.
     """
-    each = [_heard_by(look, x_m, y_m, side_m, fluctuation) for look in looks]
+    each = [_heard_by(ping, x_m, y_m, side_m, fluctuation) for ping in pings]
     rows: list[NDArray[Any]] = [np.array(values) for values in zip(*each, strict=True)]
-    return Heard(*rows)
+    return PlaceReadings(*rows)
 
 
 def _heard_by(
-    look: Look, x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
+    ping: PingBins, x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
 ) -> tuple[NDArray[Any], ...]:
-    """What one ping has of places: a row of each field of `Heard`."""
-    x, y = x_m - look.x_m, y_m - look.y_m
-    distance = np.sqrt(x * x + y * y + look.rise_m**2)
-    cosine = (look.axis_x * x + look.axis_y * y + look.axis_z * look.rise_m) / distance
+    """What one ping has of places: a row of each field of `PlaceReadings`."""
+    x, y = x_m - ping.x_m, y_m - ping.y_m
+    distance = np.sqrt(x * x + y * y + ping.rise_m**2)
+    cosine = (ping.axis_x * x + ping.axis_y * y + ping.axis_z * ping.rise_m) / distance
     is_inside = (
-        (distance > look.least_range_m)
-        & (distance < look.greatest_range_m)
-        & (cosine > look.cos_half_angle)
+        (distance > ping.least_range_m)
+        & (distance < ping.greatest_range_m)
+        & (cosine > ping.cos_half_angle)
     )
-    entry = (1.0 - cosine) / (1.0 - look.cos_half_angle) * GAIN_STEPS
-    gain = np.interp(entry, np.arange(GAIN_STEPS + 1), look.power_gain)
-    weight = np.maximum(gain * np.exp(-look.absorption_per_m * distance) / distance**4, 1e-12)
-    middle = (distance - look.least_range_m) / look.bin_m
-    depth = 0.5 * side_m / look.bin_m * (np.abs(x) + np.abs(y)) / distance
-    spread = np.sqrt(depth**2 + 3.0 * (look.range_std_m / look.bin_m) ** 2)
+    entry = (1.0 - cosine) / (1.0 - ping.cos_half_angle) * GAIN_STEPS
+    gain = np.interp(entry, np.arange(GAIN_STEPS + 1), ping.power_gain)
+    weight = np.maximum(gain * np.exp(-ping.absorption_per_m * distance) / distance**4, 1e-12)
+    middle = (distance - ping.least_range_m) / ping.bin_m
+    depth = 0.5 * side_m / ping.bin_m * (np.abs(x) + np.abs(y)) / distance
+    spread = np.sqrt(depth**2 + 3.0 * (ping.range_std_m / ping.bin_m) ** 2)
     spread = np.maximum(np.minimum(spread, MOST_BLUR_BINS), depth)
-    echo = _nearest_echo(look, middle - spread, middle + spread)
+    echo = _nearest_echo(ping, middle - spread, middle + spread)
     is_heard = is_inside & (echo >= 0)
-    at = np.where(is_heard, echo, np.clip(middle, 0, len(look.kind) - 1).astype(np.int64))
-    kind = np.where(is_inside, look.kind[at], UNJUDGED).astype(np.uint8)
-    power = np.maximum(look.power[at], look.noise).astype(np.float64)
-    level = np.where(is_heard, np.maximum(power - look.noise, 0.25 * power), look.limit[at])
-    variance = 4.0 * fluctuation**2 + 2.0 * look.noise / power
-    heading = np.arctan2(y, x) - look.heading_rad
-    off = (heading + np.pi) % (2.0 * np.pi) - np.pi - look.bearing[at]
-    fit = np.where(is_heard, np.exp(-look.bearing_weight[at] * off**2), 1.0)
+    at = np.where(is_heard, echo, np.clip(middle, 0, len(ping.kind) - 1).astype(np.int64))
+    kind = np.where(is_inside, ping.kind[at], UNJUDGED).astype(np.uint8)
+    power = np.maximum(ping.power[at], ping.noise).astype(np.float64)
+    level = np.where(is_heard, np.maximum(power - ping.noise, 0.25 * power), ping.limit[at])
+    variance = 4.0 * fluctuation**2 + 2.0 * ping.noise / power
+    heading = np.arctan2(y, x) - ping.heading_rad
+    off = (heading + np.pi) % (2.0 * np.pi) - np.pi - ping.bearing[at]
+    fit = np.where(is_heard, np.exp(-ping.bearing_weight[at] * off**2), 1.0)
     return kind, at, level, variance, weight, fit
 
 
-def _nearest_echo(look: Look, low: FloatArray, high: FloatArray) -> IndexArray:
+def _nearest_echo(ping: PingBins, low: FloatArray, high: FloatArray) -> IndexArray:
     """Range bin of the echo nearest to the middle of each stretch of bins; -1 if there is none."""
-    echoes = np.flatnonzero(look.kind == ECHO)
+    echoes = np.flatnonzero(ping.kind == ECHO)
     if not len(echoes):
         return np.full(len(low), -1)
     middle = 0.5 * (low + high)
@@ -217,14 +217,14 @@ def _nearest_echo(look: Look, low: FloatArray, high: FloatArray) -> IndexArray:
     return np.where(is_within, nearest, -1)
 
 
-def densities(heard: Heard, parameters: MappingParameters) -> FloatArray:
+def densities(heard: PlaceReadings, parameters: MappingParameters) -> FloatArray:
     """Density of what each ping has of each place, given what the other pings have of it.
 
     That is averaged over the powers that an object may have, lognormal about the median.
 
     Parameters
     ----------
-    heard : Heard
+    heard : PlaceReadings
         What the pings have of the places.
     parameters : MappingParameters
         What is known of objects beforehand.
@@ -251,12 +251,12 @@ def densities(heard: Heard, parameters: MappingParameters) -> FloatArray:
     return density
 
 
-def _log_likelihood(heard: Heard, log_power: FloatArray) -> FloatArray:
+def _log_likelihood(heard: PlaceReadings, log_power: FloatArray) -> FloatArray:
     """Logarithm of the likelihood of what was heard; (pings, powers, places).
 
     Parameters
     ----------
-    heard : Heard
+    heard : PlaceReadings
         What the pings have of the places.
     log_power : (powers,) array
         Powers that an object may have.
@@ -274,13 +274,13 @@ def _log_likelihood(heard: Heard, log_power: FloatArray) -> FloatArray:
 
 
 def weigh_sources(
-    heard: Heard, density: FloatArray, detection_probability: float, prior_log_odds: float
+    heard: PlaceReadings, density: FloatArray, detection_probability: float, prior_log_odds: float
 ) -> FloatArray:
     """Log-odds of places, by belief propagation between them and the echoes.
 
     Parameters
     ----------
-    heard : Heard
+    heard : PlaceReadings
         What the pings have of the places.
     density : (pings, places) array
         By `densities`.

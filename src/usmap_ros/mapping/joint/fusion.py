@@ -9,9 +9,9 @@ import numpy as np
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.fusion import Fusion
+from usmap_ros.mapping.joint.area_state import AreaState, least_credit
 from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.kept_pings import KeptPings
-from usmap_ros.mapping.joint.known import Known, least_credit
 from usmap_ros.mapping.joint.live_map import LiveMap
 from usmap_ros.mapping.joint.local_origin import LocalOrigin
 from usmap_ros.mapping.joint.survey import Survey
@@ -181,7 +181,7 @@ class JointFusion(Fusion):
             live, count = self._live, self._count
             epoch = 0 if live is None else live.epoch
 
-            def tell(areas: list[Known], kept: KeptPings, earlier: OccupancyMap | None) -> None:
+            def tell(areas: list[AreaState], kept: KeptPings, earlier: OccupancyMap | None) -> None:
                 self._doubted = least_credit(areas)
                 if live is not None:
                     live.begin(areas, kept, earlier, count, epoch)

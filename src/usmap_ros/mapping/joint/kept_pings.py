@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.looks import Looks, stacked
-from usmap_ros.mapping.ping_bins import look_of
+from usmap_ros.mapping.ping_bins import ping_bins_of
+from usmap_ros.mapping.ping_table import PingTable, stacked
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.clutter import Kind, clutter_of, without_clutter
@@ -65,7 +65,7 @@ class Pings(NamedTuple):
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         In range bins.
     rows : (pings,) integer array
         Which of its rows.
@@ -79,7 +79,7 @@ class Pings(NamedTuple):
         Who heard each.
     """
 
-    looks: Looks
+    table: PingTable
     rows: NDArray[np.int64]
     weights: NDArray[np.float32]
     echoes: Echoes
@@ -269,7 +269,7 @@ class KeptPings:
         }
         weights = [trust[source] / self._at[place] for _, source, place in kept]
         return Pings(
-            stacked([look_of(cone, self._parameters) for cone, *_ in kept]),
+            stacked([ping_bins_of(cone, self._parameters) for cone, *_ in kept]),
             np.arange(len(kept)),
             np.array(weights, np.float32),
             Echoes(start.astype(np.int64), np.concatenate(ranges_m), np.concatenate(amplitudes)),

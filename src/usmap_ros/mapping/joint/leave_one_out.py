@@ -14,13 +14,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import no_evidence
 from usmap_ros.mapping.joint.forward_model.log_odds import hiding, judged, optical_depth
 from usmap_ros.mapping.joint.forward_model.power_estimation import expect_powers
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
-from usmap_ros.mapping.joint.visibility.field import (
-    NOISE,
-    QUARTERS,
-    X,
-    Y,
-    field_around,
-)
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, field_around
 from usmap_ros.mapping.joint.visibility.projection import (
     Scatterers,
     cast_shadows,
@@ -29,9 +23,9 @@ from usmap_ros.mapping.joint.visibility.projection import (
     project,
 )
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_rays
-from usmap_ros.mapping.joint.witnesses import HALVES, Sayings, sayings
-from usmap_ros.mapping.looks import Looks, look_in_row
-from usmap_ros.mapping.ping_bins import Look
+from usmap_ros.mapping.joint.witnesses import HALVES, MutualEvidence, mutual_evidence
+from usmap_ros.mapping.ping_bins import PingBins
+from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y, ping_in_row
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -47,13 +41,13 @@ class Expected(NamedTuple):
 
     Parameters
     ----------
-    look : Look
+    ping_bins : PingBins
         The ping in bins of range.
     power : (bins,) array
         Expected power of each range bin, the receiver's noise included.
     """
 
-    look: Look
+    ping_bins: PingBins
     power: FloatArray
 
 
@@ -102,38 +96,42 @@ class LeaveOneOutMap:
         found: dict[str, list[Expected]] = {}
         for robot in cones if of is None else of:
             pings = kept_pings({robot: cones[robot]}, self._parameters).pings()
-            ahead = self.levels(pings.rows, pings.looks, of_one(robot))
+            ahead = self.levels(pings.rows, pings.table, of_one(robot))
             found[robot] = []
             for index, row in enumerate(pings.rows.tolist()):
-                look = look_in_row(pings.looks, row)
-                bins = slice(len(look.kind))
-                found[robot].append(Expected(look, ahead[index, bins]))
+                ping_bins = ping_in_row(pings.table, row)
+                bins = slice(len(ping_bins.kind))
+                found[robot].append(Expected(ping_bins, ahead[index, bins]))
         return found
 
-    def sayings(self) -> Sayings:
+    def mutual_evidence(self) -> MutualEvidence:
         """What robots say of cells that others speak of, in all areas."""
         shape = (-1, 2, len(self._names), len(self._names))
-        return Sayings(*np.reshape([area.sayings() for area in self._areas], shape).sum(axis=0))
+        return MutualEvidence(
+            *np.reshape([area.mutual_evidence() for area in self._areas], shape).sum(axis=0)
+        )
 
-    def levels(self, rows: NDArray[np.int64], looks: Looks, without: Collection[str]) -> FloatArray:
+    def levels(
+        self, rows: NDArray[np.int64], table: PingTable, without: Collection[str]
+    ) -> FloatArray:
         """Expected power of each range bin of some pings, (pings, bins).
 
         Parameters
         ----------
         rows : (pings,) integer array
-            Which looks.
-        looks : Looks
+            Which ones.
+        table : PingTable
             The pings.
         without : collection of str
             Robots whose word does not count.
         """
-        noise = looks.numbers[rows, NOISE, np.newaxis]
-        levels = np.repeat(noise, looks.kind.shape[1], axis=1)
+        noise = table.numbers[rows, NOISE, np.newaxis]
+        levels = np.repeat(noise, table.kind.shape[1], axis=1)
         for area in self._areas:
             self._between()
-            inside = area.may_reach(looks, rows)
+            inside = area.may_reach(table, rows)
             if inside.any():
-                heard = area.expect(looks, rows[inside], frozenset(without))
+                heard = area.expect(table, rows[inside], frozenset(without))
                 levels[inside] += heard - noise[inside]
         return levels
 
@@ -157,23 +155,23 @@ class _Area:
         between: Callable[[], None],
     ) -> None:
         self._opacity = parameters.opacity if parameters.occlusion else 0.0
-        self._field = field_around(pings.looks, pings.rows, parameters.resolution_m)
+        self._field = field_around(pings.table, pings.rows, parameters.resolution_m)
         check_size(self._field.rows - 2, self._field.columns - 2, parameters)
         self._estimate = JointEstimate(
-            pings.looks, pings.rows, pings.weights, pings.echoes, self._field, self._opacity
+            pings.table, pings.rows, pings.weights, pings.echoes, self._field, self._opacity
         )
         self._estimate.estimate_powers(ROUNDS, between)
         self._names = names
-        self._cells, self._said = self._estimate.said_apart(pings.sources, names)
+        self._cells, self._said = self._estimate.ratios_by_source(pings.sources, names)
         self._believed: dict[frozenset[str], _Believed] = {}
 
-    def sayings(self) -> Sayings:
+    def mutual_evidence(self) -> MutualEvidence:
         """What robots say of its cells, beside one another."""
-        return sayings(self._cells, self._said, self._field)
+        return mutual_evidence(self._cells, self._said, self._field)
 
-    def may_reach(self, looks: Looks, rows: NDArray[np.int64]) -> BoolArray:
+    def may_reach(self, table: PingTable, rows: NDArray[np.int64]) -> BoolArray:
         """Whether pings may hear of the area."""
-        field, numbers = self._field, looks.numbers[rows]
+        field, numbers = self._field, table.numbers[rows]
         column, row = (numbers[:, axis] / field.resolution_m for axis in (X, Y))
         is_beside: BoolArray = (column >= field.first_column) & (row >= field.first_row)
         is_before = (column < field.first_column + field.columns) & (
@@ -181,18 +179,20 @@ class _Area:
         )
         return is_beside & is_before
 
-    def expect(self, looks: Looks, rows: NDArray[np.int64], without: frozenset[str]) -> FloatArray:
+    def expect(
+        self, table: PingTable, rows: NDArray[np.int64], without: frozenset[str]
+    ) -> FloatArray:
         """Expected power of each range bin of some pings, by what all but some robots say."""
         if without not in self._believed:
             self._believed[without] = self._without(without)
         scatterers, power, depth = self._believed[without]
-        expected = np.ones((len(rows), looks.kind.shape[1]), np.float32)
-        pairs = project(looks, rows, self._field, scatterers)
+        expected = np.ones((len(rows), table.kind.shape[1]), np.float32)
+        pairs = project(table, rows, self._field, scatterers)
         heard = empty_rows(int(pairs.start[-1]) + 1, np.zeros_like(pairs.start))
-        left = cast_rays(looks, rows, self._field, depth)
+        left = cast_rays(table, rows, self._field, depth)
         every = np.arange(len(power), dtype=np.int32)
-        cast_shadows(pairs, every, power, left, faintest_weights(looks, rows), heard)
-        expect_powers(looks, rows, heard, power, expected)
+        cast_shadows(pairs, every, power, left, faintest_weights(table, rows), heard)
+        expect_powers(table, rows, heard, power, expected)
         return expected.astype(float)
 
     def _without(self, robots: frozenset[str]) -> _Believed:

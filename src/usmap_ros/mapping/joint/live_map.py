@@ -6,9 +6,9 @@ import threading
 from collections.abc import Callable
 
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.drawing import drawn_map
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Sensors
-from usmap_ros.mapping.joint.known import Known
 from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
@@ -43,7 +43,7 @@ class LiveMap:
 
     def __init__(self, parameters: MappingParameters) -> None:
         self._parameters, self._lock = parameters, threading.Lock()
-        self._areas: list[Known] = []
+        self._areas: list[AreaState] = []
         self._earlier: OccupancyMap | None = None
         self.epoch = 0
         self._sensors = Sensors(set(), {})
@@ -68,7 +68,7 @@ class LiveMap:
 
     def begin(
         self,
-        areas: list[Known],
+        areas: list[AreaState],
         kept: KeptPings,
         earlier: OccupancyMap | None,
         number: int,
@@ -78,7 +78,7 @@ class LiveMap:
 
         Parameters
         ----------
-        areas : list of Known
+        areas : list of AreaState
             What is known.
         kept : KeptPings
             By which pings.
@@ -170,7 +170,7 @@ class LiveMap:
                 self._newest = batch[-1][2] if is_whole else self._newest
             return drawn_map(areas, self._parameters, self._earlier, frame_id, stamp_ns)
 
-    def _add(self, areas: list[Known], batch: list[Numbered], sensors: Sensors) -> bool:
+    def _add(self, areas: list[AreaState], batch: list[Numbered], sensors: Sensors) -> bool:
         """Add some more pings to what is known, unless any of them is in no area, or in two."""
         kept = KeptPings(self._parameters)
         for cone, source, _ in batch:
@@ -178,7 +178,7 @@ class LiveMap:
         known = areas.copy()
         for group in kept.islands():
             pings = kept.pings(group, sensors=sensors)
-            field = field_around(pings.looks, pings.rows, self._parameters.resolution_m)
+            field = field_around(pings.table, pings.rows, self._parameters.resolution_m)
             here = [place for place, area in enumerate(known) if area.overlaps(field)]
             if len(here) != 1:
                 return False

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.area_state import AreaState, CellStates
 from usmap_ros.mapping.joint.estimate import FIRST_DAMPING, STOOD_M, SWEEPS
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
 from usmap_ros.mapping.joint.forward_model.powers import Powers
@@ -20,14 +21,14 @@ from usmap_ros.mapping.joint.free_space.connected import connected
 from usmap_ros.mapping.joint.free_space.free_space import (
     SUSPECTED,
     FreeSpace,
-    Heard,
+    Refutations,
     are_refuted,
 )
 from usmap_ros.mapping.joint.kept_pings import Pings
-from usmap_ros.mapping.joint.known import Cells, Known
-from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls
-from usmap_ros.mapping.joint.visibility.field import X, Y, field_around
+from usmap_ros.mapping.joint.visibility.field import field_around
+from usmap_ros.mapping.ping_table import X, Y
 from usmap_ros.parameters import MappingParameters
 
 #: Log-likelihood ratios of surfaces are as good as certain from here on.
@@ -47,20 +48,20 @@ class MorePings:
 
     def __init__(self, pings: Pings, parameters: MappingParameters) -> None:
         self._pings, self._parameters = pings, parameters
-        self.field = field_around(pings.looks, pings.rows, parameters.resolution_m)
-        numbers = pings.looks.numbers[pings.rows]
+        self.field = field_around(pings.table, pings.rows, parameters.resolution_m)
+        numbers = pings.table.numbers[pings.rows]
         self._stood = self.field.cells_within(numbers[:, X], numbers[:, Y], STOOD_M)
         self._opacity = parameters.opacity if parameters.occlusion else 0.0
 
-    def add_to(self, known: Known) -> Known:
+    def add_to(self, known: AreaState) -> AreaState:
         """What is known with these pings, which may be in the arrays of what was known before."""
         pings, parameters = self._pings, self._parameters
         known = known.reaching(self.field)
         before = known.part(self.field)
-        smooth = SmoothThings(pings.looks, pings.rows, pings.echoes, self.field)
+        smooth = SmoothSurfaces(pings.table, pings.rows, pings.echoes, self.field)
         smooth.recognise(known.smooth)
         smooth.take_out()
-        powers = Powers(pings.looks, pings.rows, pings.weights, self.field)
+        powers = Powers(pings.table, pings.rows, pings.weights, self.field)
         cells = self._explained(powers, before)
         walls = find_walls(cells.belief, self.field, parameters.wall_gap_m, smooth, self._stood)
         stays = before.occupied & (cells.belief > ON_A_LINE) & ~self._stood
@@ -69,14 +70,14 @@ class MorePings:
             filled=walls.filled | (before.filled & ~self._stood),
         )  # fmt: skip
         space = FreeSpace(
-            pings.looks, pings.rows, pings.weights, self.field, before.standing, self._stood,
+            pings.table, pings.rows, pings.weights, self.field, before.standing, self._stood,
             parameters.proof_rays, pings.first_only,
         )  # fmt: skip
         more = space.more(walls, before.free, smooth, powers, known.silence)
         known.put(self._freed(cells, walls, more, known), self.field)
         return known
 
-    def _explained(self, powers: Powers, before: Cells) -> Cells:
+    def _explained(self, powers: Powers, before: CellStates) -> CellStates:
         """What these pings say of powers and evidence, beside what was known."""
         shape, hides = self.field.shape, before.hiding
         powers.go_on(before.settled, self._stood)
@@ -95,7 +96,9 @@ class MorePings:
             hiding=hides, belief=cell_log_odds(evidence, shape), **said,
         )  # fmt: skip
 
-    def _freed(self, cells: Cells, walls: Walls, more: Heard, known: Known) -> Cells:
+    def _freed(
+        self, cells: CellStates, walls: Walls, more: Refutations, known: AreaState
+    ) -> CellStates:
         """Cells with what silence has freed."""
         silence, shown = known.silence, walls.shown
         worst, asked = cells.worst, ~cells.free & ~shown

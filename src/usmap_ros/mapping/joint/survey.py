@@ -9,21 +9,21 @@ import numpy as np
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.extent import check_size
+from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.drawing import copied, drawn_map
 from usmap_ros.mapping.joint.estimate import ROUNDS, JointEstimate
 from usmap_ros.mapping.joint.first_pings import first_log_odds
 from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING, cell_log_odds
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
-from usmap_ros.mapping.joint.known import Known
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
 from usmap_ros.mapping.joint.surfaces.walls import SHOWN, Walls
 from usmap_ros.mapping.joint.visibility.field import Field, field_around
-from usmap_ros.mapping.looks import look_in_row
+from usmap_ros.mapping.ping_table import ping_in_row
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.processes.garbage import give_back_memory
 
-Tell = Callable[[list[Known], KeptPings, OccupancyMap | None], None]
+Tell = Callable[[list[AreaState], KeptPings, OccupancyMap | None], None]
 
 
 class Survey:
@@ -85,7 +85,7 @@ class Survey:
         """Whether the map is there."""
         return self._map is not None
 
-    def _area(self, group: list[int]) -> Known:
+    def _area(self, group: list[int]) -> AreaState:
         parameters, pings = self._parameters, self._kept.pings(group)
         estimate, credit = self._estimate(pings), dict[str, float]()
         walls = estimate.estimate_walls()
@@ -100,7 +100,7 @@ class Survey:
         belief = None
         if self._earlier is None:
             belief = first_log_odds(
-                (look_in_row(pings.looks, row) for row in pings.rows), field, parameters
+                (ping_in_row(pings.table, row) for row in pings.rows), field, parameters
             )
         if belief is None:
             belief = cell_log_odds(estimate.evidence, field.shape)
@@ -112,11 +112,11 @@ class Survey:
     def _estimate(self, pings: Pings) -> JointEstimate:
         """Powers and beliefs of an area."""
         parameters = self._parameters
-        field = field_around(pings.looks, pings.rows, parameters.resolution_m)
+        field = field_around(pings.table, pings.rows, parameters.resolution_m)
         # Without the rim, which nothing is known of.
         check_size(field.rows - 2, field.columns - 2, parameters)
         estimate = JointEstimate(
-            pings.looks, pings.rows, pings.weights, pings.echoes, field,
+            pings.table, pings.rows, pings.weights, pings.echoes, field,
             opacity=parameters.opacity if parameters.occlusion else 0.0,
             forgetting=parameters.forgetting, standing=self._standing(field),
             gap_m=parameters.wall_gap_m, proofs=parameters.proof_rays,

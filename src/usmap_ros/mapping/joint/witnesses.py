@@ -40,7 +40,7 @@ LEAST_CHANCE, LEAST_CREDIT = 0.6, 0.1
 TINY = 1e-9
 
 
-class Sayings(NamedTuple):
+class MutualEvidence(NamedTuple):
     """What robots say of cells that others speak of, in units of evidence.
 
     Parameters
@@ -68,7 +68,9 @@ class Sayings(NamedTuple):
         return agreed / (agreed + against) if agreed + against else 1.0
 
 
-def sayings(number: NDArray[np.int32], said: NDArray[np.float32], field: Field) -> Sayings:
+def mutual_evidence(
+    number: NDArray[np.int32], said: NDArray[np.float32], field: Field
+) -> MutualEvidence:
     """Compare what robots say.
 
     Parameters
@@ -92,7 +94,7 @@ def sayings(number: NDArray[np.int32], said: NDArray[np.float32], field: Field) 
             agreed[row, column] = agreed[column, row] = 0.5 * sum(both for both, _ in said_both)
             against = sum(denied for _, denied in said_both)
             contradicted[row, column] = contradicted[column, row] = against
-    return Sayings(agreed, contradicted)
+    return MutualEvidence(agreed, contradicted)
 
 
 def _claims(
@@ -121,7 +123,7 @@ def _compared(
     return float(agreed), float(denied)
 
 
-def credit(said: Sayings) -> list[float]:
+def credit(said: MutualEvidence) -> list[float]:
     """How much of the trust in each robot is left, 0 to 1.
 
     Nobody is faulty, or one, or two are, which is less and less likely beforehand.  Once one is
@@ -138,7 +140,7 @@ def credit(said: Sayings) -> list[float]:
     return found
 
 
-def _chances(said: Sayings, among: list[int]) -> FloatArray:
+def _chances(said: MutualEvidence, among: list[int]) -> FloatArray:
     """Probability that each of some robots is faulty, by what these say."""
     agreed, contradicted = (sums[np.ix_(among, among)] for sums in said)
     against = np.array([_against(agreed, contradicted, robot) for robot in range(len(among))])

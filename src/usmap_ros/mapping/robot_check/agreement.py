@@ -13,7 +13,7 @@ from usmap_ros.mapping.ping_bins import (
     NOISE_BELOW_LIMIT,
     SILENCE,
     UNJUDGED,
-    Look,
+    PingBins,
 )
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.special import running_maximum
@@ -65,20 +65,22 @@ def agreement(expected: Sequence[Expected]) -> Agreement:
     fits = [fit for ping in expected if (fit := _fit(ping)) is not None]
     echoes = audible = heard = 0
     loudness: list[float] = []
-    for look, power in expected:
-        echoes += int(np.count_nonzero(look.kind == ECHO))
-        width = 2 * round(TOLERANCE_M / look.bin_m) + 1
-        signal = power - look.noise
-        near = running_maximum((look.kind == ECHO).astype(np.uint8), width) > 0
+    for ping_bins, power in expected:
+        echoes += int(np.count_nonzero(ping_bins.kind == ECHO))
+        width = 2 * round(TOLERANCE_M / ping_bins.bin_m) + 1
+        signal = power - ping_bins.noise
+        near = running_maximum((ping_bins.kind == ECHO).astype(np.uint8), width) > 0
         peak = (signal == running_maximum(signal, width)) & (
-            signal > AUDIBLE * look.noise / NOISE_BELOW_LIMIT
+            signal > AUDIBLE * ping_bins.noise / NOISE_BELOW_LIMIT
         )
         # An echo that another one may have covered is not missed.
-        counts = peak & (near | ((signal > AUDIBLE * look.limit) & (look.kind != UNJUDGED)))
+        counts = peak & (
+            near | ((signal > AUDIBLE * ping_bins.limit) & (ping_bins.kind != UNJUDGED))
+        )
         matched = peak & near
         audible += int(counts.sum())
         heard += int(matched.sum())
-        loudest = running_maximum(look.power, width)
+        loudest = running_maximum(ping_bins.power, width)
         loudness += (10.0 * np.log10(loudest[matched] / signal[matched])).tolist()
     return Agreement(
         pings=len(fits),
@@ -93,46 +95,46 @@ def agreement(expected: Sequence[Expected]) -> Agreement:
 
 def _fit(expected: Expected) -> float | None:
     """Mean gain in log-likelihood over shifted expectations; None where nothing is expected."""
-    look, power = expected.look, expected.power
-    gain, bins, likelihood = 0.0, 0, log_likelihood(look, power)
+    ping_bins, power = expected.ping_bins, expected.power
+    gain, bins, likelihood = 0.0, 0, log_likelihood(ping_bins, power)
     for shift_m in SHIFTS_M:
-        shifted = np.full_like(power, look.noise)
-        shift = round(shift_m / look.bin_m)
+        shifted = np.full_like(power, ping_bins.noise)
+        shift = round(shift_m / ping_bins.bin_m)
         if abs(shift) >= len(power):
             continue
         if shift > 0:
             shifted[shift:] = power[:-shift]
         else:
             shifted[:shift] = power[-shift:]
-        likelier, told = _compared(look, shifted, power, likelihood)
+        likelier, told = _compared(ping_bins, shifted, power, likelihood)
         gain, bins = gain - likelier, bins + told
     return gain / bins if bins else None
 
 
 def _compared(
-    look: Look, power: FloatArray, other: FloatArray, likelihood: FloatArray
+    ping_bins: PingBins, power: FloatArray, other: FloatArray, likelihood: FloatArray
 ) -> tuple[float, int]:
     """How much likelier an expectation makes a ping than another, and how many bins tell.
 
     The log-likelihood of the other's bins is given: it is compared with several.
     """
-    loud = 4.0 * look.noise / NOISE_BELOW_LIMIT
+    loud = 4.0 * ping_bins.noise / NOISE_BELOW_LIMIT
     # Where either says that there is an echo.
-    tells = (np.maximum(power, other) > loud) & (look.kind != UNJUDGED)
-    difference = (log_likelihood(look, power) - likelihood)[tells]
+    tells = (np.maximum(power, other) > loud) & (ping_bins.kind != UNJUDGED)
+    difference = (log_likelihood(ping_bins, power) - likelihood)[tells]
     return float(np.clip(difference, -MOST_A_BIN, MOST_A_BIN).sum()), int(tells.sum())
 
 
-def log_likelihood(look: Look, power: FloatArray) -> FloatArray:
+def log_likelihood(ping_bins: PingBins, power: FloatArray) -> FloatArray:
     """Log-likelihood of each range bin: of an echo, or of silence up to a limit.
 
     Parameters
     ----------
-    look : Look
+    ping_bins : PingBins
         What was heard.
     power : (bins,) array
         Expected power of each range bin, noise included.
     """
-    heard = -look.power / power - np.log(power)
-    silent = np.log(-np.expm1(-np.maximum(look.limit / power, 1e-9)))
-    return np.where(look.kind == ECHO, heard, np.where(look.kind == SILENCE, silent, 0.0))
+    heard = -ping_bins.power / power - np.log(power)
+    silent = np.log(-np.expm1(-np.maximum(ping_bins.limit / power, 1e-9)))
+    return np.where(ping_bins.kind == ECHO, heard, np.where(ping_bins.kind == SILENCE, silent, 0.0))

@@ -36,7 +36,9 @@ WITHIN = 4.0
 
 
 @compiled_within
-def said_by(mark: FloatArray, heard: Sightings, ping: int, far_m: float, off: float) -> float:
+def evidence_of_ping(
+    mark: FloatArray, heard: Sightings, ping: int, far_m: float, off: float
+) -> float:
     """What a ping says of a landmark so far away, and so far off its axis."""
     at_peak = HEARD / (math.sqrt(2.0 * math.pi) * STD_M * heard.background)
     level_db, best, is_hidden = mark[LEVEL] + level_of(mark, heard, far_m, off), 0.0, False
@@ -72,13 +74,13 @@ def borne_out(marks: FloatArray, heard: Sightings, shifts: FloatArray, out: Floa
     for mark in marks:
         said[:] = 0.0
         for ping in range(len(heard.x_m)):
-            add_said(mark, heard, ping, shifts, said)
+            add_evidence(mark, heard, ping, shifts, said)
         for number in range(len(shifts)):
             out[number] += min(max(said[number], LEAST), MOST)
 
 
 @compiled_within
-def add_said(
+def add_evidence(
     mark: FloatArray, heard: Sightings, ping: int, shifts: FloatArray, said: FloatArray
 ) -> None:
     """Add what a ping says of a landmark in each of some places."""
@@ -104,4 +106,4 @@ def add_said(
             off_rad = abs(wrap(math.atan2(to_y, to_x) - heard.yaw_rad[ping]))
         if NEAREST_M <= far_m <= heard.reach_m[ping] and off_rad <= edge:
             off = off_rad / heard.half_rad[ping]
-            said[number] += said_by(mark, heard, ping, far_m, off)
+            said[number] += evidence_of_ping(mark, heard, ping, far_m, off)

@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
-from usmap_ros.mapping.joint.witnesses import Sayings, credit
+from usmap_ros.mapping.joint.witnesses import MutualEvidence, credit
 from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
 from usmap_ros.mapping.robot_check.finding import Finding, Verdict
 from usmap_ros.mapping.robot_check.receiver_health import FEW_ECHOES
@@ -70,7 +70,7 @@ class RobotComparison:
         self._parameters, self._cones, self._between = parameters, cones, between
         self._topics = list(cones)
         nothing = np.zeros((len(cones), len(cones)))
-        self._said = Sayings(nothing, nothing)
+        self._said = MutualEvidence(nothing, nothing)
         self._agreements: dict[str, Agreement] = {}
         # What `_agreement_without` has found, which takes as long as to map everything again.
         self._without: dict[str, tuple[LeaveOneOutMap, list[Agreement]]] = {}
@@ -80,7 +80,7 @@ class RobotComparison:
         together = LeaveOneOutMap(self._cones, self._parameters, self._between)
         expected = together.expected(self._cones, of_one=self._of_one)
         self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}
-        self._said = self._without_self_praise(together.sayings())
+        self._said = self._without_self_praise(together.mutual_evidence())
         found = {}
         for topic, own in self._agreements.items():
             others = [a for t, a in self._agreements.items() if t != topic]
@@ -91,7 +91,7 @@ class RobotComparison:
         """All that the robot says that has said this."""
         return [name for name in self._cones if robot_of(name) == robot_of(topic)]
 
-    def _without_self_praise(self, said: Sayings) -> Sayings:
+    def _without_self_praise(self, said: MutualEvidence) -> MutualEvidence:
         """The same, unless a robot's latest pings agree with its earlier ones.
 
         It may be misplaced throughout.
@@ -145,7 +145,7 @@ class RobotComparison:
         who = [name if robot_of(name) == robot else robot_of(name) for name in self._topics]
         names = sorted(set(who))
         is_of = np.array([[one == name for one in who] for name in names], float)
-        said = Sayings(*(is_of @ sums @ is_of.T for sums in self._said))
+        said = MutualEvidence(*(is_of @ sums @ is_of.T for sums in self._said))
         return credit(said)[names.index(topic)]
 
     def _why_not_borne_out(self, topic: str) -> Verdict:

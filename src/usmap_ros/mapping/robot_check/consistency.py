@@ -26,7 +26,7 @@ from usmap_ros.mapping.robot_check.displacement import Robot, displaced
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
-from usmap_ros.mapping.robot_check.shifts import Pairs, shifted
+from usmap_ros.mapping.robot_check.shifts import RobotPairs, shifted
 from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
@@ -128,7 +128,7 @@ class Consistency:
         found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
         robots = self._heard(found, between)
         found |= displaced(robots)
-        pairs = Pairs({t: own for t, own in robots.items() if t not in found}, between)
+        pairs = RobotPairs({t: own for t, own in robots.items() if t not in found}, between)
         moved = shifted(pairs)
         found |= {topic: finding for topic, finding in moved.items() if finding.is_suspect}
         while True:

@@ -26,7 +26,7 @@ from usmap_ros.mapping.robot_check.landmarks import (
     explain,
     explained_by,
 )
-from usmap_ros.mapping.robot_check.sightings import Sightings, Way
+from usmap_ros.mapping.robot_check.sightings import RobotTrack, Sightings
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.pings.cone import EchoCone
@@ -112,7 +112,7 @@ class Robot:
     def __init__(
         self, cones: Sequence[EchoCone], heard: Sightings, between: Callable[[], None]
     ) -> None:
-        self.heard, self._way, self._between = heard, Way(cones, heard), between
+        self.heard, self._way, self._between = heard, RobotTrack(cones, heard), between
         self.told, self.landmarks = self._explained(heard)
 
     def displacement(self) -> Displacement | None:

@@ -62,7 +62,7 @@ def level_of(mark: FloatArray, heard: Sightings, far_m: float, off: float) -> fl
     return gain - spread * math.log10(max(far_m, TINY))
 
 
-class Matches(NamedTuple):
+class LandmarkMatches(NamedTuple):
     """Echoes that may be from a landmark; arrays with room for all of them.
 
     Parameters
@@ -81,13 +81,15 @@ class Matches(NamedTuple):
 
 
 @compiled_within
-def room_for(echoes: int) -> Matches:
+def room_for(echoes: int) -> LandmarkMatches:
     """Matches of so many."""
-    return Matches(np.zeros(echoes, np.int64), np.zeros(echoes), np.zeros(echoes), np.zeros(echoes))
+    return LandmarkMatches(
+        np.zeros(echoes, np.int64), np.zeros(echoes), np.zeros(echoes), np.zeros(echoes)
+    )
 
 
 @compiled_within
-def match(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> int:
+def match(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatches) -> int:
     """Set which of the echoes that are left may be from a landmark; how many there are."""
     count, angle, is_point = 0, mark[A], mark[KIND] == POINT
     along_x, along_y = math.cos(angle), math.sin(angle)
@@ -110,7 +112,7 @@ def match(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> 
 
 
 @compiled_within
-def votes(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> float:
+def votes(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatches) -> float:
     """Echoes that may be from a landmark, each by how well it fits."""
     total = 0.0
     for number in range(match(mark, heard, left, its)):
@@ -119,7 +121,7 @@ def votes(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> 
 
 
 @compiled_within
-def fit(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> None:
+def fit(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatches) -> None:
     """Move a landmark to where its echoes have it, by least squares."""
     for _ in range(STEPS):
         aa, ab, bb, right_a, right_b = KNOWN, 0.0, KNOWN, 0.0, 0.0
@@ -141,7 +143,7 @@ def fit(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> No
 
 
 @compiled_within
-def judge(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> int:
+def judge(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatches) -> int:
     """Set what a landmark explains, how loud it is, and which echoes are its; how many."""
     mark[GAIN], mark[LEVEL], mark[LOW], mark[HIGH] = 0.0, 0.0, FAR_M, -FAR_M
     count, within_db = match(mark, heard, left, its), 1e3
@@ -171,7 +173,7 @@ def judge(mark: FloatArray, heard: Sightings, left: BoolArray, its: Matches) -> 
 
 
 @compiled_within
-def take(count: int, its: Matches, left: BoolArray) -> None:
+def take(count: int, its: LandmarkMatches, left: BoolArray) -> None:
     """Take from the echoes that are left those that are a landmark's."""
     for number in range(count):
         if abs(its.miss[number]) < SURELY_WITHIN:

@@ -30,7 +30,7 @@ LEAST_THERE = 8.0
 LEAST_AGAINST, GAIN_ALONE = 6.0, 70.0
 
 
-class Pairs:
+class RobotPairs:
     """What each two robots bear out of each other, were one of them elsewhere.
 
     Parameters
@@ -88,12 +88,12 @@ class Pairs:
         return any(one[0] >= max(BORNE_OUT, share * one.max()) for one in said)
 
 
-def shifted(pairs: Pairs) -> dict[str, Finding]:
+def shifted(pairs: RobotPairs) -> dict[str, Finding]:
     """Who is elsewhere; or who may be, where nobody can tell which of them is.
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : RobotPairs
         Of all in whom nothing else is wrong.
     """
     suspects = {name: shift for name in pairs.names if (shift := pairs.shift(name))}

@@ -114,7 +114,7 @@ def _telling(cone: EchoCone, levels_db: FloatArray) -> NDArray[np.intp]:
     return np.union1d(np.arange(FIRST), loudest)
 
 
-class Way:
+class RobotTrack:
     """When a robot was where, by each of its transducers."""
 
     def __init__(self, cones: Sequence[EchoCone], heard: Sightings) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from usmap_ros.io.conversions import path_to_message
 from usmap_ros.live.health import Health
 from usmap_ros.live.interfaces import TRAJECTORIES
-from usmap_ros.live.located import Located
+from usmap_ros.live.located import LocatedRobots
 from usmap_ros.live.shown_frames import ShownFrames
 from usmap_ros.nodes.plumbing.endpoints import advertise, every
 from usmap_ros.nodes.plumbing.frames import Transforms
@@ -38,11 +38,11 @@ class CorrectedPoses:
         self._types = RosMessageTypes()
         self._frames, self._lock = ShownFrames(), threading.Lock()
         self._world = ""
-        self._news: Located | None = None
+        self._news: LocatedRobots | None = None
         self._paths: dict[str, Any] = {}
         self._timer = every(node, _PERIOD_S, self._tell)
 
-    def update(self, located: Located) -> None:
+    def update(self, located: LocatedRobots) -> None:
         """Take over what the newest map was made with; in any thread."""
         with self._lock:
             self._news, self._world = located, located.frame_id
@@ -69,7 +69,7 @@ class CorrectedPoses:
         if news is not None:
             self._tell_ways(news)
 
-    def _tell_ways(self, news: Located) -> None:
+    def _tell_ways(self, news: LocatedRobots) -> None:
         for robot, way in news.trajectories().items():
             if robot not in self._paths:
                 # A restart is a way of its own; names of topics have no other signs.

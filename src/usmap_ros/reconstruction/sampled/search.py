@@ -28,7 +28,7 @@ from usmap_ros.reconstruction.sampled.matrix import (
 from usmap_ros.reconstruction.sampled.steps import delay_step
 
 
-class Search(NamedTuple):
+class SearchSettings(NamedTuple):
     """How to search.
 
     Attributes
@@ -57,7 +57,7 @@ class Search(NamedTuple):
     small: float
 
 
-class Found(NamedTuple):
+class SearchResult(NamedTuple):
     """What a search found.
 
     Attributes
@@ -87,7 +87,9 @@ class Found(NamedTuple):
 
 
 @compiled
-def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search) -> Found:
+def search(
+    matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: SearchSettings
+) -> SearchResult:
     """Search on the grid and move delays off it in turn, until they have settled.
 
     Parameters
@@ -98,7 +100,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
         The baseband signal y.
     noise : (blocks,) array
         Scores that noise alone may have.
-    how : Search
+    how : SearchSettings
         How to search.
     """
     # Not written as literals, for which all would be compiled once more; of either sign.
@@ -129,7 +131,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
     beside, ranges_m = margin(matrix), np.empty(len(fit.support))
     for number, block in enumerate(fit.support):
         ranges_m[number] = range_m(matrix, places, block)
-    return Found(
+    return SearchResult(
         fit.support,
         fit.coefficients,
         fit.residual[beside : beside + matrix.sample_count].copy(),
@@ -143,7 +145,7 @@ def search(matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search
 
 @compiled_within
 def _begun(
-    matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: Search, rectified: bool
+    matrix: SampledMatrix, signal: Signal, noise: FloatArray, how: SearchSettings, rectified: bool
 ) -> tuple[MatchedFilter, FloatArray]:
     """The matched filter's output for a signal, and what a score has to exceed."""
     matched = matched_filter(matrix, signal, rectified)
@@ -159,7 +161,7 @@ def _what_is_left(
     places: Places,
     matched: MatchedFilter,
     fit: Fit,
-    how: Search,
+    how: SearchSettings,
     rectified: bool,
 ) -> FloatArray:
     """Scores of the residual of a fit."""

@@ -6,8 +6,8 @@ others apart.  Areas are a property of the recordings, not of the workers: one p
 same work as a cluster, and gives the same map.
 """
 
-from usmap_ros.runs.collection.areas import Wishes
+from usmap_ros.runs.collection.areas import AreaOptions
 from usmap_ros.runs.collection.cones import find_recordings
 from usmap_ros.runs.collection.run import Collected, map_collection
 
-__all__ = ["Collected", "Wishes", "find_recordings", "map_collection"]
+__all__ = ["AreaOptions", "Collected", "find_recordings", "map_collection"]

@@ -78,7 +78,7 @@ def _around(boxes: Sequence[Sequence[float]]) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class AreaOptions:
     """What is asked for of every area's map.
 
     Parameters
@@ -96,7 +96,7 @@ class Wishes:
     frame_id: str = ""
 
 
-def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: Wishes) -> AreaMap:
+def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: AreaOptions) -> AreaMap:
     """Fuse recordings of cones in the order of their stamps.
 
     Parameters
@@ -105,7 +105,7 @@ def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: Wish
         Paths of the recordings of cones whose pings reach the area.
     parameters : PipelineParameters
         Of which those of mapping count.
-    wishes : Wishes
+    wishes : AreaOptions
         What else is asked for.
 
     Raises

@@ -16,7 +16,7 @@ from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.processes.cluster import Failure, attempt, results
-from usmap_ros.runs.collection.areas import AreaMap, Wishes, areas_of, fuse_area
+from usmap_ros.runs.collection.areas import AreaMap, AreaOptions, areas_of, fuse_area
 from usmap_ros.runs.collection.cones import (
     STRETCH,
     Cones,
@@ -71,7 +71,7 @@ def map_collection(
     parameters: PipelineParameters,
     executor: Executor | None = None,
     *,
-    wishes: Wishes = Wishes(),  # noqa: B008 - it cannot be changed
+    wishes: AreaOptions = AreaOptions(),  # noqa: B008 - it cannot be changed
     step: Callable[[], None] = lambda: None,
     stretch: int = STRETCH,
 ) -> Collected:
@@ -87,7 +87,7 @@ def map_collection(
         Of reconstruction and mapping.
     executor : Executor, optional
         Does the work; without one this process does.
-    wishes : Wishes
+    wishes : AreaOptions
         What else is asked for.
     step : callable
         Called twice for each recording: when its cones are there, and when it is mapped.

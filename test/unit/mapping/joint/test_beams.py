@@ -9,8 +9,8 @@ import pytest
 from usmap_ros.mapping.joint.visibility.beams import columns_in_beam, is_beside, rows_in_reach
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import OPAQUE, RAYS, STEPS, WHOLE, cast_rays
-from usmap_ros.mapping.looks import Looks, stacked
-from usmap_ros.mapping.ping_bins import look_of
+from usmap_ros.mapping.ping_bins import ping_bins_of
+from usmap_ros.mapping.ping_table import PingTable, stacked
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -22,21 +22,21 @@ reach = compiled(lambda numbers: rows_in_reach(numbers, FIELD))
 beside = compiled(lambda numbers, x_m, y_m: is_beside(numbers, x_m, y_m, 0.0))
 
 
-@pytest.fixture(name="looks", scope="module")
-def looks_of_some(make_cone: Callable[..., EchoCone]) -> Looks:
+@pytest.fixture(name="table", scope="module")
+def looks_of_some(make_cone: Callable[..., EchoCone]) -> PingTable:
     """Give pings that look anywhere."""
     rng = np.random.default_rng(3)
     poses = [(*rng.uniform(-0.4, 0.4, 2), yaw) for yaw in rng.uniform(-math.pi, math.pi, 12)]
     cones = [make_cone(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in poses]
-    return stacked([look_of(cone, MappingParameters()) for cone in cones])
+    return stacked([ping_bins_of(cone, MappingParameters()) for cone in cones])
 
 
-def test_cells_in_a_beam_are_between_its_bounds(looks: Looks) -> None:
+def test_cells_in_a_beam_are_between_its_bounds(table: PingTable) -> None:
     x_m, y_m = np.meshgrid(
         (FIELD.first_column + np.arange(FIELD.columns) + 0.5) * 0.05,
         (FIELD.first_row + np.arange(FIELD.rows) + 0.5) * 0.05,
     )
-    for numbers in looks.numbers:
+    for numbers in table.numbers:
         x, y = x_m - numbers[0], y_m - numbers[1]
         distance = np.hypot(x, y)
         is_inside = numbers[2] * x + numbers[3] * y > distance * numbers[8]
@@ -50,12 +50,12 @@ def test_cells_in_a_beam_are_between_its_bounds(looks: Looks) -> None:
         assert not any(beside(numbers, x[at], y[at]) for at in zip(rows, columns, strict=True))
 
 
-def test_rays_end_where_all_their_samples_say(looks: Looks) -> None:
+def test_rays_end_where_all_their_samples_say(table: PingTable) -> None:
     depth = np.zeros(FIELD.shape, np.float32)
     rng = np.random.default_rng(4)
     depth[rng.integers(0, FIELD.rows, 150), rng.integers(0, FIELD.columns, 150)] = 1.5
-    found = cast_rays(looks, np.arange(len(looks.bins)), FIELD, depth)
-    for left, numbers in zip(found, looks.numbers, strict=True):
+    found = cast_rays(table, np.arange(len(table.bins)), FIELD, depth)
+    for left, numbers in zip(found, table.numbers, strict=True):
         ray, step = np.arange(RAYS)[:, np.newaxis], np.arange(STEPS)
         angle = numbers[6] - numbers[7] + (ray + 0.5) * 2.0 * numbers[7] / RAYS
         away = (step + 0.5) * numbers[10] / STEPS / 0.05

@@ -16,10 +16,11 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
 )
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, lone_cells
 from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn, discs, round_columns
-from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
-from usmap_ros.mapping.joint.visibility.field import NOISE, Field, field_around
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
+from usmap_ros.mapping.joint.visibility.field import Field, field_around
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.ping_bins import ECHO
+from usmap_ros.mapping.ping_table import NOISE
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -60,9 +61,9 @@ def heard(cones: list[EchoCone]) -> tuple[PingSet, Field]:
     kept = KeptPings(MappingParameters())
     for cone in cones:
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept.pings()[:4]
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
-    return PingSet(looks, rows, echoes, left), field_around(looks, rows, 0.05)
+    return PingSet(table, rows, echoes, left), field_around(table, rows, 0.05)
 
 
 def columns_of(cones: list[EchoCone]) -> list[RoundColumn]:
@@ -175,9 +176,9 @@ def test_echoes_that_scatter_are_no_column(make_cone: Callable[..., EchoCone]) -
 def test_a_column_covers_its_disc(views: list[EchoCone]) -> None:
     kept = KeptPings(MappingParameters())
     kept.add(views[0], "robot")
-    looks, rows = kept.pings()[:2]
+    table, rows = kept.pings()[:2]
     none = np.zeros(0, np.int64)
-    field = field_around(looks, rows, 0.05)
+    field = field_around(table, rows, 0.05)
     mask = discs([RoundColumn(X_M, Y_M, RADIUS_M, none, none, False)], field)
     assert np.count_nonzero(mask) * 0.05**2 == pytest.approx(math.pi * 0.25**2, rel=0.1)
 
@@ -201,9 +202,9 @@ def test_a_wall_is_on_a_column_that_it_passes_through_or_touches(
 
 
 def test_a_column_on_a_wall_is_not_shown_but_nothing_is_free_there(views: list[EchoCone]) -> None:
-    (looks, rows, echoes, _), field = heard(views)
+    (table, rows, echoes, _), field = heard(views)
     smooth, column = (
-        SmoothThings(looks, rows, echoes, field),
+        SmoothSurfaces(table, rows, echoes, field),
         RoundColumn(X_M, Y_M, RADIUS_M, NO_PINGS, NO_PINGS, True),
     )
     smooth.columns = [column]
@@ -218,9 +219,9 @@ def test_a_column_on_a_wall_is_not_shown_but_nothing_is_free_there(views: list[E
 def test_an_explained_echo_was_to_be_heard(views: list[EchoCone]) -> None:
     kept = KeptPings(MappingParameters())
     kept.add(views[0], "robot")
-    looks, rows = kept.pings()[:2]
-    noise = np.full(looks.kind[rows].shape, looks.numbers[rows[0], NOISE], np.float32)
-    is_echo = looks.kind[rows] == ECHO
-    explained = np.where(is_echo, noise + looks.power[rows], noise)
-    assert listen(looks, rows, noise, 2).chance[is_echo].max() < 0.5
-    assert listen(looks, rows, explained, 2).chance[is_echo].min() >= np.float32(MOST_EXPLAINED)
+    table, rows = kept.pings()[:2]
+    noise = np.full(table.kind[rows].shape, table.numbers[rows[0], NOISE], np.float32)
+    is_echo = table.kind[rows] == ECHO
+    explained = np.where(is_echo, noise + table.power[rows], noise)
+    assert listen(table, rows, noise, 2).chance[is_echo].max() < 0.5
+    assert listen(table, rows, explained, 2).chance[is_echo].min() >= np.float32(MOST_EXPLAINED)

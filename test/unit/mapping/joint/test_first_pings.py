@@ -7,10 +7,10 @@ import pytest
 from scipy.special import expit, logit
 
 from usmap_ros.mapping.joint import first_pings
-from usmap_ros.mapping.joint.first_pings import Heard, first_log_odds, weigh_sources
+from usmap_ros.mapping.joint.first_pings import PlaceReadings, first_log_odds, weigh_sources
 from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED, look_of
+from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED, ping_bins_of
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -21,8 +21,8 @@ FIELD = Field(-80, -80, 160, 160, RESOLUTION_M)
 
 
 def log_odds_of(*cones: EchoCone) -> np.ndarray | None:
-    looks = [look_of(cone, PARAMETERS) for cone in cones]
-    return first_log_odds(looks, FIELD, PARAMETERS)
+    all_bins = [ping_bins_of(cone, PARAMETERS) for cone in cones]
+    return first_log_odds(all_bins, FIELD, PARAMETERS)
 
 
 def probabilities(*cones: EchoCone) -> tuple[np.ndarray, np.ndarray]:
@@ -34,9 +34,9 @@ def probabilities(*cones: EchoCone) -> tuple[np.ndarray, np.ndarray]:
     return centers_m, expit(log_odds[rows, columns])
 
 
-def heard(kind: int, places: int, pings: int = 1) -> Heard:
+def heard(kind: int, places: int, pings: int = 1) -> PlaceReadings:
     ones = np.ones((pings, places))
-    return Heard(
+    return PlaceReadings(
         np.full((pings, places), kind, np.uint8), np.zeros((pings, places), int), *[ones] * 4
     )
 

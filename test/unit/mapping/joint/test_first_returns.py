@@ -39,23 +39,23 @@ def test_a_wall_that_is_not_heard_aslant_is_a_mirror(is_mirror: bool) -> None:
     kept = KeptPings(MappingParameters())
     for cone in readings_along_a_wall(is_mirror):
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept.pings()[:4]
     walls = perpendicular_walls(
-        looks, rows, echoes, np.ones(len(echoes.range_m), bool), np.ones(len(rows), bool)
+        table, rows, echoes, np.ones(len(echoes.range_m), bool), np.ones(len(rows), bool)
     )
     assert any(abs(wall.distance_m - WALL_M) < 0.01 for wall in walls)
-    assert answer_as_mirrors(walls, looks, rows, echoes) is is_mirror
+    assert answer_as_mirrors(walls, table, rows, echoes) is is_mirror
 
 
 def test_where_there_is_no_wall_there_is_no_mirror(views: list[EchoCone]) -> None:
     kept = KeptPings(MappingParameters())
     for cone in views:
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept.pings()[:4]
     walls = perpendicular_walls(
-        looks, rows, echoes, np.ones(len(echoes.range_m), bool), np.ones(len(rows), bool)
+        table, rows, echoes, np.ones(len(echoes.range_m), bool), np.ones(len(rows), bool)
     )
-    assert not answer_as_mirrors(walls, looks, rows, echoes)
+    assert not answer_as_mirrors(walls, table, rows, echoes)
 
 
 def test_a_mirror_that_is_not_heard_aslant_is_shown_and_not_free() -> None:

@@ -15,14 +15,15 @@ from usmap_ros.mapping.joint.free_space.open_space import (
     ROUND,
     refute_surfaces,
 )
-from usmap_ros.mapping.joint.free_space.response import Listening
+from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, log_priors
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
-from usmap_ros.mapping.joint.visibility.field import BIN_M, field_around
+from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.joint.visibility.open_ways import PROVING_SHARE, prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
+from usmap_ros.mapping.ping_table import BIN_M
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -46,11 +47,11 @@ def test_ways_are_proven_by_the_share_of_an_echo_that_came_by_them(
     """On a grid of cells of 5 cm, from the origin eastwards."""
     kept = KeptPings(MappingParameters())
     kept.add(make_cone((2.0, 0.5)), "robot")
-    looks, rows, weights = kept.pings()[:3]
-    field = field_around(looks, rows, RESOLUTION_M)
+    table, rows, weights = kept.pings()[:3]
+    field = field_around(table, rows, RESOLUTION_M)
     left = np.full((1, RAYS, STEPS), WHOLE, np.uint8)
     power, proven = np.zeros(field.shape, np.float32), np.zeros(field.shape, np.float32)
-    expected = np.ones((1, looks.kind.shape[1]), np.float32)
+    expected = np.ones((1, table.kind.shape[1]), np.float32)
 
     def cell_at(x_m: float, y_m: float) -> tuple[int, int]:
         row, column = np.argwhere(field.cells_at(np.array([x_m]), np.array([y_m])))[0]
@@ -59,10 +60,10 @@ def test_ways_are_proven_by_the_share_of_an_echo_that_came_by_them(
     # Cells beside each other, as far away as the echo.
     for number, share in enumerate(shares):
         x_m, y_m = 1.975, RESOLUTION_M * (number + 0.5)
-        loudness = looks.power_gain[rows[0], 0] / (x_m**2 + y_m**2) ** 2
-        bins = 1.1 * RESOLUTION_M / looks.numbers[rows[0], BIN_M]
+        loudness = table.power_gain[rows[0], 0] / (x_m**2 + y_m**2) ** 2
+        bins = 1.1 * RESOLUTION_M / table.numbers[rows[0], BIN_M]
         power[cell_at(x_m, y_m)] = share * bins / loudness
-    prove_open(looks, rows, field, left, expected, power, proven, weights)
+    prove_open(table, rows, field, left, expected, power, proven, weights)
     near, behind = cell_at(0.51, 0.001), cell_at(2.2, 0.001)
     told = sum(share for share in shares if share >= PROVING_SHARE)
     assert proven[near] == pytest.approx(told, rel=0.1)
@@ -84,12 +85,12 @@ def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
     kept = KeptPings(MappingParameters())
     kept.add(make_cone(y_m=1.0, x_m=1.0, yaw_rad=-0.5 * np.pi), "robot")
     kept.add(make_cone(), "robot")
-    looks, rows, _ = kept.pings()[:3]
-    field = field_around(looks, rows, RESOLUTION_M)
+    table, rows, _ = kept.pings()[:3]
+    field = field_around(table, rows, RESOLUTION_M)
     wanted = field.cells_at(np.array([1.0]), np.array([0.0]))
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
-    silent = np.zeros(looks.kind.shape, np.uint8)
-    listening = Listening(silent, silent.astype(np.float32), np.full(silent.shape, 1e-4, "f4"))
+    silent = np.zeros(table.kind.shape, np.uint8)
+    listening = HeardBins(silent, silent.astype(np.float32), np.full(silent.shape, 1e-4, "f4"))
     kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
     kinds[ORIENTATIONS + 1 : ROUND, 1] = NEVER
 
@@ -97,7 +98,7 @@ def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
         worst = np.zeros((*field.shape, GROUPS), np.float32)
         log_silent, changed = np.full((LOUDNESSES, INCIDENCES), -2.0), np.ones(len(rows), bool)
         refute_surfaces(
-            looks, rows[some], field, left[some], listening, log_silent, 9.0, kinds, wanted,
+            table, rows[some], field, left[some], listening, log_silent, 9.0, kinds, wanted,
             changed[some], worst,
         )  # fmt: skip
         assert worst[wanted][0, OTHERS] < -1.0

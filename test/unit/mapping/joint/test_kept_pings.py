@@ -47,8 +47,8 @@ def test_pings_from_other_places_and_headings_all_count(
 def test_pings_are_in_the_order_of_their_stamps(kept: KeptPings, make_cone: MakeCone) -> None:
     for number in (3, 1, 2):
         kept.add(make_cone(1.0, 1.5, x_m=0.5 * number, stamp_ns=number), "robot")
-    looks, rows, _, echoes = kept.pings()[:4]
-    np.testing.assert_allclose(looks.numbers[rows, 0], [0.5, 1.0, 1.5])
+    table, rows, _, echoes = kept.pings()[:4]
+    np.testing.assert_allclose(table.numbers[rows, 0], [0.5, 1.0, 1.5])
     np.testing.assert_array_equal(echoes.start, [0, 2, 4, 6])
 
 

@@ -45,9 +45,9 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
     counts: dict[str, list[int]] = {"all": [], "more": []}
 
     class Whole(JointEstimate):
-        def __init__(self, looks: Any, pings: Any, *others: Any, **named: Any) -> None:
+        def __init__(self, table: Any, pings: Any, *others: Any, **named: Any) -> None:
             counts["all"].append(len(pings))
-            super().__init__(looks, pings, *others, **named)
+            super().__init__(table, pings, *others, **named)
 
     class More(MorePings):
         def __init__(self, pings: Any, parameters: MappingParameters) -> None:
@@ -59,12 +59,12 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
     return counts
 
 
-def fused(pings: list[EchoCone], look: bool = False) -> JointFusion:
+def fused(pings: list[EchoCone], ping_bins: bool = False) -> JointFusion:
     """All pings, with a look at the map after each."""
     fusion = JointFusion(MappingParameters())
     for ping in pings:
         fusion.fuse(ping)
-        if look:
+        if ping_bins:
             fusion.live_snapshot()()
     return fusion
 
@@ -82,7 +82,7 @@ def is_free(occupancy: OccupancyMap, x_m: float, y_m: float) -> bool:
 
 
 def test_new_pings_alone_are_visited(pings: list[EchoCone], visits: dict[str, list[int]]) -> None:
-    fused(pings, look=True)
+    fused(pings, ping_bins=True)
     # All of them at counts that grow by half at least each time, beyond the first few.
     late = [count for count in visits["all"] if count >= KNOWN]
     assert len(late) >= 3
@@ -94,7 +94,7 @@ def test_new_pings_alone_are_visited(pings: list[EchoCone], visits: dict[str, li
 def test_it_tells_what_new_pings_say(
     pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fusion = fused(pings[:20], look=True)
+    fusion = fused(pings[:20], ping_bins=True)
     fusion.live_snapshot()()
     monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
     assert not is_there(fusion.live_snapshot()(), *LATE[:2])
@@ -115,7 +115,7 @@ def test_it_tells_what_new_pings_say(
 def test_the_whole_map_does_not_depend_on_looks(
     pings: list[EchoCone], visits: dict[str, list[int]]
 ) -> None:
-    looked, alone = fused(pings, look=True), fused(pings)
+    looked, alone = fused(pings, ping_bins=True), fused(pings)
     is_whole = [looked.is_whole]
     one, other = looked.occupancy_map(), alone.occupancy_map()
     assert [*is_whole, looked.is_whole] == [False, True]
@@ -142,7 +142,7 @@ def test_how_often_one_looks_does_not_matter(
 def test_where_nothing_is_known_all_pings_are_explained_together(
     pings: list[EchoCone], visits: dict[str, list[int]]
 ) -> None:
-    fusion = fused(pings, look=True)
+    fusion = fused(pings, ping_bins=True)
     fusion.occupancy_map()
     far = replace(pings[0].pose, position_m=pings[0].pose.position_m + np.array([40.0, 0.0, 0.0]))
     fusion.fuse(replace(pings[0], pose=far, stamp_ns=100))

@@ -10,7 +10,7 @@ from usmap_ros.mapping.joint.free_space.mirror_share import (
     facing_who_heard,
     mirror_share,
 )
-from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, Looked
+from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, SurfaceViews
 from usmap_ros.mapping.joint.free_space.silence import WALLED
 from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES, SECTORS
 from usmap_ros.numerics.arrays import FloatArray
@@ -31,7 +31,7 @@ def room(answers_aslant: float, walls: int, is_struck: bool = True) -> float:
         incidence == SQUARE, 0.9, answers_aslant
     )
     classes = np.full(len(surface), 10, np.int32)
-    looked = Looked(
+    looked = SurfaceViews(
         surface, classes, incidence, classes * 0, heard.astype(np.uint8),
         np.ones(len(surface), np.float32),
     )  # fmt: skip
@@ -63,7 +63,7 @@ def test_walls_found_say_nothing_of_mirrors_if_none_would_have_been_struck() -> 
 
 def test_what_stands_alone_tells_where_most_does() -> None:
     nothing = np.zeros(0, np.int32)
-    looked = Looked(
+    looked = SurfaceViews(
         nothing, nothing, nothing, nothing, nothing.astype(np.uint8), nothing.astype(np.float32)
     )
     poles = np.tile([3.0, 3.0, NO_NORMAL], (20, 1))
@@ -75,16 +75,16 @@ def test_what_stands_alone_tells_where_most_does() -> None:
 
 def lone_things(*sides: tuple[list[int], list[int]], pings: int = 200) -> FloatArray:
     """How things on no line face, by the sectors that they were heard and not heard from."""
-    looks = [
+    table = [
         (thing, sector, heard)
         for thing, both in enumerate(sides)
         for heard, sectors in zip((1, 0), both, strict=True)
         for sector in sectors
     ]
-    surface, sector, heard = np.array(looks, np.int32).T
-    looked = Looked(
+    surface, sector, heard = np.array(table, np.int32).T
+    looked = SurfaceViews(
         surface, sector * 0 + 10, sector * 0, sector, heard.astype(np.uint8),
-        np.ones(len(looks), np.float32),
+        np.ones(len(table), np.float32),
     )  # fmt: skip
     surfaces = np.tile([3.0, 3.0, NO_NORMAL], (len(sides), 1))
     return facing_who_heard(looked, surfaces, pings)[:, 2]

@@ -19,9 +19,9 @@ def mirrors_of(cones: list[EchoCone]) -> list[MirrorWall]:
     kept = KeptPings(MappingParameters())
     for cone in cones:
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept.pings()[:4]
     explained = np.zeros(len(echoes.range_m), bool)
-    return mirror_walls(looks, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
+    return mirror_walls(table, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
 
 
 def test_a_mirror_is_where_its_echoes_are_square_to_it(
@@ -140,9 +140,9 @@ def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> Non
     kept = KeptPings(MappingParameters())
     for cone in mirror_pings:
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept.pings()[:4]
     explained = np.ones(len(echoes.range_m), bool)
-    assert mirror_walls(looks, rows, echoes, explained, explained, np.zeros(len(rows), bool)) == []
+    assert mirror_walls(table, rows, echoes, explained, explained, np.zeros(len(rows), bool)) == []
 
 
 def test_a_mirror_is_drawn_where_it_stands(mirror_pings: list[EchoCone], mirror_m: float) -> None:

@@ -37,10 +37,10 @@ def walls_and_reflected(cones: list[EchoCone]) -> tuple[list[float], np.ndarray,
     kept = KeptPings(MappingParameters())
     for cone in cones:
         kept.add(cone, "robot")
-    looks, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept.pings()[:4]
     explained = np.zeros(len(echoes.range_m), bool)
-    walls = mirror_walls(looks, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
-    several = reflected(walls, looks, rows, echoes)
+    walls = mirror_walls(table, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
+    several = reflected(walls, table, rows, echoes)
     return sorted(wall.distance_m for wall in walls), echoes.amplitude, several
 
 

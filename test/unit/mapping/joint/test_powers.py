@@ -13,9 +13,10 @@ from usmap_ros.mapping.joint.forward_model.power_estimation import (
     update_powers,
 )
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
-from usmap_ros.mapping.joint.visibility.field import NOISE, QUARTERS, Field, field_around
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field, field_around
 from usmap_ros.mapping.joint.visibility.projection import Projection, Scatterers, project
 from usmap_ros.mapping.ping_bins import ECHO, SILENCE
+from usmap_ros.mapping.ping_table import NOISE
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -29,31 +30,31 @@ class Problem:
         for cone in cones:
             kept.add(cone, "robot")
         self.pings: Pings = kept.pings()
-        self.field: Field = field_around(self.pings.looks, self.pings.rows, parameters.resolution_m)
-        looks, rows, weights = self.pings[:3]
-        cells = candidates(*count_all_hits(looks, rows, weights, self.field))
+        self.field: Field = field_around(self.pings.table, self.pings.rows, parameters.resolution_m)
+        table, rows, weights = self.pings[:3]
+        cells = candidates(*count_all_hits(table, rows, weights, self.field))
         parts = np.tile(np.arange(QUARTERS, dtype=np.uint8), len(cells))
         self.power = np.full(len(parts), FIRST_POWER, np.float32)
         scatterers = Scatterers(np.repeat(cells, QUARTERS), parts)
-        self.rows: Projection = project(looks, rows, self.field, scatterers)
+        self.rows: Projection = project(table, rows, self.field, scatterers)
 
     def expected(self, power: NDArray[np.float32]) -> NDArray[np.float32]:
-        looks, rows = self.pings[:2]
-        levels = np.ones((len(rows), looks.kind.shape[1]), np.float32)
-        expect_powers(looks, rows, self.rows, power, levels)
+        table, rows = self.pings[:2]
+        levels = np.ones((len(rows), table.kind.shape[1]), np.float32)
+        expect_powers(table, rows, self.rows, power, levels)
         return levels
 
     def log_likelihood(self, power: NDArray[np.float32]) -> float:
         """Of what all bins returned, written down as it is in textbooks."""
-        looks, rows, weights = self.pings[:3]
+        table, rows, weights = self.pings[:3]
         levels = self.expected(power).astype(float)
         total = 0.0
         for index, row in enumerate(rows):
-            bins = looks.bins[row]
-            level, kind = levels[index, :bins], looks.kind[row, :bins]
+            bins = table.bins[row]
+            level, kind = levels[index, :bins], table.kind[row, :bins]
             is_echo, is_silent = kind == ECHO, kind == SILENCE
-            loud = looks.power[row, :bins][is_echo] / level[is_echo] + np.log(level[is_echo])
-            limits = looks.limit[row, :bins][is_silent]
+            loud = table.power[row, :bins][is_echo] / level[is_echo] + np.log(level[is_echo])
+            limits = table.limit[row, :bins][is_silent]
             quiet = np.log(-np.expm1(-limits / level[is_silent]))
             total += float(weights[index]) * float(quiet.sum() - loud.sum())
         return total
@@ -74,24 +75,24 @@ def problem(views: list[EchoCone]) -> Problem:
 
 def test_expectations_are_those_of_each_bin_by_itself(problem: Problem) -> None:
     """The share of a row's stretch that lies in a bin, but for silence that an echo outweighs."""
-    looks, rows = problem.pings[:2]
+    table, rows = problem.pings[:2]
     for index, ping in enumerate(rows):
         own = slice(problem.rows.start[index], problem.rows.start[index + 1])
         low, high, heard = problem.rows.low[own], problem.rows.high[own], problem.rows.heard[own]
-        bins = np.arange(looks.bins[ping])[:, np.newaxis]
+        bins = np.arange(table.bins[ping])[:, np.newaxis]
         inside = np.maximum(np.minimum(high, bins + 1) - np.maximum(low, bins), 0.0)
-        is_silent = looks.kind[ping, : len(bins), np.newaxis] == SILENCE
+        is_silent = table.kind[ping, : len(bins), np.newaxis] == SILENCE
         inside[is_silent & (heard == 1)] = 0.0
         returned = inside @ (problem.rows.weight[own] * problem.power[problem.rows.scatterer[own]])
         levels = problem.expected(problem.power)[index, : len(bins)]
-        np.testing.assert_allclose(levels, looks.numbers[ping, NOISE] + returned, rtol=1e-4)
+        np.testing.assert_allclose(levels, table.numbers[ping, NOISE] + returned, rtol=1e-4)
 
 
 def test_without_power_only_noise_is_expected(problem: Problem) -> None:
     levels = problem.expected(np.zeros_like(problem.power))
-    looks, rows = problem.pings[:2]
+    table, rows = problem.pings[:2]
     for index, row in enumerate(rows):
-        np.testing.assert_allclose(levels[index, : looks.bins[row]], looks.numbers[row, NOISE])
+        np.testing.assert_allclose(levels[index, : table.bins[row]], table.numbers[row, NOISE])
 
 
 def test_expectations_add_up(problem: Problem) -> None:

@@ -26,7 +26,7 @@ Ping = Callable[..., EchoCone]
 def ping(make_cone: Callable[..., EchoCone]) -> Ping:
     """Give a function that makes what a robot hears that looks at the walls, or at nothing."""
 
-    def look(x_m: float, y_m: float, yaw_rad: float, *, hears: bool = True) -> EchoCone:
+    def ping_bins(x_m: float, y_m: float, yaw_rad: float, *, hears: bool = True) -> EchoCone:
         beam, echoes = BeamPattern.linear(), []
         for off_rad, across_m in ((NORTH - yaw_rad, NORTH_M - y_m), (EAST - yaw_rad, EAST_M - x_m)):
             if hears and abs(off_rad) < 0.6:
@@ -34,7 +34,7 @@ def ping(make_cone: Callable[..., EchoCone]) -> Ping:
                 echoes.append((across_m, loudness))
         return make_cone(*echoes, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, stamp_ns=int(1e6 * x_m))
 
-    return look
+    return ping_bins
 
 
 @pytest.fixture
@@ -50,11 +50,11 @@ def walls_of(cones: Iterable[EchoCone]) -> list[MirrorWall]:
     kept = KeptPings(MappingParameters())
     for number, cone in enumerate(cones):
         kept.add(cone, f"robot{number}")
-    looks, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept.pings()[:4]
     explained = np.zeros(len(echoes.range_m), bool)
-    found = mirror_walls(looks, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
+    found = mirror_walls(table, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
-    walls = WallEnds(looks, rows, echoes, left, found, []).extended()
+    walls = WallEnds(table, rows, echoes, left, found, []).extended()
     return sorted(walls, key=lambda wall: -math.sin(wall.normal_rad))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.joint.witnesses import Sayings, credit, sayings
+from usmap_ros.mapping.joint.witnesses import MutualEvidence, credit, mutual_evidence
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -16,17 +16,17 @@ from usmap_ros.pings.cone import EchoCone
 OTHER_VIEWS = ((0.1, 0.2, 0.1), (0.2, -0.6, 0.3), (1.4, 1.6, -1.5), (2.7, 0.7, -2.7))
 
 
-def said(*pairs: tuple[int, int, float, float], robots: int = 3) -> Sayings:
+def said(*pairs: tuple[int, int, float, float], robots: int = 3) -> MutualEvidence:
     """Of pairs of robots, or of one by itself: what they agree on, and what not."""
     agreed, contradicted = (np.zeros((robots, robots)) for _ in range(2))
     for one, other, both, against in pairs:
         agreed[one, other] = agreed[other, one] = both
         contradicted[one, other] = contradicted[other, one] = against
-    return Sayings(agreed, contradicted)
+    return MutualEvidence(agreed, contradicted)
 
 
 @pytest.mark.parametrize(
-    "sayings",
+    "mutual_evidence",
     [
         pytest.param(said(), id="of those who look at nothing together nothing is known"),
         pytest.param(said((0, 1, 90, 0), (0, 2, 40, 0), (1, 2, 80, 5)), id="all agree"),
@@ -37,15 +37,15 @@ def said(*pairs: tuple[int, int, float, float], robots: int = 3) -> Sayings:
         pytest.param(said((0, 1, 0, 500)), id="nor can a third who looks elsewhere"),
     ],
 )
-def test_those_of_whom_nobody_can_tell_are_believed(sayings: Sayings) -> None:
-    assert credit(sayings) == [1.0] * len(sayings.agreed)
+def test_those_of_whom_nobody_can_tell_are_believed(mutual_evidence: MutualEvidence) -> None:
+    assert credit(mutual_evidence) == [1.0] * len(mutual_evidence.agreed)
 
 
 def test_what_halves_bear_out_is_of_all_robots_that_are_asked_about() -> None:
-    sayings = said((0, 0, 30, 10), (1, 1, 0, 20), (0, 1, 9, 0))
+    mutual_evidence = said((0, 0, 30, 10), (1, 1, 0, 20), (0, 1, 9, 0))
 
-    assert sayings.borne_out_by_themselves(0, 1) == 0.5
-    assert sayings.borne_out_by_themselves(0) == 0.75
+    assert mutual_evidence.borne_out_by_themselves(0, 1) == 0.5
+    assert mutual_evidence.borne_out_by_themselves(0) == 0.75
     assert said((0, 1, 9, 5)).borne_out_by_themselves(0, 1) == 1.0
 
 
@@ -77,7 +77,7 @@ def test_what_is_heard_beside_a_cell_bears_it_out_and_silence_denies_it() -> Non
     # where the third is.
     halves[0, :, 0], halves[1, :, 2], halves[2, :, 1] = 9.0, 7.0, 8.0
     halves[3, :, 2] = -5.0
-    agreed, contradicted = sayings(number, halves, field)
+    agreed, contradicted = mutual_evidence(number, halves, field)
     assert agreed[0, 1] == agreed[1, 0] == pytest.approx(8.0)
     assert contradicted[0, 1] == contradicted[1, 0] == pytest.approx(5.0)
     assert np.diag(agreed).tolist() == np.diag(contradicted).tolist() == [0.0, 0.0]

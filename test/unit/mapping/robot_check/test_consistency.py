@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
-from usmap_ros.mapping.joint.witnesses import Sayings
+from usmap_ros.mapping.joint.witnesses import MutualEvidence
 from usmap_ros.mapping.robot_check import displacement
 from usmap_ros.mapping.robot_check.agreement import Agreement
 from usmap_ros.mapping.robot_check.comparison import RobotComparison, finding_of
@@ -338,8 +338,8 @@ def test_of_two_that_contradict_themselves_alike_nobody_is_suspected(
 ) -> None:
     """Surfaces that answer irregularly contradict everybody, each robot's own other half too."""
     share = np.array([[of_its_own[0], 0.3], [0.3, of_its_own[1]]])
-    said = Sayings(100.0 * share, 100.0 * (1.0 - share))
-    monkeypatch.setattr(LeaveOneOutMap, "sayings", lambda *_: said)
+    said = MutualEvidence(100.0 * share, 100.0 * (1.0 - share))
+    monkeypatch.setattr(LeaveOneOutMap, "mutual_evidence", lambda *_: said)
     monkeypatch.setattr("usmap_ros.mapping.robot_check.consistency.shifted", lambda *_: {})
     pings = [
         (topic, displaced(cone, 0.0) if topic == LIAR else cone)
@@ -357,8 +357,8 @@ def test_nobody_is_accused_by_what_is_said_of_a_few_cells(
     """Of three healthy robots among smooth walls, one struck other walls squarely than the rest."""
     agreed = [[54.9, 2.8, 127.3], [2.8, 144.4, 0.0], [127.3, 0.0, 55.5]]
     contradicted = [[0.0, 87.8, 6.4], [87.8, 17.7, 52.6], [6.4, 52.6, 4.0]]
-    said = Sayings(times * np.array(agreed), times * np.array(contradicted))
-    monkeypatch.setattr(LeaveOneOutMap, "sayings", lambda _: said)
+    said = MutualEvidence(times * np.array(agreed), times * np.array(contradicted))
+    monkeypatch.setattr(LeaveOneOutMap, "mutual_evidence", lambda _: said)
     own = {t: [cone for topic, cone in cones(11) if topic == t] for t in dict(cones(11))}
     comparison = RobotComparison(MappingParameters(), own, lambda: None)
 

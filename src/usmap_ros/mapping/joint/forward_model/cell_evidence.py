@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_parts import LEAST_SHARE, Cells
-from usmap_ros.mapping.joint.forward_model.likelihood_ratios import Said
-from usmap_ros.mapping.joint.visibility.field import Field, X, Y
+from usmap_ros.mapping.joint.forward_model.likelihood_ratios import LikelihoodRatios
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.projection import first_from
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import PingTable, X, Y
 from usmap_ros.numerics.compiled import compiled, inlined
 
 #: A ping with a log-likelihood ratio beyond this contradicts what speaks for the opposite.
@@ -60,11 +60,11 @@ def no_evidence(field: Field) -> CellEvidence:
 
 
 @compiled
-def add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
+def add_ratios(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+    table: PingTable,
     pings: NDArray[np.int64],
     weights: NDArray[np.float32],
-    said: Said,
+    ratios: LikelihoodRatios,
     cells: Cells,
     field: Field,
     forgetting: float,
@@ -76,7 +76,7 @@ def add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
 
     Parameters
     ----------
-    looks, pings, said, cells, field
+    table, pings, ratios, cells, field
         As in `usmap_ros.mapping.joint.forward_model.likelihood_ratios.weigh_pings`.
     weights : (pings,) float32 array
         How much each ping counts.
@@ -88,18 +88,20 @@ def add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         The first of the cells, and the end.
     """
     for index in range(len(pings)):
-        weight, numbers = weights[index], looks.numbers[pings[index]]
-        end = said.start[index + 1]
-        begin = first_from(said.cell, said.start[index], end, first)
-        for row in range(begin, first_from(said.cell, begin, end, stop)):
-            cell = cells.number[said.cell[row]]
-            evidence.own[cell] = _added(evidence.own[cell], said.own[row], weight, forgetting)
-            evidence.block[cell] = _added(evidence.block[cell], said.block[row], weight, forgetting)
-            evidence.asked[cell] += said.asked[row] * weight
-            if said.share[row] <= LEAST_SHARE:
+        weight, numbers = weights[index], table.numbers[pings[index]]
+        end = ratios.start[index + 1]
+        begin = first_from(ratios.cell, ratios.start[index], end, first)
+        for row in range(begin, first_from(ratios.cell, begin, end, stop)):
+            cell = cells.number[ratios.cell[row]]
+            evidence.own[cell] = _added(evidence.own[cell], ratios.own[row], weight, forgetting)
+            evidence.block[cell] = _added(
+                evidence.block[cell], ratios.block[row], weight, forgetting
+            )
+            evidence.asked[cell] += ratios.asked[row] * weight
+            if ratios.share[row] <= LEAST_SHARE:
                 continue
             # From where the cell is heard, and how many echoes crowd around its own.
-            share, (up, right) = said.share[row] * weight, divmod(cell, field.columns)
+            share, (up, right) = ratios.share[row] * weight, divmod(cell, field.columns)
             x = (field.first_column + right + 0.5) * field.resolution_m - numbers[X]
             y = (field.first_row + up + 0.5) * field.resolution_m - numbers[Y]
             squared = x * x + y * y
@@ -109,7 +111,7 @@ def add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             evidence.axis_sin[cell] += share * 2.0 * x * y / squared
             evidence.from_x[cell] -= share * x / distance
             evidence.from_y[cell] -= share * y / distance
-            evidence.crowd[cell] += share * said.crowd[row]
+            evidence.crowd[cell] += share * ratios.crowd[row]
 
 
 @inlined

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.projection import Projection
-from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED
+from usmap_ros.mapping.ping_table import PingTable
 from usmap_ros.numerics.compiled import inlined
 from usmap_ros.numerics.elementary import exp32, log32
 
@@ -136,13 +136,13 @@ def _log_silent(limit: np.float32, level: np.float32) -> np.float32:
 
 
 @inlined
-def know_bins(looks: Looks, ping: int, levels: NDArray[np.float32], known: Levels) -> None:
+def know_bins(table: PingTable, ping: int, levels: NDArray[np.float32], known: Levels) -> None:
     """Set what is known of the bins of a ping by what is expected of them."""
-    bins, never = looks.bins[ping], np.float32(NEVER)
+    bins, never = table.bins[ping], np.float32(NEVER)
     for b in range(bins):
-        kind, level, limit = looks.kind[ping, b], levels[b], looks.limit[ping, b]
+        kind, level, limit = table.kind[ping, b], levels[b], table.limit[ping, b]
         least = np.float32(LEAST_SHARE) * level
-        known.level[b], known.power[b], known.limit[b] = level, looks.power[ping, b], limit
+        known.level[b], known.power[b], known.limit[b] = level, table.power[ping, b], limit
         known.least[b] = never if kind == UNJUDGED else least
         known.per_least[b] = 0.0 if kind == UNJUDGED else np.float32(1.0) / least
         known.is_echo[b] = np.float32(1.0) if kind == ECHO else np.float32(0.0)
@@ -156,7 +156,7 @@ def know_bins(looks: Looks, ping: int, levels: NDArray[np.float32], known: Level
 
 @inlined
 def divide(
-    looks: Looks,
+    table: PingTable,
     ping: int,
     rows: Projection,
     index: int,
@@ -165,7 +165,7 @@ def divide(
     parts: Parts,
 ) -> int:
     """Set what each cell returns of a ping; returns how many there are."""
-    bins, count, last = looks.bins[ping], 0, -1
+    bins, count, last = table.bins[ping], 0, -1
     for row in range(rows.start[index], rows.start[index + 1]):
         v = power[rows.scatterer[row]]
         if v <= 0.0:
@@ -181,7 +181,7 @@ def divide(
         end = min(bins - 1, int(high), first + CELL_BINS - 1) + 1
         parts.length[count - 1] = max(parts.length[count - 1], end - first)
         for b in range(max(first, int(low)), end):
-            if not rows.heard[row] or looks.kind[ping, b] != SILENCE:
+            if not rows.heard[row] or table.kind[ping, b] != SILENCE:
                 inside = min(high, np.float32(b + 1)) - max(low, np.float32(b))
                 parts.power[count - 1, b - first] += scale * inside
     return count

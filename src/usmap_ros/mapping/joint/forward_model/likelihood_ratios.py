@@ -23,17 +23,9 @@ from usmap_ros.mapping.joint.forward_model.cell_parts import (
     probability_below,
     sum_up,
 )
-from usmap_ros.mapping.joint.visibility.field import (
-    BIN_M,
-    LEAST_RANGE,
-    NOISE,
-    RANGE_STD,
-    Field,
-    X,
-    Y,
-)
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.projection import Projection
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import BIN_M, LEAST_RANGE, NOISE, RANGE_STD, PingTable, X, Y
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import log32
 
@@ -49,7 +41,7 @@ TOGETHER = 16
 CROWD_M = 0.5
 
 
-class Said(NamedTuple):
+class LikelihoodRatios(NamedTuple):
     """What some pings say of cells, a row for each pair; rows of a ping lie one behind the other.
 
     Parameters
@@ -79,19 +71,19 @@ class Said(NamedTuple):
 
 @compiled
 def weigh_pings(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     rows: Projection,
     power: NDArray[np.float32],
     expected: NDArray[np.float32],
     cells: Cells,
     field: Field,
-) -> Said:
+) -> LikelihoodRatios:
     """What each of some pings says of the cells that it may hear.
 
     Parameters
     ----------
-    looks, pings, rows, power, expected
+    table, pings, rows, power, expected
         As in `usmap_ros.mapping.joint.forward_model.power_estimation.expect_powers`, after it.
     cells : Cells
         Of the scatterers.
@@ -107,7 +99,7 @@ def weigh_pings(
         np.empty((most, CELL_BINS), np.float32), np.empty(most, np.float32),
         np.empty(most, np.float32),
     )  # fmt: skip
-    said = Said(
+    ratios = LikelihoodRatios(
         np.empty(size, np.int32), np.empty(size, np.float32), np.empty(size, np.float32),
         np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32),
         np.zeros(len(pings) + 1, np.int64),
@@ -121,19 +113,19 @@ def weigh_pings(
     block = np.empty(BLOCK_BINS + CELL_BINS, np.float32)
     beside = np.empty(BLOCK_CELLS + 1, np.int64)
     for index in range(len(pings)):
-        ping, levels, start = pings[index], expected[index], said.start[index]
-        know_bins(looks, ping, levels, known)
-        count = divide(looks, ping, rows, index, power, cells, parts)
+        ping, levels, start = pings[index], expected[index], ratios.start[index]
+        know_bins(table, ping, levels, known)
+        count = divide(table, ping, rows, index, power, cells, parts)
         sum_up(count, known, parts)
-        _compare(looks, ping, cells, count, parts, known, beside, block, start, said)
-        _name_cells(looks, ping, field, cells, known.echoes, count, parts, start, said)
-        said.start[index + 1] = start + count
-    return said
+        _compare(table, ping, cells, count, parts, known, beside, block, start, ratios)
+        _name_cells(table, ping, field, cells, known.echoes, count, parts, start, ratios)
+        ratios.start[index + 1] = start + count
+    return ratios
 
 
 @inlined
 def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
+    table: PingTable,
     ping: int,
     cells: Cells,
     count: int,
@@ -142,22 +134,22 @@ def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     beside: NDArray[np.int64],
     block: NDArray[np.float32],
     start: int,
-    said: Said,
+    ratios: LikelihoodRatios,
 ) -> None:
     """Weigh what is expected with cells, and with blocks of nine, against that without them.
 
     Parameters
     ----------
-    looks, ping, cells, count, parts
+    table, ping, cells, count, parts
         The ping, and what each of so many cells returns.
     known : Levels
         Of the ping.
     beside, block : (BLOCK_CELLS + 1,) int64 array, (BLOCK_BINS + CELL_BINS,) float32 array
         Room for the places of a block's cells, and for what it returns.
-    start, said : int, Said
+    start, ratios : int, LikelihoodRatios
         Row of the first cell; ratios, shares and whether there are echoes are set.
     """
-    numbers, one, none = looks.numbers[ping], np.float32(NEARLY_ONE), np.float32(0.0)
+    numbers, one, none = table.numbers[ping], np.float32(NEARLY_ONE), np.float32(0.0)
     noise = np.float32(numbers[NOISE])
     # One echo that is missed is missed in several bins: where ranges are uncertain, that is one
     # piece of news, for it may have come from beside them.
@@ -178,8 +170,8 @@ def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             length = min(end - first, BLOCK_BINS)
             whole = _weigh(block, first, length, noise, known)
             share = _largest_share(block, first, length, known) if of_echoes > none else none
-        said.own[row], said.block[row] = max(own, lowest), max(whole, lowest)
-        said.share[row], said.asked[row] = share, 1.0 if of_echoes > none else 0.0
+        ratios.own[row], ratios.block[row] = max(own, lowest), max(whole, lowest)
+        ratios.share[row], ratios.asked[row] = share, 1.0 if of_echoes > none else 0.0
 
 
 @inlined
@@ -236,7 +228,7 @@ def _largest_share(
 
 @inlined
 def _name_cells(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
+    table: PingTable,
     ping: int,
     field: Field,
     cells: Cells,
@@ -244,17 +236,17 @@ def _name_cells(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     count: int,
     parts: Parts,
     start: int,
-    said: Said,
+    ratios: LikelihoodRatios,
 ) -> None:
     """Set which cells a ping speaks of, and how many echoes crowd around their ranges."""
-    numbers, bins = looks.numbers[ping], looks.bins[ping]
+    numbers, bins = table.numbers[ping], table.bins[ping]
     around = int(CROWD_M / numbers[BIN_M])
     for entry in range(count):
         parts.place[parts.cell[entry]] = -1
-        said.cell[start + entry] = parts.cell[entry]
+        ratios.cell[start + entry] = parts.cell[entry]
         row, column = divmod(cells.number[parts.cell[entry]], field.columns)
         x = (field.first_column + column + 0.5) * field.resolution_m - numbers[X]
         y = (field.first_row + row + 0.5) * field.resolution_m - numbers[Y]
         middle = int((math.sqrt(x * x + y * y) - numbers[LEAST_RANGE]) / numbers[BIN_M])
         near, far = min(bins, max(0, middle - around)), min(bins, max(0, middle + around))
-        said.crowd[start + entry] = echoes[far] - echoes[near]
+        ratios.crowd[start + entry] = echoes[far] - echoes[near]

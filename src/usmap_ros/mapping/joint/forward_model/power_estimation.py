@@ -21,7 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.visibility.beams import columns_in_beam, rows_in_reach
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.visibility.projection import Projection
+from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE
+from usmap_ros.mapping.ping_table import (
     ABSORPTION,
     AXIS_X,
     AXIS_Y,
@@ -33,13 +36,10 @@ from usmap_ros.mapping.joint.visibility.field import (
     NOISE,
     RANGE_STD,
     RISE,
-    Field,
+    PingTable,
     X,
     Y,
 )
-from usmap_ros.mapping.joint.visibility.projection import Projection
-from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import exp32
@@ -82,7 +82,7 @@ class _Row(NamedTuple):
 
 @compiled
 def count_hits(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     weights: NDArray[np.float32],
     field: Field,
@@ -93,7 +93,7 @@ def count_hits(
 
     Parameters
     ----------
-    looks, pings, field
+    table, pings, field
         As in `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
     weights : (pings,) float32 array
         How much each counts.
@@ -108,7 +108,7 @@ def count_hits(
     )  # fmt: skip
     for index in range(len(pings)):
         ping, weight = pings[index], weights[index]
-        numbers, bins = looks.numbers[ping], looks.bins[ping]
+        numbers, bins = table.numbers[ping], table.bins[ping]
         bottom, top = rows_in_reach(numbers, field)
         for row in range(bottom, top):
             y_m = (field.first_row + row + 0.5) * res - numbers[Y]
@@ -117,13 +117,13 @@ def count_hits(
             for column in range(left, right):
                 if seen.loudness[column] == 0.0:
                     continue
-                if looks.next_echo[ping, seen.early[column]] <= seen.late[column]:
+                if table.next_echo[ping, seen.early[column]] <= seen.late[column]:
                     hits[row, column] += weight
                     continue
                 b = seen.middle[column]
-                if looks.kind[ping, b] == SILENCE:
-                    gain = looks.power_gain[ping, seen.entry[column]]
-                    loud = gain * seen.loudness[column] / looks.limit[ping, b]
+                if table.kind[ping, b] == SILENCE:
+                    gain = table.power_gain[ping, seen.entry[column]]
+                    loud = gain * seen.loudness[column] / table.limit[ping, b]
                     misses[row, column] += weight * loud / (one + loud)
 
 
@@ -163,12 +163,12 @@ def _see_row(
 
 
 def count_all_hits(
-    looks: Looks, pings: NDArray[np.int64], weights: NDArray[np.float32], field: Field
+    table: PingTable, pings: NDArray[np.int64], weights: NDArray[np.float32], field: Field
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Hits and misses of all cells; see `count_hits`."""
     hits, misses = (np.zeros(field.shape, np.float32) for _ in range(2))
     for_each(
-        lambda band: count_hits(looks, pings, weights, band[1], hits[band[0]], misses[band[0]]),
+        lambda band: count_hits(table, pings, weights, band[1], hits[band[0]], misses[band[0]]),
         field.bands(HITS_BAND),
     )
     return hits, misses
@@ -182,7 +182,7 @@ def candidates(hits: NDArray[np.float32], misses: NDArray[np.float32]) -> NDArra
 
 @inlined
 def _expect(
-    looks: Looks,
+    table: PingTable,
     ping: int,
     rows: Projection,
     index: int,
@@ -197,14 +197,14 @@ def _expect(
 
     Parameters
     ----------
-    looks, ping, rows, index, power
+    table, ping, rows, index, power
         The ping, and the place of its rows.
     slope : (2 (bins + 2),) array
         Room for differences: of what all bins have, and of what silent bins lack, in turn.
     expected : (bins,) float32 array
         λ; set.
     """
-    bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
+    bins, noise = table.bins[ping], table.numbers[ping, NOISE]
     for place in range(2 * bins + 4):
         slope[place] = 0.0
     for row in range(rows.start[index], rows.start[index + 1]):
@@ -221,13 +221,13 @@ def _expect(
     for b in range(bins):
         anywhere += slope[2 * b]
         not_silent += slope[2 * b + 1]
-        level = anywhere if looks.kind[ping, b] == SILENCE else anywhere + not_silent
+        level = anywhere if table.kind[ping, b] == SILENCE else anywhere + not_silent
         expected[b] = noise + max(level, 0.0)
 
 
 @compiled
 def expect_powers(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     rows: Projection,
     power: NDArray[np.float32],
@@ -237,7 +237,7 @@ def expect_powers(
 
     Parameters
     ----------
-    looks, pings
+    table, pings
         The pings.
     rows : Projection
         Of the scatterers.
@@ -248,12 +248,12 @@ def expect_powers(
     """
     slope = np.empty(2 * expected.shape[1] + 4)
     for index in range(len(pings)):
-        _expect(looks, pings[index], rows, index, power, slope, expected[index])
+        _expect(table, pings[index], rows, index, power, slope, expected[index])
 
 
 @compiled
 def gather_gradients(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     weights: NDArray[np.float32],
     rows: Projection,
@@ -264,14 +264,14 @@ def gather_gradients(
 
     Parameters
     ----------
-    looks, pings, rows, power
+    table, pings, rows, power
         As in `expect_powers`.
     weights : (pings,) float32 array
         How much each ping counts.
     gradients : (scatterers, 2) float32 array
         Σ w y/λ² and Σ w/λ; added to.
     """
-    most = looks.kind.shape[1]
+    most = table.kind.shape[1]
     slope, expected = np.empty(2 * most + 4), np.empty(most, np.float32)
     # Sums over the bins before each, for rows that no echo is heard of, and for the others.
     sums = np.zeros((most + 2, 4))
@@ -280,8 +280,8 @@ def gather_gradients(
         longest = max(longest, rows.start[index + 1] - rows.start[index])
     slopes = np.empty((longest, 2), np.float32)
     for index in range(len(pings)):
-        _expect(looks, pings[index], rows, index, power, slope, expected)
-        _sum_slopes(looks, pings[index], weights[index], expected, sums)
+        _expect(table, pings[index], rows, index, power, slope, expected)
+        _sum_slopes(table, pings[index], weights[index], expected, sums)
         begin, end = rows.start[index], rows.start[index + 1]
         _slope_of_rows(rows, begin, end, sums, slopes)
         for row in range(begin, end):
@@ -326,7 +326,7 @@ def _slope_of_rows(
 
 @inlined
 def _sum_slopes(
-    looks: Looks,
+    table: PingTable,
     ping: int,
     weight: float,
     expected: NDArray[np.float32],
@@ -336,19 +336,19 @@ def _sum_slopes(
 
     Parameters
     ----------
-    looks, ping, weight, expected
+    table, ping, weight, expected
         The ping, how much it counts, and what is expected of it.
     sums : (bins + 2, 4) array
         With silent bins, and without.
     """
-    bins, noise = looks.bins[ping], looks.numbers[ping, NOISE]
+    bins, noise = table.bins[ping], table.numbers[ping, NOISE]
     for b in range(bins):
-        level, kind = np.float64(expected[b]), looks.kind[ping, b]
+        level, kind = np.float64(expected[b]), table.kind[ping, b]
         raises, lowers, is_echo = 0.0, 0.0, 0.0
         if kind == ECHO:
-            raises, lowers, is_echo = looks.power[ping, b] / (level * level), 1.0 / level, 1.0
+            raises, lowers, is_echo = table.power[ping, b] / (level * level), 1.0 / level, 1.0
         elif kind == SILENCE and level > noise * 1.0001:
-            limit = looks.limit[ping, b]
+            limit = table.limit[ping, b]
             ratio, mean = limit / level, level
             if ratio < 1e-3:
                 mean = 0.5 * limit

@@ -12,9 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, add_said, no_evidence
+from usmap_ros.mapping.joint.forward_model.cell_evidence import (
+    CellEvidence,
+    add_ratios,
+    no_evidence,
+)
 from usmap_ros.mapping.joint.forward_model.cell_parts import Cells, cells_of
-from usmap_ros.mapping.joint.forward_model.likelihood_ratios import Said, weigh_pings
+from usmap_ros.mapping.joint.forward_model.likelihood_ratios import LikelihoodRatios, weigh_pings
 from usmap_ros.mapping.joint.forward_model.power_estimation import (
     FIRST_POWER,
     LEAST_POWER,
@@ -35,7 +39,7 @@ from usmap_ros.mapping.joint.visibility.projection import (
     project,
 )
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, cast_rays
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import PingTable
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.processes.threads import for_each
 
@@ -82,34 +86,34 @@ class Powers:
 
     Parameters
     ----------
-    looks, pings, weights, field
+    table, pings, weights, field
         As in `usmap_ros.mapping.joint.estimate.JointEstimate`.
     """
 
     def __init__(
         self,
-        looks: Looks,
+        table: PingTable,
         pings: NDArray[np.int64],
         weights: NDArray[np.float32],
         field: Field,
     ) -> None:
-        self._looks, self._pings, self._weights, self._field = looks, pings, weights, field
+        self._table, self._pings, self._weights, self._field = table, pings, weights, field
         #: λ of each range bin of each ping.
-        self.expected = np.ones((len(pings), looks.kind.shape[1]), np.float32)
+        self.expected = np.ones((len(pings), table.kind.shape[1]), np.float32)
         self._scatterers = Scatterers(np.zeros(0, np.int32), np.zeros(0, np.uint8))
         self._power = np.zeros(0, np.float32)
-        self._faintest = faintest_weights(looks, pings)
+        self._faintest = faintest_weights(table, pings)
         self._groups: list[_Group] = []
         # What earlier pings say of each scatterer, by `go_on`; and what these pings say.
         self._before: Settled | None = None
         self._gradients = np.zeros((0, 0, 2), np.float32)
         # What each group said last, and of which cells.
-        self._said: list[Said] = []
+        self._ratios: list[LikelihoodRatios] = []
         self._cells = cells_of(self._scatterers.cell, field)
 
     def start(self) -> None:
         """Begin with all cells that may have returned echoes, and thin them out."""
-        cells = candidates(*count_all_hits(self._looks, self._pings, self._weights, self._field))
+        cells = candidates(*count_all_hits(self._table, self._pings, self._weights, self._field))
         self._begin(Scatterers(cells, np.full(len(cells), ALL_OF_IT, np.uint8)))
         self.sweep(COARSE_SWEEPS)
         cells = np.repeat(cells[self._power > 0.0], QUARTERS)
@@ -126,7 +130,7 @@ class Powers:
         is_empty : (rows, columns) bool array
             Cells in which nothing new can be.
         """
-        cells = candidates(*count_all_hits(self._looks, self._pings, self._weights, self._field))
+        cells = candidates(*count_all_hits(self._table, self._pings, self._weights, self._field))
         power = before.power.reshape(-1, QUARTERS).copy()
         cells = cells[~is_empty.ravel()[cells] & ~power[cells].any(axis=1)]
         power[cells] = FIRST_POWER
@@ -178,7 +182,7 @@ class Powers:
                 heard = empty_rows(int(rows.start[-1]) + 1, np.zeros_like(rows.start))
             left = open_everywhere
             if hides:
-                left = cast_rays(self._looks, self._pings[which], self._field, depth)
+                left = cast_rays(self._table, self._pings[which], self._field, depth)
             cast_shadows(rows, number, self._power, left, self._faintest[which], heard)
             return _Group(which, rows, heard)
 
@@ -193,7 +197,7 @@ class Powers:
             group, sums = self._groups[number], gradients[number]
             sums[:] = 0.0
             gather_gradients(
-                self._looks, self._pings[group.which], self._weights[group.which], group.heard,
+                self._table, self._pings[group.which], self._weights[group.which], group.heard,
                 self._power, sums,
             )  # fmt: skip
 
@@ -232,13 +236,13 @@ class Powers:
         if before is not None:
             evidence = CellEvidence(*(values.copy() for values in before))
         # What they said before takes as much memory.
-        self._said = []
-        self._said = self._say(cells)
+        self._ratios = []
+        self._ratios = self._weigh_groups(cells)
 
         def add(band: tuple[int, int]) -> None:
-            for group, each in zip(self._groups, self._said, strict=True):
-                add_said(
-                    self._looks, self._pings[group.which], self._weights[group.which], each,
+            for group, each in zip(self._groups, self._ratios, strict=True):
+                add_ratios(
+                    self._table, self._pings[group.which], self._weights[group.which], each,
                     cells, self._field, forgetting, evidence, *band,
                 )  # fmt: skip
 
@@ -263,24 +267,24 @@ class Powers:
         -------
         number : (cells,) int32 array
             Those of which anything is said.
-        said : (parts, 2, cells) float32 array
+        ratios : (parts, 2, cells) float32 array
             Evidence of each cell, and of its block.
         """
         count = len(self._cells.number)
         sums = np.zeros((2, parts * count), np.float32)
-        for group, said in zip(self._groups, self._said, strict=True):
-            rows, end = np.diff(said.start), said.start[-1]
-            places = np.repeat(part[group.which] * count, rows) + said.cell[:end]
+        for group, ratios in zip(self._groups, self._ratios, strict=True):
+            rows, end = np.diff(ratios.start), ratios.start[-1]
+            places = np.repeat(part[group.which] * count, rows) + ratios.cell[:end]
             weights = np.repeat(self._weights[group.which], rows)
-            for which, ratios in enumerate((said.own, said.block)):
-                sums[which] += np.bincount(places, ratios[:end] * weights, parts * count)
+            for which, logs in enumerate((ratios.own, ratios.block)):
+                sums[which] += np.bincount(places, logs[:end] * weights, parts * count)
         return self._cells.number, sums.reshape(2, parts, count).swapaxes(0, 1)
 
-    def _say(self, cells: Cells) -> list[Said]:
+    def _weigh_groups(self, cells: Cells) -> list[LikelihoodRatios]:
         """What each group of pings says, by what is expected of them."""
         return for_each(
             lambda group: weigh_pings(
-                self._looks, self._pings[group.which], group.heard, self._power,
+                self._table, self._pings[group.which], group.heard, self._power,
                 self.expected[group.which], cells, self._field,
             ),
             self._groups,
@@ -291,7 +295,7 @@ class Powers:
 
         def expect(group: _Group) -> None:
             pings, own = self._pings[group.which], expected[group.which]
-            expect_powers(self._looks, pings, group.heard, power, own)
+            expect_powers(self._table, pings, group.heard, power, own)
 
         for_each(expect, self._groups)
 
@@ -301,7 +305,7 @@ class Powers:
         self._power = np.full(len(scatterers.cell), FIRST_POWER, np.float32)
 
         def projected(which: slice) -> _Group:
-            rows = project(self._looks, self._pings[which], self._field, scatterers)
+            rows = project(self._table, self._pings[which], self._field, scatterers)
             return _Group(which, rows, rows)
 
         self._groups = for_each(projected, groups(len(self._pings)))

@@ -13,7 +13,12 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth, over_block
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected
-from usmap_ros.mapping.joint.free_space.going_on import ENDS, behind, behind_alone, go_on
+from usmap_ros.mapping.joint.free_space.continuations import (
+    ENDS,
+    behind,
+    behind_alone,
+    continue_lines,
+)
 from usmap_ros.mapping.joint.free_space.open_space import (
     ACROSS,
     ALONG,
@@ -24,24 +29,16 @@ from usmap_ros.mapping.joint.free_space.open_space import (
     ROUND,
     refute_surfaces,
 )
-from usmap_ros.mapping.joint.free_space.response import Listening, listen
+from usmap_ros.mapping.joint.free_space.response import HeardBins, listen
 from usmap_ros.mapping.joint.free_space.silence import Silence, learn_silence
 from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
 from usmap_ros.mapping.joint.surfaces.lines import drawn
-from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
-from usmap_ros.mapping.joint.visibility.field import (
-    BIN_M,
-    GREATEST_RANGE,
-    LEAST_RANGE,
-    QUARTERS,
-    Field,
-    X,
-    Y,
-)
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.open_ways import prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.special import running_maximum
 from usmap_ros.processes.threads import for_each
@@ -62,7 +59,7 @@ LISTENING_CELLS = 0.75
 FADING_DB, NEAR_DB = 20.0, 6.0
 
 
-class Heard(NamedTuple):
+class Refutations(NamedTuple):
     """What pings heard of each cell.
 
     Parameters
@@ -85,7 +82,7 @@ class FreeSpace:
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Rows of those that count.
@@ -102,16 +99,16 @@ class FreeSpace:
 
     Attributes
     ----------
-    silence, heard : Silence, Heard
+    silence, heard : Silence, Refutations
         What `find` has learnt.
     """
 
     silence: Silence
-    heard: Heard
+    heard: Refutations
 
     def __init__(
         self,
-        looks: Looks,
+        table: PingTable,
         pings: NDArray[np.int64],
         weights: NDArray[np.float32],
         field: Field,
@@ -120,12 +117,12 @@ class FreeSpace:
         proofs: float,
         first_only: BoolArray,
     ) -> None:
-        self._looks, self._pings, self._weights, self._field = looks, pings, weights, field
+        self._table, self._pings, self._weights, self._field = table, pings, weights, field
         self._standing, self._stood, self._proofs = standing, stood, proofs
         self._first_only = first_only
 
     def find(
-        self, walls: Walls, smooth: SmoothThings, powers: Powers, evidence: CellEvidence
+        self, walls: Walls, smooth: SmoothSurfaces, powers: Powers, evidence: CellEvidence
     ) -> tuple[Walls, BoolArray]:
         """What stands, with what continues it, and cells that are free.
 
@@ -141,7 +138,7 @@ class FreeSpace:
         listening = self._listening(walls, smooth, powers)
         left = self._left(np.where(hides, OCCUPIED, 0.0))
         self.silence = silence = learn_silence(
-            self._looks, self._pings, field, left, listening, walls, smooth, evidence
+            self._table, self._pings, field, left, listening, walls, smooth, evidence
         )
         proofs = self._proven(occupied, left, powers, smooth)
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
@@ -176,17 +173,17 @@ class FreeSpace:
             changed = _differ(left, left_before)
             self._refute(left, listening, silence, wanted, changed, worst)
             is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
-        self.heard = Heard(worst, proofs, closed)
+        self.heard = Refutations(worst, proofs, closed)
         return walls, connected(free, stood | (free & proven), occupied)
 
     def more(
         self,
         walls: Walls,
         free: BoolArray,
-        smooth: SmoothThings,
+        smooth: SmoothSurfaces,
         powers: Powers,
         silence: Silence,
-    ) -> Heard:
+    ) -> Refutations:
         """What these pings say of cells beside those that `silence` was learnt from.
 
         Parameters
@@ -213,12 +210,12 @@ class FreeSpace:
         worst = np.zeros((*self._field.shape, GROUPS), np.float32)
         wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
         self._refute(left, listening, silence._replace(kinds=alike), wanted, changed, worst)
-        return Heard(worst, proofs, np.zeros(self._field.shape, bool))
+        return Refutations(worst, proofs, np.zeros(self._field.shape, bool))
 
     def _refute(
         self,
         left: NDArray[np.uint8],
-        listening: Listening,
+        listening: HeardBins,
         silence: Silence,
         wanted: BoolArray,
         changed: BoolArray,
@@ -227,7 +224,7 @@ class FreeSpace:
         """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
         for_each(
             lambda band: refute_surfaces(
-                self._looks, self._pings, band[1], left, listening, silence.log_silent,
+                self._table, self._pings, band[1], left, listening, silence.log_silent,
                 silence.shape, silence.kinds, wanted[band[0]], changed, worst[band[0]],
             ),
             self._field.bands(BAND),
@@ -251,8 +248,8 @@ class FreeSpace:
         # What is said among mirrors is said of them, which have been followed in their own way.
         followed_m = BESIDE_MIRRORS_M if len(walls.mirrors) else FOLLOWED_M
         most_cells = followed_m / self._field.resolution_m
-        lines, may_be = go_on(walls.lines, walls.shown, said, most_cells)
-        _, more = go_on(walls.mirrors, walls.shown, said, most_cells)
+        lines, may_be = continue_lines(walls.lines, walls.shown, said, most_cells)
+        _, more = continue_lines(walls.mirrors, walls.shown, said, most_cells)
         filled = walls.filled | (drawn(lines, self._field.shape) & ~self._stood)
         return replace(walls, filled=filled, lines=lines), may_be | more
 
@@ -278,22 +275,22 @@ class FreeSpace:
     def _left(self, belief: FloatArray) -> NDArray[np.uint8]:
         """How much of the sound is left along rays, by what may hold it back."""
         depth = optical_depth(belief, FREE_OPACITY)
-        return cast_all_rays(self._looks, self._pings, self._field, depth)
+        return cast_all_rays(self._table, self._pings, self._field, depth)
 
     def _in_reach(self) -> BoolArray:
         """Cells that a ping may reach, and some in the corners around."""
-        numbers = self._looks.numbers[self._pings]
+        numbers = self._table.numbers[self._pings]
         stood = self._field.cells_at(numbers[:, X], numbers[:, Y])
         width = 2 * math.ceil(numbers[:, GREATEST_RANGE].max() / self._field.resolution_m) + 1
         return running_maximum(running_maximum(stood, width).T, width).T
 
-    def _listening(self, walls: Walls, smooth: SmoothThings, powers: Powers) -> Listening:
+    def _listening(self, walls: Walls, smooth: SmoothSurfaces, powers: Powers) -> HeardBins:
         """What was heard, and was to be heard by what stands.
 
         What is not shown counts for nothing: else an unsure wall would explain its own echoes.
         """
         expected = powers.expected_of(over_block(walls.shown).ravel())
-        bin_m = float(np.median(self._looks.numbers[self._pings, BIN_M]))
+        bin_m = float(np.median(self._table.numbers[self._pings, BIN_M]))
         reach = max(1, round(LISTENING_CELLS * self._field.resolution_m / bin_m))
         listening = listen(smooth.put_back(expected), self._pings, expected, reach)
         self._fade(listening.limit)
@@ -305,7 +302,7 @@ class FreeSpace:
         They do not say how loud things are: a surface that is sure to be heard nearby may be too
         faint far away.  Where it is not, that is learnt.
         """
-        numbers = self._looks.numbers[self._pings[self._first_only]]
+        numbers = self._table.numbers[self._pings[self._first_only]]
         bins = np.arange(limit.shape[1]) + 0.5
         ranges_m = numbers[:, LEAST_RANGE, np.newaxis] + numbers[:, BIN_M, np.newaxis] * bins
         share = np.minimum(ranges_m / numbers[:, GREATEST_RANGE, np.newaxis], 1.0)
@@ -316,14 +313,14 @@ class FreeSpace:
         occupied: BoolArray,
         left: NDArray[np.uint8],
         powers: Powers,
-        smooth: SmoothThings,
+        smooth: SmoothSurfaces,
     ) -> NDArray[np.float32]:
         """Pings whose sound is known to have passed each cell, as far as it is."""
         proven = np.zeros(self._field.shape, np.float32)
         power = powers.power.reshape(*self._field.shape, QUARTERS).sum(axis=2)
         believed = np.where(over_block(occupied), power, np.float32(0.0))
         prove_open(
-            self._looks, self._pings, self._field, left, powers.expected, believed, proven,
+            self._table, self._pings, self._field, left, powers.expected, believed, proven,
             self._weights,
         )  # fmt: skip
         smooth.trace_open(proven, self._weights)

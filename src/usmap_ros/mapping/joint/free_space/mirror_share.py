@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, Looked
+from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, SurfaceViews
 from usmap_ros.mapping.joint.visibility.soundings import SECTORS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -38,13 +38,13 @@ MIRRORS_BEFORE, OTHERS_BEFORE = 0.1, 3.0
 
 
 def mirror_share(
-    looked: Looked, surfaces: FloatArray, log_silent: FloatArray, lone_share: float
+    views: SurfaceViews, surfaces: FloatArray, log_silent: FloatArray, lone_share: float
 ) -> float:
     """Share of surfaces that are expected to be mirrors.
 
     Parameters
     ----------
-    looked, surfaces
+    views, surfaces
         By and as in `usmap_ros.mapping.joint.free_space.response.look_at`.
     log_silent : (LOUDNESSES, INCIDENCES) array
         Logarithm of P(silent | surface).
@@ -53,7 +53,7 @@ def mirror_share(
     """
     has_normal = surfaces[:, 2] != NO_NORMAL
     others = lone_share * np.count_nonzero(~has_normal)
-    mirrors, scatterers, is_struck = _told_apart(looked, surfaces, log_silent, has_normal)
+    mirrors, scatterers, is_struck = _told_apart(views, surfaces, log_silent, has_normal)
     struck = (np.count_nonzero(is_struck) + 1.0) / (np.count_nonzero(has_normal) + 2.0)
     return expected_share(mirrors, scatterers + others, struck)
 
@@ -76,7 +76,7 @@ def expected_share(mirrors: float, others: float, struck: float) -> float:
     return float(weights @ SHARES / weights.sum())
 
 
-def facing_who_heard(looked: Looked, surfaces: FloatArray, pings: int) -> FloatArray:
+def facing_who_heard(views: SurfaceViews, surfaces: FloatArray, pings: int) -> FloatArray:
     """Surfaces of which nobody knows how they face, facing who heard them if they may be mirrors.
 
     What is heard from one side only may be a mirror that is struck squarely from there: in a
@@ -84,7 +84,7 @@ def facing_who_heard(looked: Looked, surfaces: FloatArray, pings: int) -> FloatA
 
     Parameters
     ----------
-    looked, surfaces
+    views, surfaces
         By and as in `usmap_ros.mapping.joint.free_space.response.look_at`.
     pings : int
         How many there are.
@@ -96,12 +96,12 @@ def facing_who_heard(looked: Looked, surfaces: FloatArray, pings: int) -> FloatA
     """
     if pings < TELLING_PINGS:
         return surfaces
-    heard, looks = (
-        _axes(looked, some, len(surfaces)) for some in (looked.heard > 0, looked.heard >= 0)
+    heard, table = (
+        _axes(views, some, len(surfaces)) for some in (views.heard > 0, views.heard >= 0)
     )
     is_lone = (surfaces[:, 2] == NO_NORMAL) & (heard != 0.0)
     from_aside = is_lone & (np.abs(heard) < FROM_ASIDE)
-    silent_aslant = is_lone & (np.abs(heard) > FROM_ONE_SIDE) & (np.abs(looks) < FROM_ASIDE)
+    silent_aslant = is_lone & (np.abs(heard) > FROM_ONE_SIDE) & (np.abs(table) < FROM_ASIDE)
     if np.count_nonzero(from_aside) > np.count_nonzero(silent_aslant):
         return surfaces
     facing = surfaces.copy()
@@ -109,30 +109,30 @@ def facing_who_heard(looked: Looked, surfaces: FloatArray, pings: int) -> FloatA
     return facing
 
 
-def _axes(looked: Looked, some: BoolArray, count: int) -> NDArray[np.complex128]:
+def _axes(views: SurfaceViews, some: BoolArray, count: int) -> NDArray[np.complex128]:
     """Mean of the axes of view of some looks at each surface: of length 1 if all are the same."""
-    twice_rad = 4.0 * np.pi * (looked.sector[some] + 0.5) / SECTORS
-    which, number = looked.surface[some], np.bincount(looked.surface[some], minlength=count)
+    twice_rad = 4.0 * np.pi * (views.sector[some] + 0.5) / SECTORS
+    which, number = views.surface[some], np.bincount(views.surface[some], minlength=count)
     cosine, sine = (np.bincount(which, part(twice_rad), count) for part in (np.cos, np.sin))
     return np.asarray((cosine + 1.0j * sine) / np.maximum(number, 1), np.complex128)
 
 
 def _told_apart(
-    looked: Looked, surfaces: FloatArray, log_silent: FloatArray, has_normal: BoolArray
+    views: SurfaceViews, surfaces: FloatArray, log_silent: FloatArray, has_normal: BoolArray
 ) -> tuple[float, float, BoolArray]:
     """How many walls are mirrors, how many are not, and which surfaces were struck squarely."""
     wall = _numbers(surfaces)
-    is_loud = (log_silent[:, 1] < np.log(TELLING_SILENCE))[looked.loud]
-    is_loud &= has_normal[looked.surface]
-    is_square = is_loud & (looked.incidence < SQUARE)
-    is_aslant = is_loud & (looked.incidence >= ASLANT.start) & (looked.incidence < ASLANT.stop)
+    is_loud = (log_silent[:, 1] < np.log(TELLING_SILENCE))[views.loud]
+    is_loud &= has_normal[views.surface]
+    is_square = is_loud & (views.incidence < SQUARE)
+    is_aslant = is_loud & (views.incidence >= ASLANT.start) & (views.incidence < ASLANT.stop)
     is_struck = np.zeros(len(surfaces), bool)
-    is_struck[looked.surface[is_square]] = True
-    square, _ = _answers(looked, wall, is_square, log_silent)
-    aslant, looks = _answers(looked, wall, is_aslant, log_silent)
+    is_struck[views.surface[is_square]] = True
+    square, _ = _answers(views, wall, is_square, log_silent)
+    aslant, table = _answers(views, wall, is_aslant, log_silent)
     is_mirror = np.clip((SCATTERER - aslant / square) / (SCATTERER - MIRROR), 0.0, 1.0)
     cells = np.bincount(wall).astype(np.float64)
-    told = looks / (looks + ENOUGH_LOOKS) * cells / (cells + ENOUGH_CELLS)
+    told = table / (table + ENOUGH_LOOKS) * cells / (cells + ENOUGH_CELLS)
     return float(told @ is_mirror), float(told @ (1.0 - is_mirror)), is_struck
 
 
@@ -144,17 +144,17 @@ def _numbers(surfaces: FloatArray) -> NDArray[np.int64]:
 
 
 def _answers(
-    looked: Looked, wall: NDArray[np.int64], some: BoolArray, log_silent: FloatArray
+    views: SurfaceViews, wall: NDArray[np.int64], some: BoolArray, log_silent: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """How often each wall answers some looks, over as often as if all were square; and looks."""
-    number, walls = wall[looked.surface[some]], int(wall.max(initial=-1)) + 1
-    beside = looked.beside[some]
+    number, walls = wall[views.surface[some]], int(wall.max(initial=-1)) + 1
+    beside = views.beside[some]
     silent, by_chance, expected = (
         np.bincount(number, weights, walls) + 0.5
         for weights in (
-            looked.heard[some] == 0,
+            views.heard[some] == 0,
             beside,
-            beside * np.exp(log_silent[looked.loud[some], 1]),
+            beside * np.exp(log_silent[views.loud[some], 1]),
         )
     )
     answers = np.clip(1.0 - silent / by_chance, 0.02, 1.0)

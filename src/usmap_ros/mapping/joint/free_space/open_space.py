@@ -12,18 +12,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space.response import Listening
+from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.visibility.beams import is_beside
-from usmap_ros.mapping.joint.visibility.field import GREATEST_RANGE, Field, X, Y
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.soundings import (
     INCIDENCES,
     SECTORS,
-    Sounded,
+    SoundedPlaces,
     incidence_of,
     room_for,
     sound,
 )
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import GREATEST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import log32
@@ -55,11 +55,11 @@ OPEN_CELLS = 1.5
 
 @compiled
 def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
-    listening: Listening,
+    listening: HeardBins,
     log_silent: FloatArray,
     shape: float,
     kinds: FloatArray,
@@ -71,7 +71,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
 
     Parameters
     ----------
-    looks, pings, field, left, listening
+    table, pings, field, left, listening
         The pings, and what they heard.
     log_silent : (LOUDNESSES, INCIDENCES) array
         Logarithm of P(silent | surface).
@@ -98,7 +98,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             cells = _find_wanted(wanted, bottom, start, field.resolution_m, asked, seen)
             if not cells:
                 continue
-            around, is_new = _find_near(looks, pings, field, bottom, start, changed, near)
+            around, is_new = _find_near(table, pings, field, bottom, start, changed, near)
             if not is_new:
                 continue
             middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
@@ -107,10 +107,10 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             for place in range(around):
                 index = near[place]
                 # From the middle of the block, so that little is lost in single precision.
-                x_m = middle_x - looks.numbers[pings[index], X]
-                y_m = middle_y - looks.numbers[pings[index], Y]
+                x_m = middle_x - table.numbers[pings[index], X]
+                y_m = middle_y - table.numbers[pings[index], Y]
                 count = sound(
-                    looks, pings[index], left[index], listening.limit[index], x_m, y_m, open_m,
+                    table, pings[index], left[index], listening.limit[index], x_m, y_m, open_m,
                     cells, seen,
                 )  # fmt: skip
                 _add_said(index, listening, silence, classes, struck, ways, count, seen, said)
@@ -175,7 +175,7 @@ def _find_wanted(
     start: int,
     resolution_m: float,
     asked: NDArray[np.int64],
-    seen: Sounded,
+    seen: SoundedPlaces,
 ) -> int:
     """Set which cells of a block are asked for, and where; returns how many there are."""
     cells = 0
@@ -191,7 +191,7 @@ def _find_wanted(
 
 @inlined
 def _find_near(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     bottom: int,
@@ -204,7 +204,7 @@ def _find_near(
     middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
     middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
     for index in range(len(pings)):
-        numbers = looks.numbers[pings[index]]
+        numbers = table.numbers[pings[index]]
         x, y = middle_x - numbers[X], middle_y - numbers[Y]
         far = numbers[GREATEST_RANGE] + radius
         if x * x + y * y >= far * far or is_beside(numbers, x, y, radius):
@@ -218,13 +218,13 @@ def _find_near(
 @inlined
 def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     index: int,
-    listening: Listening,
+    listening: HeardBins,
     silence: NDArray[np.float32],
     classes: NDArray[np.int32],
     struck: NDArray[np.int32],
     ways: int,
     count: int,
-    seen: Sounded,
+    seen: SoundedPlaces,
     said: NDArray[np.float32],
 ) -> None:
     """Add what a ping says of surfaces in cells, by direction of view and orientation."""

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from usmap_ros.mapping.joint.free_space.response import Looked
+from usmap_ros.mapping.joint.free_space.response import SurfaceViews
 from usmap_ros.mapping.joint.visibility.soundings import SECTORS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -26,19 +26,19 @@ USUAL_SHAPE, USUAL_FACTOR = 2.5, 2.0
 LEAST_SAID = 0.5
 
 
-def learn_shape(looked: Looked, log_silent: FloatArray) -> float:
+def learn_shape(views: SurfaceViews, log_silent: FloatArray) -> float:
     """Shape of the distribution of how readily surfaces answer one side, by maximum a posteriori.
 
     Parameters
     ----------
-    looked : Looked
+    views : SurfaceViews
         Looks at surfaces that are believed.
     log_silent : (LOUDNESSES, INCIDENCES) array
         Logarithm of P(silent | surface).
     """
-    side = looked.surface.astype(np.int64) * SECTORS + looked.sector
-    said = np.bincount(side, -log_silent[looked.loud, looked.incidence]).astype(np.float64)
-    heard = np.bincount(side, looked.heard) > 0.0
+    side = views.surface.astype(np.int64) * SECTORS + views.sector
+    said = np.bincount(side, -log_silent[views.loud, views.incidence]).astype(np.float64)
+    heard = np.bincount(side, views.heard) > 0.0
     counts = said > LEAST_SAID
     return most_likely_shape(said[counts], heard[counts])
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.visibility.field import BIN_M, NOISE, Field, X, Y
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.soundings import (
     INCIDENCES,
     LOUDNESSES,
@@ -22,8 +22,8 @@ from usmap_ros.mapping.joint.visibility.soundings import (
     room_for,
     sound,
 )
-from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO
+from usmap_ros.mapping.ping_table import BIN_M, NOISE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.processes.threads import for_each
@@ -58,17 +58,17 @@ LEAST_LOOKS, LONE_SHARE = 200.0, 0.8
 NO_NORMAL = -9.0
 
 
-class Looked(NamedTuple):
+class SurfaceViews(NamedTuple):
     """Looks of pings at surfaces, one behind the other.
 
     Parameters
     ----------
-    surface, loud, incidence, sector : (looks,) int32 arrays
+    surface, loud, incidence, sector : (views,) int32 arrays
         Which surface, and classes of loudness, of the angle of incidence (0 for what faces
         nowhere), and of the direction of view.
-    heard : (looks,) uint8 array
+    heard : (views,) uint8 array
         Whether there was an echo.
-    beside : (looks,) float32 array
+    beside : (views,) float32 array
         Share of silence where `BESIDE_M` before and behind.
     """
 
@@ -80,7 +80,7 @@ class Looked(NamedTuple):
     beside: NDArray[np.float32]
 
 
-class Listening(NamedTuple):
+class HeardBins(NamedTuple):
     """What was heard of each range bin, for silence: (pings, bins) arrays.
 
     Parameters
@@ -100,13 +100,13 @@ class Listening(NamedTuple):
 
 @compiled
 def listen(
-    looks: Looks, pings: NDArray[np.int64], expected: NDArray[np.float32], reach: int
-) -> Listening:
+    table: PingTable, pings: NDArray[np.int64], expected: NDArray[np.float32], reach: int
+) -> HeardBins:
     """What was heard around each range bin.
 
     Parameters
     ----------
-    looks, pings
+    table, pings
         The pings.
     expected : (pings, bins) float32 array
         Power that what is believed returns: an echo that it explains says nothing of other things.
@@ -117,44 +117,44 @@ def listen(
     chance, limit = np.zeros(expected.shape, np.float32), np.ones(expected.shape, np.float32)
     for index in range(len(pings)):
         ping = pings[index]
-        bins, floor = looks.bins[ping], 1e9
+        bins, floor = table.bins[ping], 1e9
         for b in range(bins):
-            floor = min(floor, looks.limit[ping, b])
+            floor = min(floor, table.limit[ping, b])
         for b in range(bins):
             first, end = max(0, b - reach), min(bins, b + reach + 1)
             quiet, logs, explained = 1.0, 0.0, 1.0
             for near in range(first, end):
-                if looks.kind[ping, near] == ECHO:
+                if table.kind[ping, near] == ECHO:
                     heard[index, b] = 1
-                    returned = expected[index, near] - looks.numbers[ping, NOISE]
-                    explained = min(explained, returned / max(looks.power[ping, near], 1e-12))
-                quiet *= 1.0 - math.exp(-looks.limit[ping, near] / expected[index, near])
-                logs += math.log(looks.limit[ping, near])
+                    returned = expected[index, near] - table.numbers[ping, NOISE]
+                    explained = min(explained, returned / max(table.power[ping, near], 1e-12))
+                quiet *= 1.0 - math.exp(-table.limit[ping, near] / expected[index, near])
+                logs += math.log(table.limit[ping, near])
             chance[index, b] = 1.0 - quiet
             if heard[index, b]:
                 share = min(MOST_EXPLAINED, explained / EXPLAINED_SHARE)
                 chance[index, b] = max(1.0 - quiet, share)
             limit[index, b] = floor if heard[index, b] else math.exp(logs / (end - first))
-    return Listening(heard, chance, limit)
+    return HeardBins(heard, chance, limit)
 
 
 def look_at(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
-    listening: Listening,
+    listening: HeardBins,
     surfaces: FloatArray,
-) -> Looked:
+) -> SurfaceViews:
     """Looks of pings at surfaces that most of their sound gets to, and what was heard.
 
     Parameters
     ----------
-    looks, pings, field
+    table, pings, field
         The pings, and the cells.
     left : (pings, RAYS, STEPS) uint8 array
         How much of their sound is left.
-    listening : Listening
+    listening : HeardBins
         What they heard.
     surfaces : (surfaces, 3) array
         Row, column, and direction of the normal, rad; `NO_NORMAL` for what has none.
@@ -162,27 +162,27 @@ def look_at(
     batches = [slice(first, first + BATCH) for first in range(0, len(pings), BATCH)]
     parts = for_each(
         lambda some: _look_at(
-            looks, pings[some], field, left[some], listening.heard[some], listening.limit[some],
+            table, pings[some], field, left[some], listening.heard[some], listening.limit[some],
             surfaces,
         ),
         batches,
     )  # fmt: skip
-    return Looked(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    return SurfaceViews(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
 @compiled
 def _look_at(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
     heard: NDArray[np.uint8],
     limit: NDArray[np.float32],
     surfaces: FloatArray,
-) -> Looked:
+) -> SurfaceViews:
     """The same of some pings."""
     res, size, filled = field.resolution_m, len(surfaces) * len(pings), 0
-    looked = Looked(
+    views = SurfaceViews(
         np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.int32),
         np.empty(size, np.int32), np.empty(size, np.uint8), np.empty(size, np.float32),
     )  # fmt: skip
@@ -192,11 +192,11 @@ def _look_at(
         seen.up[place] = (surfaces[place, 0] + 0.5) * res
     for index in range(len(pings)):
         ping = pings[index]
-        x_m = field.first_column * res - looks.numbers[ping, X]
-        y_m = field.first_row * res - looks.numbers[ping, Y]
-        away, bins = int(BESIDE_M / looks.numbers[ping, BIN_M]), looks.bins[ping]
+        x_m = field.first_column * res - table.numbers[ping, X]
+        y_m = field.first_row * res - table.numbers[ping, Y]
+        away, bins = int(BESIDE_M / table.numbers[ping, BIN_M]), table.bins[ping]
         count = sound(
-            looks, ping, left[index], limit[index], x_m, y_m, OWN_CELLS * res, len(surfaces), seen
+            table, ping, left[index], limit[index], x_m, y_m, OWN_CELLS * res, len(surfaces), seen
         )
         for place in range(count):
             which, b, normal = seen.which[place], seen.bin[place], surfaces[seen.which[place], 2]
@@ -209,23 +209,23 @@ def _look_at(
                     sides += 1.0
             direction = math.atan2(y_m + seen.up[which], x_m + seen.right[which])
             incidence = incidence_of(direction, normal)
-            looked.surface[filled], looked.loud[filled] = which, seen.loud[place]
-            looked.incidence[filled] = incidence if normal > NO_NORMAL + 1.0 else 0
-            looked.sector[filled], looked.heard[filled] = seen.sector[place], heard[index, b]
-            looked.beside[filled] = silent / sides if sides else 0.0
+            views.surface[filled], views.loud[filled] = which, seen.loud[place]
+            views.incidence[filled] = incidence if normal > NO_NORMAL + 1.0 else 0
+            views.sector[filled], views.heard[filled] = seen.sector[place], heard[index, b]
+            views.beside[filled] = silent / sides if sides else 0.0
             filled += 1
-    return Looked(
-        looked.surface[:filled], looked.loud[:filled], looked.incidence[:filled],
-        looked.sector[:filled], looked.heard[:filled], looked.beside[:filled],
+    return SurfaceViews(
+        views.surface[:filled], views.loud[:filled], views.incidence[:filled],
+        views.sector[:filled], views.heard[:filled], views.beside[:filled],
     )  # fmt: skip
 
 
-def learn_response(looked: Looked, surfaces: FloatArray) -> FloatArray:
+def learn_response(views: SurfaceViews, surfaces: FloatArray) -> FloatArray:
     """Learn how the surfaces of a place answer.
 
     Parameters
     ----------
-    looked, surfaces
+    views, surfaces
         By and as in `look_at`.
 
     Returns
@@ -233,10 +233,10 @@ def learn_response(looked: Looked, surfaces: FloatArray) -> FloatArray:
     log_silent : (LOUDNESSES, INCIDENCES) array
         Logarithm of P(silent | surface), as far as silence is trusted.
     """
-    has_normal = (surfaces[:, 2] != NO_NORMAL)[looked.surface]
+    has_normal = (surfaces[:, 2] != NO_NORMAL)[views.surface]
     silent, beside = (
-        _tally(looked, weights.astype(np.float64), has_normal)
-        for weights in (looked.heard == 0, looked.beside)
+        _tally(views, weights.astype(np.float64), has_normal)
+        for weights in (views.heard == 0, views.beside)
     )
     oblique = beside[:, OBLIQUE].sum(axis=1)
     # Steps of loudness lend to their neighbours.
@@ -248,30 +248,30 @@ def learn_response(looked: Looked, surfaces: FloatArray) -> FloatArray:
         sums = (each.sum(axis=1, keepdims=True) for each in (silent, beside))
         silent, beside = (np.repeat(each, INCIDENCES, axis=1) for each in sums)
         pseudo = LONE_PSEUDO_COUNT
-    table = np.minimum(1.0, (silent + pseudo) / (beside + pseudo))
+    p_silent = np.minimum(1.0, (silent + pseudo) / (beside + pseudo))
     # What is louder, or struck more squarely, is not more often silent.
-    table = np.maximum.accumulate(np.minimum.accumulate(table, axis=0), axis=1)
-    table = np.clip(table, LEAST_SILENT, MOST_SILENT)
-    return _trusted(table, _diffuseness(table, oblique, surfaces))
+    p_silent = np.maximum.accumulate(np.minimum.accumulate(p_silent, axis=0), axis=1)
+    p_silent = np.clip(p_silent, LEAST_SILENT, MOST_SILENT)
+    return _trusted(p_silent, _diffuseness(p_silent, oblique, surfaces))
 
 
-def _tally(looked: Looked, weights: FloatArray, has_normal: BoolArray) -> FloatArray:
+def _tally(views: SurfaceViews, weights: FloatArray, has_normal: BoolArray) -> FloatArray:
     """Sums of weights by loudness and incidence; what faces nowhere is of all incidences."""
     size = LOUDNESSES * INCIDENCES
-    place = looked.loud * INCIDENCES + looked.incidence
+    place = views.loud * INCIDENCES + views.incidence
     facing = np.bincount(place[has_normal], weights[has_normal], size)
-    others = np.bincount(looked.loud[~has_normal], weights[~has_normal], LOUDNESSES)
+    others = np.bincount(views.loud[~has_normal], weights[~has_normal], LOUDNESSES)
     sums: FloatArray = facing.reshape(LOUDNESSES, INCIDENCES) + others[:, np.newaxis] / INCIDENCES
     return sums
 
 
-def _diffuseness(table: FloatArray, oblique: FloatArray, surfaces: FloatArray) -> float:
+def _diffuseness(p_silent: FloatArray, oblique: FloatArray, surfaces: FloatArray) -> float:
     """Answers to oblique sound over those to square sound."""
-    looks = oblique * (table[:, 1] < 0.7)
-    if looks.sum() > LEAST_LOOKS:
-        answers = 1.0 - table
-        square = (looks * answers[:, SQUARE].mean(axis=1)).sum()
-        return float((looks * answers[:, OBLIQUE].mean(axis=1)).sum() / max(square, 1e-9))
+    views = oblique * (p_silent[:, 1] < 0.7)
+    if views.sum() > LEAST_LOOKS:
+        answers = 1.0 - p_silent
+        square = (views * answers[:, SQUARE].mean(axis=1)).sum()
+        return float((views * answers[:, OBLIQUE].mean(axis=1)).sum() / max(square, 1e-9))
     return float(_are_lone(surfaces))
 
 
@@ -281,9 +281,9 @@ def _are_lone(surfaces: FloatArray) -> bool:
     return len(surfaces) > 0 and bool(has_no_line.mean() > LONE_SHARE)
 
 
-def _trusted(table: FloatArray, diffuseness: float) -> FloatArray:
+def _trusted(p_silent: FloatArray, diffuseness: float) -> FloatArray:
     """Logarithm of P(silent | surface), grazing silence by diffuseness, faint hints left out."""
-    log_silent = np.log(table)
+    log_silent = np.log(p_silent)
     trust = float(np.clip((diffuseness - SMOOTH) / (ROUGH - SMOOTH), 0.0, 1.0))
     for incidence in range(4, INCIDENCES):
         grazing = np.minimum(log_silent[:, incidence], GRAZING_POWER * log_silent[:, 3])

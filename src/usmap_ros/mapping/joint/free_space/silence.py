@@ -13,16 +13,16 @@ from usmap_ros.mapping.joint.free_space.mirror_share import facing_who_heard, mi
 from usmap_ros.mapping.joint.free_space.overdispersion import learn_shape
 from usmap_ros.mapping.joint.free_space.response import (
     NO_NORMAL,
-    Listening,
+    HeardBins,
     learn_response,
     look_at,
 )
 from usmap_ros.mapping.joint.free_space.usual_directions import facing, lengths, log_priors
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y, points_on
-from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import PingTable
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
@@ -62,20 +62,20 @@ class Silence(NamedTuple):
 
 
 def learn_silence(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
-    listening: Listening,
+    listening: HeardBins,
     walls: Walls,
-    smooth: SmoothThings,
+    smooth: SmoothSurfaces,
     evidence: CellEvidence,
 ) -> Silence:
     """Learn what silence says of an area.
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Rows of those that count.
@@ -83,22 +83,22 @@ def learn_silence(
         The cells.
     left : (pings, RAYS, STEPS) uint8 array
         How much of their sound is left, if nothing but what stands is in the way.
-    listening : Listening
+    listening : HeardBins
         What was heard, and was to be heard by what stands.
     walls, smooth, evidence
         What stands.
     """
     surfaces, on_lines = _surfaces(walls, evidence, field)
     things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
-    looked = look_at(looks, pings, field, left, listening, surfaces)
-    facing_them = facing_who_heard(looked, surfaces, len(pings))
+    views = look_at(table, pings, field, left, listening, surfaces)
+    facing_them = facing_who_heard(views, surfaces, len(pings))
     if facing_them is not surfaces:
         surfaces = facing_them
-        looked = look_at(looks, pings, field, left, listening, surfaces)
-    log_silent = learn_response(looked, surfaces)
+        views = look_at(table, pings, field, left, listening, surfaces)
+    log_silent = learn_response(views, surfaces)
     walled = _walled(walls.shown, on_lines)
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
-    mirrored = mirror_share(looked, surfaces, log_silent, 1.0 - walled)
+    mirrored = mirror_share(views, surfaces, log_silent, 1.0 - walled)
     walls_facing = facing(smooth.mirrors, walls.lines, field.resolution_m)
     kinds = log_priors(
         walls_facing, len(smooth.mirrors), smooth.columns_likely, things, alone_m, mirrored
@@ -106,7 +106,7 @@ def learn_silence(
     long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
     refuted, unknown = _thresholds(walled, bool(smooth.mirrors))
     return Silence(
-        log_silent, learn_shape(looked, log_silent), kinds, long_and_short, refuted, unknown
+        log_silent, learn_shape(views, log_silent), kinds, long_and_short, refuted, unknown
     )
 
 

@@ -42,7 +42,7 @@ LONG_M, SHORT_M = 10.0, 0.3
 SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
 
 
-class Facing(NamedTuple):
+class WallDirections(NamedTuple):
     """Walls by which way they face.
 
     Parameters
@@ -59,23 +59,28 @@ class Facing(NamedTuple):
     weights: FloatArray
 
 
-def facing(mirrors: list[MirrorWall], lines: FloatArray, resolution_m: float) -> Facing:
+def facing(mirrors: list[MirrorWall], lines: FloatArray, resolution_m: float) -> WallDirections:
     """Which way mirrors face, or lines if there are no mirrors."""
     if mirrors:
         each = [(wall.normal_rad, wall.end_m - wall.begin_m, len(wall.echoes)) for wall in mirrors]
-        return Facing(*np.array(each, float).T)
+        return WallDirections(*np.array(each, float).T)
     lengths_m = (lines[:, END] - lines[:, BEGIN]) * resolution_m
-    return Facing(np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X]), lengths_m, lengths_m)
+    return WallDirections(np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X]), lengths_m, lengths_m)
 
 
 def log_priors(
-    walls: Facing, mirrors: int, columns: float, things: int, alone_m: float, mirrored: float
+    walls: WallDirections,
+    mirrors: int,
+    columns: float,
+    things: int,
+    alone_m: float,
+    mirrored: float,
 ) -> FloatArray:
     """Orientations that are asked for in each cell, and how much rarer surfaces like these are.
 
     Parameters
     ----------
-    walls : Facing
+    walls : WallDirections
         All that are known.  Orientations are counted from that of most.
     mirrors : int
         Mirrors that were found.  Where there are none, surfaces may face anywhere, and are mostly

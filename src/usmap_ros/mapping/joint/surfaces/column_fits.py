@@ -21,18 +21,18 @@ from usmap_ros.mapping.joint.visibility.beams import (
     off_axis,
 )
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.ping_bins import SILENCE
+from usmap_ros.mapping.ping_table import (
     BIN_M,
     GREATEST_RANGE,
     HALF_ANGLE,
     LEAST_RANGE,
     RANGE_STD,
+    PingTable,
     X,
     Y,
 )
-from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import SILENCE
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 
@@ -67,7 +67,7 @@ class PingSet(NamedTuple):
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Their rows.
@@ -77,13 +77,13 @@ class PingSet(NamedTuple):
         By `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
     """
 
-    looks: Looks
+    table: PingTable
     pings: NDArray[np.int64]
     echoes: Echoes
     left: NDArray[np.uint8]
 
 
-class Descent(NamedTuple):
+class LevenbergMarquardt(NamedTuple):
     """How the circle that fits best is gone to, after Gauss, Newton and Levenberg.
 
     Parameters
@@ -143,7 +143,7 @@ class Circle(NamedTuple):
 
 
 def fitted_circle(
-    ping_set: PingSet, is_open: BoolArray, place: FloatArray, descent: Descent
+    ping_set: PingSet, is_open: BoolArray, place: FloatArray, descent: LevenbergMarquardt
 ) -> Circle | None:
     """The circle near a place, if there is one.
 
@@ -155,19 +155,19 @@ def fitted_circle(
         Echoes that may be of it.
     place : (3,) array
         Middle and radius that are begun with, m; replaced.
-    descent : Descent
+    descent : LevenbergMarquardt
         From there.
     """
-    looks, pings, echoes, _ = ping_set
+    table, pings, echoes, _ = ping_set
     hits, misses, hit_pings, hit_echoes = _hits(ping_set, is_open, place, 2.0)
     for _ in range(descent.steps):
         if hits < LEAST_FITTED:
             return None
-        _step(looks.numbers[pings[hit_pings]], echoes.range_m[hit_echoes], place, descent)
+        _step(table.numbers[pings[hit_pings]], echoes.range_m[hit_echoes], place, descent)
         hits, misses, hit_pings, hit_echoes = _hits(ping_set, is_open, place, 1.0)
     if hits < LEAST_FITTED:
         return None
-    numbers, ranges_m = looks.numbers[pings[hit_pings]], echoes.range_m[hit_echoes]
+    numbers, ranges_m = table.numbers[pings[hit_pings]], echoes.range_m[hit_echoes]
     offsets = place[:2] - numbers[:, [X, Y]]
     across_m = np.hypot(*offsets.T) - place[2]
     directions = offsets / np.linalg.norm(offsets, axis=1)[:, np.newaxis]
@@ -177,7 +177,7 @@ def fitted_circle(
         spread=float(np.linalg.eigvalsh(directions.T @ directions / hits)[0]),
         log_ratio=_log_ratio(ranges_m - across_m, stds_m, crowd, misses),
         is_corner=_is_corner(echoes, hit_pings, across_m, stds_m),
-        nearest_m=float(np.hypot(*(looks.numbers[pings][:, [X, Y]] - place[:2]).T).min()),
+        nearest_m=float(np.hypot(*(table.numbers[pings][:, [X, Y]] - place[:2]).T).min()),
     )  # fmt: skip
 
 
@@ -186,8 +186,8 @@ def log_ratio_of_point(ping_set: PingSet, circle: Circle) -> float:
 
     Most circles are neither certain nor suspected, and need not be compared with it.
     """
-    looks, pings, echoes, _ = ping_set
-    numbers, ranges_m = looks.numbers[pings[circle.pings]], echoes.range_m[circle.echoes]
+    table, pings, echoes, _ = ping_set
+    numbers, ranges_m = table.numbers[pings[circle.pings]], echoes.range_m[circle.echoes]
     place = np.array([circle.x_m, circle.y_m, circle.radius_m])
     across_m = np.hypot(*(place[:2] - numbers[:, [X, Y]]).T) - circle.radius_m
     off_m = _off_point(numbers, ranges_m, place)
@@ -209,10 +209,10 @@ def _hits(
     ping_set: PingSet, is_open: BoolArray, place: FloatArray, tolerance: float
 ) -> tuple[int, int, NDArray[np.int64], NDArray[np.int64]]:
     """Hits and misses of a circle, by how many times the usual tolerance; pings and echoes."""
-    looks, pings, echoes, left = ping_set
+    table, pings, echoes, left = ping_set
     hit_pings, hit_echoes = (np.empty(len(pings), np.int64) for _ in range(2))
     hits, misses = _look_at(
-        looks, pings, echoes, is_open, left, place, tolerance, hit_pings, hit_echoes
+        table, pings, echoes, is_open, left, place, tolerance, hit_pings, hit_echoes
     )
     return hits, misses, hit_pings[:hits], hit_echoes[:hits]
 
@@ -279,7 +279,9 @@ def _log_ratio(
     return float(np.log(of_column / density).sum() + missed)
 
 
-def _step(numbers: FloatArray, ranges_m: FloatArray, place: FloatArray, descent: Descent) -> None:
+def _step(
+    numbers: FloatArray, ranges_m: FloatArray, place: FloatArray, descent: LevenbergMarquardt
+) -> None:
     """One step of Gauss and Newton on |c - p| - R = range."""
     offsets = place[:2] - numbers[:, [X, Y]]
     distances = np.hypot(*offsets.T)
@@ -295,7 +297,7 @@ def _step(numbers: FloatArray, ranges_m: FloatArray, place: FloatArray, descent:
 
 @compiled
 def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     echoes: Echoes,
     is_open: BoolArray,
@@ -309,7 +311,7 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     hits, misses = 0, 0
     for index in range(len(pings)):
         ping = pings[index]
-        numbers = looks.numbers[ping]
+        numbers = table.numbers[ping]
         x, y = place[0] - numbers[X], place[1] - numbers[Y]
         distance = math.sqrt(x * x + y * y)
         across = distance - place[2]
@@ -318,7 +320,7 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         )  # fmt: skip
         if across <= least or across >= greatest:
             continue
-        off = off_axis(looks, ping, math.atan2(y, x))
+        off = off_axis(table, ping, math.atan2(y, x))
         half = numbers[HALF_ANGLE]
         if abs(off) >= LOOKING_SHARE * half:
             continue
@@ -340,9 +342,9 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         if any_echo:
             # Somebody else's echo covers it.
             continue
-        gain = max(amplitude_gain(looks, ping, off), LEAST_GAIN)
-        b = min(int((across - numbers[LEAST_RANGE]) / numbers[BIN_M]), looks.bins[ping] - 1)
-        limit = math.sqrt(looks.limit[ping, b])
-        if looks.kind[ping, b] == SILENCE and FAINTEST * gain / across**2 > LOUD * limit:
+        gain = max(amplitude_gain(table, ping, off), LEAST_GAIN)
+        b = min(int((across - numbers[LEAST_RANGE]) / numbers[BIN_M]), table.bins[ping] - 1)
+        limit = math.sqrt(table.limit[ping, b])
+        if table.kind[ping, b] == SILENCE and FAINTEST * gain / across**2 > LOUD * limit:
             misses += 1
     return hits, misses

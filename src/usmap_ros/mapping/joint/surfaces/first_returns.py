@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.joint.visibility.field import GREATEST_RANGE, HALF_ANGLE, HEADING, X, Y
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import GREATEST_RANGE, HALF_ANGLE, HEADING, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
@@ -30,7 +29,7 @@ MOST_MIRRORED = 0.67
 
 
 def answer_as_mirrors(
-    walls: Sequence[MirrorWall], looks: Looks, pings: NDArray[np.int64], echoes: Echoes
+    walls: Sequence[MirrorWall], table: PingTable, pings: NDArray[np.int64], echoes: Echoes
 ) -> bool:
     """Whether some walls answer as mirrors do.
 
@@ -38,14 +37,14 @@ def answer_as_mirrors(
     ----------
     walls : sequence of MirrorWall
         Walls by the feet of perpendiculars.
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Their rows.
     echoes : Echoes
         Theirs.
     """
-    numbers = looks.numbers[pings]
+    numbers = table.numbers[pings]
     nearest_m = np.full(len(pings), np.inf)
     has_any = np.diff(echoes.start) > 0
     nearest_m[has_any] = echoes.range_m[echoes.start[:-1][has_any]]

@@ -14,7 +14,7 @@ import numpy as np
 from usmap_ros.mapping.joint.surfaces.column_fits import (
     RANGE_STD_M,
     Circle,
-    Descent,
+    LevenbergMarquardt,
     PingSet,
     fitted_circle,
     log_ratio_of_point,
@@ -25,16 +25,19 @@ from usmap_ros.mapping.joint.surfaces.round_columns import (
     SUSPECT_LOG_RATIO_A_HIT,
     RoundColumn,
 )
-from usmap_ros.mapping.joint.visibility.field import HALF_ANGLE, HEADING, Field, X, Y
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
 #: Radii that fits begin with, m; what few directions tell of a radius is little, and most columns'
 #: are 0.18 +- 0.08 m.
 RADII_M = (0.12, 0.25)
-DESCENT = Descent(15, np.array([1e-3, 1e-3, (RANGE_STD_M / 0.08) ** 2]), usual_radius_m=0.18)
+DESCENT = LevenbergMarquardt(
+    15, np.array([1e-3, 1e-3, (RANGE_STD_M / 0.08) ** 2]), usual_radius_m=0.18
+)
 #: To the point that explains most.
-TO_POINT = Descent(5, np.array([1e-3, 1e-3, 1.0]), radii_m=(0.0, 0.0))
+TO_POINT = LevenbergMarquardt(5, np.array([1e-3, 1e-3, 1.0]), radii_m=(0.0, 0.0))
 #: How much likelier than a point a column is, by its log-likelihood ratio, and the most pings that
 #: should have heard it but did not, over its hits.
 LEAST_OVER_POINT, MOST_MISSED = 15.0, 0.2
@@ -125,8 +128,8 @@ def _is_round(circle: Circle, point: Circle | None, ping_set: PingSet) -> bool:
 
 def _echoes_of(cells_m: FloatArray, ping_set: PingSet) -> tuple[BoolArray, FloatArray]:
     """Which echoes may be of some cells; and the mean direction of those who heard them."""
-    looks, pings, echoes, _ = ping_set
-    numbers = looks.numbers[pings]
+    table, pings, echoes, _ = ping_set
+    numbers = table.numbers[pings]
     offsets = cells_m - numbers[:, np.newaxis, [X, Y]]
     away_m, middle = np.hypot(offsets[..., 0], offsets[..., 1]), offsets.mean(axis=1)
     off_rad = wrapped(np.arctan2(middle[:, 1], middle[:, 0]) - numbers[:, HEADING])

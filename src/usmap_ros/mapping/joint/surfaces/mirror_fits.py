@@ -16,16 +16,16 @@ from usmap_ros.mapping.joint.visibility.beams import (
     off_axis,
 )
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.ping_table import (
     ABSORPTION,
     BIN_M,
     GREATEST_RANGE,
     HALF_ANGLE,
     LEAST_RANGE,
+    PingTable,
     X,
     Y,
 )
-from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
 
@@ -46,12 +46,12 @@ GAP_M = 0.6
 MOST_TURN, LEAST_FEET = 0.05, 3
 
 
-class Search(NamedTuple):
+class MirrorSearch(NamedTuple):
     """Where mirrors are looked for.
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Their rows.
@@ -63,7 +63,7 @@ class Search(NamedTuple):
         Amplitude reflectivities that a mirror may have.
     """
 
-    looks: Looks
+    table: PingTable
     pings: NDArray[np.int64]
     echoes: Echoes
     is_open: BoolArray
@@ -90,17 +90,17 @@ class Feet(NamedTuple):
     log_mirror: FloatArray
 
 
-def candidates(search: Search, least_votes: int) -> list[tuple[float, float]]:
+def candidates(search: MirrorSearch, least_votes: int) -> list[tuple[float, float]]:
     """Normals and distances of lines with most votes, the best first, none twice.
 
     Parameters
     ----------
-    search : Search
+    search : MirrorSearch
         Whose open echoes vote.
     least_votes : int
         That a candidate has.
     """
-    numbers = search.looks.numbers[search.pings]
+    numbers = search.table.numbers[search.pings]
     reach_m = float(1.5 * np.abs(numbers[:, :2]).max() + numbers[:, GREATEST_RANGE].max() + 1.0)
     votes = np.zeros((DIRECTIONS, int(2.0 * reach_m / STEP_M)), np.int32)
     _vote(search, reach_m, votes)
@@ -121,12 +121,12 @@ def candidates(search: Search, least_votes: int) -> list[tuple[float, float]]:
 
 
 @compiled
-def _vote(search: Search, reach_m: float, votes: NDArray[np.int32]) -> None:
+def _vote(search: MirrorSearch, reach_m: float, votes: NDArray[np.int32]) -> None:
     """Count, for each direction and distance, the pings with an echo of a mirror from there."""
-    looks, pings, echoes = search.looks, search.pings, search.echoes
+    table, pings, echoes = search.table, search.pings, search.echoes
     last = np.full(votes.shape, -1, np.int32)
     for index in range(len(pings)):
-        numbers = looks.numbers[pings[index]]
+        numbers = table.numbers[pings[index]]
         for echo in range(echoes.start[index], echoes.start[index + 1]):
             if not search.is_open[echo]:
                 continue
@@ -135,10 +135,10 @@ def _vote(search: Search, reach_m: float, votes: NDArray[np.int32]) -> None:
             level *= math.exp(0.5 * numbers[ABSORPTION] * range_m)
             for f in range(DIRECTIONS):
                 normal = f * 2.0 * math.pi / DIRECTIONS
-                off = off_axis(looks, pings[index], normal)
+                off = off_axis(table, pings[index], normal)
                 if abs(off) > VOTING_SHARE * numbers[HALF_ANGLE]:
                     continue
-                gain = max(amplitude_gain(looks, pings[index], off), LEAST_GAIN)
+                gain = max(amplitude_gain(table, pings[index], off), LEAST_GAIN)
                 if level < search.faintest * gain or level > search.loudest * gain:
                     continue
                 foot = numbers[X] * math.cos(normal) + numbers[Y] * math.sin(normal)
@@ -149,7 +149,9 @@ def _vote(search: Search, reach_m: float, votes: NDArray[np.int32]) -> None:
 
 
 @compiled
-def fit(search: Search, normal_rad: float, distance_m: float) -> tuple[float, float, float, Feet]:
+def fit(
+    search: MirrorSearch, normal_rad: float, distance_m: float
+) -> tuple[float, float, float, Feet]:
     """Refine a candidate by the hits of its best stretch, as often as there are tolerances.
 
     Returns
@@ -174,33 +176,33 @@ def fit(search: Search, normal_rad: float, distance_m: float) -> tuple[float, fl
 
 @compiled_within
 def _stretch(
-    search: Search, normal_rad: float, distance_m: float, tolerance_m: float
+    search: MirrorSearch, normal_rad: float, distance_m: float, tolerance_m: float
 ) -> tuple[float, Feet]:
     """Score and hits of the best stretch of a line."""
     return _best_stretch(_feet(search, normal_rad, distance_m, tolerance_m))
 
 
 @inlined
-def _feet(search: Search, normal_rad: float, distance_m: float, tolerance_m: float) -> Feet:
+def _feet(search: MirrorSearch, normal_rad: float, distance_m: float, tolerance_m: float) -> Feet:
     """Feet of all pings that heard a line, or should have."""
-    looks, pings, count = search.looks, search.pings, len(search.pings)
+    table, pings, count = search.table, search.pings, len(search.pings)
     along_m, log_mirror = np.empty(count), np.zeros(count)
     ping, echo = np.empty(count, np.int64), np.empty(count, np.int64)
     cosine, sine, seen = math.cos(normal_rad), math.sin(normal_rad), 0
     for index in range(count):
-        numbers = looks.numbers[pings[index]]
+        numbers = table.numbers[pings[index]]
         across = distance_m - (numbers[X] * cosine + numbers[Y] * sine)
         least = numbers[LEAST_RANGE] + WITHIN_LEAST_M
         greatest = numbers[GREATEST_RANGE] - WITHIN_GREATEST_M
-        off = off_axis(looks, pings[index], normal_rad)
+        off = off_axis(table, pings[index], normal_rad)
         if across <= least or across >= greatest:
             continue
         if abs(off) >= LOOKING_SHARE * numbers[HALF_ANGLE]:
             continue
-        gain = max(amplitude_gain(looks, pings[index], off), LEAST_GAIN)
+        gain = max(amplitude_gain(table, pings[index], off), LEAST_GAIN)
         nearest, mirror = _nearest_echo(search, index, across, tolerance_m, gain)
         b = int((across - numbers[LEAST_RANGE]) / numbers[BIN_M])
-        limit = math.sqrt(looks.limit[pings[index], min(b, looks.bins[pings[index]] - 1)])
+        limit = math.sqrt(table.limit[pings[index], min(b, table.bins[pings[index]] - 1)])
         faintest = search.faintest * gain * math.exp(-0.5 * numbers[ABSORPTION] * across)
         if nearest >= 0 or faintest / (2.0 * across) > LOUD * limit:
             along_m[seen] = numbers[Y] * cosine - numbers[X] * sine
@@ -212,10 +214,10 @@ def _feet(search: Search, normal_rad: float, distance_m: float, tolerance_m: flo
 
 @inlined
 def _nearest_echo(
-    search: Search, index: int, across_m: float, tolerance_m: float, gain: float
+    search: MirrorSearch, index: int, across_m: float, tolerance_m: float, gain: float
 ) -> tuple[int, float]:
     """The echo of a ping nearest to where a mirror's should be, or -1; and its reflectivity."""
-    echoes, numbers = search.echoes, search.looks.numbers[search.pings[index]]
+    echoes, numbers = search.echoes, search.table.numbers[search.pings[index]]
     nearest_m, nearest, mirror = tolerance_m, -1, 1.0
     for echo in range(echoes.start[index], echoes.start[index + 1]):
         away_m = abs(echoes.range_m[echo] - across_m)
@@ -245,13 +247,13 @@ def _best_stretch(feet: Feet) -> tuple[float, Feet]:
 
 @inlined
 def _refinement(
-    search: Search, hits: Feet, normal_rad: float, distance_m: float
+    search: MirrorSearch, hits: Feet, normal_rad: float, distance_m: float
 ) -> tuple[float, float]:
     """Turn and shift of a line by which it fits hits best, by least squares."""
     cosine, sine = math.cos(normal_rad), math.sin(normal_rad)
     t_, tt_, r_, tr_, count = 0.0, 0.0, 0.0, 0.0, len(hits.echo)
     for k in range(count):
-        numbers = search.looks.numbers[search.pings[hits.ping[k]]]
+        numbers = search.table.numbers[search.pings[hits.ping[k]]]
         across = distance_m - (numbers[X] * cosine + numbers[Y] * sine)
         residual = search.echoes.range_m[hits.echo[k]] - across
         t_ -= hits.along_m[k]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.surfaces.mirror_fits import Search, candidates, fit
+from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates, fit
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
     face_usually,
@@ -24,8 +24,7 @@ from usmap_ros.mapping.joint.surfaces.mirrors import (
 )
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected, seen_directly
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
-from usmap_ros.mapping.joint.visibility.field import ABSORPTION, RANGE_STD, X, Y
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import ABSORPTION, RANGE_STD, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.processes.threads import in_turn
 
@@ -58,7 +57,7 @@ BAND = 0.4
 POSES_SHARE, WANDERING_SHARE = 2.25, 0.05
 
 
-class Bar(NamedTuple):
+class MirrorCriteria(NamedTuple):
     """What a wall must have.
 
     Parameters
@@ -87,11 +86,11 @@ class Bar(NamedTuple):
 
 
 #: Of any wall, and of one that faces as the others of the place do.
-ANY, USUAL = Bar(6, 5.0, 4, 0.3, 3.0, 0.6), Bar(4, 3.5, 2, 0.2, 0.0, 1.0)
+ANY, USUAL = MirrorCriteria(6, 5.0, 4, 0.3, 3.0, 0.6), MirrorCriteria(4, 3.5, 2, 0.2, 0.0, 1.0)
 
 
 def mirror_walls(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     echoes: Echoes,
     is_explained: BoolArray,
@@ -105,7 +104,7 @@ def mirror_walls(
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Their rows.
@@ -118,15 +117,15 @@ def mirror_walls(
     first_only : (pings,) bool array
         Pings of sensors that report the first thing only.
     """
-    among = perpendicular_walls(looks, pings, echoes, ~is_explained, first_only)
+    among = perpendicular_walls(table, pings, echoes, ~is_explained, first_only)
     usual = _usual_mirror(among)
     if usual is None:
         return []
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
-    search = Search(looks, pings, echoes, is_usable, faintest, loudest)
-    places_m = looks.numbers[pings][:, [X, Y]]
+    search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
+    places_m = table.numbers[pings][:, [X, Y]]
     walls = _directly(without_doubles(_found(search, ANY)), places_m)
-    is_left = is_usable & ~reflected(walls, looks, pings, echoes)
+    is_left = is_usable & ~reflected(walls, table, pings, echoes)
     for wall in walls:
         is_left[wall.echoes] = False
     more = _found(search._replace(is_open=is_left), USUAL)
@@ -163,7 +162,7 @@ def _directly(walls: list[MirrorWall], places_m: FloatArray) -> list[MirrorWall]
 
 
 def perpendicular_walls(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     echoes: Echoes,
     is_open: BoolArray,
@@ -173,19 +172,19 @@ def perpendicular_walls(
 
     Parameters
     ----------
-    looks, pings, echoes, first_only
+    table, pings, echoes, first_only
         As in `mirror_walls`.
     is_open : (echoes,) bool array
         Whether an echo may be one's.
     """
-    search = Search(
-        looks, pings, echoes, is_open, *_loudness(looks, pings, echoes, is_open, first_only)
+    search = MirrorSearch(
+        table, pings, echoes, is_open, *_loudness(table, pings, echoes, is_open, first_only)
     )
     return _found(search, ANY)
 
 
 def _loudness(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     echoes: Echoes,
     is_open: BoolArray,
@@ -196,7 +195,7 @@ def _loudness(
     is_open = is_open & ~first_only[ping]
     ping, range_m = ping[is_open], echoes.range_m[is_open]
     level = 2.0 * echoes.amplitude[is_open] * range_m
-    level *= np.exp(0.5 * looks.numbers[pings[ping], ABSORPTION] * range_m)
+    level *= np.exp(0.5 * table.numbers[pings[ping], ABSORPTION] * range_m)
     loudest = np.zeros(len(pings))
     np.maximum.at(loudest, ping, level)
     if not loudest.any():
@@ -205,7 +204,7 @@ def _loudness(
     return LEAST_MIRROR * loud, MOST_MIRROR * loud
 
 
-def _found(search: Search, bar: Bar) -> list[MirrorWall]:
+def _found(search: MirrorSearch, bar: MirrorCriteria) -> list[MirrorWall]:
     """Mirrors that explain echoes."""
     search = search._replace(is_open=search.is_open.copy())
     found: list[MirrorWall] = []
@@ -223,7 +222,9 @@ def _found(search: Search, bar: Bar) -> list[MirrorWall]:
     return found
 
 
-def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> MirrorWall | None:
+def _fitted(
+    search: MirrorSearch, bar: MirrorCriteria, normal_rad: float, distance_m: float
+) -> MirrorWall | None:
     """The wall near a candidate, if it is one."""
     normal_rad, distance_m, score, hits = fit(search, normal_rad, distance_m)
     if score < bar.score or len(hits.echo) < bar.hits:
@@ -236,7 +237,7 @@ def _fitted(search: Search, bar: Bar, normal_rad: float, distance_m: float) -> M
     low_m, high_m = np.percentile(feet_m, [5, 95])
     if high_m - low_m < bar.stretch_m or len(np.unique(np.round(feet_m / 0.1))) < bar.places:
         return None
-    numbers = search.looks.numbers[search.pings[hits.ping]]
+    numbers = search.table.numbers[search.pings[hits.ping]]
     across_m = distance_m - (
         numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)
     )

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.ping_table import (
     ABSORPTION,
     GREATEST_RANGE,
     HALF_ANGLE,
     HEADING,
     RANGE_STD,
+    PingTable,
     X,
     Y,
 )
-from usmap_ros.mapping.looks import Looks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
@@ -116,7 +116,7 @@ def _axes(wall: MirrorWall) -> tuple[FloatArray, FloatArray]:
 
 def reflected(
     mirrors: Sequence[MirrorWall],
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     echoes: Echoes,
     most: int = MOST_REFLECTIONS,
@@ -127,7 +127,7 @@ def reflected(
     ----------
     mirrors : sequence of MirrorWall
         That stand.
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Their rows.
@@ -136,7 +136,7 @@ def reflected(
     most : int
         Reflections of a way.
     """
-    numbers = looks.numbers[pings]
+    numbers = table.numbers[pings]
     loudest = sorted(mirrors, key=lambda mirror: -len(mirror.pings))[:MOST_MIRRORS]
     found = np.zeros(len(echoes.range_m), bool)
     for ping, length_m, loudness in _ways(loudest, numbers, most):

@@ -21,7 +21,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     RANGE_STD_M,
     STRAY_SHARE,
     Circle,
-    Descent,
+    LevenbergMarquardt,
     PingSet,
     echoes_per_m,
     fitted_circle,
@@ -29,8 +29,8 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
 )
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.joint.visibility.field import HALF_ANGLE, HEADING, RANGE_STD, Field, X, Y
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, RANGE_STD, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.processes.threads import for_each, in_turn
@@ -55,7 +55,7 @@ SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
 #: look like that, too.
 TOUCHING_CELLS, WALL_CELLS = 1.5, 20.0
 #: Candidates of votes lie near columns.
-FROM_VOTES = Descent(3, np.full(3, 0.16))
+FROM_VOTES = LevenbergMarquardt(3, np.full(3, 0.16))
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
     field : Field
         The cells, which centres are looked for at.
     """
-    looks, pings, echoes, _ = ping_set
-    stds_m = np.repeat(looks.numbers[pings, RANGE_STD], np.diff(echoes.start))
+    table, pings, echoes, _ = ping_set
+    stds_m = np.repeat(table.numbers[pings, RANGE_STD], np.diff(echoes.start))
     is_open, found = ~is_explained & (stds_m <= MOST_RANGE_STD_M), list[RoundColumn]()
 
     def fitted(place: tuple[float, float, float]) -> Circle | None:
@@ -192,12 +192,12 @@ def _candidates(
     ping_set: PingSet, is_open: BoolArray, stds_m: FloatArray, field: Field
 ) -> list[tuple[float, float, float]]:
     """Middles and radii that open echoes vote for, the best ones first."""
-    looks, pings, echoes, _ = ping_set
+    table, pings, echoes, _ = ping_set
     telling, best = _telling(echoes, stds_m), list[tuple[float, float, float, float]]()
 
     def most(radius_m: float) -> list[tuple[float, float, float, float]]:
         votes = np.zeros(field.shape, np.float32)
-        _vote(looks, pings, echoes, is_open, telling, field, radius_m, votes)
+        _vote(table, pings, echoes, is_open, telling, field, radius_m, votes)
         rows, columns = np.nonzero((votes >= SUSPECT_LOG_RATIO) & (votes >= over_block(votes)))
         x_m = (field.first_column + columns + 0.5) * field.resolution_m
         y_m = (field.first_row + rows + 0.5) * field.resolution_m
@@ -232,7 +232,7 @@ def _count_around(echoes: Echoes, crowd: NDArray[np.int64]) -> None:
 
 @compiled
 def _vote(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     echoes: Echoes,
     is_open: BoolArray,
@@ -248,7 +248,7 @@ def _vote(
     last = np.full((field.rows, field.columns), -1, np.int32)
     res = field.resolution_m
     for index in range(len(pings)):
-        numbers = looks.numbers[pings[index]]
+        numbers = table.numbers[pings[index]]
         half = numbers[HALF_ANGLE]
         for echo in range(echoes.start[index], echoes.start[index + 1]):
             if not is_open[echo]:

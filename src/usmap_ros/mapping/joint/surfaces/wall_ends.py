@@ -24,19 +24,19 @@ from usmap_ros.mapping.joint.visibility.beams import (
     WITHIN_LEAST_M,
 )
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.ping_bins import GAIN_STEPS
+from usmap_ros.mapping.ping_table import (
     ABSORPTION,
     BIN_M,
     GREATEST_RANGE,
     HALF_ANGLE,
     HEADING,
     LEAST_RANGE,
+    PingTable,
     X,
     Y,
 )
-from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Longest stretch that is added to an end, m: of walls that face as many others do, and of others.
@@ -60,7 +60,7 @@ class WallEnds:
 
     Parameters
     ----------
-    looks, pings, echoes
+    table, pings, echoes
         As in `mirror_walls`.
     left : (pings, RAYS, STEPS) uint8 array
         By `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
@@ -72,15 +72,15 @@ class WallEnds:
 
     def __init__(
         self,
-        looks: Looks,
+        table: PingTable,
         pings: NDArray[np.int64],
         echoes: Echoes,
         left: NDArray[np.uint8],
         walls: list[MirrorWall],
         columns: list[RoundColumn],
     ) -> None:
-        self._looks, self._pings, self._echoes, self._left = looks, pings, echoes, left
-        self._numbers = looks.numbers[pings]
+        self._table, self._pings, self._echoes, self._left = table, pings, echoes, left
+        self._numbers = table.numbers[pings]
         self._places_m = self._numbers[:, [X, Y]]
         self._echo_ping = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
         self._walls = walls
@@ -161,9 +161,9 @@ class WallEnds:
         numbers, across, off, half = numbers[asked], across[asked], off[asked], half[asked]
         entry = (1.0 - np.cos(off)) / (1.0 - np.cos(half)) * GAIN_STEPS
         rows = self._pings[asked]
-        gain = np.sqrt(self._looks.power_gain[rows, np.clip(entry.astype(int), 0, GAIN_STEPS)])
+        gain = np.sqrt(self._table.power_gain[rows, np.clip(entry.astype(int), 0, GAIN_STEPS)])
         b = ((across - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M]).astype(int)
-        limit = np.sqrt(self._looks.limit[rows, np.minimum(b, self._looks.bins[rows] - 1)])
+        limit = np.sqrt(self._table.limit[rows, np.minimum(b, self._table.bins[rows] - 1)])
         ray = np.clip(((off + half) * RAYS / (2.0 * half)).astype(int), 0, RAYS - 1)
         step = ((across - 0.15) * STEPS / numbers[:, GREATEST_RANGE]).astype(int)
         clear = self._left[asked, ray, np.clip(step, 0, STEPS - 1)] > CLEAR_SHARE * WHOLE

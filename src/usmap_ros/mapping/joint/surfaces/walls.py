@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn, off_line, without_doubles
-from usmap_ros.mapping.joint.surfaces.smooth_things import SmoothThings
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.surface_lines import ON_LINE_CELLS, surface_lines
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -53,7 +53,7 @@ class Walls:
 
 
 def find_walls(
-    log_odds: FloatArray, field: Field, gap_m: float, smooth: SmoothThings, stood: BoolArray
+    log_odds: FloatArray, field: Field, gap_m: float, smooth: SmoothSurfaces, stood: BoolArray
 ) -> Walls:
     """Cells that are shown, and lines through them.
 
@@ -65,7 +65,7 @@ def find_walls(
         The cells.
     gap_m : float
         Widest gap in a run of believed cells that counts as wall; 0: nothing is filled.
-    smooth : SmoothThings
+    smooth : SmoothSurfaces
         Mirrors and columns.
     stood : (rows, columns) bool array
         Where robots stood, and so nothing else.

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.ping_bins import GAIN_STEPS
+from usmap_ros.mapping.ping_table import (
     AXIS_X,
     AXIS_Y,
     AXIS_Z,
@@ -12,12 +14,10 @@ from usmap_ros.mapping.joint.visibility.field import (
     GREATEST_RANGE,
     HALF_ANGLE,
     HEADING,
-    Field,
+    PingTable,
     X,
     Y,
 )
-from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.compiled import inlined
 
@@ -29,9 +29,9 @@ LEVEL = 1e-6
 
 
 @inlined
-def off_axis(looks: Looks, ping: int, bearing_rad: float) -> float:
+def off_axis(table: PingTable, ping: int, bearing_rad: float) -> float:
     """Angle of a direction off a beam's axis, between -π and π."""
-    off: float = bearing_rad - looks.numbers[ping, HEADING]
+    off: float = bearing_rad - table.numbers[ping, HEADING]
     return off - 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
 
 
@@ -42,7 +42,7 @@ def is_beside(numbers: FloatArray, x_m: float, y_m: float, radius_m: float) -> b
     Parameters
     ----------
     numbers : (NUMBERS,) array
-        Of the ping, see `usmap_ros.mapping.looks.Looks`.
+        Of the ping, see `usmap_ros.mapping.ping_table.PingTable`.
     x_m, y_m, radius_m : float
         Middle of the disc, from the transducer, and its radius.
     """
@@ -73,7 +73,7 @@ def columns_in_beam(numbers: FloatArray, field: Field, y_m: float) -> tuple[int,
     Parameters
     ----------
     numbers : (NUMBERS,) array
-        Of the ping, see `usmap_ros.mapping.looks.Looks`.
+        Of the ping, see `usmap_ros.mapping.ping_table.PingTable`.
     field : Field
         The cells.
     y_m : float
@@ -99,8 +99,8 @@ def columns_in_beam(numbers: FloatArray, field: Field, y_m: float) -> tuple[int,
 
 
 @inlined
-def amplitude_gain(looks: Looks, ping: int, off_rad: float) -> float:
+def amplitude_gain(table: PingTable, ping: int, off_rad: float) -> float:
     """Amplitude gain of a beam at an angle off its axis."""
-    half = looks.numbers[ping, HALF_ANGLE]
+    half = table.numbers[ping, HALF_ANGLE]
     entry = int((1.0 - math.cos(off_rad)) / (1.0 - math.cos(half)) * GAIN_STEPS)
-    return math.sqrt(looks.power_gain[ping, min(max(entry, 0), GAIN_STEPS)])
+    return math.sqrt(table.power_gain[ping, min(max(entry, 0), GAIN_STEPS)])

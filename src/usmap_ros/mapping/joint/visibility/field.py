@@ -8,22 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.grids import GridGeometry
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.ping_table import GREATEST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray
 
 #: What stands in a cell is placed to half its side: quarters of a cell.
 QUARTERS = 4
-#: Columns of `Looks.numbers`: position, heading, half angle, and range limits.
-X, Y, HEADING, HALF_ANGLE, LEAST_RANGE, GREATEST_RANGE = 0, 1, 6, 7, 9, 10
-#: Axis of the beam, a unit vector, cosine of half its angle, and how far above the transducer is
-#: what stands on the map.
-AXIS_X, AXIS_Y, AXIS_Z, COS_HALF_ANGLE, RISE = 2, 3, 4, 8, 5
-#: Share of the power that air takes, per metre of range (there and back), as an exponent.
-ABSORPTION = 11
-#: Width of a range bin, and power of the receiver's noise.
-BIN_M, NOISE = 13, 14
-#: Standard deviation of ranges, m, by the pose's covariance and what nobody states.
-RANGE_STD = 12
 
 
 class Field(NamedTuple):
@@ -94,19 +83,19 @@ class Field(NamedTuple):
         return mask
 
 
-def field_around(looks: Looks, rows: NDArray[np.int64], resolution_m: float) -> Field:
+def field_around(table: PingTable, rows: NDArray[np.int64], resolution_m: float) -> Field:
     """The least rectangle that holds all that some pings may reach.
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     rows : (pings,) integer array
         Which of them.
     resolution_m : float
         Side of a cell.
     """
-    numbers = looks.numbers[rows]
+    numbers = table.numbers[rows]
     reach_m = numbers[:, GREATEST_RANGE]
     first_column, first_row = (
         int(np.floor((numbers[:, axis] - reach_m).min() / resolution_m)) - 1 for axis in (X, Y)

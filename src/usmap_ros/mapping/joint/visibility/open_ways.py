@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.visibility.field import BIN_M, Field, X, Y
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.soundings import room_for, sound
-from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import ECHO
+from usmap_ros.mapping.ping_table import BIN_M, PingTable, X, Y
 from usmap_ros.numerics.compiled import compiled
 
 #: Share of an echo's expected power below which what a cell returns proves nothing of the way
@@ -22,7 +22,7 @@ OWN_CELLS = 3.0
 
 @compiled
 def prove_open(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     left: NDArray[np.uint8],
@@ -38,7 +38,7 @@ def prove_open(
 
     Parameters
     ----------
-    looks, pings, field, left
+    table, pings, field, left
         The pings.
     expected : (pings, bins) float32 array
         λ.
@@ -57,11 +57,11 @@ def prove_open(
         seen.right[place], seen.up[place] = (columns[place] + 0.5) * res, (rows[place] + 0.5) * res
     for index in range(len(pings)):
         ping = pings[index]
-        x0, y0, bins = looks.numbers[ping, X], looks.numbers[ping, Y], looks.bins[ping]
+        x0, y0, bins = table.numbers[ping, X], table.numbers[ping, Y], table.bins[ping]
         x_m, y_m = field.first_column * res - x0, field.first_row * res - y0
-        per_bin = max(1.0, 1.1 * res / looks.numbers[ping, BIN_M])
+        per_bin = max(1.0, 1.1 * res / table.numbers[ping, BIN_M])
         count = sound(
-            looks, ping, left[index], expected[index], x_m, y_m, OWN_CELLS * res, len(rows), seen
+            table, ping, left[index], expected[index], x_m, y_m, OWN_CELLS * res, len(rows), seen
         )
         for place in range(count):
             which, b, share = seen.which[place], seen.bin[place], 0.0
@@ -70,7 +70,7 @@ def prove_open(
             returned = seen.loudness[place] * expected[index, b] * seen.sound[place]
             returned *= power[rows[which], columns[which]] / per_bin
             for near in range(max(0, b - 2), min(bins, b + 3)):
-                if looks.kind[ping, near] == ECHO:
+                if table.kind[ping, near] == ECHO:
                     share = max(share, returned / expected[index, near])
             if share < PROVING_SHARE:
                 continue

@@ -14,10 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.visibility.beams import columns_in_beam, rows_in_reach
-from usmap_ros.mapping.joint.visibility.field import NOISE, QUARTERS, Field, X, Y
+from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.looks import Looks
 from usmap_ros.mapping.ping_bins import GAIN_STEPS
+from usmap_ros.mapping.ping_table import (
+    ABSORPTION,
+    AXIS_X,
+    AXIS_Y,
+    AXIS_Z,
+    BIN_M,
+    COS_HALF_ANGLE,
+    GREATEST_RANGE,
+    HALF_ANGLE,
+    HEADING,
+    LEAST_RANGE,
+    NOISE,
+    RANGE_STD,
+    RISE,
+    PingTable,
+    X,
+    Y,
+)
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import atan2_32, exp32
 
@@ -85,13 +102,13 @@ class Projection(NamedTuple):
 
 
 def project(
-    looks: Looks, pings: NDArray[np.int64], field: Field, scatterers: Scatterers
+    table: PingTable, pings: NDArray[np.int64], field: Field, scatterers: Scatterers
 ) -> Projection:
     """Project scatterers, without shadows.
 
     Parameters
     ----------
-    looks, pings, field
+    table, pings, field
         As in `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
     scatterers : Scatterers
         All that there are.
@@ -101,7 +118,7 @@ def project(
     start = np.zeros(len(pings) + 1, np.int64)
     projection, done = empty_rows(FIRST_ROWS * len(pings) + len(scatterers.cell), start), 0
     while True:
-        done = _project(looks, pings, field, scatterers, begins, projection, done)
+        done = _project(table, pings, field, scatterers, begins, projection, done)
         if done == len(pings):
             return projection
         # As many for all others as for those so far, and room for one that hears everything.
@@ -170,9 +187,9 @@ def cast_shadows(
         begin, rows.start[index + 1], heard.start[index + 1] = end, kept, count
 
 
-def faintest_weights(looks: Looks, pings: NDArray[np.int64]) -> NDArray[np.float32]:
+def faintest_weights(table: PingTable, pings: NDArray[np.int64]) -> NDArray[np.float32]:
     """Weights below which nothing is heard of a scatterer, of each ping."""
-    weights: NDArray[np.float32] = (LEAST_SHARE / LOUD_POWER * looks.numbers[pings, NOISE]).astype(
+    weights: NDArray[np.float32] = (LEAST_SHARE / LOUD_POWER * table.numbers[pings, NOISE]).astype(
         np.float32
     )
     return weights
@@ -192,7 +209,7 @@ class _Near(NamedTuple):
 
 @compiled
 def _project(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     scatterers: Scatterers,
@@ -209,19 +226,19 @@ def _project(
     near = _Near(np.empty(most, np.int32), x, y, squared, ahead, weight, off)
     for index in range(first, len(pings)):
         start = rows.start[index]
-        count = _in_cone(looks, pings[index], field, scatterers, begins, near)
+        count = _in_cone(table, pings[index], field, scatterers, begins, near)
         if start + count > len(rows.weight):
             return index
-        _set_loudness(looks, pings[index], count, near)
+        _set_loudness(table, pings[index], count, near)
         rows.start[index + 1] = _place(
-            looks, pings[index], scatterers, field.resolution_m, count, near, rows, start
+            table, pings[index], scatterers, field.resolution_m, count, near, rows, start
         )
     return len(pings)
 
 
 @inlined
 def _in_cone(
-    looks: Looks,
+    table: PingTable,
     ping: int,
     field: Field,
     scatterers: Scatterers,
@@ -230,18 +247,25 @@ def _in_cone(
 ) -> int:
     """Set where the scatterers are that a ping's cone holds; returns how many."""
     res = field.resolution_m
-    x0, y0 = looks.numbers[ping, X], looks.numbers[ping, Y]
-    axis_x, axis_y = np.float32(looks.numbers[ping, 2]), np.float32(looks.numbers[ping, 3])
-    axis_z, rise = looks.numbers[ping, 4], looks.numbers[ping, 5]
+    x0, y0 = table.numbers[ping, X], table.numbers[ping, Y]
+    axis_x, axis_y = (
+        np.float32(table.numbers[ping, AXIS_X]),
+        np.float32(table.numbers[ping, AXIS_Y]),
+    )
+    axis_z, rise = table.numbers[ping, AXIS_Z], table.numbers[ping, RISE]
     risen, up = np.float32(rise * rise), np.float32(axis_z * rise)
-    cos_half, least, reach = looks.numbers[ping, 8], looks.numbers[ping, 9], looks.numbers[ping, 10]
+    cos_half, least, reach = (
+        table.numbers[ping, COS_HALF_ANGLE],
+        table.numbers[ping, LEAST_RANGE],
+        table.numbers[ping, GREATEST_RANGE],
+    )
     wide = np.float32(cos_half * abs(cos_half))
     nearest, farthest = np.float32(least * least), np.float32(reach * reach)
-    bottom, top = rows_in_reach(looks.numbers[ping], field)
+    bottom, top = rows_in_reach(table.numbers[ping], field)
     side, count = np.float32(res), 0
     for row in range(bottom, top):
         y_m = (field.first_row + row + 0.5) * res - y0
-        first, (left, right) = row * field.columns, columns_in_beam(looks.numbers[ping], field, y_m)
+        first, (left, right) = row * field.columns, columns_in_beam(table.numbers[ping], field, y_m)
         begin = first_from(scatterers.cell, begins[row], begins[row + 1], first + left)
         end = first_from(scatterers.cell, begin, begins[row + 1], first + right)
         cell_y, origin = np.float32(y_m), np.float32((field.first_column + 0.5) * res - x0)
@@ -272,18 +296,18 @@ def first_from(cells: NDArray[np.int32], begin: int, end: int, cell: int) -> int
 
 
 @inlined
-def _set_loudness(looks: Looks, ping: int, count: int, near: _Near) -> None:
+def _set_loudness(table: PingTable, ping: int, count: int, near: _Near) -> None:
     """Set weights by range and beam, and angles off the heading, of what is in a cone."""
-    numbers = looks.numbers[ping]
-    cosine, sine = np.float32(math.cos(numbers[6])), np.float32(math.sin(numbers[6]))
-    scale = np.float32(GAIN_STEPS / (1.0 - numbers[8]))
-    absorption, one = np.float32(-numbers[11]), np.float32(1.0)
+    numbers = table.numbers[ping]
+    cosine, sine = np.float32(math.cos(numbers[HEADING])), np.float32(math.sin(numbers[HEADING]))
+    scale = np.float32(GAIN_STEPS / (1.0 - numbers[COS_HALF_ANGLE]))
+    absorption, one = np.float32(-numbers[ABSORPTION]), np.float32(1.0)
     for k in range(count):
         squared, x, y = near.squared[k], near.x[k], near.y[k]
         distance = np.sqrt(squared)
         entry = (one - near.ahead[k] / distance) * scale
         at = min(max(int(entry), 0), GAIN_STEPS - 1)
-        low_gain, high_gain = looks.power_gain[ping, at], looks.power_gain[ping, at + 1]
+        low_gain, high_gain = table.power_gain[ping, at], table.power_gain[ping, at + 1]
         gain = low_gain + (high_gain - low_gain) * (entry - np.float32(at))
         near.weight[k] = gain / (squared * squared) * exp32(absorption * distance)
         near.off[k] = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
@@ -291,7 +315,7 @@ def _set_loudness(looks: Looks, ping: int, count: int, near: _Near) -> None:
 
 @inlined
 def _place(
-    looks: Looks,
+    table: PingTable,
     ping: int,
     scatterers: Scatterers,
     resolution_m: float,
@@ -302,14 +326,14 @@ def _place(
 ) -> int:
     """Set the rows of what is in a cone, if anything of it can be heard; returns their end."""
     half, least, reach, bin_m = (
-        looks.numbers[ping, 7],
-        looks.numbers[ping, 9],
-        looks.numbers[ping, 10],
-        looks.numbers[ping, 13],
+        table.numbers[ping, HALF_ANGLE],
+        table.numbers[ping, LEAST_RANGE],
+        table.numbers[ping, GREATEST_RANGE],
+        table.numbers[ping, BIN_M],
     )
-    faintest = np.float32(LEAST_SHARE / LOUD_POWER * looks.numbers[ping, NOISE])
-    blur = np.float32(3.0 * (looks.numbers[ping, 12] / bin_m) ** 2)
-    bins = looks.bins[ping]
+    faintest = np.float32(LEAST_SHARE / LOUD_POWER * table.numbers[ping, NOISE])
+    blur = np.float32(3.0 * (table.numbers[ping, RANGE_STD] / bin_m) ** 2)
+    bins = table.bins[ping]
     per_m, begin_m = np.float32(1.0 / bin_m), np.float32(least)
     side, most_blur = np.float32(resolution_m / bin_m), np.float32(MOST_BLUR_BINS)
     to_ray, to_step = np.float32(0.5 * RAYS / half), np.float32(STEPS / reach)
@@ -323,11 +347,11 @@ def _place(
         depth = _HALF_SIDE[part] * side * (abs(near.x[k]) + abs(near.y[k])) / distance
         middle = (distance - begin_m) * per_m
         blurred = max(min(np.sqrt(depth * depth + blur), most_blur), depth)
-        echo = looks.next_echo[ping, min(int(max(middle - blurred, np.float32(0.0))), bins)]
+        echo = table.next_echo[ping, min(int(max(middle - blurred, np.float32(0.0))), bins)]
         heard = echo <= middle + blurred
-        if heard and looks.bearing_weight[ping, echo] > 0.0:
-            beside = near.off[k] - looks.bearing[ping, echo]
-            weight *= exp32(-looks.bearing_weight[ping, echo] * beside * beside)
+        if heard and table.bearing_weight[ping, echo] > 0.0:
+            beside = near.off[k] - table.bearing[ping, echo]
+            weight *= exp32(-table.bearing_weight[ping, echo] * beside * beside)
             if weight < faintest:
                 continue
         around = blurred if heard else depth

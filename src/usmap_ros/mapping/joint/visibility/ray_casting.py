@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.visibility.field import GREATEST_RANGE, HALF_ANGLE, HEADING, Field
-from usmap_ros.mapping.looks import Looks
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.ping_table import GREATEST_RANGE, HALF_ANGLE, HEADING, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.processes.threads import for_each
@@ -26,27 +26,27 @@ BATCH = 64
 
 
 def cast_all_rays(
-    looks: Looks, pings: NDArray[np.int64], field: Field, depth: NDArray[np.float32]
+    table: PingTable, pings: NDArray[np.int64], field: Field, depth: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
     """The same as `cast_rays`, with as many threads as there are cores."""
     left = np.empty((len(pings), RAYS, STEPS), np.uint8)
 
     def cast(first: int) -> None:
         batch = slice(first, first + BATCH)
-        _cast(looks, pings[batch], field, depth, left[batch])
+        _cast(table, pings[batch], field, depth, left[batch])
 
     for_each(cast, range(0, len(pings), BATCH))
     return left
 
 
 def cast_rays(
-    looks: Looks, pings: NDArray[np.int64], field: Field, depth: NDArray[np.float32]
+    table: PingTable, pings: NDArray[np.int64], field: Field, depth: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
     """Share of the sound that reaches each sample of each ray.
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Their rows.
@@ -61,13 +61,13 @@ def cast_rays(
         exp(-optical depth) up to sample k, at range k / STEPS of the greatest, times `WHOLE`.
     """
     left = np.empty((len(pings), RAYS, STEPS), np.uint8)
-    _cast(looks, pings, field, depth, left)
+    _cast(table, pings, field, depth, left)
     return left
 
 
 @compiled
 def _cast(
-    looks: Looks,
+    table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
     depth: NDArray[np.float32],
@@ -80,9 +80,9 @@ def _cast(
     res = field.resolution_m
     near = _near(depth)
     for index in range(len(pings)):
-        numbers = looks.numbers[pings[index]]
+        numbers = table.numbers[pings[index]]
         half, step_m = numbers[HALF_ANGLE], numbers[GREATEST_RANGE] / STEPS
-        x0, y0 = numbers[0] / res - field.first_column, numbers[1] / res - field.first_row
+        x0, y0 = numbers[X] / res - field.first_column, numbers[Y] / res - field.first_row
         stride = step_m / res
         # So many samples lie within reach of the one in their middle.
         leap = int(2.0 * NEAR_CELLS / stride) + 1

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.ping_bins import GAIN_STEPS
+from usmap_ros.mapping.ping_table import (
     ABSORPTION,
     AXIS_X,
     AXIS_Y,
@@ -20,10 +22,8 @@ from usmap_ros.mapping.joint.visibility.field import (
     HEADING,
     LEAST_RANGE,
     RISE,
+    PingTable,
 )
-from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.numerics.compiled import inlined
 from usmap_ros.numerics.elementary import atan2_32, exp32, log32
 
@@ -38,7 +38,7 @@ SECTORS = 12
 LEAST_SOUND, LEAST_LOUDNESS = 0.03, 0.005
 
 
-class Sounded(NamedTuple):
+class SoundedPlaces(NamedTuple):
     """Places that are asked for, and those of them that one ping sounds.
 
     Parameters
@@ -74,9 +74,9 @@ class Sounded(NamedTuple):
 
 
 @inlined
-def room_for(places: int) -> Sounded:
+def room_for(places: int) -> SoundedPlaces:
     """Room for so many places."""
-    return Sounded(
+    return SoundedPlaces(
         np.empty(places, np.float32), np.empty(places, np.float32), np.empty(places, np.int64),
         np.empty(places, np.float32), np.empty(places, np.float32), np.empty(places, np.float32),
         np.empty(places, np.float32), np.empty(places, np.float32), np.empty(places, np.float32),
@@ -105,7 +105,7 @@ def incidence_of(direction_rad: float, normal_rad: float) -> int:
 
 @inlined
 def sound(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
-    looks: Looks,
+    table: PingTable,
     ping: int,
     left: NDArray[np.uint8],
     limit: NDArray[np.float32],
@@ -113,13 +113,13 @@ def sound(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     y_m: float,
     open_m: float,
     places: int,
-    seen: Sounded,
+    seen: SoundedPlaces,
 ) -> int:
     """Set how a ping sounds places; returns how many it does.
 
     Parameters
     ----------
-    looks, ping
+    table, ping
         The ping.
     left : (RAYS, STEPS) uint8 array
         How much of its sound is left, by
@@ -132,20 +132,20 @@ def sound(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         Sound must get so near to each.
     places : int
         How many are asked for.
-    seen : Sounded
+    seen : SoundedPlaces
         Set.
     """
-    count = _find_in_cone(looks, ping, x_m, y_m, places, seen)
-    _set_views(looks, ping, open_m, count, seen)
-    return _leave_out_unheard(looks, ping, left, limit, count, seen)
+    count = _find_in_cone(table, ping, x_m, y_m, places, seen)
+    _set_views(table, ping, open_m, count, seen)
+    return _leave_out_unheard(table, ping, left, limit, count, seen)
 
 
 @inlined
 def _find_in_cone(
-    looks: Looks, ping: int, x_m: float, y_m: float, places: int, seen: Sounded
+    table: PingTable, ping: int, x_m: float, y_m: float, places: int, seen: SoundedPlaces
 ) -> int:
     """Set which places a ping's cone holds, and where; returns how many it does."""
-    numbers, count = looks.numbers[ping], 0
+    numbers, count = table.numbers[ping], 0
     x0, y0, axis_x, axis_y = (
         np.float32(x_m), np.float32(y_m), np.float32(numbers[AXIS_X]), np.float32(numbers[AXIS_Y]),
     )  # fmt: skip
@@ -166,9 +166,9 @@ def _find_in_cone(
 
 
 @inlined
-def _set_views(looks: Looks, ping: int, open_m: float, count: int, seen: Sounded) -> None:
+def _set_views(table: PingTable, ping: int, open_m: float, count: int, seen: SoundedPlaces) -> None:
     """Set how loudly, and from where, a ping looks at places in its cone."""
-    numbers = looks.numbers[ping]
+    numbers = table.numbers[ping]
     cos_half, heading, half = numbers[COS_HALF_ANGLE], numbers[HEADING], numbers[HALF_ANGLE]
     cosine, sine = np.float32(math.cos(heading)), np.float32(math.sin(heading))
     absorption, one = np.float32(-numbers[ABSORPTION]), np.float32(1.0)
@@ -199,15 +199,15 @@ def _set_views(looks: Looks, ping: int, open_m: float, count: int, seen: Sounded
 
 @inlined
 def _leave_out_unheard(
-    looks: Looks,
+    table: PingTable,
     ping: int,
     left: NDArray[np.uint8],
     limit: NDArray[np.float32],
     count: int,
-    seen: Sounded,
+    seen: SoundedPlaces,
 ) -> int:
     """Leave out the places of which a ping would hear nothing; returns how many are left."""
-    bins, gains, kept = looks.bins[ping], looks.power_gain[ping], 0
+    bins, gains, kept = table.bins[ping], table.power_gain[ping], 0
     for place in range(count):
         loudness = gains[seen.entry[place]] * seen.loudness[place]
         seen.loudness[place] = loudness / limit[min(seen.bin[place], bins - 1)]

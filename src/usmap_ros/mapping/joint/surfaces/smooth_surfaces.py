@@ -23,20 +23,20 @@ from usmap_ros.mapping.joint.surfaces.round_columns import (
 )
 from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.joint.visibility.field import (
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.visibility.open_ways import trace_open
+from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
+from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
+from usmap_ros.mapping.ping_table import (
     BIN_M,
     HALF_ANGLE,
     HEADING,
     LEAST_RANGE,
     RANGE_STD,
-    Field,
+    PingTable,
     X,
     Y,
 )
-from usmap_ros.mapping.joint.visibility.open_ways import trace_open
-from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
-from usmap_ros.mapping.looks import Looks
-from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
@@ -58,7 +58,7 @@ BESIDE_M = (-0.04, 0.0, 0.04)
 RECOGNISED_M = 0.03
 
 
-class Recognised(NamedTuple):
+class KnownSurfaces(NamedTuple):
     """Smooth things that are known.
 
     Parameters
@@ -74,12 +74,12 @@ class Recognised(NamedTuple):
     suspected: list[RoundColumn]
 
 
-class SmoothThings:
+class SmoothSurfaces:
     """Mirrors and columns of an area.
 
     Parameters
     ----------
-    looks : Looks
+    table : PingTable
         Pings.
     pings : (pings,) integer array
         Rows of those that count.
@@ -90,17 +90,17 @@ class SmoothThings:
     """
 
     def __init__(
-        self, looks: Looks, pings: NDArray[np.int64], echoes: Echoes, field: Field
+        self, table: PingTable, pings: NDArray[np.int64], echoes: Echoes, field: Field
     ) -> None:
-        self._looks, self._pings, self._echoes, self._field = looks, pings, echoes, field
+        self._table, self._pings, self._echoes, self._field = table, pings, echoes, field
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
         self._suspected: list[RoundColumn] = []
         self._reflected = np.zeros(len(echoes.range_m), bool)
         index = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
-        numbers = looks.numbers[pings[index]]
+        numbers = table.numbers[pings[index]]
         place = np.floor((echoes.range_m - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M])
-        self._inside = (place >= 0) & (place < looks.bins[pings[index]])
+        self._inside = (place >= 0) & (place < table.bins[pings[index]])
         self._ping, self._bin = index, np.where(self._inside, place, 0).astype(np.int64)
 
     @property
@@ -128,17 +128,17 @@ class SmoothThings:
         depth : (rows, columns) float32 array
             Optical depth of cells.
         """
-        looks, pings, echoes = self._looks, self._pings, self._echoes
-        left = cast_all_rays(looks, pings, self._field, depth)
+        table, pings, echoes = self._table, self._pings, self._echoes
+        left = cast_all_rays(table, pings, self._field, depth)
         is_usable = ~first_only[self._ping] | self._mirror_first_returns(first_only)
         is_explained = is_explained | ~is_usable
-        found = mirror_walls(looks, pings, echoes, is_explained, is_usable, first_only)
+        found = mirror_walls(table, pings, echoes, is_explained, is_usable, first_only)
         for wall in found:
             is_explained[wall.echoes] = True
         may_follow = ~is_explained & ~first_only[self._ping]
-        self._reflected = reflected(found, looks, pings, echoes) & may_follow
+        self._reflected = reflected(found, table, pings, echoes) & may_follow
         is_explained |= self._reflected
-        ping_set = PingSet(looks, pings, echoes, left)
+        ping_set = PingSet(table, pings, echoes, left)
         columns = round_columns(ping_set, is_explained, self._field)
         self.columns = [column for column in columns if column.is_certain]
         for column in self.columns:
@@ -150,25 +150,25 @@ class SmoothThings:
             for column in columns
             if not column.is_certain and not any(map(column.overlaps, instead))
         ]
-        ends = WallEnds(looks, pings, echoes, left, found, self.columns)
+        ends = WallEnds(table, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
 
     def _mirror_first_returns(self, first_only: BoolArray) -> bool:
         """Whether the walls that sensors hear which report the first thing only are mirrors."""
-        looks, pings, echoes = self._looks, self._pings, self._echoes
+        table, pings, echoes = self._table, self._pings, self._echoes
         if not first_only.any():
             return False
-        walls = perpendicular_walls(looks, pings, echoes, first_only[self._ping], first_only)
-        return answer_as_mirrors(walls, looks, pings, echoes)
+        walls = perpendicular_walls(table, pings, echoes, first_only[self._ping], first_only)
+        return answer_as_mirrors(walls, table, pings, echoes)
 
     @property
-    def recognised(self) -> Recognised:
+    def recognised(self) -> KnownSurfaces:
         """Those that are known now."""
-        return Recognised(self.mirrors, self.columns, self._suspected)
+        return KnownSurfaces(self.mirrors, self.columns, self._suspected)
 
-    def recognise(self, known: Recognised) -> None:
+    def recognise(self, known: KnownSurfaces) -> None:
         """Take over the smooth things that other pings found, with these pings' echoes of them."""
-        ranges_m, where = self._echoes.range_m, self._looks.numbers[self._pings][self._ping]
+        ranges_m, where = self._echoes.range_m, self._table.numbers[self._pings][self._ping]
         self._suspected = known.suspected
 
         def heard(expected_m: FloatArray, bearing_rad: FloatArray, may: BoolArray) -> BoolArray:
@@ -187,7 +187,7 @@ class SmoothThings:
             own = np.flatnonzero(heard(expected_m, np.full(len(may), wall.normal_rad), may))
             self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
         # What goes over more mirrors seems to be behind one, where nothing is shown.
-        self._reflected = reflected(self.mirrors, self._looks, self._pings, self._echoes, most=2)
+        self._reflected = reflected(self.mirrors, self._table, self._pings, self._echoes, most=2)
         for column in known.columns:
             right_m, up_m = column.x_m - x_m, column.y_m - y_m
             expected_m = np.hypot(right_m, up_m) - column.radius_m
@@ -197,9 +197,9 @@ class SmoothThings:
     def take_out(self) -> None:
         """Let the echoes of smooth things say nothing of cells."""
         for ping, around, _ in self._echo_places():
-            self._looks.kind[self._pings[ping], around] = UNJUDGED
+            self._table.kind[self._pings[ping], around] = UNJUDGED
 
-    def put_back(self, expected: NDArray[np.float32]) -> Looks:
+    def put_back(self, expected: NDArray[np.float32]) -> PingTable:
         """Pings as they were before `take_out`; what smooth things return is then expected.
 
         Parameters
@@ -207,13 +207,13 @@ class SmoothThings:
         expected : (pings, bins) float32 array
             λ; raised.
         """
-        kind = self._looks.kind.copy()
+        kind = self._table.kind.copy()
         for ping, around, middle in self._echo_places():
             row = self._pings[ping]
             here = expected[ping, around]
-            here[:] = np.maximum(here, LOUD * self._looks.limit[row, around][: len(here)])
+            here[:] = np.maximum(here, LOUD * self._table.limit[row, around][: len(here)])
             kind[row, middle] = ECHO
-        return self._looks._replace(kind=kind)
+        return self._table._replace(kind=kind)
 
     def lines(self) -> FloatArray:
         """Mirrors as lines, see `usmap_ros.mapping.joint.surfaces.lines`."""
@@ -221,7 +221,7 @@ class SmoothThings:
 
     def hide(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> BoolArray:
         """Whether mirrors hide cells from everywhere: what seems to be there stands in them."""
-        places_m = self._looks.numbers[self._pings][:, [X, Y]]
+        places_m = self._table.numbers[self._pings][:, [X, Y]]
         first = self._field.first_column + 0.5, self._field.first_row + 0.5
         cells = np.stack([columns, rows], axis=1) + np.array(first)
         points_m = np.asarray(cells * self._field.resolution_m, np.float64)
@@ -272,7 +272,7 @@ class SmoothThings:
         last = np.full(self._field.shape, -1, np.int32)
         for thing in self._things():
             for ping, echo in zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True):
-                x_m, y_m = self._looks.numbers[self._pings[ping], [X, Y]]
+                x_m, y_m = self._table.numbers[self._pings[ping], [X, Y]]
                 way_m = self._echoes.range_m[echo] - PROVEN_CELLS * self._field.resolution_m
                 bearing_rad = thing.bearing_from(x_m, y_m)
                 for beside_m in BESIDE_M:

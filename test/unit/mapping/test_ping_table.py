@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from usmap_ros.mapping.looks import NUMBERS, look_in_row, stacked
-from usmap_ros.mapping.ping_bins import look_of
+from usmap_ros.mapping.ping_bins import ping_bins_of
+from usmap_ros.mapping.ping_table import NUMBERS, ping_in_row, stacked
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -16,19 +16,19 @@ PARAMETERS = MappingParameters()
 
 
 def test_all_numbers_of_a_look_are_kept(make_cone: MakeCone) -> None:
-    look = look_of(make_cone(), PARAMETERS)
-    assert {n for n, value in look._asdict().items() if isinstance(value, float)} == set(NUMBERS)
+    ping = ping_bins_of(make_cone(), PARAMETERS)
+    assert {n for n, value in ping._asdict().items() if isinstance(value, float)} == set(NUMBERS)
 
 
 def test_looks_come_back_as_they_were(make_cone: MakeCone) -> None:
-    looks = [
-        look_of(make_cone((1.2, 0.3), x_m=0.01 * n, max_range_m=1.5 + n), PARAMETERS)
+    pings = [
+        ping_bins_of(make_cone((1.2, 0.3), x_m=0.01 * n, max_range_m=1.5 + n), PARAMETERS)
         for n in range(4)
     ]
-    several = stacked(looks)
-    for row, look in enumerate(looks):
-        kept = look_in_row(several, row)
-        for name, value in look._asdict().items():
+    several = stacked(pings)
+    for row, ping in enumerate(pings):
+        kept = ping_in_row(several, row)
+        for name, value in ping._asdict().items():
             np.testing.assert_array_equal(value, getattr(kept, name), err_msg=name)
 
 

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.free_space.going_on import ENDS, GoingOn, behind, behind_alone, go_on
+from usmap_ros.mapping.joint.free_space.continuations import (
+    ENDS,
+    Continuations,
+    behind,
+    behind_alone,
+    continue_lines,
+)
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import FloatArray
@@ -14,11 +20,11 @@ ALONG_COLUMN = np.array([1.0, 0.0, 45.0, 0.0, 18.0])
 SHAPE = (20, 60)
 
 
-def followed(lines: list[FloatArray], said: float) -> GoingOn:
+def followed(lines: list[FloatArray], said: float) -> Continuations:
     """How lines go on where pings say the same of all cells but those that are known."""
     occupied = drawn(np.array(lines), SHAPE)
     least = np.where(occupied, -np.inf, said)
-    return go_on(np.array(lines), occupied, least, 12.0)
+    return continue_lines(np.array(lines), occupied, least, 12.0)
 
 
 def test_a_wall_goes_on_where_more_speaks_for_it() -> None:

@@ -14,12 +14,12 @@ from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
 from usmap_ros.mapping.joint.forward_model.powers import Settled
 from usmap_ros.mapping.joint.free_space.open_space import GROUPS
 from usmap_ros.mapping.joint.free_space.silence import Silence
-from usmap_ros.mapping.joint.surfaces.smooth_things import Recognised
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import KnownSurfaces
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 
-class Cells(NamedTuple):
+class CellStates(NamedTuple):
     """What is known of cells; (rows, columns, …) arrays.
 
     Parameters
@@ -80,16 +80,16 @@ class Cells(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Known:
+class AreaState:
     """What is known of an area.
 
     Parameters
     ----------
     field : Field
         Its cells.
-    cells : Cells
+    cells : CellStates
         Of each of them.
-    smooth : Recognised
+    smooth : KnownSurfaces
         Its mirrors and columns.
     silence : Silence
         What silence says there.
@@ -98,8 +98,8 @@ class Known:
     """
 
     field: Field
-    cells: Cells
-    smooth: Recognised
+    cells: CellStates
+    smooth: KnownSurfaces
     silence: Silence
     credit: Mapping[str, float]
 
@@ -113,7 +113,7 @@ class Known:
             and field.first_column < own.first_column + own.columns
         )
 
-    def reaching(self, field: Field) -> Known:
+    def reaching(self, field: Field) -> AreaState:
         """The same, or where that does not hold a field, the same of one that holds both."""
         own = self.field
         bottom, left = (
@@ -124,23 +124,23 @@ class Known:
         whole = Field(bottom, left, top - bottom, right - left, own.resolution_m)
         return self if whole == own else self._on(whole)
 
-    def copy(self) -> Known:
+    def copy(self) -> AreaState:
         """The same with arrays of its own."""
         return replace(self, cells=self.part(self.field))
 
-    def _on(self, whole: Field) -> Known:
+    def _on(self, whole: Field) -> AreaState:
         """The same on a field around this one."""
         larger = _nothing(whole, self.silence)
         _put(larger, whole, self.cells, self.field)
         return replace(self, field=whole, cells=larger)
 
-    def part(self, field: Field) -> Cells:
+    def part(self, field: Field) -> CellStates:
         """What is known of the cells of a field within this one; with arrays of their own."""
         place = _place(field, self.field)
         parts: list[Any] = [values[place].copy() for values in self.cells]
-        return Cells(*parts)
+        return CellStates(*parts)
 
-    def put(self, cells: Cells, field: Field) -> None:
+    def put(self, cells: CellStates, field: Field) -> None:
         """Set what is known of the cells of a field within this one."""
         _put(self.cells, self.field, cells, field)
 
@@ -151,14 +151,14 @@ def _place(field: Field, whole: Field) -> tuple[slice, slice]:
     return slice(row, row + field.rows), slice(column, column + field.columns)
 
 
-def _put(into: Cells, whole: Field, cells: Cells, field: Field) -> None:
+def _put(into: CellStates, whole: Field, cells: CellStates, field: Field) -> None:
     place = _place(field, whole)
     pairs: Iterable[Any] = zip(into, cells, strict=True)
     for old, new in pairs:
         old[place] = new
 
 
-def _nothing(field: Field, silence: Silence) -> Cells:
+def _nothing(field: Field, silence: Silence) -> CellStates:
     """What is known of cells that no ping has reached."""
     kinds, usual = silence.kinds, np.full(GROUPS, -np.inf)
     np.maximum.at(usual, kinds[:, 2].astype(np.int64), kinds[:, 1])
@@ -169,12 +169,12 @@ def _nothing(field: Field, silence: Silence) -> Cells:
     depths = {"power": (QUARTERS,), "firmness": (QUARTERS,), "worst": (GROUPS,)}
     nothing: list[Any] = [
         np.full((*field.shape, *depths.get(name, ())), begin.get(name, 0), kinds_of.get(name, "f4"))
-        for name in Cells._fields
+        for name in CellStates._fields
     ]
-    return Cells(*nothing)
+    return CellStates(*nothing)
 
 
-def least_credit(areas: Iterable[Known]) -> dict[str, float]:
+def least_credit(areas: Iterable[AreaState]) -> dict[str, float]:
     """How much of the trust in each source is left where least is, if that is not all of it."""
     found: dict[str, float] = {}
     for area in areas:

@@ -36,7 +36,7 @@ ONE_SIDED = 0.4
 ALONE_ONE_SIDED = 0.7
 
 
-class GoingOn(NamedTuple):
+class Continuations(NamedTuple):
     """How lines go on.
 
     Parameters
@@ -51,7 +51,9 @@ class GoingOn(NamedTuple):
     may_be: BoolArray
 
 
-def go_on(lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells: float) -> GoingOn:
+def continue_lines(
+    lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells: float
+) -> Continuations:
     """Follow lines beyond their ends.
 
     Parameters
@@ -86,7 +88,7 @@ def go_on(lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells:
             open_end = _leading(is_solid | (said >= ENDS))
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
                 may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
-    return GoingOn(longer, may_be & ~occupied)
+    return Continuations(longer, may_be & ~occupied)
 
 
 def behind(

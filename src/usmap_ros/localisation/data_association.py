@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.localisation.echo_table import Echoes
-from usmap_ros.localisation.lines_and_points import Landmarks, Looks, look
+from usmap_ros.localisation.echo_table import TrackEchoes
+from usmap_ros.localisation.lines_and_points import Landmarks, LandmarkViews, view_landmarks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Echoes per metre of range that no wall explains.
@@ -35,7 +35,7 @@ ECHO_WEIGHT = 0.5
 _PARTS, _LEAST_LEFT = 3, 1e-9
 
 
-class Heard(NamedTuple):
+class DataAssociation(NamedTuple):
     """Which echoes are whose: a row for each echo and each landmark that it may well be of.
 
     Parameters
@@ -71,12 +71,12 @@ class _Pairs(NamedTuple):
 
     Parameters
     ----------
-    seen : Looks
+    seen : LandmarkViews
         Of all pings and landmarks.
     echo, landmark : (n,) int arrays
         Which.
     off_m, std_m : (n,) arrays
-        As `Heard.off_m`, and its standard deviation.
+        As `DataAssociation.off_m`, and its standard deviation.
     per_rad_m, facing : (n,) arrays
         How `off_m` changes as the robot turns, and with range over the standard deviation.
     cell : (n,) int array
@@ -89,7 +89,7 @@ class _Pairs(NamedTuple):
         Echoes of the first thing only, and what stands before it.
     """
 
-    seen: Looks
+    seen: LandmarkViews
     echo: NDArray[np.intp]
     landmark: NDArray[np.intp]
     off_m: FloatArray
@@ -104,11 +104,11 @@ class _Pairs(NamedTuple):
 
     @classmethod
     def of(
-        cls, echoes: Echoes, poses: FloatArray, wanted: BoolArray, landmarks: Landmarks,
+        cls, echoes: TrackEchoes, poses: FloatArray, wanted: BoolArray, landmarks: Landmarks,
         sigma_m: float,
     ) -> _Pairs:  # fmt: skip
-        """Parameters are those of `share_out`."""
-        count, seen, ping = landmarks.total, look(landmarks, echoes, poses), echoes.ping
+        """Parameters are those of `associate_echoes`."""
+        count, seen, ping = landmarks.total, view_landmarks(landmarks, echoes, poses), echoes.ping
         range_m, aslant_rad = echoes.range_m[:, np.newaxis], seen.aslant_rad[ping]
         cosine, per_rad_m = np.cos(aslant_rad), -range_m * np.sin(aslant_rad)
         off_m = range_m * cosine - seen.far_m[ping]
@@ -132,8 +132,8 @@ class _Pairs(NamedTuple):
             cosine[rows] / std_m[rows], cells[ping[echo], landmark], cells, asked, *beyond,
         )  # fmt: skip
 
-    def share_out(
-        self, echoes: Echoes, kept: NDArray[np.intp], sigma_m: float
+    def associate_echoes(
+        self, echoes: TrackEchoes, kept: NDArray[np.intp], sigma_m: float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Of some rows the shares and how tight landmarks are; evidence, and rates by stretch."""
         echo, landmark, cell = self.echo[kept], self.landmark[kept], self.cell[kept]
@@ -152,9 +152,9 @@ class _Pairs(NamedTuple):
         return shares, tight[landmark], evidence, rate
 
 
-def share_out(
-    echoes: Echoes, poses: FloatArray, wanted: BoolArray, landmarks: Landmarks, sigma_m: float
-) -> Heard:
+def associate_echoes(
+    echoes: TrackEchoes, poses: FloatArray, wanted: BoolArray, landmarks: Landmarks, sigma_m: float
+) -> DataAssociation:
     """Say which echoes come from which landmark, by how often each stretch of it is heard.
 
     Stretches of a point are the directions that it is looked at from.
@@ -168,25 +168,25 @@ def share_out(
     """
     pairs, ping = _Pairs.of(echoes, poses, wanted, landmarks, sigma_m), echoes.ping
     echo, landmark = pairs.echo, pairs.landmark
-    shares, tight, evidence, rate = pairs.share_out(echoes, np.arange(len(echo)), sigma_m)
+    shares, tight, evidence, rate = pairs.associate_echoes(echoes, np.arange(len(echo)), sigma_m)
     through = rate.ravel()[pairs.cells[ping[pairs.beyond], pairs.past]]
     likelihood = np.log(evidence / _BACKGROUND)
     missed = np.log1p(-np.minimum(through, _MOST_RATE))
     likelihood += np.bincount(pairs.beyond, missed, len(ping))
     at = ping[echo], landmark
     by_pose = np.stack([pairs.seen.toward_x[at], pairs.seen.toward_y[at], pairs.per_rad_m])
-    return Heard(
+    return DataAssociation(
         echo, landmark, shares, pairs.off_m, pairs.seen.along_m[at], by_pose,
         (tight * sigma_m / pairs.std_m) ** 2, float((echoes.weight * wanted[ping]) @ likelihood),
     )  # fmt: skip
 
 
 def worth_their_cost(
-    echoes: Echoes, poses: FloatArray, wanted: BoolArray, landmarks: Landmarks, sigma_m: float
+    echoes: TrackEchoes, poses: FloatArray, wanted: BoolArray, landmarks: Landmarks, sigma_m: float
 ) -> Landmarks:
     """Those landmarks without which echoes would be less likely by more than they cost.
 
-    Parameters are those of `share_out`.
+    Parameters are those of `associate_echoes`.
     """
     pairs, is_worth = (
         _Pairs.of(echoes, poses, wanted, landmarks, sigma_m),
@@ -195,7 +195,7 @@ def worth_their_cost(
     least = cost_of_landmark(int(wanted.sum())) / ECHO_WEIGHT
     while True:
         kept = np.flatnonzero(is_worth[pairs.landmark])
-        shares, *_ = pairs.share_out(echoes, kept, sigma_m)
+        shares, *_ = pairs.associate_echoes(echoes, kept, sigma_m)
         lost = -np.log(np.maximum(1.0 - shares, _LEAST_LEFT)) * echoes.weight[pairs.echo[kept]]
         gained = np.bincount(pairs.landmark[kept], lost, landmarks.total)
         poor = np.flatnonzero(is_worth & (gained < least))

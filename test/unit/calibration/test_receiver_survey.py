@@ -1,8 +1,11 @@
 """A pulse that is not the stated one is noticed, and none is where it is."""
 
+import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from usmap_ros.calibration.receiver_survey import ReceiverSurvey
@@ -50,6 +53,31 @@ def test_a_burst_that_begins_at_once_is_what_few_samples_of_it_show(encoding: st
     }
     survey = ReceiverSurvey(STATED)
     for topic, trace in simulate(Scenario.from_mapping(content, "tone bursts")):
+        survey.add(topic, trace)
+    assert survey.problems() == {}
+
+
+@pytest.mark.parametrize(("seed", "rate_hz"), [(1, 10e3), (2, 20e3), (7, 50e3)])
+def test_echoes_of_rough_walls_that_overlap_are_no_longer_pulse(seed: int, rate_hz: float) -> None:
+    """Their mean explains most of their envelopes better than the pulse does."""
+    rng = np.random.default_rng(seed)
+    corners_m = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 4.0], [0.0, 4.0], [0.0, 0.0]])
+    points = [
+        {"x_m": x_m, "y_m": y_m, "reflectivity": 0.15 * math.sqrt(rng.exponential())}
+        for begin_m, end_m in pairwise(corners_m)
+        for share in rng.random(round(np.linalg.norm(end_m - begin_m) / 0.02))
+        for x_m, y_m in [begin_m + share * (end_m - begin_m) + rng.normal(0.0, 0.002, 2)]
+    ]
+    receiver = {"encoding": "envelope", "sample_rate_hz": rate_hz, "noise_std": 0.002}
+    motion = {"kind": "random_walk", "speed_m_s": 0.5, "start": [1.0, 1.0, 0.5]}
+    content = {
+        "seed": seed,
+        "duration_s": 10.0,
+        "world": {"points": points},
+        "robots": [{"name": "robot1", "motion": motion, "transducers": [{"receiver": receiver}]}],
+    }
+    survey = ReceiverSurvey(STATED)
+    for topic, trace in simulate(Scenario.from_mapping(content, "rough walls")):
         survey.add(topic, trace)
     assert survey.problems() == {}
 

@@ -11,6 +11,7 @@ from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
+from usmap_ros.mapping.ping_table import RANGE_STD
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -134,6 +135,19 @@ def test_a_pole_heard_along_a_way_that_drifts_is_no_mirror(
         y_m = 0.62 * (2.0 - range_m)
         cones.append(make_cone((range_m, 0.2), x_m=x_m, y_m=y_m, stamp_ns=n, **where))
     assert len(mirrors_of(cones)) == walls
+
+
+def test_a_mirror_is_found_though_ranges_are_said_to_be_off_by_metres(
+    mirror_pings: list[EchoCone],
+) -> None:
+    """Odometry says so that is good: an office lost the walls that told how it answers."""
+    kept = KeptPings(MappingParameters())
+    for cone in mirror_pings:
+        kept.add(cone, "robot")
+    table, rows, _, echoes = kept.pings()[:4]
+    table.numbers[:, RANGE_STD] = 2.0
+    none = np.zeros(len(echoes.range_m), bool)
+    assert len(mirror_walls(table, rows, echoes, none, ~none, np.zeros(len(rows), bool))) == 1
 
 
 def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:

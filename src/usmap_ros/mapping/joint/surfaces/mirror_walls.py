@@ -53,8 +53,9 @@ ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE = 0.1, 0.33, 15
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
 BAND = 0.4
 #: Sum of squares of what errors of poses explain, over that of their standard deviations; and of
-#: what they are off from one ping of a wall to the next, for they wander slowly.
-POSES_SHARE, WANDERING_SHARE = 2.25, 0.05
+#: what they are off from one ping of a wall to the next, for they wander slowly; whatever is
+#: stated, odometry does not jump by more than a share of so much, m.
+POSES_SHARE, WANDERING_SHARE, MOST_WANDERING_M = 2.25, 0.05, 0.1
 
 
 class MirrorCriteria(NamedTuple):
@@ -243,8 +244,9 @@ def _fitted(
     )
     ranges_m = search.echoes.range_m[hits.echo]
     wall, point = _residuals(feet_m, across_m, ranges_m)
-    by_poses = float((numbers[:, RANGE_STD] ** 2).sum())
-    wandering = WANDERING_SHARE * by_poses
+    stds_m = numbers[:, RANGE_STD]
+    by_poses = float((stds_m**2).sum())
+    wandering = WANDERING_SHARE * float((np.minimum(stds_m, MOST_WANDERING_M) ** 2).sum())
     if 0.5 * len(feet_m) * math.log((point + wandering) / (wall + wandering)) < bar.over_point:
         return None
     if wall > max(bar.point_share * point, POSES_SHARE * by_poses):

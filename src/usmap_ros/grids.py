@@ -43,19 +43,10 @@ _FREE_LOG_ODDS = _log_odds_from(FREE_PROBABILITY)
 
 @dataclass(frozen=True)
 class GridGeometry:
-    """Where the cells of a rectangular map lie: rows from the lowest y, columns from the lowest x.
-
-    Parameters
-    ----------
-    resolution_m : float
-        Side of a cell.
-    origin_m : (float, float)
-        x, y of the lower-left corner of cell (0, 0).
-    shape : (int, int)
-        Rows and columns.
-    """
+    """Where the cells of a map lie: rows from the lowest y, columns from the lowest x."""
 
     resolution_m: float
+    #: x, y of the lower-left corner of cell (0, 0).
     origin_m: tuple[float, float]
     shape: tuple[int, int]
 

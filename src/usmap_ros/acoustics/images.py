@@ -23,18 +23,12 @@ _ON_WALL_M = 1e-3
 
 @dataclass(frozen=True)
 class Mirrors:
-    """Upright plane walls that reflect, on either side.
+    """Upright plane walls that reflect, on either side."""
 
-    Parameters
-    ----------
-    starts_m, ends_m : (walls, 2) arrays
-        x, y of their ends.
-    reflectivities : (walls,) array
-        Amplitude reflectivity, 0 to 1.
-    """
-
+    #: (walls, 2) arrays: x, y of their ends.
     starts_m: FloatArray
     ends_m: FloatArray
+    #: (walls,) array: amplitude reflectivity, 0 to 1.
     reflectivities: FloatArray
 
     @classmethod
@@ -87,20 +81,15 @@ class Mirrors:
 
 @dataclass(frozen=True)
 class MirroredLegs:
-    """Legs from one place to points by way of each wall.
+    """Legs from one place to points by way of each wall."""
 
-    Parameters
-    ----------
-    images_m : (points, walls, 2) array
-        Mirror images of the points: the leg leaves towards them, and is as long as the way there.
-    touches_m : (points, walls, 2) array
-        Where the leg meets the wall.
-    exists : (points, walls) bool array
-        Whether it does: place and point on one side of the wall, and the wall long enough.
-    """
-
+    #: (points, walls, 2) array: mirror images of the points: the leg leaves towards them, and is as
+    #: long as the way there.
     images_m: FloatArray
+    #: (points, walls, 2) array: where the leg meets the wall.
     touches_m: FloatArray
+    #: (points, walls) bool array: whether it does: place and point on one side of the wall, and the
+    #: wall long enough.
     exists: BoolArray
 
 
@@ -113,8 +102,6 @@ def mirrored_legs(place_m: FloatArray, points_m: FloatArray, mirrors: Mirrors) -
         x, y of the transducer.
     points_m : (points, 2) array
         Of the objects.
-    mirrors : Mirrors
-        Walls that reflect, with the sides that they face.
     """
     place_side, point_side = mirrors.distances_m(place_m), mirrors.distances_m(points_m)
     images_m = points_m[:, np.newaxis] - 2.0 * point_side[..., np.newaxis] * mirrors.normals

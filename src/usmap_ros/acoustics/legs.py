@@ -22,18 +22,12 @@ _NEAREST_M = 1e-3
 
 @dataclass(frozen=True)
 class Legs:
-    """Ways between one transducer and points.
+    """Ways between one transducer and points."""
 
-    Parameters
-    ----------
-    lengths_m : (points, legs) array
-        How long each is.
-    gains : (points, legs) array
-        Amplitude gain: the transducer's towards the leg, spreading, absorption and reflection; 0
-        where a point has no such leg.
-    """
-
+    #: (points, legs) array: how long each is.
     lengths_m: FloatArray
+    #: (points, legs) array: amplitude gain: the transducer's towards the leg, spreading, absorption
+    #: and reflection; 0 where a point has no such leg.
     gains: FloatArray
 
     def paths(self, back: Legs) -> tuple[FloatArray, FloatArray]:
@@ -72,12 +66,8 @@ def straight_legs(
 
     Parameters
     ----------
-    pose : Pose
-        Of the transducer.
     beam : BeamPattern
         Its gain both ways; one way it is the root of that.
-    channel : Channel
-        Gives spreading, absorption and the floor.
     points_m : (n, 3) array
         Where the objects are.
     radius_m : float or (n,) array

@@ -32,22 +32,11 @@ MIN_PRESSURE_PA, MAX_PRESSURE_PA = 60_000.0, 110_000.0
 class Air:
     """Still air.
 
-    Parameters
-    ----------
-    temperature_c : float
-        Temperature, degrees Celsius.
-    relative_humidity : float
-        0 to 1.
-    pressure_pa : float
-        Static pressure of the air, Pa.
-
-    Raises
-    ------
-    UsmapError
-        If the air is outside of what the sources describe.
+    Raises `UsmapError` if the air is outside of what the sources describe.
     """
 
     temperature_c: float = 20.0
+    #: 0 to 1.
     relative_humidity: float = 0.5
     pressure_pa: float = _REFERENCE_PRESSURE_PA
 

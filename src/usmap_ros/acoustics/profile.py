@@ -28,17 +28,10 @@ _POINTS_PER_CONSTANT = 64
 
 @dataclass(frozen=True)
 class Profile:
-    """Complex envelope of an echo over the carrier, from its beginning on.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Rate of the values.
-    packed : bytes
-        Its values, as `values` has them: bytes are compared and hashed at once.
-    """
+    """Complex envelope of an echo over the carrier, from its beginning on."""
 
     rate_hz: float
+    #: Its values, as `values` has them: bytes are compared and hashed at once.
     packed: bytes = field(repr=False)
 
     @classmethod
@@ -111,6 +104,9 @@ def resonant_profile(
 ) -> Profile:
     """What resonators in a row make of the burst that drives them.
 
+    Raises `MalformedMessageError` if burst and ring last so long, and resonate so widely, that it
+    would take too many values.
+
     Parameters
     ----------
     drive : callable
@@ -121,11 +117,6 @@ def resonant_profile(
         Frequency of that burst, Hz.
     resonances : sequence of (float, float)
         Frequency (Hz) and quality factor of each resonator.
-
-    Raises
-    ------
-    MalformedMessageError
-        If burst and ring last so long, and resonate so widely, that it would take too many values.
 
     Notes
     -----

@@ -11,20 +11,13 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
 
 @dataclass(frozen=True)
 class Sampling:
-    """When the samples (or I/Q pairs) of a signal are taken.
+    """When the samples (or I/Q pairs) of a signal are taken."""
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Samples, or pairs of I and Q, per second.
-    start_delay_s : float
-        From the start of emission to the first one.
-    sample_count : int
-        How many they are.
-    """
-
+    #: Samples, or pairs of I and Q, per second.
     sample_rate_hz: float
+    #: From the start of emission to the first one.
     start_delay_s: float
+    #: How many they are.
     sample_count: int
 
     @property

@@ -25,48 +25,33 @@ _NEIGHBOURS = 8
 
 @dataclass(frozen=True)
 class EchoTable:
-    """Pings and their echoes, those over the floor among them, as if each came from an object.
+    """Pings and their echoes, those over the floor among them, as if each came from an object."""
 
-    Parameters
-    ----------
-    positions_m : (pings, 2) array
-        Where each ping was sent from.
-    yaws_rad, position_stds_m : (pings,) arrays
-        Direction of the beam, and standard deviation of the position along any axis.
-    sensors : (pings,) integer array
-        Which transducer sent it.
-    transducers : list of Transducer
-        Of each ping.
-    first_echo : (pings + 1,) integer array
-        Echoes of ping i are ``first_echo[i]`` to ``first_echo[i + 1]``.
-    pings : (echoes,) integer array
-        Ping of each echo.
-    ranges_m, range_stds_m : (echoes,) arrays
-        At the sound speed of `stated`, ascending within each ping.
-    amplitudes, amplitude_stds : (echoes,) arrays
-        In units of the samples.
-    stated : Channel
-        What the first trace states.
-    limit_step_m : float
-        Width of the bins of `limits`.
-    limits : list of (bins,) arrays
-        For each ping, from its transducer's least range on: the amplitude below which an echo
-        could have gone unreported.
-    """
-
+    #: (pings, 2) array: where each ping was sent from.
     positions_m: FloatArray
+    #: (pings,) arrays: direction of the beam, and standard deviation of the position along any
+    #: axis.
     yaws_rad: FloatArray
     position_stds_m: FloatArray
+    #: (pings,) integer array: which transducer sent it.
     sensors: IndexArray
     transducers: list[Transducer]
+    #: (pings + 1,) integer array: echoes of ping i are ``first_echo[i]`` to ``first_echo[i + 1]``.
     first_echo: IndexArray
+    #: (echoes,) integer array: ping of each echo.
     pings: IndexArray
+    #: (echoes,) arrays: at the sound speed of `stated`, ascending within each ping.
     ranges_m: FloatArray
     range_stds_m: FloatArray
+    #: (echoes,) arrays: in units of the samples.
     amplitudes: FloatArray
     amplitude_stds: FloatArray
+    #: What the first trace states.
     stated: Channel
+    #: Width of the bins of `limits`.
     limit_step_m: float
+    #: For each ping, from its transducer's least range on: the amplitude below which an echo could
+    #: have gone unreported.
     limits: list[FloatArray]
 
     def limit(self, ping: int, range_m: float) -> float:
@@ -134,8 +119,6 @@ def listen(
     ----------
     traces : iterable of EchoTrace
         In the order of their stamps; frames tell transducers apart.
-    parameters : ReconstructionParameters
-        Of the reconstruction, by delay and without a floor.
     nearer_m : float
         By how much nearer than the transducer's least range echoes are looked for.
     """

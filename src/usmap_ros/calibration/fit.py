@@ -32,35 +32,22 @@ _ROBUST_DEVIATIONS = 2.0
 
 @dataclass(frozen=True)
 class Model:
-    """What explains the ranges.
+    """What explains the ranges."""
 
-    Parameters
-    ----------
-    slowness : float
-        c₀ / c, the stated sound speed over the true one.
-    offset_m : float
-        By how much ranges come out too long.
-    floor_m : float or None
-        Height of the transducers above the floor; None: no floor is heard.
-    floor_model : FloorModel
-        How it returns sound.
-    places_m : (objects, 2) array
-        Where objects stand.
-    radii_m : (objects,) array
-        Distance of their surface from there.
-    is_fixed : (objects,) bool array
-        Whether the place is known.
-    slowness_std : float
-        How far slowness may be from 1.
-    """
-
+    #: c₀ / c, the stated sound speed over the true one.
     slowness: float
+    #: By how much ranges come out too long.
     offset_m: float
+    #: Height of the transducers above the floor; None: no floor is heard.
     floor_m: float | None
+    #: (objects, 2) array: where objects stand.
     places_m: FloatArray
+    #: (objects,) array: distance of their surface from there.
     radii_m: FloatArray
+    #: (objects,) bool array: whether the place is known.
     is_fixed: BoolArray
     floor_model: FloorModel = FloorModel.IMAGE
+    #: How far slowness may be from 1.
     slowness_std: float = UNKNOWN_SLOWNESS
 
     def having(self, objects: IndexArray) -> Model:
@@ -121,15 +108,10 @@ class Model:
 
 @dataclass(frozen=True)
 class EchoMatches:
-    """Echoes that are explained, each array of shape (matches,).
+    """Echoes that are explained, each array of shape (matches,)."""
 
-    Parameters
-    ----------
-    echoes, objects, paths : integer arrays
-        Which echo came from which object over which path (0: direct, 1: one way, 2: both ways; of
-        a floor with corners 1: by the corner).
-    """
-
+    #: Which echo came from which object over which path (0: direct, 1: one way, 2: both ways; of a
+    #: floor with corners 1: by the corner).
     echoes: IndexArray
     objects: IndexArray
     paths: IndexArray
@@ -141,20 +123,12 @@ class EchoMatches:
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A fitted model.
-
-    Parameters
-    ----------
-    model : Model
-        The best one.
-    stds : (3,) array
-        Standard deviations of slowness, offset (m) and height (m).
-    deviations : (matches,) array
-        Residuals in units of what is expected of them.
-    """
+    """A fitted model."""
 
     model: Model
+    #: (3,) array: standard deviations of slowness, offset (m) and height (m).
     stds: FloatArray
+    #: (matches,) array: residuals in units of what is expected of them.
     deviations: FloatArray
 
     def with_offset_of(self, other: FittedModel) -> FittedModel:
@@ -171,10 +145,6 @@ def fit(
 
     Parameters
     ----------
-    table : EchoTable
-        All echoes of the recording, with poses and pings.
-    matches : EchoMatches
-        What they came from.
     start : Model
         Where to start; what it says of fixed places and of having a floor stays.
     offset_std_m : float

@@ -12,17 +12,11 @@ from usmap_ros.pings.trace import EchoTrace
 
 @dataclass(frozen=True)
 class LearntReception:
-    """Parameters of reconstruction, with those of transducers of which something was learnt.
+    """Parameters of reconstruction, with those of transducers of which something was learnt."""
 
-    Parameters
-    ----------
-    stated : ReconstructionParameters
-        Where nothing was learnt, and where several pulses are in the air.
-    learnt : mapping of str to ReconstructionParameters
-        By the frames of transducers.
-    """
-
+    #: Where nothing was learnt, and where several pulses are in the air.
     stated: ReconstructionParameters
+    #: By the frames of transducers.
     learnt: Mapping[str, ReconstructionParameters] = field(default_factory=dict)
 
     def of(self, traces: Sequence[EchoTrace]) -> ReconstructionParameters:

@@ -52,29 +52,19 @@ _POINTS = 160
 
 @dataclass(frozen=True)
 class MeasuredPulse:
-    """A pulse as it is received.
+    """A pulse as it is received."""
 
-    Parameters
-    ----------
-    parameters : PulseParameters
-        What reconstruction is to be told of it; the stated pulse where that fits as well.
-    residual : float
-        Median over echoes: norm of what the pulse leaves of one, relative to its own.
-    stated_residual : float
-        The same of the pulse that traces state.
-    model_error : float
-        Amplitude of what is left beside an echo, relative to the echo, or stands beside most.
-    echoes : int
-        From how many it was measured.
-    own_error : float
-        Amplitude of what the pulse leaves of an echo that is freed of others, relative to it.
-    """
-
+    #: What reconstruction is to be told of it; the stated pulse where that fits as well.
     parameters: PulseParameters
+    #: Median over echoes: norm of what the pulse leaves of one, relative to its own.
     residual: float
+    #: The same of the pulse that traces state.
     stated_residual: float
+    #: Amplitude of what is left beside an echo, relative to the echo, or stands beside most.
     model_error: float
+    #: From how many it was measured.
     echoes: int
+    #: Amplitude of what the pulse leaves of an echo that is freed of others, relative to it.
     own_error: float = _LEAST_ERROR
 
     @property
@@ -92,8 +82,6 @@ def measure_pulse(
     ----------
     traces : sequence of EchoTrace
         Of transducers of one kind.
-    parameters : ReconstructionParameters
-        What is known of them beside.
     """
     snippets, rate_hz, seen = _snippets(traces, parameters)
     if len(snippets) < _LEAST_ECHOES or seen is None or not seen.pulse.has_carrier:

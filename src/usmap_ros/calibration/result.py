@@ -21,18 +21,12 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class Estimate:
-    """One quantity.
+    """One quantity."""
 
-    Parameters
-    ----------
-    value, std : float
-        Best value and its standard deviation; NaN where there is nothing to go by.
-    why_unknown : str
-        Why the recording does not tell it well enough to be used; empty if it does.
-    """
-
+    #: Best value and its standard deviation; NaN where there is nothing to go by.
     value: float
     std: float
+    #: Why the recording does not tell it well enough to be used; empty if it does.
     why_unknown: str = ""
 
     @property
@@ -43,46 +37,32 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a recording says of its sensors and of the air.
+    """What a recording says of its sensors and of the air."""
 
-    Parameters
-    ----------
-    sound_speed_m_s : Estimate
-        True sound speed.
-    range_offset_m : Estimate
-        By how much ranges come out too long: latency, and what else delays an echo.
-    floor_height_m, floor_reflectivity : Estimate
-        Of the transducers above the floor, and its amplitude reflectivity.  A height of 0 means
-        that there is none although messages state one.
-    gain : Estimate
-        Amplitude in the samples of an echo of which the truth is 1; std is that of its natural
-        logarithm.
-    pings, echoes, objects : int
-        What it was found from.
-    floor_model : FloorModel
-        How the floor returns sound, if one is heard.
-    pulse : MeasuredPulse or None
-        The pulse as it is received; None: too few echoes were loud, or it was given.
-    ringing : Ringing or None
-        What the transducer hears of itself in every ping; None: nothing, or it cannot be told.
-    stated_speed_m_s : float
-        Sound speed that traces state.
-    remarks : tuple of str
-        What could not be done that was asked for.
-    """
-
+    #: True sound speed.
     sound_speed_m_s: Estimate
+    #: By how much ranges come out too long: latency, and what else delays an echo.
     range_offset_m: Estimate
+    #: Of the transducers above the floor, and its amplitude reflectivity.  A height of 0 means that
+    #: there is none although messages state one.
     floor_height_m: Estimate
     floor_reflectivity: Estimate
+    #: Amplitude in the samples of an echo of which the truth is 1; std is that of its natural
+    #: logarithm.
     gain: Estimate
+    #: What it was found from.
     pings: int
     echoes: int
     objects: int
+    #: How the floor returns sound, if one is heard.
     floor_model: FloorModel = FloorModel.IMAGE
+    #: The pulse as it is received; None: too few echoes were loud, or it was given.
     pulse: MeasuredPulse | None = None
+    #: What the transducer hears of itself in every ping; None: nothing, or it cannot be told.
     ringing: Ringing | None = None
+    #: Sound speed that traces state.
     stated_speed_m_s: float = 343.2
+    #: What could not be done that was asked for.
     remarks: tuple[str, ...] = ()
 
     @property

@@ -35,14 +35,9 @@ _OFF_M = 0.1
 
 @dataclass(frozen=True)
 class Ringing:
-    """Where it is heard, as recorded.
+    """Where it is heard, as recorded."""
 
-    Parameters
-    ----------
-    ranges_m, amplitudes : (n,) arrays
-        Of echoes that are none.
-    """
-
+    #: (n,) arrays: of echoes that are none.
     ranges_m: FloatArray
     amplitudes: FloatArray
 
@@ -75,8 +70,6 @@ def ringing_of(
     ----------
     traces : sequence of EchoTrace
         From places apart.
-    parameters : ReconstructionParameters
-        What they are reconstructed with.
     target : Target, optional
         An object that is known; its echo ends the search.
     pings : int
@@ -98,13 +91,6 @@ def find_ringing(table: EchoTable, target: Target | None = None) -> Ringing:
 
     An object that the robot goes round is always as far away too: the target tells it apart, or a
     path that no object could be always as far from.
-
-    Parameters
-    ----------
-    table : EchoTable
-        All echoes, of one transducer.
-    target : Target, optional
-        An object that is known; its echo ends the search.
     """
     ranges_m: list[float] = []
     amplitudes: list[float] = []

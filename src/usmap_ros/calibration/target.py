@@ -10,19 +10,12 @@ WIDEST_OFFSET_M = 0.3
 
 @dataclass(frozen=True)
 class Target:
-    """An object of which is known where it stands.
+    """An object of which is known where it stands."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Position of its centre in the world frame.
-    reflectivity : float, optional
-        As a point target; None: not known.
-    radius_m : float
-        Distance of its surface from there.
-    """
-
+    #: Position of its centre in the world frame.
     x_m: float
     y_m: float
+    #: As a point target; None: not known.
     reflectivity: float | None = None
+    #: Distance of its surface from there.
     radius_m: float = 0.0

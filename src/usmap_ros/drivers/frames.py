@@ -36,17 +36,11 @@ _CHECKSUM = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class SampleFrame:
-    """An answer to a trigger.
+    """An answer to a trigger."""
 
-    Parameters
-    ----------
-    number : int
-        That of the trigger, 0 to 255.
-    samples : (n,) array
-        As the device counts them.
-    """
-
+    #: That of the trigger, 0 to 255.
     number: int
+    #: (n,) array: as the device counts them.
     samples: NDArray[Any]
 
     def packed(self) -> bytes:

@@ -28,36 +28,20 @@ class PingSource(Protocol):
     def open(self) -> None:
         """Get ready to ping.
 
-        Raises
-        ------
-        DeviceError
-            If the device is not there.
+        Raises `DeviceError` if the device is not there.
         """
         ...
 
     def ping(self, stamp_ns: int, base: Pose) -> Sequence[EchoTrace]:
         """Ping, and listen until the last echo has come.
 
-        Parameters
-        ----------
-        stamp_ns : int
-            Now, when the emission starts; nanoseconds since the epoch.
-        base : Pose
-            Of the robot's base frame in the world.
+        Raises `MalformedMessageError` if what the device said cannot be true; `NoAnswerError` if it
+        said nothing in time; `DeviceError` if it is gone.
 
         Returns
         -------
         sequence of EchoTrace
             Of each transducer that listened.
-
-        Raises
-        ------
-        MalformedMessageError
-            If what the device said cannot be true.
-        NoAnswerError
-            If it said nothing in time.
-        DeviceError
-            If it is gone.
         """
         ...
 

@@ -23,8 +23,6 @@ class Port:
     ----------
     address : str
         A serial port such as ``/dev/ttyUSB0``, or ``tcp://HOST:PORT``.
-    baud_rate : int
-        Of a serial port.
     """
 
     def __init__(self, address: str, baud_rate: int) -> None:
@@ -90,10 +88,7 @@ class Port:
     def read(self, timeout_s: float) -> bytes:
         """What has come, or comes first within a time; nothing if nothing does.
 
-        Raises
-        ------
-        DeviceError
-            If the device is gone.
+        Raises `DeviceError` if the device is gone.
         """
         try:
             ready, _, _ = select.select([self._descriptor], [], [], max(0.0, timeout_s))

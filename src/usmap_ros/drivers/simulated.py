@@ -18,26 +18,15 @@ from usmap_ros.simulation.simulator import NANOSECONDS
 
 @dataclass(frozen=True)
 class SimulatedWorld:
-    """Where a robot pings.
-
-    Parameters
-    ----------
-    scene : Scene
-        What it hears.
-    frame_id : str
-        Frame that poses are in, shared by all robots.
-    time : ScenarioTime
-        When the scenario began, which may change.
-    robot : SimulatedRobot
-        Whose transducers ping.
-    others : sequence of SimulatedRobot
-        Whose pulses it hears.
-    """
+    """Where a robot pings."""
 
     scene: Scene
+    #: Frame that poses are in, shared by all robots.
     frame_id: str
+    #: When the scenario began, which may change.
     time: ScenarioTime
     robot: SimulatedRobot
+    #: Whose pulses it hears.
     others: Sequence[SimulatedRobot]
 
 
@@ -46,8 +35,6 @@ class SimulatedTransducers:
 
     Parameters
     ----------
-    world : SimulatedWorld
-        Where they ping.
     transducers : sequence of (MountedTransducer, SeedSequence)
         Each with what its noise is drawn from.
     """

@@ -27,26 +27,16 @@ _SAME, _SAME_SIZE = 0.01, 1e-6
 
 @dataclass(frozen=True)
 class AlignedMaps:
-    """A map and the truth on one grid that holds both.
-
-    Parameters
-    ----------
-    geometry : GridGeometry
-        Of that grid.
-    probability : (rows, columns) array
-        What the map says; beyond its rectangle, an even chance.
-    observed : (rows, columns) bool array
-        Where it says something.
-    occupied : (rows, columns) bool array
-        What is there.
-    charted : (rows, columns) bool array
-        The truth's rectangle: beyond it the truth says nothing.
-    """
+    """A map and the truth on one grid that holds both."""
 
     geometry: GridGeometry
+    #: (rows, columns) array: what the map says; beyond its rectangle, an even chance.
     probability: FloatArray
+    #: (rows, columns) bool array: where it says something.
     observed: BoolArray
+    #: (rows, columns) bool array: what is there.
     occupied: BoolArray
+    #: (rows, columns) bool array: the truth's rectangle: beyond it the truth says nothing.
     charted: BoolArray
 
     @property
@@ -67,10 +57,8 @@ def align(occupancy: OccupancyMap, truth: TruthMap) -> AlignedMaps:
     centre of an occupied cell of the truth lies in it, or if its own centre lies in one: finer
     cells add up, and coarser ones are filled.
 
-    Raises
-    ------
-    MapSizeError
-        If a rectangle that holds both would have more than `MOST_CELLS` of the map's cells.
+    Raises `MapSizeError` if a rectangle that holds both would have more than `MOST_CELLS` of the
+    map's cells.
     """
     ours = occupancy.geometry
     _check_size(ours, truth.geometry)

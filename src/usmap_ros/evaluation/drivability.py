@@ -22,36 +22,21 @@ _AROUND = np.ones((3, 3), dtype=bool)
 
 @dataclass(frozen=True)
 class Drivability:
-    """What a robot risks that takes the map at its word; truth stops sound and sight.
+    """What a robot risks that takes the map at its word; truth stops sound and sight."""
 
-    Parameters
-    ----------
-    leak : float
-        Of the cells called free, the share that no beam can have reached: not within one cell of
-        a cell in line of sight of any ping, within its beam and maximum range.
-    lost : float
-        Of the truth cells in line of sight of two pings or more, the share called free with no
-        predicted cell within one cell.
-    escape_m2 : float
-        Area that no beam can have reached and that a robot of `ROBOT_RADIUS_M` gets to from a
-        robot's path.
-    """
-
+    #: Of the cells called free, the share that no beam can have reached: not within one cell of a
+    #: cell in line of sight of any ping, within its beam and maximum range.
     leak: float
+    #: Of the truth cells in line of sight of two pings or more, the share called free with no
+    #: predicted cell within one cell.
     lost: float
+    #: Area that no beam can have reached and that a robot of `ROBOT_RADIUS_M` gets to from a
+    #: robot's path.
     escape_m2: float
 
 
 def drivability(maps: AlignedMaps, views: PingViews) -> Drivability:
-    """Leak, lost and escape of a map.
-
-    Parameters
-    ----------
-    maps : AlignedMaps
-        The map and the truth.
-    views : PingViews
-        What it was made from.
-    """
+    """Leak, lost and escape of a map."""
     sightings = pings_in_sight(maps.occupied, maps.geometry, views)
     unseen = ~binary_dilation(sightings > 0, _AROUND)
     free, predicted = maps.free, maps.predicted

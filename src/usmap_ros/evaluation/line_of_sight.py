@@ -31,10 +31,6 @@ def pings_in_sight(occupied: BoolArray, geometry: GridGeometry, views: PingViews
     ----------
     occupied : (rows, columns) bool array
         Cells that stop sound.
-    geometry : GridGeometry
-        Where the cells lie.
-    views : PingViews
-        Where each ping was sent from, and its beam.
 
     Returns
     -------

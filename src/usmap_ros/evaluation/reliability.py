@@ -21,20 +21,14 @@ LEAST_SHARE = 0.01
 
 @dataclass(frozen=True)
 class Reliability:
-    """What became of cells by the probability they were given; reliabilities of maps add up.
+    """What became of cells by the probability they were given; reliabilities of maps add up."""
 
-    Parameters
-    ----------
-    cells : (BINS,) integer array
-        Observed cells in each bin of probability.
-    probability_sums : (BINS,) array
-        Sum of their probabilities.
-    holding, touching : (BINS,) integer arrays
-        Cells that hold a surface; that hold one or have one among their eight neighbours.
-    """
-
+    #: (BINS,) integer array: observed cells in each bin of probability.
     cells: IndexArray
+    #: (BINS,) array: sum of their probabilities.
     probability_sums: FloatArray
+    #: (BINS,) integer arrays: cells that hold a surface; that hold one or have one among their
+    #: eight neighbours.
     holding: IndexArray
     touching: IndexArray
 
@@ -89,10 +83,8 @@ class Reliability:
 def reliability(occupancy: OccupancyMap, truth: TruthMap) -> Reliability:
     """Count what became of a map's observed cells.
 
-    Raises
-    ------
-    ValueError
-        If the two have different resolutions, or origins that are not whole cells apart.
+    Raises `ValueError` if the two have different resolutions, or origins that are not whole cells
+    apart.
     """
     maps = align(occupancy, truth)
     probability = maps.probability[maps.observed]

@@ -22,46 +22,33 @@ LOG_LOSS_CLIP = 1e-6
 
 @dataclass(frozen=True)
 class Score:
-    """Agreement of a map with the truth, over what could be known of it; shares of nothing are 0.
+    """Agreement of a map with the truth, over what could be known; shares of nothing are 0."""
 
-    Parameters
-    ----------
-    f1 : float
-        Harmonic mean of precision and recall.
-    precision : float
-        Share of predicted cells within one cell of a truth cell.
-    recall : float
-        Share of surface cells in sight within one cell of a predicted one; an unknown
-        cell is not found.
-    known : float
-        Share of open cells in sight that are called free.
-    leak, lost, escape_m2 : float
-        See `Drivability`; NaN if it is not known what the pings looked at.
-    log_loss, brier : float
-        Mean over the cells in sight, nats and squared probability; cells that are neither
-        predicted nor free count with their probability, but at most with 0.5.
-    mean_distance_m : float
-        From predicted to nearest truth cells; NaN if nothing is predicted.
-    predicted_cells, surface_cells, open_cells : int
-        How many are predicted, and how many of either kind are in sight.
-    sight_known : bool
-        Whether it is known what was in sight. If not, all that lies within one cell of an
-        observed cell stands in for it, and a map that says less is asked less.
-    """
-
+    #: Harmonic mean of precision and recall.
     f1: float
+    #: Share of predicted cells within one cell of a truth cell.
     precision: float
+    #: Share of surface cells in sight within one cell of a predicted one; an unknown cell is not
+    #: found.
     recall: float
+    #: Share of open cells in sight that are called free.
     known: float
+    #: See `Drivability`; NaN if it is not known what the pings looked at.
     leak: float
     lost: float
     escape_m2: float
+    #: Mean over the cells in sight, nats and squared probability; cells that are neither predicted
+    #: nor free count with their probability, but at most with 0.5.
     log_loss: float
     brier: float
+    #: From predicted to nearest truth cells; NaN if nothing is predicted.
     mean_distance_m: float
+    #: How many are predicted, and how many of either kind are in sight.
     predicted_cells: int
     surface_cells: int
     open_cells: int
+    #: Whether it is known what was in sight. If not, all that lies within one cell of an observed
+    #: cell stands in for it, and a map that says less is asked less.
     sight_known: bool
 
 

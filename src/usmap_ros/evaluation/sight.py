@@ -23,20 +23,15 @@ _AROUND = np.ones((3, 3), dtype=bool)
 
 @dataclass(frozen=True)
 class InSight:
-    """Cells of which a map could know, whatever it says.
+    """Cells of which a map could know, whatever it says."""
 
-    Parameters
-    ----------
-    cells : (rows, columns) bool array
-        All of them, within the rectangle of the truth: beyond, it says nothing.
-    surface : (rows, columns) bool array
-        Those that are occupied and have an unoccupied one among their eight neighbours.
-    open : (rows, columns) bool array
-        Those farther than one cell (Chebyshev) from any occupied one.
-    """
-
+    #: (rows, columns) bool array: all of them, within the rectangle of the truth: beyond, it says
+    #: nothing.
     cells: BoolArray
+    #: (rows, columns) bool array: those that are occupied and have an unoccupied one among their
+    #: eight neighbours.
     surface: BoolArray
+    #: (rows, columns) bool array: those farther than one cell (Chebyshev) from any occupied one.
     open: BoolArray
 
 
@@ -48,10 +43,6 @@ def in_sight(maps: AlignedMaps, truth: TruthMap, views: PingViews | None) -> InS
 
     Parameters
     ----------
-    maps : AlignedMaps
-        The map and the truth.
-    truth : TruthMap
-        The truth on its own cells.
     views : PingViews or None
         What pings looked at; without them, all within one cell of an observed cell stands in.
     """

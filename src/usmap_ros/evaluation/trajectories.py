@@ -23,26 +23,17 @@ _SAME_MOMENT_NS = 10_000_000
 
 @dataclass(frozen=True)
 class PathScore:
-    """How far a path is off.
+    """How far a path is off."""
 
-    Parameters
-    ----------
-    poses : int
-        How many were compared.
-    ate_m : float
-        Root mean square of the distances.
-    ate_max_m : float
-        The largest of them.
-    ate_rad : float
-        Root mean square of the angles between orientations.
-    rpe_m, rpe_rad : float
-        Root mean square of the errors of changes from pose to pose; NaN of a single pose.
-    """
-
+    #: How many were compared.
     poses: int
+    #: Root mean square of the distances.
     ate_m: float
+    #: The largest of them.
     ate_max_m: float
+    #: Root mean square of the angles between orientations.
     ate_rad: float
+    #: Root mean square of the errors of changes from pose to pose; NaN of a single pose.
     rpe_m: float
     rpe_rad: float
 
@@ -55,6 +46,8 @@ def score_paths(
 ) -> dict[str, PathScore]:
     """Compare each path with the truth.
 
+    Raises `UsmapError` if a path has no truth, or none at the times of its poses.
+
     Parameters
     ----------
     estimates : mapping of str to Trajectory
@@ -64,11 +57,6 @@ def score_paths(
         are told apart by their stamps.
     aligned : bool
         Lay all paths together over the truth first, as one stiff body.
-
-    Raises
-    ------
-    UsmapError
-        If a path has no truth, or none at the times of its poses.
     """
     pairs = {}
     for name, estimate in estimates.items():

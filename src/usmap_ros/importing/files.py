@@ -23,30 +23,20 @@ OPTIONAL = {"z_m": 0.0}
 
 @dataclass(frozen=True)
 class ReadSamples:
-    """Samples as files hold them.
+    """Samples as files hold them."""
 
-    Parameters
-    ----------
-    rows : sequence of (n,) arrays
-        A ping each, or all pings one after another in a single one.
-    rate_hz : float
-        As a file states it; 0: none does.
-    is_continuous : bool
-        Whether the one row holds all pings.
-    """
-
+    #: A ping each, or all pings one after another in a single one.
     rows: Sequence[NDArray[Any]]
+    #: As a file states it; 0: none does.
     rate_hz: float = 0.0
+    #: Whether the one row holds all pings.
     is_continuous: bool = False
 
 
 def read_samples(folder: Path, path: str, name: str) -> ReadSamples:
     """Samples of the files that a description names; see `SamplesModel`.
 
-    Raises
-    ------
-    FileError
-        If they cannot be read, or hold something else.
+    Raises `FileError` if they cannot be read, or hold something else.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".wav":
@@ -68,10 +58,7 @@ def read_samples(folder: Path, path: str, name: str) -> ReadSamples:
 def read_poses(folder: Path, path: str, samples_path: str) -> dict[str, FloatArray]:
     """Columns of poses by name; see `PosesModel`.
 
-    Raises
-    ------
-    FileError
-        If they cannot be read, or one is missing.
+    Raises `FileError` if they cannot be read, or one is missing.
     """
     file = folder / (path or samples_path)
     if path:
@@ -119,10 +106,7 @@ def _read_table(file: Path) -> FloatArray:
 def read_cells(file: Path, known: Collection[str]) -> dict[str, list[str]]:
     """Cells of a .csv file by the names in its header, which all are known ones.
 
-    Raises
-    ------
-    FileError
-        If it cannot be read, or holds something else.
+    Raises `FileError` if it cannot be read, or holds something else.
     """
     try:
         with file.open(newline="", encoding="utf-8") as stream:
@@ -143,10 +127,7 @@ def read_cells(file: Path, known: Collection[str]) -> dict[str, list[str]]:
 def poses_of(file: Path, cells: Mapping[str, Any]) -> dict[str, FloatArray]:
     """Columns of poses among others, those that need not be there with the value they have then.
 
-    Raises
-    ------
-    FileError
-        If one is missing, or they are not numbers.
+    Raises `FileError` if one is missing, or they are not numbers.
     """
     columns = {name: _numbers(file, name, cells[name]) for name in COLUMNS if name in cells}
     missing = [name for name in COLUMNS if name not in columns and name not in OPTIONAL]

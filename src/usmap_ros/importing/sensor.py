@@ -19,8 +19,6 @@ class Sensor:
 
     Parameters
     ----------
-    description : Recording
-        Hardware, air, and where the transducer sits on its robot.
     sample_rate_hz : float, optional
         Where the description states none.
     """
@@ -65,19 +63,12 @@ class Sensor:
     def trace(self, samples: NDArray[Any], stamp_ns: int, pose: Pose) -> EchoTrace:
         """Trace of a ping.
 
+        Raises `MalformedMessageError` if it cannot be true.
+
         Parameters
         ----------
         samples : (n,) array
             As they were counted; of I/Q, complex or I and Q side by side.
-        stamp_ns : int
-            Start of emission.
-        pose : Pose
-            Of the transducer.
-
-        Raises
-        ------
-        MalformedMessageError
-            If it cannot be true.
         """
         stated = self._description.samples
         amplitudes = samples / (stated.full_scale or 1.0)

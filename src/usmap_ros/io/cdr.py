@@ -30,17 +30,11 @@ _IS_LITTLE_HERE = sys.byteorder == "little"
 
 
 class Layout(NamedTuple):
-    """Numbers that follow one another, in either byte order.
+    """Numbers that follow one another, in either byte order."""
 
-    Parameters
-    ----------
-    alignment : int
-        Size of the first number, bytes.
-    little, big : struct.Struct
-        How they are packed.
-    """
-
+    #: Size of the first number, bytes.
     alignment: int
+    #: How they are packed.
     little: struct.Struct
     big: struct.Struct
 
@@ -58,15 +52,13 @@ COUNT = Layout.of(4, "I")
 class CdrReader:
     """Reads the fields of one message in their order.
 
+    Raises `MalformedMessageError` if it does not begin like a message; and so do all methods where
+    it ends too early.
+
     Parameters
     ----------
     payload : bytes or memoryview
         The message; arrays are views of it where the byte order allows.
-
-    Raises
-    ------
-    MalformedMessageError
-        If it does not begin like a message; and so do all methods where it ends too early.
     """
 
     __slots__ = ("_at", "_is_little", "_payload")

@@ -94,10 +94,7 @@ def learn_standard(name: str) -> None:
 def decoded(payload: memoryview, message_type: str) -> Any:
     """Message of a standard type, as an object of rosbags.
 
-    Raises
-    ------
-    MalformedMessageError
-        If the bytes are no such message.
+    Raises `MalformedMessageError` if the bytes are no such message.
     """
     try:
         # The stubs of rosbags know bytes only; a view spares a copy.

@@ -34,17 +34,10 @@ _MODES = ("trinary", "scale", "raw")
 
 @dataclass(frozen=True)
 class Nav2Map:
-    """A map as nav2 understands it.
-
-    Parameters
-    ----------
-    geometry : GridGeometry
-        Where the cells lie.
-    probability : (rows, columns) array
-        Of being occupied; NaN where unknown.
-    """
+    """A map as nav2 understands it."""
 
     geometry: GridGeometry
+    #: (rows, columns) array: of being occupied; NaN where unknown.
     probability: FloatArray
 
 
@@ -53,10 +46,7 @@ def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) 
 
     Parameters are those of `nav2_files`.
 
-    Raises
-    ------
-    MapFileError
-        If a file cannot be written: then both are as they were.
+    Raises `MapFileError` if a file cannot be written: then both are as they were.
     """
     with file_errors(MapFileError, path):
         replace_files(path.parent, nav2_files(path, geometry, values))
@@ -69,8 +59,6 @@ def nav2_files(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> 
     ----------
     path : path
         Of the YAML file, ending in ``.yaml``; the image has the same name but for that.
-    geometry : GridGeometry
-        Where the cells lie.
     values : (rows, columns) int8 array
         As `OccupancyMap.trinary` gives them.
     """
@@ -98,15 +86,12 @@ def nav2_files(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> 
 def load_nav2_map(path: Path) -> Nav2Map:
     """Load any map that nav2's map server loads: modes trinary, scale and raw.
 
+    Raises `MapFileError` if a file is missing, or says what cannot be.
+
     Parameters
     ----------
     path : path
         The YAML file; the image's path in it is relative to it.
-
-    Raises
-    ------
-    MapFileError
-        If a file is missing, or says what cannot be.
     """
     description = _Description(path)
     resolution = description.number("resolution")

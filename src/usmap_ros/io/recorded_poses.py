@@ -21,21 +21,14 @@ _MOST_FRAMES = 32
 
 
 class LocatedFrame(NamedTuple):
-    """Where a frame was.
+    """Where a frame was."""
 
-    Parameters
-    ----------
-    pose : Pose
-        Of the frame, in `world`.
-    world : str
-        The frame that no other recorded one stands above.
-    robot : str
-        Of which robot it is: sensors that ride on the same moving frame share its odometry, so that
-        what their topics and frames are called does not tell them apart.
-    """
-
+    #: Of the frame, in `world`.
     pose: Pose
+    #: The frame that no other recorded one stands above.
     world: str
+    #: Of which robot it is: sensors that ride on the same moving frame share its odometry, so that
+    #: what their topics and frames are called does not tell them apart.
     robot: str
 
 
@@ -109,10 +102,7 @@ class RecordedPoses:
 
         A sensor of which no transform is known sits where its robot's odometry is.
 
-        Raises
-        ------
-        MalformedMessageError
-            If it is not known.
+        Raises `MalformedMessageError` if it is not known.
         """
         frame, found, moving = frame_id, None, ""
         is_placed = frame in self._transforms or frame in self._odometry

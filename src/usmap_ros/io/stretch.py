@@ -39,13 +39,7 @@ _AT_ONCE = 256
 
 
 class Files:
-    """Files of recordings, no more of them open than the operating system lets a process have.
-
-    Parameters
-    ----------
-    storages : list of Storage
-        Files of the recordings, in the order in which places count them.
-    """
+    """Files of recordings, no more of them open than the operating system lets a process have."""
 
     def __init__(self, storages: list[Storage]) -> None:
         self._storages = storages
@@ -78,10 +72,6 @@ class Stretch:
     ----------
     message_type : str
         Such as ``usmap_msgs/msg/EchoTrace``.
-    files : Files
-        Those that the messages lie in.
-    topics : sequence of str
-        Names of topics.
     places : (n,) array of PLACE
         Where each message lies.
     """
@@ -130,15 +120,7 @@ class Stretch:
     def contents(
         self, convert: Callable[[memoryview], _Content], skip: Skip
     ) -> Iterator[tuple[str, _Content]]:
-        """Yield topic and content of every well-formed message.
-
-        Parameters
-        ----------
-        convert : callable
-            Makes content of a serialized message.
-        skip : callable
-            Told of malformed messages.
-        """
+        """Yield topic and content of every well-formed message."""
         for first in range(0, len(self), _AT_ONCE):
             for number, topic, stamp_ns, *place in self._places[first : first + _AT_ONCE].tolist():
                 name = self.topics[topic]
@@ -154,17 +136,10 @@ class Stretch:
 
 @dataclass(frozen=True)
 class TraceStretch:
-    """Echo traces that follow one another in a recording, and what completes them.
-
-    Parameters
-    ----------
-    messages : Stretch
-        Where the traces lie.
-    arrays : TransducerArrays
-        Of the whole recording.
-    """
+    """Echo traces that follow one another in a recording, and what completes them."""
 
     messages: Stretch
+    #: Of the whole recording.
     arrays: TransducerArrays
 
     def __len__(self) -> int:

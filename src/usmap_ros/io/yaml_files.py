@@ -32,8 +32,6 @@ def load_yaml(path: Path, model: type[_Model]) -> _Model:
     ----------
     path : path
         YAML of the model's keys, at most 1 MiB.
-    model : type
-        A pydantic model that forbids unknown keys.
 
     Raises
     ------
@@ -46,10 +44,7 @@ def load_yaml(path: Path, model: type[_Model]) -> _Model:
 def read_mapping(path: Path) -> dict[str, Any]:
     """Read a YAML file of keys and values; an empty file gives none.
 
-    Raises
-    ------
-    ConfigurationError
-        If there is no such file, or something else in it.
+    Raises `ConfigurationError` if there is no such file, or something else in it.
     """
     content = read_yaml(path, ConfigurationError)
     if content is None:

@@ -57,8 +57,6 @@ def read_yaml(path: Path, error_class: type[FileError]) -> Any:
     ----------
     path : path
         YAML in UTF-8, at most 1 MiB.
-    error_class : type
-        Of the error that is raised.
 
     Raises
     ------

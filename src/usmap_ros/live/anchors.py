@@ -12,18 +12,12 @@ from usmap_ros.numerics.geometry import Pose, on_base
 
 @dataclass(frozen=True)
 class Anchor:
-    """Where a robot was found to be at a ping, from which its odometry goes on.
+    """Where a robot was found to be at a ping, from which its odometry goes on."""
 
-    Parameters
-    ----------
-    told, found : Pose
-        As it was told, and as it was corrected.
-    frame_id : str
-        The frame that it was found in.
-    """
-
+    #: As it was told, and as it was corrected.
     told: Pose
     found: Pose
+    #: The frame that it was found in.
     frame_id: str
 
     def moved(self, ping: Ping) -> Ping:

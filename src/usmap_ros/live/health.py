@@ -51,8 +51,6 @@ class Health:
         What is counted; all of it is reported, from the start.
     warn : callable
         Gets the first occurrence of each problem, and what is found from then on that it is.
-    clock : callable
-        Seconds of a clock that never runs backwards.
 
     Attributes
     ----------

@@ -31,17 +31,11 @@ _LONGEST_REACH = 0.1
 
 @dataclass(frozen=True)
 class FusionOutcome:
-    """What became of one cone.
+    """What became of one cone."""
 
-    Parameters
-    ----------
-    topic : str
-        Where it came from.
-    latency_s : float
-        From its arrival until it was in the map, the wait for older ones included.
-    """
-
+    #: Where it came from.
     topic: str
+    #: From its arrival until it was in the map, the wait for older ones included.
     latency_s: float
 
 
@@ -50,20 +44,14 @@ class LiveFusion:
 
     Parameters
     ----------
-    parameters : MappingParameters
-        Of the map.
     order_wait_s : float
         How long a cone waits for older ones of other sources.
     capacity : int
         Cones that may wait.
     frame_id : str
         The map's frame; empty: the one that most robots share in the first seconds.
-    clock : callable
-        Seconds of a clock that never runs backwards.
     on_set_apart : callable
         Told how many pings were set apart, and why, when that is known only after they came.
-    poses : PoseParameters
-        Which poses are mapped with.
 
     Attributes
     ----------
@@ -129,12 +117,8 @@ class LiveFusion:
         Until it is known which frame most robots share, those in another than the first cone's
         are held; the map may then begin anew with them.
 
-        Raises
-        ------
-        RepeatedPingError
-            If the ping was there before.
-        MalformedMessageError
-            If it is in another frame than the map, or reaches too far for a map to be published.
+        Raises `RepeatedPingError` if the ping was there before; `MalformedMessageError` if it is in
+        another frame than the map, or reaches too far for a map to be published.
         """
         self._check_reach(cone)
         self._seen.add(cone)
@@ -175,12 +159,8 @@ class LiveFusion:
     def fuse_next(self) -> FusionOutcome | None:
         """Fuse the next cone, if its turn has come.
 
-        Raises
-        ------
-        FarOffError
-            If it is set apart, for now or for good.
-        MalformedMessageError
-            If it cannot be fused.
+        Raises `FarOffError` if it is set apart, for now or for good; `MalformedMessageError` if it
+        cannot be fused.
         """
         came_s, released = self._clock(), None
         if not self._ready:
@@ -319,12 +299,8 @@ class LiveFusion:
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from an earlier map.
 
-        Raises
-        ------
-        ValueError
-            If its resolution, origin or frame does not fit.
-        MapSizeError
-            If it is larger than a map may be.
+        Raises `ValueError` if its resolution, origin or frame does not fit; `MapSizeError` if it is
+        larger than a map may be.
         """
         if self.frame_id and occupancy.frame_id and occupancy.frame_id != self.frame_id:
             raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self.frame_id}'")

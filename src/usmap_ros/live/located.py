@@ -18,20 +18,11 @@ from usmap_ros.runs.restarts import first_name
 
 @dataclass(frozen=True)
 class LocatedRobots:
-    """Where robots were found to be.
-
-    Parameters
-    ----------
-    corrected : Corrected
-        Their pings.
-    frame_id : str
-        The map's frame.
-    frames : dict
-        x, y (m) and yaw (rad) of the frame of each robot's odometry in the map's, by its name.
-    """
+    """Where robots were found to be."""
 
     corrected: Corrected
     frame_id: str
+    #: x, y (m) and yaw (rad) of the frame of each robot's odometry in the map's, by its name.
     frames: dict[str, FloatArray]
 
     def trajectories(self) -> dict[str, Trajectory]:

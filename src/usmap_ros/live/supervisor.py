@@ -42,16 +42,9 @@ class BackOff:
 
 @dataclass
 class Task:
-    """One process to keep running.
+    """One process to keep running."""
 
-    Parameters
-    ----------
-    name : str
-        Stands before every line of its output.
-    command : sequence of str
-        Program and arguments.
-    """
-
+    #: Stands before every line of its output.
     name: str
     command: Sequence[str]
     process: subprocess.Popen[str] | None = field(default=None, init=False)
@@ -65,8 +58,6 @@ class Supervisor:
 
     Parameters
     ----------
-    tasks : sequence of Task
-        What to run.
     say : callable
         Gets each line of output, with the name of its process before it.
     """

@@ -40,10 +40,7 @@ def definition_of(message_type: str) -> tuple[str, str]:
 
     Types that are neither standard nor ours are looked up in the installed packages.
 
-    Raises
-    ------
-    UnknownTypeError
-        If there is no definition.
+    Raises `UnknownTypeError` if there is no definition.
     """
     store = typestore()
     _learn(message_type)
@@ -85,10 +82,7 @@ class BagRecorder(Node):
 
     Keyword arguments are those of `rclpy.node.Node`.
 
-    Raises
-    ------
-    UsmapError
-        If the recording cannot be written.
+    Raises `UsmapError` if the recording cannot be written.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -108,10 +102,7 @@ class BagRecorder(Node):
     def close(self) -> None:
         """Complete the recording.
 
-        Raises
-        ------
-        BagError
-            If that cannot be written.
+        Raises `BagError` if that cannot be written.
         """
         try:
             self._writer.finish()
@@ -170,10 +161,7 @@ class BagRecorder(Node):
 def _start_recording(folder: Path) -> BagWriter:
     """Recording in a new folder, in place: one that only appears when complete dies with a kill.
 
-    Raises
-    ------
-    BagError
-        If there is something already, or it cannot be written.
+    Raises `BagError` if there is something already, or it cannot be written.
     """
     with file_errors(BagError, folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -38,10 +38,7 @@ class EchoDriver(Node):
 
     Keyword arguments are those of `rclpy.node.Node`.
 
-    Raises
-    ------
-    UsmapError
-        If the scenario is unusable, or has no such robot.
+    Raises `UsmapError` if the scenario is unusable, or has no such robot.
     """
 
     def __init__(self, **options: Any) -> None:

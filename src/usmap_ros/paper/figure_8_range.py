@@ -47,24 +47,14 @@ ALL = "all of them"
 
 @dataclass(frozen=True)
 class Setting:
-    """What the paper leaves open, chosen in one way.
-
-    Parameters
-    ----------
-    carrier_hz, duration_s : float
-        Of the pulse.
-    samples_per_cycle : float
-        Of the carrier.
-    reflectivity : float
-        Of the floor, as an amplitude.
-    centres : (3, 2) array-like
-        Cells of the near, middle and far object.
-    """
+    """What the paper leaves open, chosen in one way."""
 
     carrier_hz: float
     duration_s: float
     samples_per_cycle: float
+    #: Of the floor, as an amplitude.
     reflectivity: float
+    #: (3, 2) array-like: cells of the near, middle and far object.
     centres: Points
 
     @property

@@ -11,31 +11,15 @@ from matplotlib.figure import Figure
 
 @dataclass(frozen=True)
 class Part:
-    """A picture and the numbers behind it.
+    """A picture and the numbers behind it."""
 
-    Parameters
-    ----------
-    name : str
-        Stem of the picture's file, and key in ``paper.json``.
-    numbers : dict
-        What a check can read.
-    figure : Figure
-        The picture, drawn to the end.
-    """
-
+    #: Stem of the picture's file, and key in ``paper.json``.
     name: str
+    #: What a check can read.
     numbers: dict[str, Any]
     figure: Figure
 
 
 def statement(holds: bool | np.bool_, **numbers: Any) -> dict[str, Any]:
-    """One thing that a caption of the paper says, for ``paper.json``.
-
-    Parameters
-    ----------
-    holds : bool
-        Whether it came out so.
-    **numbers
-        What it was judged by.
-    """
+    """One thing that a caption of the paper says, for ``paper.json``."""
     return {"holds": bool(holds), **numbers}

@@ -55,23 +55,13 @@ SHORT = Pulse(PulseShape.HANN_BURST, 50e3, 0.32e-3)
 
 @dataclass(frozen=True)
 class SampledPulse:
-    """A pulse, and how its echoes are sampled.
-
-    Parameters
-    ----------
-    pulse : Pulse
-        What is emitted.
-    encoding : Encoding
-        Raw, envelope or I/Q.
-    sample_rate_hz : float
-        Of samples, or of I/Q pairs.
-    max_range_m : float
-        How far away objects are listened for.
-    """
+    """A pulse, and how its echoes are sampled."""
 
     pulse: Pulse
     encoding: Encoding
+    #: Of samples, or of I/Q pairs.
     sample_rate_hz: float
+    #: How far away objects are listened for.
     max_range_m: float = MAX_RANGE_M
 
 

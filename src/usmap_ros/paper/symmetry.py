@@ -49,23 +49,14 @@ _LEFT, _RIGHT = np.deg2rad(9.0), np.deg2rad(-7.0)
 
 @dataclass(frozen=True)
 class Pair:
-    """Two transducers at one place.
+    """Two transducers at one place."""
 
-    Parameters
-    ----------
-    name : str
-        What makes them different.
-    yaws_rad : (float, float)
-        Where they look.
-    listenings : (SampledPulse, SampledPulse)
-        Pulse, encoding and sample rate of each of the two transducers.
-    together : bool
-        Whether they emit at once, so that only the sum of their echoes is received.
-    """
-
+    #: What makes them different.
     name: str
     yaws_rad: tuple[float, float]
+    #: Pulse, encoding and sample rate of each of the two transducers.
     listenings: tuple[SampledPulse, SampledPulse]
+    #: Whether they emit at once, so that only the sum of their echoes is received.
     together: bool
 
 

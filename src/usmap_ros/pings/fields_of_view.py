@@ -13,20 +13,13 @@ from usmap_ros.pings.cone import EchoCone
 
 
 class Beam(NamedTuple):
-    """Which way a ping faced, how wide it was and how far it reached.
+    """Which way a ping faced, how wide it was and how far it reached."""
 
-    Parameters
-    ----------
-    yaw_rad : float
-        Of the beam axis in the plane.
-    half_angle_rad : float
-        Of the cone; π or more looks all around.
-    max_range_m : float
-        Beyond which nothing was listened for.
-    """
-
+    #: Of the beam axis in the plane.
     yaw_rad: float
+    #: Of the cone; π or more looks all around.
     half_angle_rad: float
+    #: Beyond which nothing was listened for.
     max_range_m: float
 
     @classmethod

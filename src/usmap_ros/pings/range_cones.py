@@ -34,30 +34,19 @@ _PULSE = Pulse(PulseShape.TONE_BURST, 40e3, 2e-4)
 
 @dataclass(frozen=True)
 class RangeReading:
-    """One reading (``sensor_msgs/Range``).
-
-    Parameters
-    ----------
-    stamp_ns : int
-        Nanoseconds since the epoch.
-    frame_id : str
-        Frame of the sensor, +x along its axis.
-    field_of_view_rad : float
-        Full angle of the beam.
-    min_range_m, max_range_m : float
-        Between which it measures.
-    range_m : float
-        What it measured; `max_range_m` or more: nothing was there.
-    variance_m2 : float
-        Of the range; 0: not stated.
-    """
+    """One reading (``sensor_msgs/Range``)."""
 
     stamp_ns: int
+    #: Frame of the sensor, +x along its axis.
     frame_id: str
+    #: Full angle of the beam.
     field_of_view_rad: float
+    #: Between which it measures.
     min_range_m: float
     max_range_m: float
+    #: What it measured; `max_range_m` or more: nothing was there.
     range_m: float
+    #: Of the range; 0: not stated.
     variance_m2: float = 0.0
 
     def on(self, robot: str) -> RangeReading:
@@ -68,10 +57,8 @@ class RangeReading:
     def cone(self, pose: Pose, frame_id: str) -> EchoCone:
         """Cone of a reading that was taken at a pose in a world frame.
 
-        Raises
-        ------
-        MalformedMessageError
-            If it says nothing: it is not a number, or nearer than the sensor can measure.
+        Raises `MalformedMessageError` if it says nothing: it is not a number, or nearer than the
+        sensor can measure.
         """
         if np.isnan(self.range_m) or self.range_m < self.min_range_m:
             raise MalformedMessageError(
@@ -124,11 +111,6 @@ def report_first_only(cones: Iterable[EchoCone]) -> set[str]:
 
     Range readings are recorded as traces, too, with a pulse at the range.  Silence behind it says
     nothing, and neither does its loudness.
-
-    Parameters
-    ----------
-    cones : iterable of EchoCone
-        Of any sensors.
     """
     heard: Counter[str] = Counter()
     several: Counter[str] = Counter()

@@ -35,19 +35,11 @@ class Encoding(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Emission:
-    """A pulse that was in the air while a trace was received.
+    """A pulse that was in the air while a trace was received."""
 
-    Parameters
-    ----------
-    child_frame_id : str
-        Frame of the transducer that sent it.
-    mount : Pose
-        Of that frame in the frame of the transducer that listened.
-    transducer : Transducer
-        What it was sent with.
-    """
-
+    #: Frame of the transducer that sent it.
     child_frame_id: str
+    #: Of that frame in the frame of the transducer that listened.
     mount: Pose
     transducer: Transducer
 

@@ -14,20 +14,13 @@ from usmap_ros.numerics.geometry import Pose
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Poses in the order of their stamps.
+    """Poses in the order of their stamps."""
 
-    Parameters
-    ----------
-    stamps_ns : (n,) int64 array
-        Nanoseconds since the epoch, ascending.
-    positions_m : (n, 3) array
-        x, y, z.
-    orientations : (n, 4) array
-        Unit quaternions x, y, z, w.
-    """
-
+    #: (n,) int64 array: nanoseconds since the epoch, ascending.
     stamps_ns: NDArray[np.int64]
+    #: (n, 3) array: x, y, z.
     positions_m: FloatArray
+    #: (n, 4) array: unit quaternions x, y, z, w.
     orientations: FloatArray
 
     @classmethod

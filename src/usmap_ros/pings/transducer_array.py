@@ -12,42 +12,27 @@ from usmap_ros.numerics.geometry import Pose
 
 @dataclass(frozen=True)
 class ArrayElement:
-    """One transducer of an array (``usmap_msgs/ArrayElement``).
+    """One transducer of an array (``usmap_msgs/ArrayElement``)."""
 
-    Parameters
-    ----------
-    child_frame_id : str
-        Its frame, as in the traces that it hears.
-    mount : Pose
-        Of its frame in the array's.
-    emits : bool
-        Whether it sends its pulse when the array pings; it listens in any case.
-    transducer : Transducer
-        Hardware and pulse, a chirp's sweep included.
-    """
-
+    #: Its frame, as in the traces that it hears.
     child_frame_id: str
+    #: Of its frame in the array's.
     mount: Pose
+    #: Whether it sends its pulse when the array pings; it listens in any case.
     emits: bool
+    #: Hardware and pulse, a chirp's sweep included.
     transducer: Transducer
 
 
 @dataclass(frozen=True)
 class TransducerArray:
-    """Transducers that ping at once (``usmap_msgs/TransducerArray``).
+    """Transducers that ping at once (``usmap_msgs/TransducerArray``)."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        From when on it holds, nanoseconds since the epoch.
-    frame_id : str
-        Frame of the mounts, such as the robot's base.
-    elements : tuple of ArrayElement
-        One transducer, or several.
-    """
-
+    #: From when on it holds, nanoseconds since the epoch.
     stamp_ns: int
+    #: Frame of the mounts, such as the robot's base.
     frame_id: str
+    #: One transducer, or several.
     elements: tuple[ArrayElement, ...]
 
     @classmethod

@@ -32,22 +32,11 @@ _COLORS = 128
 
 @dataclass(frozen=True)
 class MapFrame:
-    """A map while it forms.
-
-    Parameters
-    ----------
-    occupancy : OccupancyMap
-        The map so far.
-    cones : dict
-        The newest cone of each topic.
-    positions : dict
-        How many positions of each topic's path lie behind it.
-    stamp_ns : int
-        Time of the frame.
-    """
+    """A map while it forms."""
 
     occupancy: OccupancyMap
     cones: dict[str, EchoCone]
+    #: How many positions of each topic's path lie behind it.
     positions: dict[str, int]
     stamp_ns: int
 
@@ -61,23 +50,18 @@ def save_animation(
 ) -> None:
     """Write snapshots of a map as an animated GIF.
 
+    Raises `FileError` if the file cannot be written.
+
     Parameters
     ----------
     frames : sequence of MapFrame
         In the order of time; the last one is the finished map.
-    paths : RobotPaths
-        The robots' whole paths.
     path : path
         The GIF; one that is there is replaced.
     truth : TruthMap, optional
         Drawn as an outline.
     extent_m : (x_min, x_max, y_min, y_max), optional
         What is shown; by default what the finished map observed and all paths.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
     """
     with style.styled():
         canvas = _MovingMap([frame.occupancy for frame in frames], paths, truth, extent_m)

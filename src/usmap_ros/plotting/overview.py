@@ -21,17 +21,7 @@ def overview_figure(
     candidates: CandidateCells,
     truth: TruthMap | None = None,
 ) -> Figure:
-    """Draw a ping's trace, its residual, and the cone that came of it, side by side.
-
-    Parameters
-    ----------
-    reconstruction : Reconstruction
-        What reconstruction made of it.
-    candidates : CandidateCells
-        Cells that may have returned its echoes.
-    truth : TruthMap, optional
-        What is really there.
-    """
+    """Draw a ping's trace, its residual, and the cone that came of it, side by side."""
     with style.styled():
         figure = style.new_figure(12.5, 5.0)
         panels: Any = figure.subfigures(1, 2, width_ratios=[1.25, 1.0])

@@ -49,10 +49,6 @@ def build_robot(
 
     Parameters
     ----------
-    model : RobotModel
-        The robot's section.
-    scene : Scene
-        What it must not run into.
     area : (x_min, x_max, y_min, y_max)
         Where it may wander.
     medium, stated : MediumModel, StatedModel

@@ -19,28 +19,18 @@ from usmap_ros.simulation.wall_paths import PathEnd, paths_by_walls
 
 @dataclass(frozen=True)
 class Sounding:
-    """A pulse that is sent and listened for.
+    """A pulse that is sent and listened for."""
 
-    Parameters
-    ----------
-    sender, listener : PathEnd
-        Pose and beam of who sends and of who listens.
-    half_angle_rad, reach_m : float
-        Cone about the listener's axis, and range, within which things can answer.
-    channel : Channel
-        What the sound travels through.
-    time_s : float
-        Of the emission, after the scene's start.
-    velocity_m_s : (3,) array, optional
-        Of the listener while the sound is under way; None: it stands still.
-    """
-
+    #: Pose and beam of who sends and of who listens.
     sender: PathEnd
     listener: PathEnd
+    #: Cone about the listener's axis, and range, within which things can answer.
     half_angle_rad: float
     reach_m: float
     channel: Channel
+    #: Of the emission, after the scene's start.
     time_s: float
+    #: (3,) array: of the listener while the sound is under way; None: it stands still.
     velocity_m_s: FloatArray | None = None
 
 

@@ -15,17 +15,11 @@ SILENT_GAIN = 0.03
 
 @dataclass(frozen=True)
 class RingDown:
-    """The transmitter, heard by the receiver beside it.
+    """The transmitter, heard by the receiver beside it."""
 
-    Parameters
-    ----------
-    amplitude : float
-        While it sends, in units in which an ideal point target at 1 m gives 1.
-    decay_s : float
-        Time in which it falls to 1/e afterwards.
-    """
-
+    #: While it sends, in units in which an ideal point target at 1 m gives 1.
     amplitude: float
+    #: Time in which it falls to 1/e afterwards.
     decay_s: float
 
     def envelope(self, time_s: FloatArray, duration_s: float) -> FloatArray:
@@ -36,51 +30,33 @@ class RingDown:
 
 @dataclass(frozen=True)
 class Muting:
-    """A receiver that stops listening once it has detected something.
+    """A receiver that stops listening once it has detected something."""
 
-    Parameters
-    ----------
-    threshold : float
-        Amplitude that it detects.
-    hold_s : float
-        How long it goes on listening.
-    from_s : float
-        When it begins to look for something, after the start of emission.
-    """
-
+    #: Amplitude that it detects.
     threshold: float
+    #: How long it goes on listening.
     hold_s: float
+    #: When it begins to look for something, after the start of emission.
     from_s: float
 
 
 @dataclass(frozen=True)
 class Imperfections:
-    """All that is beside the point of a receiver; nothing of it by default.
+    """All that is beside the point of a receiver; nothing of it by default."""
 
-    Parameters
-    ----------
-    gain : float
-        Samples are so many times what they should be.
-    offset : float
-        Added to every sample behind the gain, as by a converter that has no sign.
-    latency_s : float
-        Samples are taken so much earlier than the trace says: echoes come out later.
-    ring_down : RingDown or None
-        The transmitter beside it.
-    blanking_s : float
-        Until then after the start of emission the receiver is silent.
-    muting : Muting or None
-        Whether it stops listening.
-    own_echoes : tuple of (float, float)
-        Delay (s) and amplitude of what casing and mount return of every ping.
-    """
-
+    #: Samples are so many times what they should be.
     gain: float = 1.0
+    #: Added to every sample behind the gain, as by a converter that has no sign.
     offset: float = 0.0
+    #: Samples are taken so much earlier than the trace says: echoes come out later.
     latency_s: float = 0.0
+    #: The transmitter beside it.
     ring_down: RingDown | None = None
+    #: Until then after the start of emission the receiver is silent.
     blanking_s: float = 0.0
+    #: Whether it stops listening.
     muting: Muting | None = None
+    #: Delay (s) and amplitude of what casing and mount return of every ping.
     own_echoes: tuple[tuple[float, float], ...] = ()
 
     def ringing(

@@ -35,15 +35,7 @@ class Motion(Protocol):
 
 
 class DelayedMotion:
-    """A robot that stands where it starts, and moves later.
-
-    Parameters
-    ----------
-    motion : Motion
-        How it moves then.
-    starts_after_s : float
-        How long it stands.
-    """
+    """A robot that stands where it starts, and moves later."""
 
     def __init__(self, motion: Motion, starts_after_s: float) -> None:
         self._motion = motion
@@ -78,25 +70,16 @@ class CarriedOff:
 class WaypointMotion:
     """A robot that follows waypoints at constant speed and looks where it goes.
 
+    Raises `BlockedPathError` if a leg of the path comes closer than that to something.
+
     Parameters
     ----------
-    path : Polyline
-        The corners that it passes.
-    speed_m_s : float
-        Along the path.
-    scene : Scene
-        What it must not run into.
     clearance_m : float
         Distance that its centre keeps from everything that stands.
     spin_rad_s : float
         Rate at which it turns on the spot as it goes, to look around.
     heading_rad : float
         Added to the direction of the path.
-
-    Raises
-    ------
-    BlockedPathError
-        If a leg of the path comes closer than that to something.
     """
 
     def __init__(
@@ -138,12 +121,12 @@ class RandomWalk:
 
     The walk is drawn as far as it is asked for, and the same however it is asked.
 
+    Raises `BlockedPathError` if there is no room at the start.
+
     Parameters
     ----------
     scene : Scene
         What it must not run into.
-    bounds : (x_min, x_max, y_min, y_max)
-        It stays inside.
     start : Pose or None
         None: drawn at random where there is room.
     speed_m_s : float
@@ -154,13 +137,6 @@ class RandomWalk:
         Duration of a step.
     clearance_m : float
         Distance that its centre keeps from everything that stands.
-    rng : numpy.random.Generator
-        For the start and the steps; it belongs to the walk from now on.
-
-    Raises
-    ------
-    BlockedPathError
-        If there is no room at the start.
     """
 
     def __init__(

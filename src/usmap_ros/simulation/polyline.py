@@ -11,18 +11,12 @@ from usmap_ros.numerics.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Polyline:
-    """Straight legs from waypoint to waypoint.
+    """Straight legs from waypoint to waypoint."""
 
-    Parameters
-    ----------
-    waypoints_m : (n, 2) array
-        n is 1 or more; one waypoint means to stay there.
-    loop : bool
-        Whether a last leg leads back to the first waypoint and the path begins again.
-        Otherwise it is walked once, and whoever walks it stays at its end.
-    """
-
+    #: (n, 2) array: n is 1 or more; one waypoint means to stay there.
     waypoints_m: FloatArray
+    #: Whether a last leg leads back to the first waypoint and the path begins again. Otherwise it
+    #: is walked once, and whoever walks it stays at its end.
     loop: bool = False
 
     @property

@@ -18,20 +18,13 @@ from usmap_ros.simulation.imperfections import NO_IMPERFECTIONS, Imperfections
 
 @dataclass(frozen=True)
 class Converter:
-    """Analogue-to-digital converter.
+    """Analogue-to-digital converter."""
 
-    Parameters
-    ----------
-    bits : int
-        Resolution; one of them is the sign, except for an envelope, which has none.
-    full_scale : float
-        Largest amplitude that it can express, in units of the samples.
-    unipolar : bool
-        Whether it has no sign at all, so that raw samples need an offset.
-    """
-
+    #: Resolution; one of them is the sign, except for an envelope, which has none.
     bits: int
+    #: Largest amplitude that it can express, in units of the samples.
     full_scale: float
+    #: Whether it has no sign at all, so that raw samples need an offset.
     unipolar: bool = False
 
     def step(self, *, signed: bool) -> float:
@@ -48,47 +41,29 @@ class Converter:
 
 @dataclass(frozen=True)
 class Arrivals:
-    """Paths by which one pulse arrives.
-
-    Parameters
-    ----------
-    pulse : Pulse
-        What was emitted.
-    delays_s, amplitudes : (paths,) arrays
-        Of every path.
-    """
+    """Paths by which one pulse arrives."""
 
     pulse: Pulse
+    #: (paths,) arrays: of every path.
     delays_s: FloatArray
     amplitudes: FloatArray
 
 
 @dataclass(frozen=True)
 class Receiver:
-    """What turns sound into the samples of a trace.
-
-    Parameters
-    ----------
-    encoding : Encoding
-        Raw samples, envelope or I/Q pairs.
-    sample_rate_hz : float
-        Rate of samples, or of I/Q pairs.
-    start_delay_s : float
-        From the start of emission to the first sample.
-    noise_std : float
-        RMS of the complex baseband noise.  A raw sample's is 1/√2 of it: the I and Q parts
-        share the power of the complex noise, and either has that of the signal at the carrier.
-    converter : Converter or None
-        None: samples are as exact as a float.
-    imperfections : Imperfections
-        What it does beside receiving.
-    """
+    """What turns sound into the samples of a trace."""
 
     encoding: Encoding
+    #: Rate of samples, or of I/Q pairs.
     sample_rate_hz: float
+    #: From the start of emission to the first sample.
     start_delay_s: float
+    #: RMS of the complex baseband noise.  A raw sample's is 1/√2 of it: the I and Q parts share the
+    #: power of the complex noise, and either has that of the signal at the carrier.
     noise_std: float
+    #: None: samples are as exact as a float.
     converter: Converter | None = None
+    #: What it does beside receiving.
     imperfections: Imperfections = NO_IMPERFECTIONS
 
     @property

@@ -16,15 +16,6 @@ from usmap_ros.simulation.simulator import EchoSimulator
 def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> int:
     """Simulate a scenario into a recording.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        What to simulate.
-    writer : BagWriter
-        Gets every trace.
-    step : callable
-        Called after each ping.
-
     Returns
     -------
     int

@@ -21,26 +21,18 @@ EVERYWHERE = np.inf
 
 @dataclass(frozen=True)
 class Reflectors:
-    """Balls and facets.
+    """Balls and facets."""
 
-    Parameters
-    ----------
-    centers_m : (n, 3) array
-        x, y, z in the world frame; z NaN: at the height of whoever listens.
-    radii_m : (n,) array
-        Of balls; 0 of facets.
-    reflectivities : (n,) array
-        As point targets, of a facet from straight ahead.
-    normals : (n, 3) array
-        Unit vectors that facets face along; of balls they mean nothing.
-    lobes_rad : (n,) array
-        Angles off the normal at which exp(−½) of the amplitude is left; `EVERYWHERE` of balls.
-    """
-
+    #: (n, 3) array: x, y, z in the world frame; z NaN: at the height of whoever listens.
     centers_m: FloatArray
+    #: (n,) array: of balls; 0 of facets.
     radii_m: FloatArray
+    #: (n,) array: as point targets, of a facet from straight ahead.
     reflectivities: FloatArray
+    #: (n, 3) array: unit vectors that facets face along; of balls they mean nothing.
     normals: FloatArray
+    #: (n,) array: angles off the normal at which exp(−½) of the amplitude is left; `EVERYWHERE` of
+    #: balls.
     lobes_rad: FloatArray
 
     @classmethod

@@ -59,50 +59,31 @@ class PoseErrors:
 
 @dataclass(frozen=True)
 class SimulatedRobot:
-    """A robot of a scenario.
+    """A robot of a scenario."""
 
-    Parameters
-    ----------
-    name : str
-        Its name, and the first part of its topics and frames.
-    motion : Motion
-        Where its base is.
-    transducers : list of MountedTransducer
-        What it carries.
-    first_ping_s : list of float
-        When each transducer pings first.
-    ping_interval_s : float
-        From each transducer's ping to its next one.
-    noise_seeds : list of numpy.random.SeedSequence
-        For each transducer's noise and errors.
-    simultaneous : bool
-        Whether the transducers ping at once, and hear one another's pulses.
-    error_seed : numpy.random.SeedSequence
-        For the errors of poses that its transducers share.
-    pose_wander_s : float
-        Time in which the memory of such an error falls to 1/e; 0 draws each ping's anew.
-    moves_during_ping : bool
-        Whether it goes on moving while it listens.
-    odometry : OdometryErrors, optional
-        How its poses drift; None: they are absolute.
-    knows_start : bool
-        Whether poses that drift are in the world's frame, and not in one of its own.
-    jumps_s : tuple of float
-        When it is carried off.
-    """
-
+    #: Its name, and the first part of its topics and frames.
     name: str
     motion: Motion
     transducers: list[MountedTransducer]
+    #: When each transducer pings first.
     first_ping_s: list[float]
+    #: From each transducer's ping to its next one.
     ping_interval_s: float
+    #: For each transducer's noise and errors.
     noise_seeds: list[np.random.SeedSequence]
+    #: Whether the transducers ping at once, and hear one another's pulses.
     simultaneous: bool
+    #: For the errors of poses that its transducers share.
     error_seed: np.random.SeedSequence
+    #: Time in which the memory of such an error falls to 1/e; 0 draws each ping's anew.
     pose_wander_s: float = 0.0
+    #: Whether it goes on moving while it listens.
     moves_during_ping: bool = False
+    #: How its poses drift; None: they are absolute.
     odometry: OdometryErrors | None = None
+    #: Whether poses that drift are in the world's frame, and not in one of its own.
     knows_start: bool = True
+    #: When it is carried off.
     jumps_s: tuple[float, ...] = ()
 
     def arrays(self, start_ns: int) -> list[TransducerArray]:

@@ -16,20 +16,14 @@ from usmap_ros.simulation.surfaces import WallScatterers, WallSegments
 
 @dataclass(frozen=True)
 class Discs:
-    """Upright cylinders seen from above; points are discs of radius 0.
+    """Upright cylinders seen from above; points are discs of radius 0."""
 
-    Parameters
-    ----------
-    centers_m : (n, 2) array
-        Where they stand.
-    radii_m : (n,) array
-        Radius of each disc; 0 for a point.
-    reflectivities : (n,) array
-        Each echoes like a point target of this reflectivity at the nearest point of its surface.
-    """
-
+    #: (n, 2) array: where they stand.
     centers_m: FloatArray
+    #: (n,) array: radius of each disc; 0 for a point.
     radii_m: FloatArray
+    #: (n,) array: each echoes like a point target of this reflectivity at the nearest point of its
+    #: surface.
     reflectivities: FloatArray
 
     @classmethod
@@ -47,20 +41,11 @@ class Discs:
 
 @dataclass(frozen=True)
 class MovingDisc:
-    """A disc that goes along a path.
-
-    Parameters
-    ----------
-    path : Polyline
-        The corners that it passes.
-    speed_m_s : float
-        Along the path.
-    radius_m, reflectivity : float
-        As in `Discs`.
-    """
+    """A disc that goes along a path."""
 
     path: Polyline
     speed_m_s: float
+    #: As in `Discs`.
     radius_m: float
     reflectivity: float
 
@@ -72,17 +57,10 @@ class MovingDisc:
 
 @dataclass(frozen=True)
 class FreeCells:
-    """Cells of a map that are known to be free.
-
-    Parameters
-    ----------
-    geometry : GridGeometry
-        Where the cells lie.
-    free : (rows, columns) bool array
-        Neither occupied nor unknown.
-    """
+    """Cells of a map that are known to be free."""
 
     geometry: GridGeometry
+    #: (rows, columns) bool array: neither occupied nor unknown.
     free: BoolArray
 
     def contains(self, position_m: FloatArray) -> bool:
@@ -95,38 +73,24 @@ class FreeCells:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that can echo or stand in the way.
+    """Everything that can echo or stand in the way."""
 
-    Parameters
-    ----------
-    discs : Discs
-        Points and cylinders that stand still.
-    walls : WallSegments
-        Wall segments, those of a map among them.
-    scatterers : WallScatterers
-        The roughness of the walls.
-    moving : list of MovingDisc
-        What moves.  Robots' paths do not keep clear of it.
-    reflectors : Reflectors
-        Balls and facets, which hide nothing and stand in nobody's way.
-    wall_paths : bool
-        Whether sound reaches objects by way of walls too.
-    wall_bounces : int
-        Most walls that sound is returned by in turn.
-    edges : WallScatterers
-        Ends of walls, as far as they answer by themselves, from wherever they are heard.
-    free_space : FreeCells or None
-        Where robots and random poles may be put down; None: anywhere.
-    """
-
+    #: Points and cylinders that stand still.
     discs: Discs
+    #: Wall segments, those of a map among them.
     walls: WallSegments
     scatterers: WallScatterers
+    #: What moves.  Robots' paths do not keep clear of it.
     moving: list[MovingDisc] = field(default_factory=list)
+    #: Where robots and random poles may be put down; None: anywhere.
     free_space: FreeCells | None = None
+    #: Balls and facets, which hide nothing and stand in nobody's way.
     reflectors: Reflectors = field(default_factory=Reflectors.none)
+    #: Whether sound reaches objects by way of walls too.
     wall_paths: bool = False
+    #: Most walls that sound is returned by in turn.
     wall_bounces: int = 1
+    #: Ends of walls, as far as they answer by themselves, from wherever they are heard.
     edges: WallScatterers = field(default_factory=lambda: WallScatterers.joined([]))
 
     def discs_at(self, time_s: float) -> Discs:

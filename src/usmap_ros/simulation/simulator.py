@@ -25,47 +25,28 @@ NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class MountedTransducer:
-    """A transducer on a robot, with all that does not change from ping to ping.
-
-    Parameters
-    ----------
-    topic : str
-        Where its echoes are published.
-    child_frame_id : str
-        Frame of the transducer, +x along the beam's axis.
-    mount : Pose
-        Of its frame in the robot's base frame.
-    transducer : Transducer
-        Pulse, beam and range limits.
-    receiver : Receiver
-        Noise, converter, encoding.
-    channel : Channel
-        What the sound really travels through.
-    stated_channel : Channel
-        What the trace says it travels through.
-    stated_noise_std : float
-        What the trace says of the noise.
-    pose_stds : (3,) array
-        Standard deviations of the error of reported poses: x, y (m) and yaw (rad).
-    emits : bool
-        Whether it sends its pulse, or only listens to others'.
-    receiver_offset_m : (3,) array
-        Where its receiving element is in its frame, in which it sends from the origin.
-    drift_m_s2 : float
-        How fast the speed of sound changes, from that of `channel` at the scene's start on.
-    """
+    """A transducer on a robot, with all that does not change from ping to ping."""
 
     topic: str
+    #: Frame of the transducer, +x along the beam's axis.
     child_frame_id: str
+    #: Of its frame in the robot's base frame.
     mount: Pose
     transducer: Transducer
     receiver: Receiver
+    #: What the sound really travels through.
     channel: Channel
+    #: What the trace says it travels through.
     stated_channel: Channel
+    #: What the trace says of the noise.
     stated_noise_std: float
+    #: (3,) array: standard deviations of the error of reported poses: x, y (m) and yaw (rad).
     pose_stds: FloatArray
+    #: Whether it sends its pulse, or only listens to others'.
     emits: bool = True
+    #: (3,) array: where its receiving element is in its frame, in which it sends from the origin.
     receiver_offset_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    #: How fast the speed of sound changes, from that of `channel` at the scene's start on.
     drift_m_s2: float = 0.0
 
     def channel_at(self, time_s: float) -> Channel:
@@ -87,20 +68,12 @@ class MountedTransducer:
 
 @dataclass(frozen=True)
 class Intruder:
-    """A pulse of another robot that is in the air.
-
-    Parameters
-    ----------
-    sonar : MountedTransducer
-        What sent it.
-    pose : Pose
-        Pose in the world that the pulse is sent from.
-    delay_s : float
-        From the emission of the one that listens to its own.
-    """
+    """A pulse of another robot that is in the air."""
 
     sonar: MountedTransducer
+    #: Pose in the world that the pulse is sent from.
     pose: Pose
+    #: From the emission of the one that listens to its own.
     delay_s: float
 
 
@@ -112,10 +85,6 @@ class EchoSimulator:
 
     Parameters
     ----------
-    scene : Scene
-        Discs, walls and facets that return sound.
-    frame_id : str
-        World frame of all poses.
     start_ns : int
         Stamp at which the moving objects start.
     """
@@ -141,10 +110,6 @@ class EchoSimulator:
 
         Parameters
         ----------
-        sonar : MountedTransducer
-            The transducer that pings, and where it is on its robot.
-        true_pose : Pose
-            Where the transducer really is.
         stamp_ns : int
             Start of emission, nanoseconds since the epoch.
         rng : numpy.random.Generator
@@ -255,8 +220,6 @@ def reported_pose(true_pose: Pose, stds: FloatArray, error: FloatArray) -> Pose:
 
     Parameters
     ----------
-    true_pose : Pose
-        Tilted or not.
     stds : (3,) array
         Standard deviations: x, y (m) and yaw (rad).
     error : (3,) array

@@ -21,48 +21,32 @@ _SAME_END_M = 1e-3
 
 @dataclass(frozen=True)
 class Surface:
-    """How a surface returns sound.
+    """How a surface returns sound."""
 
-    Parameters
-    ----------
-    specular_reflectivity : float
-        Amplitude reflectivity of the surface as a mirror, 0 to 1.
-    diffuse_reflectivity : float
-        RMS reflectivity, in terms of point targets, of one metre of surface struck squarely.
-        Scattered energy adds up: a length L scatters √L times this.
-    scatterers_per_m : float
-        Density of the scatterers that stand for the roughness.
-    roughness_m : float
-        Scatterers are spread evenly over this depth.  From half a wavelength on, their phases
-        are unrelated.
-    edge_reflectivity : float
-        Of either end of a wall, as a point target.
-    """
-
+    #: Amplitude reflectivity of the surface as a mirror, 0 to 1.
     specular_reflectivity: float
+    #: RMS reflectivity, in terms of point targets, of one metre of surface struck squarely.
+    #: Scattered energy adds up: a length L scatters √L times this.
     diffuse_reflectivity: float
+    #: Density of the scatterers that stand for the roughness.
     scatterers_per_m: float
+    #: Scatterers are spread evenly over this depth.  From half a wavelength on, their phases are
+    #: unrelated.
     roughness_m: float
+    #: Of either end of a wall, as a point target.
     edge_reflectivity: float = 0.0
 
 
 @dataclass(frozen=True)
 class WallSegments:
-    """Straight wall segments.
+    """Straight wall segments."""
 
-    Parameters
-    ----------
-    starts_m, ends_m : (n, 2) arrays
-        End points.  The front is on the left hand of one who walks from start to end.
-    one_sided : (n,) bool array
-        Whether only the front can be seen, as of the walls of a map.
-    specular_reflectivity : (n,) array
-        Amplitude that each wall reflects as a mirror; see `Surface`.
-    """
-
+    #: (n, 2) arrays: end points.  The front is on the left hand of one who walks from start to end.
     starts_m: FloatArray
     ends_m: FloatArray
+    #: (n,) bool array: whether only the front can be seen, as of the walls of a map.
     one_sided: BoolArray
+    #: (n,) array: amplitude that each wall reflects as a mirror; see `Surface`.
     specular_reflectivity: FloatArray
 
     @classmethod
@@ -103,20 +87,13 @@ class WallSegments:
 
 @dataclass(frozen=True)
 class WallScatterers:
-    """Points of rough walls.
+    """Points of rough walls."""
 
-    Parameters
-    ----------
-    positions_m : (n, 2) array
-        Where they are.
-    reflectivities : (n,) array
-        Of each, struck squarely.
-    walls : (n,) int array
-        Index of the wall that each lies on.
-    """
-
+    #: (n, 2) array: where they are.
     positions_m: FloatArray
+    #: (n,) array: of each, struck squarely.
     reflectivities: FloatArray
+    #: (n,) int array: index of the wall that each lies on.
     walls: IntArray
 
     def of_walls_from(self, first: int) -> WallScatterers:

@@ -24,20 +24,12 @@ _NEAREST_M = 0.01
 
 @dataclass(frozen=True)
 class View:
-    """Where a sounding starts, and which way, how wide and how far it goes.
+    """Where a sounding starts, and which way, how wide and how far it goes."""
 
-    Parameters
-    ----------
-    pose : Pose
-        Of the transducer; the beam axis is its x axis.
-    half_angle_rad : float
-        Of the cone.
-    reach_m : float
-        How far it can hear.
-    """
-
+    #: Of the transducer; the beam axis is its x axis.
     pose: Pose
     half_angle_rad: float
+    #: How far it can hear.
     reach_m: float
 
     @property
@@ -48,26 +40,17 @@ class View:
 
 @dataclass(frozen=True)
 class Targets:
-    """Point targets in view.
+    """Point targets in view."""
 
-    Parameters
-    ----------
-    positions_m : (n, 3) array
-        x, y, z of each; upright things answer from the transducer's height.
-    ranges_m : (n,) array
-        Distance from the transducer.
-    bearings_rad : (n,) array
-        Off the beam axis, as `Pose.polar` has them.
-    reflectivities : (n,) array
-        Of each as a point target.
-    upright : (n,) bool array
-        Whether it stands on the floor and reaches up to the transducer.
-    """
-
+    #: (n, 3) array: x, y, z of each; upright things answer from the transducer's height.
     positions_m: FloatArray
+    #: (n,) array: distance from the transducer.
     ranges_m: FloatArray
+    #: (n,) array: off the beam axis, as `Pose.polar` has them.
     bearings_rad: FloatArray
+    #: (n,) array: of each as a point target.
     reflectivities: FloatArray
+    #: (n,) bool array: whether it stands on the floor and reaches up to the transducer.
     upright: BoolArray
 
 
@@ -120,17 +103,7 @@ class _Candidates:
 
 
 def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
-    """Everything of `scene` that answers a sounding.
-
-    Parameters
-    ----------
-    scene : Scene
-        Discs, walls and facets that return sound.
-    view : View
-        Where the sounding starts, and its cone.
-    time_s : float
-        After the scene's start; moving objects stand still while a ping lasts.
-    """
+    """Everything of `scene` that answers a sounding."""
     discs = scene.discs_at(time_s)
     near = _walls_near(scene.walls, view)
     candidates = _Candidates.joined(

@@ -19,26 +19,17 @@ _STATES = 5
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """How odometry is off, in standard deviations.
+    """How odometry is off, in standard deviations."""
 
-    Parameters
-    ----------
-    slip_m_per_sqrt_m : float
-        Of the way's length, for the root of each metre.
-    heading_rad_per_sqrt_m : float
-        Of the heading, for the root of each metre.
-    turn_rad_per_sqrt_rad : float
-        Of the heading, for the root of each radian that the robot turns.
-    wheel_radius : float
-        Of the radius that wheels are taken to have, relative to what they have; drawn once.
-    gyro_bias_rad_s : float
-        Of the rate at which the heading drifts; drawn once.
-    """
-
+    #: Of the way's length, for the root of each metre.
     slip_m_per_sqrt_m: float
+    #: Of the heading, for the root of each metre.
     heading_rad_per_sqrt_m: float
+    #: Of the heading, for the root of each radian that the robot turns.
     turn_rad_per_sqrt_rad: float
+    #: Of the radius that wheels are taken to have, relative to what they have; drawn once.
     wheel_radius: float
+    #: Of the rate at which the heading drifts; drawn once.
     gyro_bias_rad_s: float
 
 
@@ -51,10 +42,6 @@ class WheelOdometry:
 
     Parameters
     ----------
-    motion : Motion
-        Where the robot's base really is.
-    errors : OdometryErrors
-        How it is off.
     seed : numpy.random.SeedSequence
         What errors are drawn from.
     start : Pose

@@ -22,13 +22,7 @@ class TooMuchError(ValueError):
 
 
 class Allowance:
-    """What the chunks and messages of one recording may unpack to, all together.
-
-    Parameters
-    ----------
-    packed_bytes : int
-        Size of the recording.
-    """
+    """What the chunks and messages of one recording may unpack to, all together."""
 
     def __init__(self, packed_bytes: int) -> None:
         self.left_bytes = max(LEAST_UNPACKED_BYTES, MAX_UNPACKED_RATIO * packed_bytes)
@@ -36,10 +30,7 @@ class Allowance:
     def take(self, size: int) -> None:
         """Use some of it up.
 
-        Raises
-        ------
-        TooMuchError
-            If there is not as much.
+        Raises `TooMuchError` if there is not as much.
         """
         if size > self.left_bytes:
             raise TooMuchError("unpacks to more than is believed")
@@ -51,6 +42,8 @@ def decompress(
 ) -> bytes:
     """Decompress as much as `data` holds: all of it, or what comes before a cut.
 
+    Raises `TooMuchError` if it is more than `MAX_CHUNK_BYTES`, or than is allowed.
+
     Parameters
     ----------
     data : bytes-like
@@ -59,11 +52,6 @@ def decompress(
         One of `FORMATS`; nothing is done for "".
     allowance : Allowance, optional
         Of the recording that it is from; what was scanned with one can be read again without.
-
-    Raises
-    ------
-    TooMuchError
-        If it is more than `MAX_CHUNK_BYTES`, or than is allowed.
     """
     if compression not in ("lz4", "zstd"):
         return bytes(data)

@@ -18,71 +18,44 @@ _ENCAPSULATION_SIZE = 4
 
 @dataclass
 class RecordedTopic:
-    """One topic of a recording.
+    """One topic of a recording."""
 
-    Parameters
-    ----------
-    name : str
-        Such as ``/robot1/echo``.
-    message_type : str
-        Such as ``usmap_msgs/msg/EchoTrace``.
-    definition : str
-        The recording's own definition of that type; empty if it carries none.
-    definition_format : str
-        ``ros2msg`` or ``ros2idl``.
-    encoding : str
-        Serialization of the messages; ``cdr`` is the only one that is understood.
-    count : int
-        Messages found so far.
-    offered_qos : str
-        QoS profiles of its publishers, in the YAML that rosbag2 records; empty if unknown.
-    """
-
+    #: Such as ``/robot1/echo``.
     name: str
+    #: Such as ``usmap_msgs/msg/EchoTrace``.
     message_type: str
+    #: The recording's own definition of that type; empty if it carries none.
     definition: str = ""
+    #: ``ros2msg`` or ``ros2idl``.
     definition_format: str = "ros2msg"
+    #: Serialization of the messages; ``cdr`` is the only one that is understood.
     encoding: str = "cdr"
     count: int = 0
+    #: QoS profiles of its publishers, in the YAML that rosbag2 records; empty if unknown.
     offered_qos: str = ""
 
 
 @dataclass(frozen=True)
 class Damage:
-    """Where a file stops being readable.
+    """Where a file stops being readable."""
 
-    Parameters
-    ----------
-    cause : str
-        What is wrong, as a clause.
-    kept_bytes : int
-        Size of what could be read.
-    total_bytes : int
-        Size of the file.
-    """
-
+    #: What is wrong, as a clause.
     cause: str
+    #: Size of what could be read.
     kept_bytes: int
     total_bytes: int
 
 
 @dataclass
 class MessageIndex:
-    """Where the wanted messages of one file lie, as columns of equal length.
+    """Where the wanted messages of one file lie, as columns of equal length."""
 
-    Parameters
-    ----------
-    topics : list of RecordedTopic
-        Every topic of the file, wanted or not.
-    damage : Damage or None
-        Set if the file could not be read to its end.
-    topic, stamp_ns, recorded_ns, block, offset, size : arrays of integers
-        Per message: position in `topics`, stamp of its header, time of recording, and what
-        `Storage.payload` takes.  The stamp means something only where the type has a header.
-    """
-
+    #: Every topic of the file, wanted or not.
     topics: list[RecordedTopic] = field(default_factory=list)
+    #: Set if the file could not be read to its end.
     damage: Damage | None = None
+    #: Per message: position in `topics`, stamp of its header, time of recording, and what
+    #: `Storage.payload` takes.  The stamp means something only where the type has a header.
     topic: array[int] = field(default_factory=lambda: array("q"))
     stamp_ns: array[int] = field(default_factory=lambda: array("q"))
     recorded_ns: array[int] = field(default_factory=lambda: array("q"))
@@ -95,10 +68,8 @@ class MessageIndex:
     ) -> None:
         """Note one message.
 
-        Raises
-        ------
-        ValueError
-            If one of the numbers is none that fits 64 bits: then nothing of it is noted.
+        Raises `ValueError` if one of the numbers is none that fits 64 bits: then nothing of it is
+        noted.
         """
         numbers: tuple[object, ...] = (topic, stamp_ns, recorded_ns, block, offset, size)
         for number in numbers:
@@ -128,10 +99,7 @@ class Storage(Protocol):
 
         Damage ends the walk and is noted.
 
-        Raises
-        ------
-        BagError
-            If it is not a file of this format at all.
+        Raises `BagError` if it is not a file of this format at all.
         """
 
     def payload(self, block: int, offset: int, size: int) -> memoryview:
@@ -149,8 +117,6 @@ class FileOfRecording:
 
     Parameters
     ----------
-    path : path
-        The file to read.
     shown_path : path, optional
         What to call it in messages, if it is a temporary copy.
     compression : str

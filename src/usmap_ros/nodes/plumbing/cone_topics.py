@@ -26,16 +26,12 @@ class ConeTopics:
 
     Parameters
     ----------
-    node : Node
-        The node that subscribes, and whose graph is looked at.
     listed : list of str
         Topics to fuse; empty: every one that there is.
     on_cone : callable
         Gets topic and serialized message.
     after : callable
         As of `usmap_ros.nodes.plumbing.inbox.Inbox`.
-    clock : callable
-        Seconds of a clock that never runs backwards.
     """
 
     def __init__(
@@ -105,10 +101,6 @@ class ForeignCones:
 
     Parameters
     ----------
-    transforms : Transforms
-        TF, if there is any.
-    health : Health
-        Counts what is refused.
     on_cone : callable
         Gets topic and cone of what could be moved.
     on_stranger : callable

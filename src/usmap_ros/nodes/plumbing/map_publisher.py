@@ -98,8 +98,6 @@ class MapPublisher:
         Whether ``map_updates`` is published too, if ``map_msgs`` is installed.
     whole_period_s : float
         Where it is, and the extent is the same: how long only updates go out after a whole map.
-    clock : callable
-        Seconds of a clock that never runs backwards.
     """
 
     def __init__(
@@ -132,10 +130,7 @@ class MapPublisher:
     def publish(self, occupancy: OccupancyMap) -> None:
         """Publish a map.
 
-        Raises
-        ------
-        MalformedMessageError
-            If nav2 would refuse it.
+        Raises `MalformedMessageError` if nav2 would refuse it.
         """
         geometry = block_geometry(occupancy.geometry, self._geometry)
         values = placed(occupancy.trinary(), occupancy.geometry, geometry)
@@ -168,10 +163,7 @@ class MapPublisher:
     def message(self, occupancy: OccupancyMap) -> Any:
         """``nav_msgs/OccupancyGrid`` of a map, of the extent that it would be published with.
 
-        Raises
-        ------
-        MalformedMessageError
-            If nav2 would refuse it.
+        Raises `MalformedMessageError` if nav2 would refuse it.
         """
         geometry = block_geometry(occupancy.geometry, self._geometry)
         return self._grid_message(occupancy.trinary(), occupancy, geometry)

@@ -29,17 +29,7 @@ class PoseSource(Protocol):
     def sample(self, now_ns: int, elapsed_s: float) -> tuple[Pose, int]:
         """True pose of the base, and its stamp.
 
-        Parameters
-        ----------
-        now_ns : int
-            The clock's reading.
-        elapsed_s : float
-            Time since the scenario began.
-
-        Raises
-        ------
-        NoPoseError
-            If it is not known.
+        Raises `NoPoseError` if it is not known.
         """
         ...
 
@@ -76,10 +66,6 @@ class OdometryPose:
 
     Parameters
     ----------
-    node : Node
-        The node that subscribes to ``odom``.
-    health : Health
-        Counts what is no odometry.
     timeout_s : float
         Age from which on a pose is too old.
     """
@@ -109,8 +95,6 @@ class TransformPose:
 
     Parameters
     ----------
-    transforms : Transforms
-        The node's buffer of TF.
     base_frame, world : str
         The robot's frame, and that of the scenario.
     timeout_s : float

@@ -16,17 +16,7 @@ from usmap_ros.pings.cone import EchoCone
 
 
 class RangeInput:
-    """Knows where a robot's range sensors are.
-
-    Parameters
-    ----------
-    node : Node
-        Which receives readings.
-    health : Health
-        Counts what is no odometry.
-    parameters : ConeReconstructorParameters
-        Where poses come from.
-    """
+    """Knows where a robot's range sensors are."""
 
     def __init__(self, node: Node, health: Health, parameters: ConeReconstructorParameters) -> None:
         self._node, self._world = node, parameters.world_frame
@@ -39,12 +29,8 @@ class RangeInput:
     def cone(self, payload: bytes) -> EchoCone:
         """Cone of a serialized ``sensor_msgs/Range``.
 
-        Raises
-        ------
-        MalformedMessageError
-            If it says nothing.
-        NoPoseError
-            If it is not known where the sensor was.
+        Raises `MalformedMessageError` if it says nothing; `NoPoseError` if it is not known where
+        the sensor was.
         """
         reading = range_from_message(deserialize_message(payload, Range))
         return reading.cone(self._pose(reading.frame_id, reading.stamp_ns), self._world)

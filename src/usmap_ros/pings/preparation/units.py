@@ -17,11 +17,6 @@ USUAL_REFLECTIVITY, USUAL_POWERS = 0.7, 2.0
 def unit_of(trace: EchoTrace) -> float:
     """The power of ten by which samples are too large, such as a converter's counts; 1 as a rule.
 
-    Parameters
-    ----------
-    trace : EchoTrace
-        Any ping.
-
     Returns
     -------
     unit : float

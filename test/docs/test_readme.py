@@ -35,11 +35,7 @@ def test_an_offline_command_does_its_work(command: str, workplace: Path) -> None
     arguments = shlex.split(command)
     usmap = Path(sys.executable).with_name("usmap")
     finished = subprocess.run(
-        [usmap, *arguments[1:]],
-        cwd=workplace,
-        capture_output=True,
-        text=True,
-        check=False,
+        [usmap, *arguments[1:]], cwd=workplace, capture_output=True, text=True, check=False
     )
     assert finished.returncode == 0, finished.stderr
     if "-o" in arguments:

@@ -105,10 +105,7 @@ def test_a_footprint_holds_exactly_the_cells_in_beam_and_range(
 
 
 @FEW
-@given(
-    st.lists(cones(), min_size=1, max_size=3),
-    st.sampled_from([JointFusion, AdditiveFusion]),
-)
+@given(st.lists(cones(), min_size=1, max_size=3), st.sampled_from([JointFusion, AdditiveFusion]))
 def test_any_valid_cone_leaves_a_map_of_finite_numbers_between_the_clamps(
     views: list[EchoCone], kind: type[Fusion]
 ) -> None:
@@ -131,9 +128,7 @@ def fused(fusion: Fusion, views: list[EchoCone]) -> OccupancyMap:
 
 @FEW
 @given(st.tuples(cones(), cones(x_m=20.0), cones(x_m=-20.0)))
-def test_robots_in_areas_of_their_own_may_come_in_any_order(
-    views: tuple[EchoCone, ...],
-) -> None:
+def test_robots_in_areas_of_their_own_may_come_in_any_order(views: tuple[EchoCone, ...]) -> None:
     """What a revisit takes back and deals again must not depend on what others did meanwhile."""
     first, *others = (
         fused(JointFusion(MappingParameters()), list(order)) for order in permutations(views)

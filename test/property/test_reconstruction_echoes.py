@@ -88,9 +88,7 @@ def test_a_louder_trace_has_the_same_echoes_only_louder(seed, encoding, floor_m,
     trace = heard(ranges_m, strengths, encoding, floor_m, noise_std=0.005, seed=seed)
     # A power of two leaves the digits of floats alone.
     louder = replace(
-        trace,
-        samples=trace.samples * np.float32(factor),
-        noise_std=trace.noise_std * factor,
+        trace, samples=trace.samples * np.float32(factor), noise_std=trace.noise_std * factor
     )
     cone = reconstruct(trace, ReconstructionParameters()).cone
     scaled = reconstruct(louder, ReconstructionParameters()).cone

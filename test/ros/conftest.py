@@ -295,9 +295,7 @@ def nav2_qos() -> Any:
     from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
     return QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
     )
 
 

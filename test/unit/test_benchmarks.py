@@ -136,9 +136,7 @@ def test_poles_that_are_too_faint_are_not_asked(scenes: ModuleType, methods: Mod
                 {"x_m": 2.02, "y_m": -0.48},
             ],
         },
-        "robots": [
-            {"name": "one", "motion": {"kind": "waypoints", "waypoints_m": [[0, 0]]}},
-        ],
+        "robots": [{"name": "one", "motion": {"kind": "waypoints", "waypoints_m": [[0, 0]]}}],
     }
     world = scenes.Scenario.from_mapping(content, "poles")
     recorded = recordings.cones(world, methods.METHODS["ours"].parameters().reconstruction, None)

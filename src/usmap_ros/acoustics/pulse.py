@@ -166,6 +166,5 @@ class Pulse:
             raise MalformedMessageError("sweep", f"is {self.sweep_hz:g} Hz, only a chirp has one")
         if not (np.isfinite(self.sweep_hz) and abs(self.sweep_hz) < 2.0 * self.carrier_hz):
             raise MalformedMessageError(
-                "sweep",
-                f"is {self.sweep_hz:g} Hz, must be less than twice the carrier either way",
+                "sweep", f"is {self.sweep_hz:g} Hz, must be less than twice the carrier either way"
             )

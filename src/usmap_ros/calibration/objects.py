@@ -106,10 +106,7 @@ def _nearest(
 
 
 def _placed(
-    table: EchoTable,
-    place_m: FloatArray,
-    around: IndexArray,
-    free: BoolArray,
+    table: EchoTable, place_m: FloatArray, around: IndexArray, free: BoolArray
 ) -> tuple[FloatArray, IndexArray] | None:
     """The place that explains the echoes around `place_m` best, if one does."""
     gates_m = np.hypot(_PLACE_GATE_M, 2.0 * table.position_stds_m[around])

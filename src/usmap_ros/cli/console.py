@@ -98,10 +98,7 @@ def print_table(
     )
     for number, column in enumerate(columns):
         table.add_column(
-            column,
-            justify="right" if number else "left",
-            overflow="fold",
-            no_wrap=number > 0,
+            column, justify="right" if number else "left", overflow="fold", no_wrap=number > 0
         )
     for row in rows:
         table.add_row(*row)

@@ -33,8 +33,7 @@ def evaluate(
         ),
     ] = None,
     align: Annotated[
-        bool,
-        typer.Option(help="Lay the paths over the true ones first, all as one; with --paths."),
+        bool, typer.Option(help="Lay the paths over the true ones first, all as one; with --paths.")
     ] = False,
     max_range: Annotated[
         float | None,

@@ -77,7 +77,7 @@ def map_bags(
         typer.Option(
             help="Short for --set poses.use=...: map with poses as they were told, or refine them"
             " by the echoes; without it, odometry, whose covariance grows or whose frame is the"
-            " robot's own, is refined.",
+            " robot's own, is refined."
         ),
     ] = None,
     jobs: Annotated[

@@ -14,8 +14,7 @@ from usmap_ros.live.requirements import require_ros
 def replay(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="rosbag2 folder, .mcap or .db3 file.")],
     rate: Annotated[
-        float | None,
-        typer.Option(metavar="R", help="Speed, relative to the recording's."),
+        float | None, typer.Option(metavar="R", help="Speed, relative to the recording's.")
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Start over at the end.")] = False,
     start_paused: Annotated[
@@ -29,8 +28,7 @@ def replay(
         bool | None, typer.Option("--clock/--no-clock", help="Whether to publish /clock.")
     ] = None,
     wait: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Longest wait for subscribers, in seconds."),
+        float | None, typer.Option(metavar="S", help="Longest wait for subscribers, in seconds.")
     ] = None,
 ) -> None:
     """Publish a bag on ROS topics, with its own QoS, and its time on /clock.

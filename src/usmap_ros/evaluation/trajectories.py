@@ -39,10 +39,7 @@ class PathScore:
 
 
 def score_paths(
-    estimates: Mapping[str, Trajectory],
-    truths: Mapping[str, Trajectory],
-    *,
-    aligned: bool = False,
+    estimates: Mapping[str, Trajectory], truths: Mapping[str, Trajectory], *, aligned: bool = False
 ) -> dict[str, PathScore]:
     """Compare each path with the truth.
 

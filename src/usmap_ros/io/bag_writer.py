@@ -65,11 +65,7 @@ class BagWriter:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        name: str,
-        compression: str = "none",
-        chunk_bytes: int = _CHUNK_BYTES,
+        self, folder: Path, name: str, compression: str = "none", chunk_bytes: int = _CHUNK_BYTES
     ) -> None:
         self._folder = folder
         self._file_name = f"{name}.mcap"

@@ -127,8 +127,7 @@ def _probability_of(shade: FloatArray, mode: str, description: _Description) -> 
     free = description.number("free_thresh", 0.25)
     if not 0.0 <= free < occupied <= 1.0:
         raise MapFileError(
-            description.path,
-            f"free_thresh ({free:g}) must be below occupied_thresh ({occupied:g})",
+            description.path, f"free_thresh ({free:g}) must be below occupied_thresh ({occupied:g})"
         )
     between = (occupied_share - free) / (occupied - free) if mode == "scale" else np.nan
     probability = np.where(occupied_share < free, 0.0, between)

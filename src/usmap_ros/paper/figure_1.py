@@ -25,10 +25,7 @@ from usmap_ros.runs.pipeline import Pipeline
 #: Two that both robots see, one that only the first sees, and one that only the second sees.
 OBJECTS: Points = ((2.03, 1.23), (2.91, 1.72), (1.5, 0.35), (0.9, 3.0))
 NUMBERS = ("1", "2", "3", "4")
-POSES = (
-    Pose.planar(0.0, 0.6, np.deg2rad(20.0)),
-    Pose.planar(3.9, 0.2, np.deg2rad(130.0)),
-)
+POSES = (Pose.planar(0.0, 0.6, np.deg2rad(20.0)), Pose.planar(3.9, 0.2, np.deg2rad(130.0)))
 ROBOT_NAMES = ("robot 1", "robot 2")
 NOISE_STD = 0.003
 LISTENING = replace(SHORT_PULSE, max_range_m=4.5)

@@ -99,10 +99,7 @@ def _carpet_for_concrete() -> dict[str, Any]:
     wrong = reconstruct_cells(trace, method())
     simple = reconstruct_cells(trace, method(), floor=False)
     return {
-        name: {
-            "relative_residual": found.relative_residual,
-            "f1": f1_of_sets(found, CENTRES),
-        }
+        name: {"relative_residual": found.relative_residual, "f1": f1_of_sets(found, CENTRES)}
         for name, found in (("carpet", right), ("concrete", wrong), ("no floor", simple))
     }
 

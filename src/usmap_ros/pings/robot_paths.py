@@ -58,11 +58,7 @@ class RobotPaths:
         self._stamps_ns.setdefault(topic, array("q")).append(stamp_ns)
 
     def add_all(
-        self,
-        topic: str,
-        positions_m: FloatArray,
-        beams: FloatArray,
-        stamps_ns: NDArray[np.int64],
+        self, topic: str, positions_m: FloatArray, beams: FloatArray, stamps_ns: NDArray[np.int64]
     ) -> None:
         """Append pings: positions, (n, 2), numbers of beams, (n, 3), known or all NaN, stamps."""
         self._stamps_ns.setdefault(topic, array("q")).frombytes(

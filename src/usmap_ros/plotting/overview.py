@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
 
 def overview_figure(
-    reconstruction: Reconstruction,
-    candidates: CandidateCells,
-    truth: TruthMap | None = None,
+    reconstruction: Reconstruction, candidates: CandidateCells, truth: TruthMap | None = None
 ) -> Figure:
     """Draw a ping's trace, its residual, and the cone that came of it, side by side."""
     with style.styled():

@@ -73,10 +73,7 @@ def _over_targets(targets: Targets, sounding: Sounding) -> tuple[FloatArray, Flo
     parts = [
         (*_there_and_back(sounding, bare, points_m[upright]), strengths[upright]),
         (*_there_and_back(sounding, bare, feet_m), twice * strengths[upright]),
-        (
-            *_there_and_back(sounding, channel.with_image, points_m[floating]),
-            strengths[floating],
-        ),
+        (*_there_and_back(sounding, channel.with_image, points_m[floating]), strengths[floating]),
     ]
     return (
         np.concatenate([lengths_m.ravel() for lengths_m, _, _ in parts]),

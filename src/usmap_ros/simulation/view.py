@@ -118,11 +118,7 @@ def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
     candidates = candidates.where(_in_cone(candidates, view))
     candidates = candidates.where(~_behind_walls(candidates, scene.walls, near, view))
     hidden = hidden_by_discs(
-        view.position_m,
-        candidates.positions_m,
-        discs.centers_m,
-        discs.radii_m,
-        candidates.discs,
+        view.position_m, candidates.positions_m, discs.centers_m, discs.radii_m, candidates.discs
     )
     candidates = candidates.where(~hidden)
     positions_m = candidates.in_space(view)

@@ -47,25 +47,14 @@ def make_truth(drawing: np.ndarray) -> TruthMap:
 
 class TestLineOfSight:
     def test_a_wall_is_seen_and_hides_what_is_behind(self) -> None:
-        truth = cells(
-            "...#...",
-            "...#...",
-            "...#...",
-        )
+        truth = cells("...#...", "...#...", "...#...")
         counts = pings_in_sight(truth == "#", geometry_of(truth), looking((0, 1)))
         expected = np.tile([1, 1, 1, 1, 0, 0, 0], (3, 1))
         np.testing.assert_array_equal(counts, expected)
 
     @pytest.mark.parametrize("turn", range(4))
     def test_no_ray_slips_through_where_cells_touch_at_a_corner(self, turn: int) -> None:
-        drawing = cells(
-            ".....#",
-            "....#.",
-            "...#..",
-            "..#...",
-            ".#....",
-            "#.....",
-        )
+        drawing = cells(".....#", "....#.", "...#..", "..#...", ".#....", "#.....")
         wall = np.rot90(drawing == "#", turn)
         place = [(0, 5), (5, 5), (5, 0), (0, 0)][turn]
         geometry = geometry_of(drawing)
@@ -182,11 +171,7 @@ class TestDrivability:
 
 
 def test_reachable_starts_only_where_a_robot_was() -> None:
-    drawing = cells(
-        "...#...",
-        "...#...",
-        "...#...",
-    )
+    drawing = cells("...#...", "...#...", "...#...")
     free, wall = drawing == ".", drawing == "#"
     got = reachable(free, wall, geometry_of(drawing), looking((5, 1)).positions_m)
     np.testing.assert_array_equal(got, np.tile([0, 0, 0, 0, 0, 1, 1], (3, 1)).astype(bool))

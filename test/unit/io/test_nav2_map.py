@@ -41,11 +41,7 @@ def write_map(tmp_path: Path) -> WriteMap:
         ([[0], [254]], {}, [[0], [1]]),
         ([[0, 51, 100, 101, 255]], {"mode": "raw"}, [[0, 0.51, 1, UNKNOWN, UNKNOWN]]),
         ([[0, 255]], {"mode": "scale"}, [[1, 0]]),
-        (
-            [[102]],
-            {"mode": "scale", "occupied_thresh": 0.8, "free_thresh": 0.2},
-            [[2 / 3]],
-        ),
+        ([[102]], {"mode": "scale", "occupied_thresh": 0.8, "free_thresh": 0.2}, [[2 / 3]]),
         # Transparent is unknown in mode scale.
         ([[[0, 255], [0, 0]]], {"mode": "scale"}, [[1, UNKNOWN]]),
         # Of colours, the mean counts.
@@ -111,8 +107,7 @@ def test_a_broken_image_is_named(write_map: WriteMap, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "cause"),
-    [("[", "line 1: expected the node"), ("", "is not a map description")],
+    ("text", "cause"), [("[", "line 1: expected the node"), ("", "is not a map description")]
 )
 def test_a_broken_description_is_named(tmp_path: Path, text: str, cause: str) -> None:
     (tmp_path / "map.yaml").write_text(text)

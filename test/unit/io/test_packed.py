@@ -68,10 +68,7 @@ def test_a_chunk_of_a_million_records_of_nothing_is_not_read_to_its_end(tmp_path
 
 
 def test_a_file_that_is_packed_as_a_whole_fills_no_disk(
-    make_trace: MakeTrace,
-    write_bag: WriteBag,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
+    make_trace: MakeTrace, write_bag: WriteBag, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (whole,) = write_bag("bag", [("/a", make_trace(0)), ("/a", make_trace(1))]).glob("*.mcap")
     packed = tmp_path / "big.mcap.zst"

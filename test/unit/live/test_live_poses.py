@@ -203,9 +203,7 @@ def with_a_late_robot() -> tuple[list[Ping], list[Ping]]:
         (
             "/robot2/echo",
             replace(
-                one,
-                stamp_ns=one.stamp_ns + steady[-1][1].stamp_ns,
-                child_frame_id="robot2/sonar",
+                one, stamp_ns=one.stamp_ns + steady[-1][1].stamp_ns, child_frame_id="robot2/sonar"
             ),
         )
         for _, one in drifting(40)

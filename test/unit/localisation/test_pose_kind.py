@@ -52,11 +52,7 @@ def test_names_of_own_frames(frame: str, is_own: bool) -> None:
 
 @pytest.mark.parametrize(
     ("topic", "frame", "robot"),
-    [
-        ("/a/left/echo", "a/left", "a"),
-        ("/a/echo", "sonar", "/a"),
-        ("/echo", "", "/echo"),
-    ],
+    [("/a/left/echo", "a/left", "a"), ("/a/echo", "sonar", "/a"), ("/echo", "", "/echo")],
 )
 def test_transducers_of_a_robot_belong_together(topic: str, frame: str, robot: str) -> None:
     one = replace(cone(Pose.planar(0.0, 0.0, 0.0)), child_frame_id=frame)

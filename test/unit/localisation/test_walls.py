@@ -85,9 +85,7 @@ def recording(
         (
             "/robot1/echo",
             cone(
-                at(pose, covariance),
-                ranges + 0.01 * rng.standard_normal(len(ranges)),
-                number + 1,
+                at(pose, covariance), ranges + 0.01 * rng.standard_normal(len(ranges)), number + 1
             ),
         )
         for number, (pose, covariance, ranges) in enumerate(zip(told, known, heard, strict=True))

@@ -244,9 +244,7 @@ def test_a_map_that_does_not_fit_the_grid_is_not_resumed(
         JointFusion(MappingParameters()).resume(occupancy)
 
 
-def test_silence_frees_only_near_to_where_the_way_is_known_to_be_open(
-    make_cone: MakeCone,
-) -> None:
+def test_silence_frees_only_near_to_where_the_way_is_known_to_be_open(make_cone: MakeCone) -> None:
     """Where the robot is, and little by little ahead of it, but not what nobody has proven."""
     fusion = JointFusion(MappingParameters())
     occupancy = fused(fusion, [make_cone()] * 20)

@@ -17,11 +17,7 @@ from usmap_ros.parameters.fields import flat_fields, former_names
 from usmap_ros.parameters.nodes import ConeReconstructorParameters, MapFusionParameters
 from usmap_ros.parameters.nodes.common import check_globs, is_one_of
 
-GROUPS: list[type[BaseModel]] = [
-    CorrectionParameters,
-    ReconstructionParameters,
-    MappingParameters,
-]
+GROUPS: list[type[BaseModel]] = [CorrectionParameters, ReconstructionParameters, MappingParameters]
 #: Of another model, as newer and older versions of pydantic write it.
 REFERENCES = {"$ref", "allOf"}
 UNITS_BY_SUFFIX = {"_m_s": "m/s", "_m": "m", "_s": "s", "_hz": "Hz", "_rad": "rad"}

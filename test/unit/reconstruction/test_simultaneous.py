@@ -111,9 +111,7 @@ def test_bearings_are_within_their_standard_deviations():
 
 
 def test_one_sends_and_two_listen():
-    traces = one_sounding(
-        [sonar("left", 0.06, UP), sonar("right", -0.06, UP, emits=False)],
-    )
+    traces = one_sounding([sonar("left", 0.06, UP), sonar("right", -0.06, UP, emits=False)])
     left, right = reconstruct_sounding(traces, PARAMETERS)
 
     assert right is None

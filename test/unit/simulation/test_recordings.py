@@ -95,9 +95,7 @@ def test_traces_are_like_the_recorded_ones(theirs):
 def test_pose_errors_are_stated_like_the_recorded_ones():
     content = {
         "world": POLES,
-        "robots": [
-            {"name": "robot1", "pose_error": {"position_std_m": 0.03, "yaw_std_rad": 0.01}},
-        ],
+        "robots": [{"name": "robot1", "pose_error": {"position_std_m": 0.03, "yaw_std_rad": 0.01}}],
     }
     _, ours = next(simulate(Scenario.from_mapping(content, "poles.yaml")))
     np.testing.assert_allclose(np.diag(ours.pose.covariance), [0.0009, 0.0009, 0, 0, 0, 0.0001])

@@ -68,14 +68,7 @@ class DeviceDriverParameters(NodeParameters):
     """Of drivers of real hardware."""
 
     fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | frozenset(
-        {
-            "sensor",
-            "ping_rate_hz",
-            "longest_pause_s",
-            "pose_source",
-            "base_frame",
-            "pose_timeout_s",
-        }
+        {"sensor", "ping_rate_hz", "longest_pause_s", "pose_source", "base_frame", "pose_timeout_s"}
     )
 
     sensor: str = quantity(

@@ -31,11 +31,7 @@ class BagReplayParameters(NodeParameters):
     clock: bool = quantity(True, "Whether to publish the recording's time on /clock.")
     clock_rate_hz: float = quantity(100.0, "Rate of /clock, in real time.", "Hz", gt=0.0, le=1000.0)
     wait_s: float = quantity(
-        5.0,
-        "Longest wait for a subscriber on every topic before the start.",
-        "s",
-        ge=0.0,
-        le=1e6,
+        5.0, "Longest wait for a subscriber on every topic before the start.", "s", ge=0.0, le=1e6
     )
 
     _are_globs = field_validator("topic_pattern")(check_globs)

@@ -135,8 +135,7 @@ class RobotModel(ParameterGroup):
         0.0, "How long it stands where it starts, and pings, before it moves.", "s", ge=0.0, le=1e6
     )
     moves_during_ping: bool = quantity(
-        False,
-        "Whether it goes on moving while it listens; otherwise a ping takes no time.",
+        False, "Whether it goes on moving while it listens; otherwise a ping takes no time."
     )
     pose_error: PoseErrorModel = quantity(PoseErrorModel(), "Error of reported poses.")
     odometry: OdometryModel | None = quantity(

@@ -236,8 +236,7 @@ def test_who_is_left_out_meanwhile_does_not_come_back(
     may_go_on.set()
     thread.join()
     np.testing.assert_array_equal(
-        fusion.live_snapshot(in_time=True)().log_odds,
-        fused(pings[:20:2]).occupancy_map().log_odds,
+        fusion.live_snapshot(in_time=True)().log_odds, fused(pings[:20:2]).occupancy_map().log_odds
     )
 
 

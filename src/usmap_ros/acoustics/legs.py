@@ -33,10 +33,7 @@ class Legs:
     def paths(self, back: Legs) -> tuple[FloatArray, FloatArray]:
         """Lengths and gains of going there by any of these legs, and `back` by any of those.
 
-        Returns
-        -------
-        lengths_m, gains : (points, paths) arrays
-            Of every pair of legs.
+        Returns (points, paths) arrays: of every pair of legs.
         """
         lengths_m = self.lengths_m[:, :, np.newaxis] + back.lengths_m[:, np.newaxis]
         gains = self.gains[:, :, np.newaxis] * back.gains[:, np.newaxis]

@@ -59,13 +59,6 @@ class BagReader:
     paths : sequence of path-like
         rosbag2 folders, ``.mcap`` or ``.db3`` files.
 
-    Attributes
-    ----------
-    topics : list of RecordedTopic
-        Every topic of every file, whatever its type.
-    skipped : SkippedMessages
-        Malformed messages met so far.
-
     Examples
     --------
     >>> with BagReader(["bags/poles"]) as bag:  # doctest: +SKIP
@@ -75,8 +68,10 @@ class BagReader:
 
     def __init__(self, paths: Sequence[str | Path]) -> None:
         self.paths = _each_once(paths)
+        #: Malformed messages met so far.
         self.skipped = SkippedMessages()
         self._read_count = 0
+        #: Every topic of every file, whatever its type.
         self.topics: list[RecordedTopic] = []
         self._storages: list[Storage] = []
         self._files = Files(self._storages)

@@ -121,10 +121,7 @@ def check_definition(path: Path, recorded: RecordedTopic) -> None:
 
     Comments and constants may differ.  A recording that carries no definitions is trusted.
 
-    Raises
-    ------
-    BagError
-        Naming the topic, the message type and the first difference.
+    Raises `BagError`, naming the topic, the message type and the first difference.
     """
     if recorded.encoding != "cdr":
         raise BagError(

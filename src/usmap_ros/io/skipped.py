@@ -14,15 +14,10 @@ NAMED_MESSAGES = 3
 
 
 class SkippedMessages:
-    """Counts skipped messages by the field that was wrong, and names the first few.
-
-    Attributes
-    ----------
-    by_field : Counter
-        Number of messages by offending field.
-    """
+    """Counts skipped messages by the field that was wrong, and names the first few."""
 
     def __init__(self) -> None:
+        #: Number of messages by offending field.
         self.by_field: Counter[str] = Counter()
 
     @property

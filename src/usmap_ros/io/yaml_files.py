@@ -28,15 +28,13 @@ LINE = 100
 def load_yaml(path: Path, model: type[_Model]) -> _Model:
     """Read a YAML file into a model; an empty file gives the model's defaults.
 
+    Raises `ConfigurationError` in one line: the file, the field with its groups, and what is wrong
+    with it.
+
     Parameters
     ----------
     path : path
         YAML of the model's keys, at most 1 MiB.
-
-    Raises
-    ------
-    ConfigurationError
-        In one line: the file, the field with its groups, and what is wrong with it.
     """
     return validated(path, model, read_mapping(path))
 
@@ -57,10 +55,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
 def validated(source: str | Path, model: type[_Model], content: dict[str, Any]) -> _Model:
     """Make a model of `content`; `source` is what an error names as its origin.
 
-    Raises
-    ------
-    ConfigurationError
-        As `load_yaml`.
+    Raises `ConfigurationError` as `load_yaml`.
     """
     try:
         return model.model_validate(content)

@@ -18,16 +18,12 @@ class Checkpoint:
     ----------
     path : str
         The folder; empty: the map is not kept.
-
-    Attributes
-    ----------
-    trouble : str
-        Why a map that was kept could not be used; empty if all is well.
     """
 
     def __init__(self, path: str) -> None:
         self._path = Path(path).expanduser() if path else None
         self._kept_version = 0
+        #: Why a map that was kept could not be used; empty if all is well.
         self.trouble = ""
         if self._path is not None:
             with map_folder(self._path):

@@ -51,11 +51,6 @@ class Health:
         What is counted; all of it is reported, from the start.
     warn : callable
         Gets the first occurrence of each problem, and what is found from then on that it is.
-
-    Attributes
-    ----------
-    clock : callable
-        The same, which may be exchanged at any time.
     """
 
     def __init__(
@@ -65,6 +60,7 @@ class Health:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._warn = warn
+        #: The same, which may be exchanged at any time.
         self.clock = clock
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter(dict.fromkeys(counted, 0))

@@ -55,10 +55,6 @@ class LiveFusion:
 
     Attributes
     ----------
-    queue : ConeQueue
-        The cones that wait.
-    poses : LivePoses
-        What corrects poses that drift.
     version : int
         Rises with every change of the map.
     generation : int
@@ -76,12 +72,14 @@ class LiveFusion:
         poses: PoseParameters = PoseParameters(),  # noqa: B008 - it cannot be changed
     ) -> None:
         self._parameters = PipelineParameters(mapping=parameters, poses=poses)
+        #: What corrects poses that drift.
         self.poses = LivePoses(self._parameters, frame_id)
         self._stated_frame = frame_id
         self._pipeline = Pipeline(self._parameters)
         self._frame, self._far = CommonFrame(frame_id), FarOff(parameters)
         self._clock, self._on_set_apart = clock, on_set_apart
         # It has a lock of its own, so that cones go on being received while one is fused.
+        #: The cones that wait.
         self.queue = ConeQueue(order_wait_s, capacity, clock)
         self._map_lock = threading.Lock()
         self._consistency = Consistency(parameters)

@@ -36,17 +36,6 @@ class LivePoses:
         ``poses`` says which poses are wanted.
     frame_id : str
         The map's frame; empty: the one that most robots share.
-
-    Attributes
-    ----------
-    own_frames : set of str
-        Frames of odometry that pings were kept in.
-    latest : LocatedRobots
-        Where robots are by the newest map.
-    doubted : dict
-        Whom it does not believe wholly: see `usmap_ros.mapping.fusion.Fusion.doubted`.
-    generation : int
-        Rises when other pings than the newest change.
     """
 
     def __init__(self, parameters: PipelineParameters, frame_id: str = "") -> None:
@@ -60,11 +49,15 @@ class LivePoses:
         self._watch = DriftWatch(parameters.poses.use != "auto")
         # Rises with every ping.
         self._version = 0
+        #: Rises when other pings than the newest change.
         self.generation = 0
         self._made: _Made | None = None
         self._going_on: _GoingOn | None = None
+        #: Frames of odometry that pings were kept in.
         self.own_frames: set[str] = set()
+        #: Where robots are by the newest map.
         self.latest = LocatedRobots(Corrected([]), "", {})
+        #: Whom it does not believe wholly: see `usmap_ros.mapping.fusion.Fusion.doubted`.
         self.doubted: dict[str, float] = {}
 
     @property

@@ -57,23 +57,17 @@ class StampOrder(Generic[_Item]):
     capacity : int
         Items held at most; beyond it the oldest is dropped of the source that has most of them, so
         that one which floods takes the room of nobody else.
-
-    Attributes
-    ----------
-    dropped : int
-        Items dropped because too many were held.
-    late : int
-        Items older than one that had been released before they came; they are released all the
-        same.
-    last_late : str
-        Source of the last of them, and how far behind it was.
     """
 
     def __init__(self, wait_s: float, capacity: int) -> None:
         self.wait_s = wait_s
         self.capacity = capacity
+        #: Items dropped because too many were held.
         self.dropped = 0
+        #: Items older than one that had been released before they came; they are released all the
+        #: same.
         self.late = 0
+        #: Source of the last of them, and how far behind it was.
         self.last_late = ""
         self._heap: list[_Entry[_Item]] = []
         # Of each source: its items in the heap, oldest stamp first, and how many are not out yet.

@@ -28,14 +28,10 @@ class ScenarioTime:
     ----------
     start_ns : int
         When the scenario begins, nanoseconds of the clock; 0: with its first reading.
-
-    Attributes
-    ----------
-    start_ns : int
-        When the scenario began; 0 until that is known.
     """
 
     def __init__(self, start_ns: int = 0) -> None:
+        #: When the scenario began; 0 until that is known.
         self.start_ns = start_ns
         self._is_given = start_ns > 0
         self._latest_ns = 0

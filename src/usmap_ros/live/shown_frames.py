@@ -15,19 +15,13 @@ JUMP_M, JUMP_RAD = 0.5, 0.25
 
 
 class ShownFrames:
-    """Frames of odometry in the map's frame, as x, y (m) and yaw (rad).
-
-    Attributes
-    ----------
-    shown : dict
-        Where each frame is shown.
-    jumps : int
-        How often one had to jump since it was first shown.
-    """
+    """Frames of odometry in the map's frame, as x, y (m) and yaw (rad)."""
 
     def __init__(self) -> None:
+        #: Where each frame is shown.
         self.shown: dict[str, FloatArray] = {}
         self._targets: dict[str, FloatArray] = {}
+        #: How often one had to jump since it was first shown.
         self.jumps = 0
 
     def aim(self, targets: Mapping[str, FloatArray]) -> list[str]:

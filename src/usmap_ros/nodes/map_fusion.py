@@ -37,17 +37,13 @@ class MapFusion(LifecycleNode):
     """From every robot's ``cone`` to ``map``; a managed node that starts by itself.
 
     Keyword arguments are those of `rclpy.node.Node`.
-
-    Attributes
-    ----------
-    session : MapSession or None
-        The map and who works on it; None unless the node is configured.
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(
             MAP_FUSION.name, automatically_declare_parameters_from_overrides=True, **options
         )
+        #: The map and who works on it; None unless the node is configured.
         self.session: MapSession | None = None
         self._topics: ConeTopics | None = None
         self._timers_of_life: list[Any] = []

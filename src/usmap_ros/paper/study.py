@@ -57,15 +57,12 @@ def run_study(folder: Path, done: Callable[[], None] = lambda: None) -> dict[str
 
     Raises `FileError` if the folder or a file in it cannot be written.
 
+    Returns what ``paper.json`` holds: the numbers of each part by its name, and ``seconds``.
+
     Parameters
     ----------
     folder : path
         Where the pictures and ``paper.json`` go; made if missing.
-
-    Returns
-    -------
-    dict
-        What ``paper.json`` holds: the numbers of each part by its name, and ``seconds``.
     """
     started = time.perf_counter()
     with file_errors(FileError, folder, "made"):

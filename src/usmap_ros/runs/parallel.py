@@ -50,8 +50,6 @@ class Reconstructors:
         Its reconstruction is what they do.
     executor : Executor, optional
         The processes; without it the caller's own does the work.
-    processes : int
-        How many there are.
     """
 
     def __init__(
@@ -96,17 +94,11 @@ class Reconstructors:
 
 @dataclass(frozen=True)
 class StretchCones:
-    """What became of the traces of a stretch.
+    """What became of the traces of a stretch."""
 
-    Parameters
-    ----------
-    cones : list of (str, EchoCone)
-        Topic and cone of each trace, in their order.
-    skipped : list of (str, MalformedMessageError)
-        Source of each trace that could not be used, and why.
-    """
-
+    #: Topic and cone of each trace, in their order.
     cones: list[tuple[str, EchoCone]]
+    #: Source of each trace that could not be used, and why.
     skipped: list[tuple[str, MalformedMessageError]]
 
 
@@ -121,8 +113,6 @@ def stretch_cones(
         Where the traces lie that are to be reconstructed.
     levels : sequence of float
         Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
-    reception : LearntReception
-        How each trace is reconstructed.
     """
     skipped: list[tuple[str, MalformedMessageError]] = []
     unstated = iter(levels)
@@ -149,10 +139,6 @@ def cones_of(
     ----------
     traces : iterable of (str, EchoTrace)
         In the order of their stamps.
-    pipeline : Pipeline
-        Its reconstruction is what is done.
-    skip : callable
-        Told of traces that cannot be reconstructed.
     """
     stated = ((topic, pipeline.noise.with_noise(trace)) for topic, trace in traces)
     return _cones(stated, pipeline.reception, skip)

@@ -21,24 +21,16 @@ from usmap_ros.simulation.scenario import Scenario
 
 @dataclass(frozen=True)
 class Trial:
-    """A map, the map that the range model makes of the same pings, and how good either is.
+    """A map, the map that the range model makes of the same pings, and how good either is."""
 
-    Parameters
-    ----------
-    occupancy, range_only : OccupancyMap
-        The pipeline's, and that of `RangeSensorFusion` from each ping's first echo.
-    truth : TruthMap
-        What is there.
-    views : PingViews
-        What the pings looked at.
-    score, range_only_score : Score
-        Of either map against it.
-    """
-
+    #: The pipeline's, and that of `RangeSensorFusion` from each ping's first echo.
     occupancy: OccupancyMap
     range_only: OccupancyMap
+    #: What is there.
     truth: TruthMap
+    #: What the pings looked at.
     views: PingViews
+    #: Of either map against it.
     score: Score
     range_only_score: Score
 
@@ -50,19 +42,12 @@ def try_traces(
 ) -> Trial:
     """Map traces, and score the map.
 
+    Raises `MalformedMessageError` if a trace cannot be reconstructed.
+
     Parameters
     ----------
-    traces : iterable of (topic, EchoTrace)
-        In the order of their stamps, as `simulate` and `BagReader.traces` give them.
-    truth : TruthMap
-        What is there.
     parameters : PipelineParameters, optional
         Of the pipeline; the range model gets its cells from them.
-
-    Raises
-    ------
-    MalformedMessageError
-        If a trace cannot be reconstructed.
     """
     pipeline = Pipeline(parameters)
     range_only = RangeSensorFusion(pipeline.parameters.mapping)

@@ -16,10 +16,7 @@ from usmap_ros.simulation.simulator import EchoSimulator
 def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> int:
     """Simulate a scenario into a recording.
 
-    Returns
-    -------
-    int
-        How many traces were written.
+    Returns how many traces were written.
     """
     count = 0
     for topic, trace in simulate(scenario):

@@ -30,11 +30,6 @@ class Transforms:
         Which listens to TF, if ``tf2_ros`` is installed.
     without_it : str
         What the node cannot do without it, for the log.
-
-    Attributes
-    ----------
-    is_available : bool
-        Whether there is TF.
     """
 
     def __init__(self, node: Node, without_it: str) -> None:
@@ -44,6 +39,7 @@ class Transforms:
             node.get_logger().info(f"tf2_ros is not installed: {without_it}")
             self.is_available = False
             return
+        #: Whether there is TF.
         self.is_available = True
         self._node = node
         self._types = RosMessageTypes()

@@ -50,13 +50,6 @@ class MapSession:
     ----------
     parameters : ParameterServer
         Those of the map are taken as they are now, the others as they change.
-
-    Attributes
-    ----------
-    fusion : LiveFusion
-        What orders and fuses cones, and holds the map.
-    check : RobotCheck
-        Tells which robots contradict the others.
     """
 
     def __init__(
@@ -67,6 +60,7 @@ class MapSession:
         transforms: Transforms,
     ) -> None:
         now = parameters.value
+        #: What orders and fuses cones, and holds the map.
         self.fusion = LiveFusion(
             now.mapping,
             now.order_wait_s,
@@ -95,6 +89,7 @@ class MapSession:
         self._worker = Worker(node, self._step)
         # A map that comes later has more in it; pings that wait for one would be dropped.
         self._bringer = Worker(node, self._bring_out, is_patient=True)
+        #: Tells which robots contradict the others.
         self.check = RobotCheck(node, self.fusion, parameters, health)
 
     def close(self) -> None:
@@ -144,10 +139,7 @@ class MapSession:
     def settle(self) -> float | None:
         """Have fused what was received, and cones of other frames whose transforms have come.
 
-        Returns
-        -------
-        pause_s : float or None
-            When to try again; None: not before another cone has come.
+        Returns when to try again; None: not before another cone has come.
         """
         self._foreign_cones.retry(self.fusion.frame_id)
         # Once for all that came together: whoever is woken wants the interpreter at once.

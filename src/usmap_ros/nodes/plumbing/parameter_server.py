@@ -83,13 +83,6 @@ class ParameterServer(Generic[_Parameters]):
     ----------
     why_fixed : callable, optional
         For the name of a parameter: why it cannot be changed now, or None if it can.
-
-    Attributes
-    ----------
-    value : model
-        The current values.
-    on_change : list of callables
-        Called after `value` has changed.
     """
 
     def __init__(
@@ -101,6 +94,7 @@ class ParameterServer(Generic[_Parameters]):
         self._node = node
         self._group = group
         self._why_fixed = why_fixed
+        #: Called after `value` has changed.
         self.on_change: list[Callable[[], None]] = []
         fields = dict(flat_fields(group))
         given = {}
@@ -109,6 +103,7 @@ class ParameterServer(Generic[_Parameters]):
                 given[name] = node.get_parameter(name).value
                 node.undeclare_parameter(name)
         self._named = f"parameters of {node.get_fully_qualified_name()}"
+        #: The current values.
         self.value = validated(self._named, group, nested_values(given))
         self._warn_of_unknown(fields)
         for name, value in flat_values(self.value).items():

@@ -37,14 +37,10 @@ class EndRequest:
     ROS most of the time; one that raises may interrupt anything, such as the last checkpoint.
     So the handlers do nothing: Python writes each signal's number into a socket at once, and a
     thread that waits there tells the executor.
-
-    Attributes
-    ----------
-    future : Future
-        What an executor can spin until.
     """
 
     def __init__(self) -> None:
+        #: What an executor can spin until.
         self.future = Future()
         self._receiver, self._sender = socket.socketpair()
         self._sender.setblocking(False)

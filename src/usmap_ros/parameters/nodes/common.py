@@ -46,10 +46,7 @@ def topic_globs(purpose: str) -> Any:
 def check_globs(globs: str) -> str:
     """Refuse what would be more than globs; a pydantic validator.
 
-    Raises
-    ------
-    ValueError
-        With the reason.
+    Raises `ValueError` with the reason.
     """
     odd = sorted({character for character in globs if character in _OF_EXPRESSIONS})
     if odd:

@@ -17,10 +17,7 @@ USUAL_REFLECTIVITY, USUAL_POWERS = 0.7, 2.0
 def unit_of(trace: EchoTrace) -> float:
     """The power of ten by which samples are too large, such as a converter's counts; 1 as a rule.
 
-    Returns
-    -------
-    unit : float
-        0 where it holds nothing that tells.
+    Returns 0 where it holds nothing that tells.
     """
     signal = without_dc_offset(trace).signal()
     range_m = 0.5 * trace.channel.sound_speed_m_s * trace.sample_times_s()

@@ -22,30 +22,18 @@ MARGIN_M = 2.0
 
 @dataclass(frozen=True)
 class AreaMap:
-    """The map of one area.
+    """The map of one area."""
 
-    Parameters
-    ----------
-    occupancy : OccupancyMap
-        The map of the area alone.
-    paths : RobotPaths
-        Of the robots in it.
-    run : MappingRun
-        What became of their pings.
-    """
-
+    #: The map of the area alone.
     occupancy: OccupancyMap
+    #: Of the robots in it.
     paths: RobotPaths
+    #: What became of their pings.
     run: MappingRun
 
 
 def areas_of(files: Sequence[Cones]) -> list[list[Cones]]:
     """Group recordings: those of different groups do not reach the same places.
-
-    Parameters
-    ----------
-    files : sequence of Cones
-        In any order.
 
     Returns
     -------
@@ -79,39 +67,25 @@ def _around(boxes: Sequence[Sequence[float]]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class AreaOptions:
-    """What is asked for of every area's map.
+    """What is asked for of every area's map."""
 
-    Parameters
-    ----------
-    passes : int
-        Further looks at the recent pings.
-    without : tuple of str
-        Topics, or robots, whose pings stay out of the map.
-    frame_id : str
-        The map's frame; empty: the one that most robots share.
-    """
-
+    #: Further looks at the recent pings.
     passes: int = 0
+    #: Topics, or robots, whose pings stay out of the map.
     without: tuple[str, ...] = ()
+    #: The map's frame; empty: the one that most robots share.
     frame_id: str = ""
 
 
 def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: AreaOptions) -> AreaMap:
     """Fuse recordings of cones in the order of their stamps.
 
+    Raises `UsmapError` if nothing in them can be used, or the map would be too large.
+
     Parameters
     ----------
     cones : sequence of str
         Paths of the recordings of cones whose pings reach the area.
-    parameters : PipelineParameters
-        Of which those of mapping count.
-    wishes : AreaOptions
-        What else is asked for.
-
-    Raises
-    ------
-    UsmapError
-        If nothing in them can be used, or the map would be too large.
     """
     pipeline, paths = Pipeline(parameters), RobotPaths()
     pipeline.fusion.frame_id = wishes.frame_id

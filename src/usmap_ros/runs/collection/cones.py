@@ -36,46 +36,29 @@ STRETCH = 2000
 
 @dataclass(frozen=True)
 class Cones:
-    """The cones of a recording, or of a stretch of it.
+    """The cones of a recording, or of a stretch of it."""
 
-    Parameters
-    ----------
-    paths : list of str
-        Recordings that hold them.
-    box_m : tuple of float
-        Lowest x and y, and highest x and y, that its pings reach.
-    skipped : dict
-        Number of pings left out, by the field of the message that was to blame.
-    warnings : list of str
-        What there was to be said of the recording.
-    """
-
+    #: Recordings that hold them.
     paths: list[str]
+    #: Lowest x and y, and highest x and y, that its pings reach.
     box_m: tuple[float, float, float, float]
+    #: Number of pings left out, by the field of the message that was to blame.
     skipped: dict[str, int]
+    #: What there was to be said of the recording.
     warnings: list[str]
 
 
 @dataclass(frozen=True)
 class Divided:
-    """A long recording: what is known of it, and the stretches that anybody may reconstruct.
+    """A long recording: what is known of it, and the stretches that anybody may reconstruct."""
 
-    Parameters
-    ----------
-    name : path
-        Where its cones would be, had it been reconstructed as a whole.
-    begun : Cones
-        What did not have to be reconstructed.
-    stretches : list of (path, TraceStretch, list of float)
-        Where cones are to be written, of which traces, and levels of noise of those that state
-        none.
-    reception : LearntReception
-        How they are reconstructed.
-    """
-
+    #: Where its cones would be, had it been reconstructed as a whole.
     name: Path
+    #: What did not have to be reconstructed.
     begun: Cones
+    #: Where cones are to be written, of which traces, and levels of noise of those that state none.
     stretches: list[tuple[Path, TraceStretch, list[float]]]
+    #: How they are reconstructed.
     reception: LearntReception
 
 
@@ -114,6 +97,8 @@ def cones_of_recording(
 ) -> Cones | Divided:
     """Reconstruct a recording into a file in `folder`, unless that was done before.
 
+    Raises `BagError` if the recording cannot be used, or its cones cannot be written.
+
     Parameters
     ----------
     recording : path
@@ -124,11 +109,6 @@ def cones_of_recording(
         Of which those of reconstruction count.
     length : int
         Traces from which on it is only divided.
-
-    Raises
-    ------
-    BagError
-        If the recording cannot be used, or its cones cannot be written.
     """
     name = folder / f"{recording.name}-{_digest(recording, parameters)}"
     if (kept := _kept(name)) is not None:
@@ -164,10 +144,7 @@ def cones_of_stretch(
 ) -> Cones:
     """Reconstruct a stretch of a recording into a file, unless that was done before.
 
-    Raises
-    ------
-    BagError
-        If its cones cannot be written.
+    Raises `BagError` if its cones cannot be written.
     """
     if (kept := _kept(name)) is not None:
         return kept
@@ -183,10 +160,7 @@ def cones_of_stretch(
 def joined(name: Path, parts: Sequence[Cones]) -> Cones:
     """The cones of a recording from those of its stretches.
 
-    Raises
-    ------
-    BagError
-        If there are none, or what is known of them cannot be written.
+    Raises `BagError` if there are none, or what is known of them cannot be written.
     """
     skipped = Counter[str]()
     for part in parts:

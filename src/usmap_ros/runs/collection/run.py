@@ -33,30 +33,20 @@ CONES_FOLDER = "cones"
 
 @dataclass(frozen=True)
 class Collected:
-    """One map of many recordings.
+    """One map of many recordings."""
 
-    Parameters
-    ----------
-    occupancy : OccupancyMap
-        The map of all areas, joined.
-    paths : RobotPaths
-        Of all robots.
-    run : MappingRun
-        What became of their pings.
-    recordings, areas : int
-        How many there were.
-    failed : dict
-        Why recordings, or areas by the names of their recordings, could not be used.
-    warnings : list of str
-        What there is to be said of others.
-    """
-
+    #: The map of all areas, joined.
     occupancy: OccupancyMap
+    #: Of all robots.
     paths: RobotPaths
+    #: What became of their pings.
     run: MappingRun
+    #: How many there were.
     recordings: int
     areas: int
+    #: Why recordings, or areas by the names of their recordings, could not be used.
     failed: dict[str, str]
+    #: What there is to be said of others.
     warnings: list[str]
 
     def summary(self, seconds: float) -> dict[str, Any]:
@@ -77,27 +67,18 @@ def map_collection(
 ) -> Collected:
     """Map recordings: each to cones, areas apart, and their maps to one.
 
+    Raises `UsmapError` if nothing could be mapped, or the whole map would be too large.
+
     Parameters
     ----------
     recordings : sequence of path
         As the workers can read them.
-    output : path
-        Folder of the map, which the workers can write to.
-    parameters : PipelineParameters
-        Of reconstruction and mapping.
     executor : Executor, optional
         Does the work; without one this process does.
-    wishes : AreaOptions
-        What else is asked for.
     step : callable
         Called twice for each recording: when its cones are there, and when it is mapped.
     stretch : int
         Pings of a recording from which on it is divided among workers.
-
-    Raises
-    ------
-    UsmapError
-        If nothing could be mapped, or the whole map would be too large.
     """
     files, failed = _reconstructed(recordings, output, parameters, executor, stretch, step)
     areas = areas_of(list(files.values()))

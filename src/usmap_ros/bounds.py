@@ -104,7 +104,10 @@ RESIDUAL = Bound(0.0, 1e6)
 def check(field: str, value: float, bound: Bound) -> None:
     """Refuse a number that is not within its bounds; NaN is in none.
 
-    Raises `MalformedMessageError`, naming the field, its value and the bound.
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field, its value and the bound.
     """
     if not bound.least <= value <= bound.greatest:
         unit = f" {bound.unit}" if bound.unit else ""
@@ -116,8 +119,10 @@ def check(field: str, value: float, bound: Bound) -> None:
 def check_all(field: str, values: NDArray[np.floating], bound: Bound) -> None:
     """Refuse an array with an entry that is not within its bounds.
 
-    Raises `MalformedMessageError`, naming the field, how many entries are out of bounds, and one of
-    them.
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field, how many entries are out of bounds, and one of them.
     """
     right = (values >= bound.least) & (values <= bound.greatest)
     if not right.all():
@@ -133,7 +138,10 @@ def check_all(field: str, values: NDArray[np.floating], bound: Bound) -> None:
 def check_count(field: str, count: int, greatest: int) -> None:
     """Refuse an array that is longer than what is believed.
 
-    Raises `MalformedMessageError`, naming the field and its length.
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field and its length.
     """
     if count > greatest:
         raise MalformedMessageError(field, f"has {count} entries, must be at most {greatest}")
@@ -142,7 +150,10 @@ def check_count(field: str, count: int, greatest: int) -> None:
 def check_name(field: str, name: str, *, may_be_empty: bool = False) -> None:
     """Refuse a frame's name that is empty or endless.
 
-    Raises `MalformedMessageError`, naming the field.
+    Raises
+    ------
+    MalformedMessageError
+        Naming the field.
     """
     if not name and not may_be_empty:
         raise MalformedMessageError(field, "is empty")

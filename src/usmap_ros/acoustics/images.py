@@ -102,6 +102,8 @@ def mirrored_legs(place_m: FloatArray, points_m: FloatArray, mirrors: Mirrors) -
         x, y of the transducer.
     points_m : (points, 2) array
         Of the objects.
+    mirrors : Mirrors
+        Walls that reflect, with the sides that they face.
     """
     place_side, point_side = mirrors.distances_m(place_m), mirrors.distances_m(points_m)
     images_m = points_m[:, np.newaxis] - 2.0 * point_side[..., np.newaxis] * mirrors.normals

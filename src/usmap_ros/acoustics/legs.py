@@ -33,7 +33,10 @@ class Legs:
     def paths(self, back: Legs) -> tuple[FloatArray, FloatArray]:
         """Lengths and gains of going there by any of these legs, and `back` by any of those.
 
-        Returns (points, paths) arrays: of every pair of legs.
+        Returns
+        -------
+        lengths_m, gains : (points, paths) arrays
+            Of every pair of legs.
         """
         lengths_m = self.lengths_m[:, :, np.newaxis] + back.lengths_m[:, np.newaxis]
         gains = self.gains[:, :, np.newaxis] * back.gains[:, np.newaxis]
@@ -63,8 +66,12 @@ def straight_legs(
 
     Parameters
     ----------
+    pose : Pose
+        Of the transducer.
     beam : BeamPattern
         Its gain both ways; one way it is the root of that.
+    channel : Channel
+        Gives spreading, absorption and the floor.
     points_m : (n, 3) array
         Where the objects are.
     radius_m : float or (n,) array

@@ -104,9 +104,6 @@ def resonant_profile(
 ) -> Profile:
     """What resonators in a row make of the burst that drives them.
 
-    Raises `MalformedMessageError` if burst and ring last so long, and resonate so widely, that it
-    would take too many values.
-
     Parameters
     ----------
     drive : callable
@@ -117,6 +114,11 @@ def resonant_profile(
         Frequency of that burst, Hz.
     resonances : sequence of (float, float)
         Frequency (Hz) and quality factor of each resonator.
+
+    Raises
+    ------
+    MalformedMessageError
+        If burst and ring last so long, and resonate so widely, that it would take too many values.
 
     Notes
     -----

@@ -119,6 +119,8 @@ def listen(
     ----------
     traces : iterable of EchoTrace
         In the order of their stamps; frames tell transducers apart.
+    parameters : ReconstructionParameters
+        Of the reconstruction, by delay and without a floor.
     nearer_m : float
         By how much nearer than the transducer's least range echoes are looked for.
     """

@@ -58,8 +58,6 @@ def calibrate(
 ) -> Calibration:
     """Estimate what a recording tells of sound speed, range offset, floor and gain.
 
-    Raises `UsmapError` if there is no echo, or none of the target.
-
     Parameters
     ----------
     traces : iterable of EchoTrace
@@ -68,6 +66,11 @@ def calibrate(
         How echoes are found, and which reflectivities are expected.
     target : Target, optional
         An object that is known.
+
+    Raises
+    ------
+    UsmapError
+        If there is no echo, or none of the target.
     """
     parameters = parameters or PipelineParameters()
     remaining = iter(traces)

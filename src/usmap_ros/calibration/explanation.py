@@ -57,7 +57,15 @@ _ACCOUNTED = 3.0
 
 
 def guess_floor_m(table: EchoTable, floor_model: FloorModel) -> float | None:
-    """Height of the transducers above the floor; None where no floor is heard."""
+    """Height of the transducers above the floor; None where no floor is heard.
+
+    Parameters
+    ----------
+    table : EchoTable
+        All echoes of the recording, with poses and pings.
+    floor_model : FloorModel
+        How it would return sound.
+    """
     heights_m = np.concatenate([np.zeros(0), *_votes(table, floor_model)])
     heights_m = np.sort(heights_m[(heights_m > _HEIGHTS_M[0]) & (heights_m < _HEIGHTS_M[1])])
     if len(heights_m) == 0:
@@ -140,7 +148,10 @@ class Explained:
 def guess_from(table: EchoTable, target: Target, slownesses: FloatArray) -> tuple[float, float]:
     """Slowness, of those given, and offset (m) at which most echoes come from the target.
 
-    Raises `UsmapError` if too few pings have an echo there whatever they are.
+    Raises
+    ------
+    UsmapError
+        If too few pings have an echo there whatever they are.
     """
     place_m = np.array([target.x_m, target.y_m])
     distances_m, ranges_m, towards = [np.zeros(0)], [np.zeros(0)], 0

@@ -145,6 +145,10 @@ def fit(
 
     Parameters
     ----------
+    table : EchoTable
+        All echoes of the recording, with poses and pings.
+    matches : EchoMatches
+        What they came from.
     start : Model
         Where to start; what it says of fixed places and of having a floor stays.
     offset_std_m : float

@@ -35,6 +35,8 @@ def find_objects(table: EchoTable, candidates: IndexArray) -> FloatArray:
 
     Parameters
     ----------
+    table : EchoTable
+        All echoes of the recording, with poses and pings.
     candidates : (n,) integer array
         Echoes that are to be explained by objects.
     """
@@ -151,6 +153,10 @@ def associate(table: EchoTable, model: Model, gate_m: float) -> tuple[Model, Ech
 
     Parameters
     ----------
+    table : EchoTable
+        All echoes of the recording, with poses and pings.
+    model : Model
+        Where objects stand, and what the sound does.
     gate_m : float
         How far an echo may be from where it is expected, beside the errors that are known.
     """

@@ -82,6 +82,8 @@ def measure_pulse(
     ----------
     traces : sequence of EchoTrace
         Of transducers of one kind.
+    parameters : ReconstructionParameters
+        What is known of them beside.
     """
     snippets, rate_hz, seen = _snippets(traces, parameters)
     if len(snippets) < _LEAST_ECHOES or seen is None or not seen.pulse.has_carrier:

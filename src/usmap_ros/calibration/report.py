@@ -66,6 +66,10 @@ def parameter_file(calibration: Calibration, source: str, content: dict[str, Any
 
     Parameters
     ----------
+    calibration : Calibration
+        What was found.
+    source : str
+        The recording's name.
     content : dict
         Other parameters that the file is to hold, as parsed from YAML.
     """

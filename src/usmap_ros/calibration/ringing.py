@@ -70,6 +70,8 @@ def ringing_of(
     ----------
     traces : sequence of EchoTrace
         From places apart.
+    parameters : ReconstructionParameters
+        What they are reconstructed with.
     target : Target, optional
         An object that is known; its echo ends the search.
     pings : int
@@ -91,6 +93,13 @@ def find_ringing(table: EchoTable, target: Target | None = None) -> Ringing:
 
     An object that the robot goes round is always as far away too: the target tells it apart, or a
     path that no object could be always as far from.
+
+    Parameters
+    ----------
+    table : EchoTable
+        All echoes, of one transducer.
+    target : Target, optional
+        An object that is known; its echo ends the search.
     """
     ranges_m: list[float] = []
     amplitudes: list[float] = []

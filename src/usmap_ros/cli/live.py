@@ -18,14 +18,19 @@ def run_live_node(
 ) -> None:
     """Run a node in this process, with parameters from the command line.
 
-    Raises `typer.BadParameter` if a value is out of bounds: that is wrong usage.
-
     Parameters
     ----------
     create : callable
         Makes the node, of ``parameter_overrides``.
+    group : type
+        The model of its parameters, which has their defaults and bounds.
     given : mapping
         By name; None: not given.
+
+    Raises
+    ------
+    typer.BadParameter
+        If a value is out of bounds: that is wrong usage.
     """
     from rclpy.parameter import Parameter
 

@@ -44,14 +44,17 @@ def with_short_options(
 ) -> list[str]:
     """Settings as --set takes them, with those that have an option of their own.
 
-    Raises `typer.BadParameter` if a parameter is set in both ways: one of them would do nothing.
-
     Parameters
     ----------
     settings : list of str, optional
         What --set was given.
     options : mapping of str to (str, object)
         By the name of an option: the parameter it is short for, and its value; None if not given.
+
+    Raises
+    ------
+    typer.BadParameter
+        If a parameter is set in both ways: one of them would do nothing.
     """
     joined = list(settings or [])
     keys = {text.partition("=")[0].strip() for text in joined}
@@ -65,8 +68,12 @@ def with_short_options(
 def pipeline_parameters(file: Path | None, settings: list[str] | None) -> PipelineParameters:
     """Parameters from a file, with single ones set on the command line on top.
 
-    Raises `ConfigurationError` if the file is unusable; `typer.BadParameter` if a setting is: that
-    is wrong usage.
+    Raises
+    ------
+    ConfigurationError
+        If the file is unusable.
+    typer.BadParameter
+        If a setting is: that is wrong usage.
     """
     from usmap_ros.errors import ConfigurationError
     from usmap_ros.io.yaml_files import read_mapping, validated

@@ -28,20 +28,36 @@ class PingSource(Protocol):
     def open(self) -> None:
         """Get ready to ping.
 
-        Raises `DeviceError` if the device is not there.
+        Raises
+        ------
+        DeviceError
+            If the device is not there.
         """
         ...
 
     def ping(self, stamp_ns: int, base: Pose) -> Sequence[EchoTrace]:
         """Ping, and listen until the last echo has come.
 
-        Raises `MalformedMessageError` if what the device said cannot be true; `NoAnswerError` if it
-        said nothing in time; `DeviceError` if it is gone.
+        Parameters
+        ----------
+        stamp_ns : int
+            Now, when the emission starts; nanoseconds since the epoch.
+        base : Pose
+            Of the robot's base frame in the world.
 
         Returns
         -------
         sequence of EchoTrace
             Of each transducer that listened.
+
+        Raises
+        ------
+        MalformedMessageError
+            If what the device said cannot be true.
+        NoAnswerError
+            If it said nothing in time.
+        DeviceError
+            If it is gone.
         """
         ...
 

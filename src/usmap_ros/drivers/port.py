@@ -88,7 +88,10 @@ class Port:
     def read(self, timeout_s: float) -> bytes:
         """What has come, or comes first within a time; nothing if nothing does.
 
-        Raises `DeviceError` if the device is gone.
+        Raises
+        ------
+        DeviceError
+            If the device is gone.
         """
         try:
             ready, _, _ = select.select([self._descriptor], [], [], max(0.0, timeout_s))

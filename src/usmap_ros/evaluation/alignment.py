@@ -57,8 +57,10 @@ def align(occupancy: OccupancyMap, truth: TruthMap) -> AlignedMaps:
     centre of an occupied cell of the truth lies in it, or if its own centre lies in one: finer
     cells add up, and coarser ones are filled.
 
-    Raises `MapSizeError` if a rectangle that holds both would have more than `MOST_CELLS` of the
-    map's cells.
+    Raises
+    ------
+    MapSizeError
+        If a rectangle that holds both would have more than `MOST_CELLS` of the map's cells.
     """
     ours = occupancy.geometry
     _check_size(ours, truth.geometry)

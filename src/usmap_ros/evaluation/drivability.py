@@ -36,7 +36,15 @@ class Drivability:
 
 
 def drivability(maps: AlignedMaps, views: PingViews) -> Drivability:
-    """Leak, lost and escape of a map."""
+    """Leak, lost and escape of a map.
+
+    Parameters
+    ----------
+    maps : AlignedMaps
+        The map and the truth.
+    views : PingViews
+        What it was made from.
+    """
     sightings = pings_in_sight(maps.occupied, maps.geometry, views)
     unseen = ~binary_dilation(sightings > 0, _AROUND)
     free, predicted = maps.free, maps.predicted

@@ -27,12 +27,19 @@ def pings_in_sight(occupied: BoolArray, geometry: GridGeometry, views: PingViews
     An occupied cell is in sight if a ray reaches it, and ends that ray. The cell that a
     ping stands in stops nothing. The grid's surroundings are empty.
 
-    Returns a (rows, columns) int array: pings that reach each cell.
-
     Parameters
     ----------
     occupied : (rows, columns) bool array
         Cells that stop sound.
+    geometry : GridGeometry
+        Where the cells lie.
+    views : PingViews
+        Where each ping was sent from, and its beam.
+
+    Returns
+    -------
+    counts : (rows, columns) int array
+        Pings that reach each cell.
     """
     origin_m, resolution_m = np.array(geometry.origin_m), geometry.resolution_m
     # From here on, lengths are in cells.
@@ -110,8 +117,6 @@ def _cast(
     Exact traversal of the grid (Amanatides & Woo, "A fast voxel traversal algorithm for ray
     tracing", Eurographics 1987), so that no ray slips between two cells that touch at a corner.
 
-    Returns a (pings, side, side) bool array.
-
     Parameters
     ----------
     occupied : (pings, side, side) bool array
@@ -120,6 +125,10 @@ def _cast(
         Column and row of each ping in its window, in cells.
     yaws, half_angles, reaches : (pings,) arrays
         Radians, and cells.
+
+    Returns
+    -------
+    seen : (pings, side, side) bool array
     """
     pings, side, _ = occupied.shape
     angles, owners = _rays(yaws, half_angles, reaches)

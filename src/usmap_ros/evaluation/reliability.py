@@ -83,8 +83,10 @@ class Reliability:
 def reliability(occupancy: OccupancyMap, truth: TruthMap) -> Reliability:
     """Count what became of a map's observed cells.
 
-    Raises `ValueError` if the two have different resolutions, or origins that are not whole cells
-    apart.
+    Raises
+    ------
+    ValueError
+        If the two have different resolutions, or origins that are not whole cells apart.
     """
     maps = align(occupancy, truth)
     probability = maps.probability[maps.observed]

@@ -43,6 +43,10 @@ def in_sight(maps: AlignedMaps, truth: TruthMap, views: PingViews | None) -> InS
 
     Parameters
     ----------
+    maps : AlignedMaps
+        The map and the truth.
+    truth : TruthMap
+        The truth on its own cells.
     views : PingViews or None
         What pings looked at; without them, all within one cell of an observed cell stands in.
     """

@@ -43,8 +43,6 @@ def score_paths(
 ) -> dict[str, PathScore]:
     """Compare each path with the truth.
 
-    Raises `UsmapError` if a path has no truth, or none at the times of its poses.
-
     Parameters
     ----------
     estimates : mapping of str to Trajectory
@@ -54,6 +52,11 @@ def score_paths(
         are told apart by their stamps.
     aligned : bool
         Lay all paths together over the truth first, as one stiff body.
+
+    Raises
+    ------
+    UsmapError
+        If a path has no truth, or none at the times of its poses.
     """
     pairs = {}
     for name, estimate in estimates.items():

@@ -95,7 +95,9 @@ class Recording(ParameterGroup):
     def load(cls, path: str | Path) -> Recording:
         """Read a description.
 
-        Raises `ConfigurationError` if there is no such file, or a key in it is unknown or has a
-        value out of range.
+        Raises
+        ------
+        ConfigurationError
+            If there is no such file, or a key in it is unknown or has a value out of range.
         """
         return load_yaml(Path(path), cls)

@@ -36,7 +36,10 @@ class ReadSamples:
 def read_samples(folder: Path, path: str, name: str) -> ReadSamples:
     """Samples of the files that a description names; see `SamplesModel`.
 
-    Raises `FileError` if they cannot be read, or hold something else.
+    Raises
+    ------
+    FileError
+        If they cannot be read, or hold something else.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".wav":
@@ -58,7 +61,10 @@ def read_samples(folder: Path, path: str, name: str) -> ReadSamples:
 def read_poses(folder: Path, path: str, samples_path: str) -> dict[str, FloatArray]:
     """Columns of poses by name; see `PosesModel`.
 
-    Raises `FileError` if they cannot be read, or one is missing.
+    Raises
+    ------
+    FileError
+        If they cannot be read, or one is missing.
     """
     file = folder / (path or samples_path)
     if path:
@@ -106,7 +112,10 @@ def _read_table(file: Path) -> FloatArray:
 def read_cells(file: Path, known: Collection[str]) -> dict[str, list[str]]:
     """Cells of a .csv file by the names in its header, which all are known ones.
 
-    Raises `FileError` if it cannot be read, or holds something else.
+    Raises
+    ------
+    FileError
+        If it cannot be read, or holds something else.
     """
     try:
         with file.open(newline="", encoding="utf-8") as stream:
@@ -127,7 +136,10 @@ def read_cells(file: Path, known: Collection[str]) -> dict[str, list[str]]:
 def poses_of(file: Path, cells: Mapping[str, Any]) -> dict[str, FloatArray]:
     """Columns of poses among others, those that need not be there with the value they have then.
 
-    Raises `FileError` if one is missing, or they are not numbers.
+    Raises
+    ------
+    FileError
+        If one is missing, or they are not numbers.
     """
     columns = {name: _numbers(file, name, cells[name]) for name in COLUMNS if name in cells}
     missing = [name for name in COLUMNS if name not in columns and name not in OPTIONAL]

@@ -45,8 +45,17 @@ class RangeRecording(ParameterGroup):
 def imported_ranges(path: str | Path) -> Iterator[tuple[str, EchoCone]]:
     """Yield topic and cone of every reading that a description of ranges speaks of.
 
-    Raises `ConfigurationError` if it cannot be true, or something in it looks like another unit;
-    `FileError` if its file cannot be used.
+    Parameters
+    ----------
+    path : path-like
+        The description, a YAML file; see `RangeRecording`.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be true, or something in it looks like another unit.
+    FileError
+        If its file cannot be used.
     """
     path = Path(path)
     recording = load_yaml(path, RangeRecording)

@@ -63,12 +63,19 @@ class Sensor:
     def trace(self, samples: NDArray[Any], stamp_ns: int, pose: Pose) -> EchoTrace:
         """Trace of a ping.
 
-        Raises `MalformedMessageError` if it cannot be true.
-
         Parameters
         ----------
         samples : (n,) array
             As they were counted; of I/Q, complex or I and Q side by side.
+        stamp_ns : int
+            Start of emission.
+        pose : Pose
+            Of the transducer.
+
+        Raises
+        ------
+        MalformedMessageError
+            If it cannot be true.
         """
         stated = self._description.samples
         amplitudes = samples / (stated.full_scale or 1.0)

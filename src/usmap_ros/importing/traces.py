@@ -24,8 +24,17 @@ _NANOSECONDS = 1_000_000_000
 def imported_traces(path: str | Path) -> Iterator[tuple[str, EchoTrace]]:
     """Yield topic and trace of every ping that a description speaks of.
 
-    Raises `ConfigurationError` if it cannot be true, or something in it looks like another unit;
-    `FileError` if its files cannot be used.
+    Parameters
+    ----------
+    path : path-like
+        The description, a YAML file; see `Recording`.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be true, or something in it looks like another unit.
+    FileError
+        If its files cannot be used.
     """
     path = Path(path)
     recording = Recording.load(path)

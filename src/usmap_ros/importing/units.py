@@ -35,12 +35,16 @@ def unit_problem(
 
     Parameters
     ----------
+    recording : Recording
+        What was stated.
     largest_sample : float
         Largest magnitude of a sample, as read.
     has_whole_samples : bool
         Whether all samples are whole numbers.
     trace_s, rate_hz : float
         Length of a trace, and its sample rate.
+    poses : mapping
+        Columns of the poses.
     """
     if recording.units_checked:
         return ""

@@ -28,15 +28,19 @@ ARCHIVE_ERRORS = (OSError, EOFError, NotImplementedError, RuntimeError, zipfile.
 def load_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
     """Those of the named arrays that the archive has.
 
-    Raises `ValueError` if it is no archive, damaged, or a member is no array of plain values or
-    lies of its size; `OSError` if it cannot be read.
-
     Parameters
     ----------
     path : path
         The ``.npz`` file.
     names : collection of str
         Of arrays; whatever else is in the file is not looked at.
+
+    Raises
+    ------
+    ValueError
+        If it is no archive, damaged, or a member is no array of plain values or lies of its size.
+    OSError
+        If it cannot be read.
     """
     with path.open("rb") as file:
         try:
@@ -102,8 +106,12 @@ def numbers(
 ) -> NDArray[Any]:
     """An array of numbers, of so many dimensions, as another type of numbers.
 
-    Raises `KeyError` if there is none of the name; `ValueError` if it is none of numbers, has other
-    dimensions, or a number does not fit the type.
+    Raises
+    ------
+    KeyError
+        If there is none of the name.
+    ValueError
+        If it is none of numbers, has other dimensions, or a number does not fit the type.
     """
     array = arrays[name]
     if array.ndim != dimensions or array.dtype.kind not in "biuf":

@@ -18,7 +18,10 @@ from pathlib import Path
 def write_atomically(path: Path, content: bytes) -> None:
     """Replace a file in one step.
 
-    Raises `OSError` if it cannot be written; a file that was there before is then still there.
+    Raises
+    ------
+    OSError
+        If it cannot be written; a file that was there before is then still there.
     """
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     temporary = Path(name)
@@ -37,7 +40,10 @@ def write_atomically(path: Path, content: bytes) -> None:
 def new_folder(path: Path) -> Iterator[Path]:
     """Give a temporary folder that becomes `path`, replacing what is there, if all goes well.
 
-    Raises `OSError` if it cannot be written; what was there before is then still there.
+    Raises
+    ------
+    OSError
+        If it cannot be written; what was there before is then still there.
     """
     if path.parent.is_file():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))

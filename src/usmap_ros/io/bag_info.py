@@ -58,7 +58,15 @@ class _Topic:
 
 
 def describe_bag(bag: BagReader, on_ping: PingCallback) -> dict[str, Any]:
-    """Read an open recording through and describe it, ready to become JSON."""
+    """Read an open recording through and describe it, ready to become JSON.
+
+    Parameters
+    ----------
+    bag : BagReader
+        An open recording, of which every message is read once.
+    on_ping : callable
+        Called with topic and ping after each ping.
+    """
     topics: dict[str, _Topic] = {}
     frames: set[str] = set()
     lowest, highest = np.full(2, np.inf), np.full(2, -np.inf)

@@ -248,9 +248,6 @@ class _PlainDumper(yaml.SafeDumper):
 def new_bag(path: Path, *, replace: bool = False, compression: str = "none") -> Iterator[BagWriter]:
     """Record into a folder that appears, complete, when the block ends without an error.
 
-    Raises `BagError` if there is something at `path` that may not be replaced, or it cannot be
-    written.
-
     Parameters
     ----------
     path : path
@@ -259,6 +256,11 @@ def new_bag(path: Path, *, replace: bool = False, compression: str = "none") -> 
         Whether a recording that is there may be replaced; nothing else ever is.
     compression : str
         Of chunks; one of `COMPRESSIONS`.
+
+    Raises
+    ------
+    BagError
+        If there is something at `path` that may not be replaced, or it cannot be written.
     """
     with file_errors(BagError, path):
         _check_target(path, replace)

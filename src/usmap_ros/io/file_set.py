@@ -32,8 +32,6 @@ def replace_files(folder: Path, contents: Mapping[str, bytes], gone: Iterable[st
     Where there are no symbolic links, as on some network drives, they are replaced one after the
     other, in the order of `contents`.
 
-    Raises `OSError` if they cannot be written: what was there before still is.
-
     Parameters
     ----------
     folder : path
@@ -42,6 +40,11 @@ def replace_files(folder: Path, contents: Mapping[str, bytes], gone: Iterable[st
         What each file is to hold, by its name in the folder.
     gone : iterable of str
         Names of files that belong to them and are there no more.
+
+    Raises
+    ------
+    OSError
+        If they cannot be written: what was there before still is.
     """
     with _one_at_a_time:
         old = [name for name in {**contents, **dict.fromkeys(gone)} if (folder / name).exists()]

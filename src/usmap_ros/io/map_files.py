@@ -67,7 +67,10 @@ def map_folder(folder: Path) -> Iterator[None]:
 
     A folder that had to be made is removed again if the block raises.
 
-    Raises `MapFileError` if the folder cannot be made or written to.
+    Raises
+    ------
+    MapFileError
+        If the folder cannot be made or written to.
     """
     existed = folder.exists()
     folder = Path(folder)
@@ -161,7 +164,10 @@ def load_map(folder: str | Path) -> tuple[OccupancyMap, RobotPaths]:
 def save_truth(path: Path, truth: TruthMap) -> None:
     """Write a truth map in nav2's format: every cell is occupied or free.
 
-    Raises `MapFileError` if a file cannot be written.
+    Raises
+    ------
+    MapFileError
+        If a file cannot be written.
     """
     values = np.where(truth.occupied, OCCUPIED_VALUE, FREE_VALUE).astype(np.int8)
     save_nav2_map(path, truth.geometry, values)

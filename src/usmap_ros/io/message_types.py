@@ -94,7 +94,10 @@ def learn_standard(name: str) -> None:
 def decoded(payload: memoryview, message_type: str) -> Any:
     """Message of a standard type, as an object of rosbags.
 
-    Raises `MalformedMessageError` if the bytes are no such message.
+    Raises
+    ------
+    MalformedMessageError
+        If the bytes are no such message.
     """
     try:
         # The stubs of rosbags know bytes only; a view spares a copy.
@@ -121,7 +124,10 @@ def check_definition(path: Path, recorded: RecordedTopic) -> None:
 
     Comments and constants may differ.  A recording that carries no definitions is trusted.
 
-    Raises `BagError`, naming the topic, the message type and the first difference.
+    Raises
+    ------
+    BagError
+        Naming the topic, the message type and the first difference.
     """
     if recorded.encoding != "cdr":
         raise BagError(

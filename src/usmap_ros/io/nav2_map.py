@@ -46,7 +46,10 @@ def save_nav2_map(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) 
 
     Parameters are those of `nav2_files`.
 
-    Raises `MapFileError` if a file cannot be written: then both are as they were.
+    Raises
+    ------
+    MapFileError
+        If a file cannot be written: then both are as they were.
     """
     with file_errors(MapFileError, path):
         replace_files(path.parent, nav2_files(path, geometry, values))
@@ -59,6 +62,8 @@ def nav2_files(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> 
     ----------
     path : path
         Of the YAML file, ending in ``.yaml``; the image has the same name but for that.
+    geometry : GridGeometry
+        Where the cells lie.
     values : (rows, columns) int8 array
         As `OccupancyMap.trinary` gives them.
     """
@@ -86,12 +91,15 @@ def nav2_files(path: Path, geometry: GridGeometry, values: NDArray[np.int8]) -> 
 def load_nav2_map(path: Path) -> Nav2Map:
     """Load any map that nav2's map server loads: modes trinary, scale and raw.
 
-    Raises `MapFileError` if a file is missing, or says what cannot be.
-
     Parameters
     ----------
     path : path
         The YAML file; the image's path in it is relative to it.
+
+    Raises
+    ------
+    MapFileError
+        If a file is missing, or says what cannot be.
     """
     description = _Description(path)
     resolution = description.number("resolution")

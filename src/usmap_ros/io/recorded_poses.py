@@ -102,7 +102,10 @@ class RecordedPoses:
 
         A sensor of which no transform is known sits where its robot's odometry is.
 
-        Raises `MalformedMessageError` if it is not known.
+        Raises
+        ------
+        MalformedMessageError
+            If it is not known.
         """
         frame, found, moving = frame_id, None, ""
         is_placed = frame in self._transforms or frame in self._odometry

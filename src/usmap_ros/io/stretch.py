@@ -120,7 +120,15 @@ class Stretch:
     def contents(
         self, convert: Callable[[memoryview], _Content], skip: Skip
     ) -> Iterator[tuple[str, _Content]]:
-        """Yield topic and content of every well-formed message."""
+        """Yield topic and content of every well-formed message.
+
+        Parameters
+        ----------
+        convert : callable
+            Makes content of a serialized message.
+        skip : callable
+            Told of malformed messages.
+        """
         for first in range(0, len(self), _AT_ONCE):
             for number, topic, stamp_ns, *place in self._places[first : first + _AT_ONCE].tolist():
                 name = self.topics[topic]

@@ -30,7 +30,10 @@ class TrajectoryFileError(FileError):
 def save_trajectory(path: Path, trajectory: Trajectory) -> None:
     """Write a TUM file in one step.
 
-    Raises `TrajectoryFileError` if it cannot be written.
+    Raises
+    ------
+    TrajectoryFileError
+        If it cannot be written.
     """
     lines = ["# timestamp_s x_m y_m z_m qx qy qz qw\n"]
     rows = zip(
@@ -51,7 +54,10 @@ def save_trajectory(path: Path, trajectory: Trajectory) -> None:
 def load_trajectory(path: Path) -> Trajectory:
     """Read a TUM file.
 
-    Raises `TrajectoryFileError` if there is none, or a line of it is no pose.
+    Raises
+    ------
+    TrajectoryFileError
+        If there is none, or a line of it is no pose.
     """
     try:
         if path.stat().st_size > _LARGEST:
@@ -110,7 +116,10 @@ def file_name(topic: str) -> str:
 def save_trajectories(folder: Path, trajectories: Mapping[str, Trajectory]) -> None:
     """Write a TUM file of each topic into a folder, in which there are no others then.
 
-    Raises `TrajectoryFileError` if one cannot be written.
+    Raises
+    ------
+    TrajectoryFileError
+        If one cannot be written.
     """
     for old in folder.glob(f"*{SUFFIX}"):
         if old.name not in map(file_name, trajectories):
@@ -122,7 +131,10 @@ def save_trajectories(folder: Path, trajectories: Mapping[str, Trajectory]) -> N
 def load_trajectories(path: Path) -> dict[str, Trajectory]:
     """Trajectories of a file, or of all TUM files in a folder, by the names of the files.
 
-    Raises `TrajectoryFileError` if there is none, or one cannot be read.
+    Raises
+    ------
+    TrajectoryFileError
+        If there is none, or one cannot be read.
     """
     if not path.is_dir():
         return {path.name: load_trajectory(path)}

@@ -45,7 +45,10 @@ class KnownWalls(ParameterGroup):
 def load_walls(path: str) -> Mirrors:
     """Walls of a file; none without one.  It is read again only when it has changed.
 
-    Raises `ConfigurationError` if there is no such file, or no walls in it.
+    Raises
+    ------
+    ConfigurationError
+        If there is no such file, or no walls in it.
     """
     if not path:
         return Mirrors.none()

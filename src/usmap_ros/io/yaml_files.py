@@ -28,13 +28,17 @@ LINE = 100
 def load_yaml(path: Path, model: type[_Model]) -> _Model:
     """Read a YAML file into a model; an empty file gives the model's defaults.
 
-    Raises `ConfigurationError` in one line: the file, the field with its groups, and what is wrong
-    with it.
-
     Parameters
     ----------
     path : path
         YAML of the model's keys, at most 1 MiB.
+    model : type
+        A pydantic model that forbids unknown keys.
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: the file, the field with its groups, and what is wrong with it.
     """
     return validated(path, model, read_mapping(path))
 
@@ -42,7 +46,10 @@ def load_yaml(path: Path, model: type[_Model]) -> _Model:
 def read_mapping(path: Path) -> dict[str, Any]:
     """Read a YAML file of keys and values; an empty file gives none.
 
-    Raises `ConfigurationError` if there is no such file, or something else in it.
+    Raises
+    ------
+    ConfigurationError
+        If there is no such file, or something else in it.
     """
     content = read_yaml(path, ConfigurationError)
     if content is None:
@@ -55,7 +62,10 @@ def read_mapping(path: Path) -> dict[str, Any]:
 def validated(source: str | Path, model: type[_Model], content: dict[str, Any]) -> _Model:
     """Make a model of `content`; `source` is what an error names as its origin.
 
-    Raises `ConfigurationError` as `load_yaml`.
+    Raises
+    ------
+    ConfigurationError
+        As `load_yaml`.
     """
     try:
         return model.model_validate(content)

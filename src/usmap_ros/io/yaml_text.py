@@ -30,7 +30,10 @@ class YamlTextError(ValueError):
 def parse_yaml(text: str) -> Any:
     """Plain data from YAML.
 
-    Raises `YamlTextError` in one short line: where, as far as it is known, and what is wrong.
+    Raises
+    ------
+    YamlTextError
+        In one short line: where, as far as it is known, and what is wrong.
     """
     if len(text) > MAX_BYTES:
         raise YamlTextError(f"is larger than {MAX_BYTES // 2**20} MiB")
@@ -50,12 +53,17 @@ def parse_yaml(text: str) -> Any:
 def read_yaml(path: Path, error_class: type[FileError]) -> Any:
     """Plain data from a YAML file.
 
-    Raises `FileError` of that class, if the file is missing, unreadable or no YAML.
-
     Parameters
     ----------
     path : path
         YAML in UTF-8, at most 1 MiB.
+    error_class : type
+        Of the error that is raised.
+
+    Raises
+    ------
+    FileError
+        Of that class, if the file is missing, unreadable or no YAML.
     """
     content = b""
     try:

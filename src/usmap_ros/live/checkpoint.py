@@ -35,7 +35,10 @@ class Checkpoint:
         One that is damaged is renamed, and the reason is in `trouble`: a robot must not stand
         still because a disk was full, and whoever looks after it may still want the file.
 
-        Raises `MapFileError` if it does not fit the parameters of `fusion`, or cannot be renamed.
+        Raises
+        ------
+        MapFileError
+            If it does not fit the parameters of `fusion`, or cannot be renamed.
         """
         if self._path is None or not (self._path / GRID_FILE).exists():
             return False
@@ -65,12 +68,17 @@ class Checkpoint:
     def keep(self, fusion: LiveFusion, *, in_time: bool = False) -> None:
         """Write the map, if it has changed since the last time.
 
-        Raises `MapFileError` if it cannot be written.
-
         Parameters
         ----------
+        fusion : LiveFusion
+            Whose map.
         in_time : bool
             Whether that of late will do, where to explain all pings together would take long.
+
+        Raises
+        ------
+        MapFileError
+            If it cannot be written.
         """
         version = fusion.version
         if self._path is not None and version != self._kept_version:

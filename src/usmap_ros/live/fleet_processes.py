@@ -36,9 +36,6 @@ def fleet_nodes(
 ) -> list[FleetNode]:
     """A driver and a reconstructor for each robot, and one fusion for all.
 
-    Raises `UsmapError` if the scenario is unusable, or has no such robot: what the drivers would
-    refuse one by one is said once, before anything starts.
-
     Parameters
     ----------
     path : path
@@ -50,6 +47,12 @@ def fleet_nodes(
         Of those in the scenario; empty: all.
     checkpoint : path, optional
         Folder in which fusion keeps the map.
+
+    Raises
+    ------
+    UsmapError
+        If the scenario is unusable, or has no such robot: what the drivers would refuse one by
+        one is said once, before anything starts.
     """
     scenario = Scenario.load(path)
     scenario.fleet(scenario.scene())
@@ -87,7 +90,10 @@ def fleet_task(node: FleetNode, parameters_file: Path | None = None) -> Task:
 def check_parameter_file(path: Path) -> None:
     """Refuse a file that ROS would not read: every node would end over it, and start again.
 
-    Raises `ConfigurationError` if it is no YAML, or has nothing under ``ros__parameters``.
+    Raises
+    ------
+    ConfigurationError
+        If it is no YAML, or has nothing under ``ros__parameters``.
     """
     content = read_mapping(path)
     if content and not _holds_parameters(content):

@@ -115,8 +115,12 @@ class LiveFusion:
         Until it is known which frame most robots share, those in another than the first cone's
         are held; the map may then begin anew with them.
 
-        Raises `RepeatedPingError` if the ping was there before; `MalformedMessageError` if it is in
-        another frame than the map, or reaches too far for a map to be published.
+        Raises
+        ------
+        RepeatedPingError
+            If the ping was there before.
+        MalformedMessageError
+            If it is in another frame than the map, or reaches too far for a map to be published.
         """
         self._check_reach(cone)
         self._seen.add(cone)
@@ -157,8 +161,12 @@ class LiveFusion:
     def fuse_next(self) -> FusionOutcome | None:
         """Fuse the next cone, if its turn has come.
 
-        Raises `FarOffError` if it is set apart, for now or for good; `MalformedMessageError` if it
-        cannot be fused.
+        Raises
+        ------
+        FarOffError
+            If it is set apart, for now or for good.
+        MalformedMessageError
+            If it cannot be fused.
         """
         came_s, released = self._clock(), None
         if not self._ready:
@@ -297,8 +305,12 @@ class LiveFusion:
     def resume(self, occupancy: OccupancyMap) -> None:
         """Start from an earlier map.
 
-        Raises `ValueError` if its resolution, origin or frame does not fit; `MapSizeError` if it is
-        larger than a map may be.
+        Raises
+        ------
+        ValueError
+            If its resolution, origin or frame does not fit.
+        MapSizeError
+            If it is larger than a map may be.
         """
         if self.frame_id and occupancy.frame_id and occupancy.frame_id != self.frame_id:
             raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self.frame_id}'")

@@ -10,7 +10,10 @@ from usmap_ros.errors import UsmapError
 def require_ros() -> None:
     """Make sure that ROS 2 is there.
 
-    Raises `UsmapError` if not, with what to do about it.
+    Raises
+    ------
+    UsmapError
+        If not, with what to do about it.
     """
     for package in ("rclpy", "usmap_msgs"):
         if find_spec(package) is None:

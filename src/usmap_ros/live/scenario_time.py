@@ -39,8 +39,10 @@ class ScenarioTime:
     def at(self, now_ns: int) -> float:
         """Scenario time (s) at a reading of the clock; negative before a start that was given.
 
-        Raises `NoTimeError` if the clock has not started yet, or a start that was given is too long
-        ago.
+        Raises
+        ------
+        NoTimeError
+            If the clock has not started yet, or a start that was given is too long ago.
         """
         if now_ns <= 0:
             raise NoTimeError("the clock has not started; does anybody publish /clock?")

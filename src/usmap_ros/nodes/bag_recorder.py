@@ -40,7 +40,10 @@ def definition_of(message_type: str) -> tuple[str, str]:
 
     Types that are neither standard nor ours are looked up in the installed packages.
 
-    Raises `UnknownTypeError` if there is no definition.
+    Raises
+    ------
+    UnknownTypeError
+        If there is no definition.
     """
     store = typestore()
     _learn(message_type)
@@ -102,7 +105,10 @@ class BagRecorder(Node):
     def close(self) -> None:
         """Complete the recording.
 
-        Raises `BagError` if that cannot be written.
+        Raises
+        ------
+        BagError
+            If that cannot be written.
         """
         try:
             self._writer.finish()
@@ -161,7 +167,10 @@ class BagRecorder(Node):
 def _start_recording(folder: Path) -> BagWriter:
     """Recording in a new folder, in place: one that only appears when complete dies with a kill.
 
-    Raises `BagError` if there is something already, or it cannot be written.
+    Raises
+    ------
+    BagError
+        If there is something already, or it cannot be written.
     """
     with file_errors(BagError, folder):
         folder.mkdir(parents=True, exist_ok=True)

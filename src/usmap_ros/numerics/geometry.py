@@ -177,6 +177,8 @@ def on_base(base: Pose, mount: Pose) -> Pose:
 
     Parameters
     ----------
+    base : Pose
+        Of the base, which may be off.
     mount : Pose
         On the base, exact.
     """

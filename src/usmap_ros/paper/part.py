@@ -21,5 +21,13 @@ class Part:
 
 
 def statement(holds: bool | np.bool_, **numbers: Any) -> dict[str, Any]:
-    """One thing that a caption of the paper says, for ``paper.json``."""
+    """One thing that a caption of the paper says, for ``paper.json``.
+
+    Parameters
+    ----------
+    holds : bool
+        Whether it came out so.
+    **numbers
+        What it was judged by.
+    """
     return {"holds": bool(holds), **numbers}

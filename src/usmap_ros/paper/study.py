@@ -55,14 +55,22 @@ NUMBERS_FILE = "paper.json"
 def run_study(folder: Path, done: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """Make every picture and write the numbers behind them.
 
-    Raises `FileError` if the folder or a file in it cannot be written.
-
-    Returns what ``paper.json`` holds: the numbers of each part by its name, and ``seconds``.
-
     Parameters
     ----------
     folder : path
         Where the pictures and ``paper.json`` go; made if missing.
+    done : callable
+        Called after each of `PARTS`.
+
+    Returns
+    -------
+    dict
+        What ``paper.json`` holds: the numbers of each part by its name, and ``seconds``.
+
+    Raises
+    ------
+    FileError
+        If the folder or a file in it cannot be written.
     """
     started = time.perf_counter()
     with file_errors(FileError, folder, "made"):

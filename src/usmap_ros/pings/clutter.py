@@ -38,7 +38,13 @@ MARGIN, SURELY = 9.0, 4.0
 
 
 def clutter_of(cones: Iterable[EchoCone]) -> dict[Kind, FloatArray]:
-    """Amplitude that clutter stays below, by kind, in range bins of `STEP_M`."""
+    """Amplitude that clutter stays below in range bins of `STEP_M`, for each kind that hears any.
+
+    Parameters
+    ----------
+    cones : iterable of EchoCone
+        All that was heard.
+    """
     apart: defaultdict[Kind, dict[tuple[str, int, int], EchoCone]] = defaultdict(dict)
     for cone in cones:
         x, y = (round(float(place_m) / APART_M) for place_m in cone.pose.position_m[:2])
@@ -48,7 +54,15 @@ def clutter_of(cones: Iterable[EchoCone]) -> dict[Kind, FloatArray]:
 
 
 def without_clutter(cone: EchoCone, clutter: Mapping[Kind, FloatArray]) -> EchoCone:
-    """A cone without echoes that may be clutter, which hides what is not much louder."""
+    """A cone without echoes that may be clutter, which hides what is not much louder.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        What was heard.
+    clutter : mapping
+        See `clutter_of`.
+    """
     levels = clutter.get(_kind(cone))
     if levels is None:
         return cone

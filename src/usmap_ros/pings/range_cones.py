@@ -57,8 +57,10 @@ class RangeReading:
     def cone(self, pose: Pose, frame_id: str) -> EchoCone:
         """Cone of a reading that was taken at a pose in a world frame.
 
-        Raises `MalformedMessageError` if it says nothing: it is not a number, or nearer than the
-        sensor can measure.
+        Raises
+        ------
+        MalformedMessageError
+            If it says nothing: it is not a number, or nearer than the sensor can measure.
         """
         if np.isnan(self.range_m) or self.range_m < self.min_range_m:
             raise MalformedMessageError(
@@ -111,6 +113,11 @@ def report_first_only(cones: Iterable[EchoCone]) -> set[str]:
 
     Range readings are recorded as traces, too, with a pulse at the range.  Silence behind it says
     nothing, and neither does its loudness.
+
+    Parameters
+    ----------
+    cones : iterable of EchoCone
+        Of any sensors.
     """
     heard: Counter[str] = Counter()
     several: Counter[str] = Counter()

@@ -37,7 +37,10 @@ class SeenPings:
     def add(self, cone: EchoCone) -> None:
         """Remember a ping.
 
-        Raises `RepeatedPingError` if it was there before.
+        Raises
+        ------
+        RepeatedPingError
+            If it was there before.
         """
         stamps, sums = self._of_transducer(cone.child_frame_id)
         checksum = _checksum(cone)

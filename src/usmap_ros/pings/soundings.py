@@ -87,7 +87,10 @@ class TransducerArrays:
     def complete(self, trace: EchoTrace) -> EchoTrace:
         """Return the trace with the pulses that were in the air, as far as an array says so.
 
-        Raises `MalformedMessageError` if the array says something else of the trace's pulse.
+        Raises
+        ------
+        MalformedMessageError
+            If the array says something else of the trace's pulse.
         """
         arrays = self._by_frame.get(trace.child_frame_id, [])
         stamps = [array.stamp_ns for array in arrays]

@@ -50,18 +50,23 @@ def save_animation(
 ) -> None:
     """Write snapshots of a map as an animated GIF.
 
-    Raises `FileError` if the file cannot be written.
-
     Parameters
     ----------
     frames : sequence of MapFrame
         In the order of time; the last one is the finished map.
+    paths : RobotPaths
+        The robots' whole paths.
     path : path
         The GIF; one that is there is replaced.
     truth : TruthMap, optional
         Drawn as an outline.
     extent_m : (x_min, x_max, y_min, y_max), optional
         What is shown; by default what the finished map observed and all paths.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     with style.styled():
         canvas = _MovingMap([frame.occupancy for frame in frames], paths, truth, extent_m)

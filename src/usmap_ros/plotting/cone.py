@@ -30,7 +30,17 @@ _MARGIN_M = 0.25
 def cone_figure(
     cone: EchoCone, candidates: CandidateCells, truth: TruthMap | None = None
 ) -> Figure:
-    """Draw a cone with its candidate cells."""
+    """Draw a cone with its candidate cells.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        One ping's echoes, pose and beam.
+    candidates : CandidateCells
+        Cells that may have returned its echoes.
+    truth : TruthMap, optional
+        What is really there.
+    """
     with style.styled():
         figure = style.new_figure(6.4, 5.6)
         axes = figure.subplots()

@@ -38,12 +38,16 @@ def map_figure(
 ) -> Figure:
     """Draw a map as probability, or one of its layers.
 
-    Raises `ValueError` if the map does not have the layer.
-
     Parameters
     ----------
+    occupancy : OccupancyMap
+        The map that is drawn, cell by cell.
+    paths : RobotPaths, optional
+        Where the robots were.
     truth : TruthMap, optional
         Drawn as an outline.
+    title : str
+        What stands above it.
     extent_m : (x_min, x_max, y_min, y_max), optional
         What is shown, so that pictures can be compared; by default what was observed and all
         paths.
@@ -51,6 +55,11 @@ def map_figure(
         One of `usmap_ros.grids.LAYERS`: normals as ticks on the probability, others instead of it.
     told : mapping of str to Trajectory, optional
         Paths by topic as odometry told them, drawn dashed from where the others begin.
+
+    Raises
+    ------
+    ValueError
+        If the map does not have the layer.
     """
     paths = paths or RobotPaths()
     with style.styled():
@@ -83,7 +92,17 @@ def figure_size_in(extent_m: Extent) -> tuple[float, float]:
 def shown_extent(
     maps: Iterable[OccupancyMap], paths: RobotPaths, truth: TruthMap | None = None
 ) -> Extent:
-    """What holds all that maps observed and all paths, which may lead out of them."""
+    """What holds all that maps observed and all paths, which may lead out of them.
+
+    Parameters
+    ----------
+    maps : iterable of OccupancyMap
+        One or more.
+    paths : RobotPaths
+        Where the robots were.
+    truth : TruthMap, optional
+        To be held as well.
+    """
     geometries = [occupancy.observed_geometry() for occupancy in maps]
     geometries += [] if truth is None else [truth.geometry]
     places = [np.reshape(positions, (-1, 2)) for positions in paths.positions_m.values()]
@@ -138,14 +157,19 @@ def robot_name(topic: str) -> str:
 def draw_layer(axes: Axes, occupancy: OccupancyMap, layer: str) -> tuple[AxesImage, str]:
     """Draw a layer, and return the image with what its colours mean.
 
-    Raises `ValueError` if the map does not have it.
-
     Parameters
     ----------
     axes : matplotlib.axes.Axes
         Becomes a plan of the world.
+    occupancy : OccupancyMap
+        A map that has the layer.
     layer : str
         One of `usmap_ros.grids.LAYERS`: normals are drawn as ticks on the map's probability.
+
+    Raises
+    ------
+    ValueError
+        If the map does not have it.
     """
     if layer not in occupancy.layers:
         raise ValueError(f"has no layer {layer}")

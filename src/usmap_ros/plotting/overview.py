@@ -19,7 +19,17 @@ if TYPE_CHECKING:
 def overview_figure(
     reconstruction: Reconstruction, candidates: CandidateCells, truth: TruthMap | None = None
 ) -> Figure:
-    """Draw a ping's trace, its residual, and the cone that came of it, side by side."""
+    """Draw a ping's trace, its residual, and the cone that came of it, side by side.
+
+    Parameters
+    ----------
+    reconstruction : Reconstruction
+        What reconstruction made of it.
+    candidates : CandidateCells
+        Cells that may have returned its echoes.
+    truth : TruthMap, optional
+        What is really there.
+    """
     with style.styled():
         figure = style.new_figure(12.5, 5.0)
         panels: Any = figure.subfigures(1, 2, width_ratios=[1.25, 1.0])

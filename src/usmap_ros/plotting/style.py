@@ -131,7 +131,10 @@ def counted(number: int, singular: str, plural: str) -> str:
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure; the suffix chooses the format.
 
-    Raises `FileError` if there is no such format, or the file cannot be written.
+    Raises
+    ------
+    FileError
+        If there is no such format, or the file cannot be written.
     """
     formats = figure.canvas.get_supported_filetypes()
     suffix = path.suffix.lstrip(".").lower()

@@ -20,7 +20,13 @@ _FLOOR_DB = -80.0
 
 
 def trace_figure(reconstruction: Reconstruction) -> Figure:
-    """Draw a trace with its reconstruction, and the residual below."""
+    """Draw a trace with its reconstruction, and the residual below.
+
+    Parameters
+    ----------
+    reconstruction : Reconstruction
+        What `usmap_ros.reconstruction.reconstructor.reconstruct` made of a trace.
+    """
     with style.styled():
         figure = style.new_figure(8.0, 4.8)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])

@@ -27,6 +27,8 @@ def views_figure(
         With the layer `ambiguity`.
     views : sequence of NextView
         Poses to ping from next, the best first.
+    half_angle_rad : float
+        Of the cone.
     """
     figure = map_figure(occupancy, title="Where to ping next", layer=AMBIGUITY)
     axes = figure.axes[0]

@@ -24,14 +24,17 @@ _Result = TypeVar("_Result")
 def cluster(scheduler: str, workers: int) -> Iterator[Executor]:
     """Workers of a Dask cluster, which take over the work of those that die.
 
-    Raises `UsmapError` if Dask is not installed, or there is no scheduler at that address.
-
     Parameters
     ----------
     scheduler : str
         Address of its scheduler, such as ``tcp://10.0.0.1:8786``; "local" starts a cluster.
     workers : int
         How many processes a local one has.
+
+    Raises
+    ------
+    UsmapError
+        If Dask is not installed, or there is no scheduler at that address.
     """
     try:
         from distributed import Client, LocalCluster
@@ -66,6 +69,15 @@ def results(
     executor: Executor | None, function: Callable[..., _Result], work: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, _Result | Failure]]:
     """Have pieces of work done, by this process if there is no executor.
+
+    Parameters
+    ----------
+    executor : Executor, optional
+        Processes, here or elsewhere.
+    function : callable
+        Does a piece of work.
+    work : sequence of tuples
+        Arguments of each piece.
 
     Yields
     ------

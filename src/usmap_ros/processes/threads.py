@@ -32,6 +32,8 @@ def for_each(work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Resu
     ----------
     work : callable
         Changes nothing that it also does to another part; what it raises is raised here.
+    parts : iterable
+        What it is called with.
     """
     parts = list(parts)
     threads = min(available_cores(), len(parts))
@@ -49,6 +51,8 @@ def in_turn(
     ----------
     work : callable
         Changes nothing, and gives the same until `take` says that it has changed something.
+    parts : iterable
+        What it is called with.
     take : callable
         Called with each part and what work makes of it; returns whether work would give something
         else from now on: what was worked out ahead is worked out anew then.

@@ -113,6 +113,8 @@ def stretch_cones(
         Where the traces lie that are to be reconstructed.
     levels : sequence of float
         Levels of noise, as `SharedNoise.levels` gives them, of those traces that state none.
+    reception : LearntReception
+        How each trace is reconstructed.
     """
     skipped: list[tuple[str, MalformedMessageError]] = []
     unstated = iter(levels)
@@ -139,6 +141,10 @@ def cones_of(
     ----------
     traces : iterable of (str, EchoTrace)
         In the order of their stamps.
+    pipeline : Pipeline
+        Its reconstruction is what is done.
+    skip : callable
+        Told of traces that cannot be reconstructed.
     """
     stated = ((topic, pipeline.noise.with_noise(trace)) for topic, trace in traces)
     return _cones(stated, pipeline.reception, skip)

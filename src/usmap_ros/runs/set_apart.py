@@ -59,6 +59,10 @@ def in_one_frame(pings: Iterable[Ping], frame: CommonFrame, apart: SetApart) -> 
     ----------
     pings : iterable of (str, EchoCone)
         Topic and cone, in the order of their stamps.
+    frame : CommonFrame
+        Decides which frame is the map's.
+    apart : SetApart
+        Counts what is set apart, by cause.
     """
 
     def sorted_out(waiting: list[Ping]) -> Iterator[Ping]:
@@ -119,12 +123,19 @@ def in_one_place(pings: Iterable[Ping], far: FarOff, apart: SetApart) -> Iterato
 def pings_of_one_map(pings: Iterable[Ping], pipeline: Pipeline, apart: SetApart) -> Iterator[Ping]:
     """Those that a pipeline is to map: of one frame, and not far from all others.
 
-    Raises `MapSizeError` if the map that is resumed is too large.
-
     Parameters
     ----------
+    pings : iterable of (str, EchoCone)
+        Topic and cone, in the order of their stamps.
     pipeline : Pipeline
         Its map's frame holds if it has one, and so does the place of a map that it resumes.
+    apart : SetApart
+        Counts the others.
+
+    Raises
+    ------
+    MapSizeError
+        If the map that is resumed is too large.
     """
     far = FarOff(pipeline.parameters.mapping)
     if pipeline.resumed is not None:

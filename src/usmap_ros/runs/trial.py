@@ -42,12 +42,19 @@ def try_traces(
 ) -> Trial:
     """Map traces, and score the map.
 
-    Raises `MalformedMessageError` if a trace cannot be reconstructed.
-
     Parameters
     ----------
+    traces : iterable of (topic, EchoTrace)
+        In the order of their stamps, as `simulate` and `BagReader.traces` give them.
+    truth : TruthMap
+        What is there.
     parameters : PipelineParameters, optional
         Of the pipeline; the range model gets its cells from them.
+
+    Raises
+    ------
+    MalformedMessageError
+        If a trace cannot be reconstructed.
     """
     pipeline = Pipeline(parameters)
     range_only = RangeSensorFusion(pipeline.parameters.mapping)

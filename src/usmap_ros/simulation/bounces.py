@@ -38,6 +38,8 @@ def bounced_paths(
     ----------
     scene : Scene
         Its walls are the mirrors; up to `Scene.wall_bounces` of them are touched.
+    discs : Discs
+        What may be in the way.
     sender, listener : PathEnd
         Pose and beam of who sends and of who listens.
     channel : Channel

@@ -47,10 +47,12 @@ def build_robot(
 ) -> SimulatedRobot:
     """A robot of a scenario.
 
-    Raises `UsmapError`, naming the key, if its path is blocked, or a transducer cannot exist.
-
     Parameters
     ----------
+    model : RobotModel
+        The robot's section.
+    scene : Scene
+        What it must not run into.
     area : (x_min, x_max, y_min, y_max)
         Where it may wander.
     medium, stated : MediumModel, StatedModel
@@ -60,6 +62,11 @@ def build_robot(
         since transducers of one robot would hear one another, unless they are to.
     motion_seed, noise_seed : numpy.random.SeedSequence
         For its path, and for the noise and pose errors of its transducers.
+
+    Raises
+    ------
+    UsmapError
+        Naming the key, if its path is blocked, or a transducer cannot exist.
     """
     count = len(model.transducers)
     interval_s = 1.0 / model.ping_rate_hz
@@ -100,7 +107,10 @@ def _errors_name(key: str) -> Iterator[None]:
 def check_is_within(model: RobotModel, area: Bounds) -> None:
     """Refuse a robot that is to be outside of its world.
 
-    Raises `UsmapError`, naming the key and the first place that is.
+    Raises
+    ------
+    UsmapError
+        Naming the key and the first place that is.
     """
     motion = model.motion
     if isinstance(motion, WaypointModel):

@@ -32,12 +32,19 @@ _ATTEMPTS_PER_POLE = 300
 def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSequence) -> Scene:
     """The scene of a world.
 
-    Raises `UsmapError` if the random poles do not fit.
-
     Parameters
     ----------
+    world : WorldModel
+        What stands where.
+    plan : Nav2Map or None
+        The world's map.
     seed : numpy.random.SeedSequence
         For the random poles and the roughness of the walls.
+
+    Raises
+    ------
+    UsmapError
+        If the random poles do not fit.
     """
     pole_seed, roughness_seed = seed.spawn(2)
     walls, scatterers, edges = _rough_walls(world, plan, np.random.default_rng(roughness_seed))
@@ -99,7 +106,10 @@ def _stated_discs(world: WorldModel) -> Discs:
 def world_bounds(world: WorldModel, plan: Nav2Map | None) -> Bounds:
     """Lowest and highest x, lowest and highest y of a world.
 
-    Raises `UsmapError` if nothing stands there that could have bounds.
+    Raises
+    ------
+    UsmapError
+        If nothing stands there that could have bounds.
     """
     if world.area_m is not None:
         return world.area_m

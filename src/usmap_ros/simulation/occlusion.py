@@ -29,8 +29,6 @@ def hidden_by_walls(
 ) -> BoolArray:
     """Whether a wall crosses the line of sight to each target.
 
-    Returns a (n,) bool array.
-
     Parameters
     ----------
     origin_m : (2,) array
@@ -41,6 +39,10 @@ def hidden_by_walls(
         End points of the walls.
     owners : (n,) int array
         The wall that each target lies on, which does not hide it; `NO_OWNER`: none.
+
+    Returns
+    -------
+    (n,) bool array
     """
     if len(starts_m) == 0 or len(targets_m) == 0:
         return np.zeros(len(targets_m), dtype=bool)
@@ -69,8 +71,6 @@ def hidden_by_discs(
 ) -> BoolArray:
     """Whether a disc lies across the line of sight to each target.
 
-    Returns a (n,) bool array.
-
     Parameters
     ----------
     origin_m : (2,) array
@@ -83,6 +83,10 @@ def hidden_by_discs(
         Their radii; a disc of radius 0 hides nothing.
     owners : (n,) int array
         The disc that each target lies on, which does not hide it; `NO_OWNER`: none.
+
+    Returns
+    -------
+    (n,) bool array
     """
     if len(centers_m) == 0 or len(targets_m) == 0:
         return np.zeros(len(targets_m), dtype=bool)

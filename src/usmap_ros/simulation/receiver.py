@@ -100,8 +100,6 @@ class Receiver:
     ) -> NDArray[np.float32]:
         """Samples of a sum of echoes.
 
-        Returns a (count,) or (2 count,) float32 array: as in `EchoTrace.samples`.
-
         Parameters
         ----------
         arrivals : sequence of Arrivals
@@ -114,6 +112,11 @@ class Receiver:
             For the noise.
         emits : bool
             Whether its own transmitter sent it, and can be heard ringing and in its mount.
+
+        Returns
+        -------
+        (count,) or (2 count,) float32 array
+            As in `EchoTrace.samples`.
         """
         noise_std = self.noise_std / np.sqrt(2.0)
         sampling = Sampling(self.sample_rate_hz, self.start_delay_s, count)

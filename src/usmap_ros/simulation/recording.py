@@ -16,7 +16,19 @@ from usmap_ros.simulation.simulator import EchoSimulator
 def record(scenario: Scenario, writer: BagWriter, step: Callable[[], None]) -> int:
     """Simulate a scenario into a recording.
 
-    Returns how many traces were written.
+    Parameters
+    ----------
+    scenario : Scenario
+        What to simulate.
+    writer : BagWriter
+        Gets every trace.
+    step : callable
+        Called after each ping.
+
+    Returns
+    -------
+    int
+        How many traces were written.
     """
     count = 0
     for topic, trace in simulate(scenario):

@@ -110,6 +110,10 @@ class EchoSimulator:
 
         Parameters
         ----------
+        sonar : MountedTransducer
+            The transducer that pings, and where it is on its robot.
+        true_pose : Pose
+            Where the transducer really is.
         stamp_ns : int
             Start of emission, nanoseconds since the epoch.
         rng : numpy.random.Generator
@@ -220,6 +224,8 @@ def reported_pose(true_pose: Pose, stds: FloatArray, error: FloatArray) -> Pose:
 
     Parameters
     ----------
+    true_pose : Pose
+        Tilted or not.
     stds : (3,) array
         Standard deviations: x, y (m) and yaw (rad).
     error : (3,) array

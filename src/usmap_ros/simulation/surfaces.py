@@ -160,8 +160,6 @@ def walls_of_cells(
 ) -> tuple[FloatArray, FloatArray]:
     """Edges between occupied and other cells, straight runs merged into one.
 
-    Returns starts and ends, (n, 2) arrays, the open side on the left hand.
-
     Parameters
     ----------
     occupied : (rows, columns) bool array
@@ -170,6 +168,11 @@ def walls_of_cells(
         Side of a cell.
     origin_m : (float, float)
         Lower-left corner of cell (0, 0).
+
+    Returns
+    -------
+    starts_m, ends_m : (n, 2) arrays
+        End points, the open side on the left hand.
     """
     padded = np.pad(occupied, 1)
     below, above = padded[:-1, 1:-1], padded[1:, 1:-1]

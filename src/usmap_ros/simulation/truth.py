@@ -22,8 +22,6 @@ def build_truth_map(
 ) -> TruthMap:
     """Cells that hold the surface of something that stands.
 
-    Raises `UsmapError` if it would have more than `MAX_MAP_SIDE` rows or columns.
-
     Parameters
     ----------
     scene : Scene
@@ -35,6 +33,11 @@ def build_truth_map(
         eight neighbours: what is deeper inside no sound can reach.
     resolution_m : float
         Side of a cell.
+
+    Raises
+    ------
+    UsmapError
+        If it would have more than `MAX_MAP_SIDE` rows or columns.
     """
     walls = scene.walls
     # Those of a map have one side; the cells behind them are what counts.

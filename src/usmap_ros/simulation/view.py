@@ -103,7 +103,17 @@ class _Candidates:
 
 
 def targets_in_view(scene: Scene, view: View, time_s: float) -> Targets:
-    """Everything of `scene` that answers a sounding."""
+    """Everything of `scene` that answers a sounding.
+
+    Parameters
+    ----------
+    scene : Scene
+        Discs, walls and facets that return sound.
+    view : View
+        Where the sounding starts, and its cone.
+    time_s : float
+        After the scene's start; moving objects stand still while a ping lasts.
+    """
     discs = scene.discs_at(time_s)
     near = _walls_near(scene.walls, view)
     candidates = _Candidates.joined(

@@ -22,8 +22,10 @@ _SWEEP = Layout.of(8, "d")
 def array_from_cdr(payload: Payload) -> TransducerArray:
     """`TransducerArray` from a serialized ``usmap_msgs/TransducerArray``.
 
-    Raises `MalformedMessageError` if it cannot be decoded, or a field holds what no robot could
-    carry.
+    Raises
+    ------
+    MalformedMessageError
+        If it cannot be decoded, or a field holds what no robot could carry.
     """
     reader = CdrReader(payload)
     stamp_ns, frame_id = read_header(reader)
@@ -42,7 +44,10 @@ def array_from_cdr(payload: Payload) -> TransducerArray:
 def array_to_cdr(array: TransducerArray) -> bytes:
     """Serialized ``usmap_msgs/TransducerArray`` of a `TransducerArray`.
 
-    Raises `MalformedMessageError` if its stamp does not fit a message.
+    Raises
+    ------
+    MalformedMessageError
+        If its stamp does not fit a message.
     """
     writer = CdrWriter()
     write_header(writer, array.stamp_ns, array.frame_id)

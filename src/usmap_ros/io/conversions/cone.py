@@ -25,8 +25,10 @@ _NOTHING = np.zeros(0, np.float32)
 def cone_from_cdr(payload: Payload) -> EchoCone:
     """`EchoCone` from a serialized ``usmap_msgs/EchoCone``; its arrays are views of that.
 
-    Raises `MalformedMessageError` if it cannot be decoded, or a field holds what no reconstruction
-    could have found.
+    Raises
+    ------
+    MalformedMessageError
+        If it cannot be decoded, or a field holds what no reconstruction could have found.
     """
     reader = CdrReader(payload)
     stamp_ns, frame_id = read_header(reader)
@@ -64,7 +66,10 @@ def cone_from_cdr(payload: Payload) -> EchoCone:
 def cone_to_cdr(cone: EchoCone) -> bytes:
     """Serialized ``usmap_msgs/EchoCone`` of an `EchoCone`; rclpy publishes it as it is.
 
-    Raises `MalformedMessageError` if its stamp does not fit a message.
+    Raises
+    ------
+    MalformedMessageError
+        If its stamp does not fit a message.
     """
     writer = CdrWriter()
     write_header(writer, cone.stamp_ns, cone.frame_id)

@@ -21,7 +21,10 @@ from usmap_ros.io.conversions.common import (
 def metadata_to_message(geometry: GridGeometry, stamp_ns: int, types: MessageTypes) -> Any:
     """``nav_msgs/MapMetaData`` of a grid whose newest content has this stamp.
 
-    Raises `MalformedMessageError` if a side is longer than nav2 takes.
+    Raises
+    ------
+    MalformedMessageError
+        If a side is longer than nav2 takes.
     """
     rows, columns = geometry.shape
     if not (1 <= rows <= MAX_MAP_SIDE and 1 <= columns <= MAX_MAP_SIDE):
@@ -49,14 +52,21 @@ def grid_to_message(
 ) -> Any:
     """``nav_msgs/OccupancyGrid`` of cell values.
 
-    Raises `MalformedMessageError` if nav2 would refuse it.
-
     Parameters
     ----------
+    geometry : GridGeometry
+        Where the cells lie.
     values : (rows, columns) int8 array
         -1 for unknown, or 0 to 100.
     frame_id, stamp_ns : str, int
         Of the map and of its newest content.
+    types : MessageTypes
+        Classes to build it of.
+
+    Raises
+    ------
+    MalformedMessageError
+        If nav2 would refuse it.
     """
     if not frame_id:
         raise MalformedMessageError("header.frame_id", "is empty")
@@ -70,7 +80,10 @@ def grid_to_message(
 def grid_from_message(message: Any) -> tuple[GridGeometry, NDArray[np.int8], str, int]:
     """Geometry, values, frame and stamp of a ``nav_msgs/OccupancyGrid``.
 
-    Raises `MalformedMessageError` if its parts do not fit together.
+    Raises
+    ------
+    MalformedMessageError
+        If its parts do not fit together.
     """
     info = message.info
     shape = (int(info.height), int(info.width))

@@ -20,7 +20,10 @@ from usmap_ros.pings.trajectory import Trajectory
 def odometry_from_message(message: Any) -> tuple[Pose, int]:
     """Pose and stamp of a ``nav_msgs/Odometry``.
 
-    Raises `MalformedMessageError` if the pose cannot be one.
+    Raises
+    ------
+    MalformedMessageError
+        If the pose cannot be one.
     """
     pose = pose_from_message(message.pose)
     pose.validate()
@@ -47,7 +50,10 @@ def odometry_to_message(
 def transform_from_message(message: Any) -> tuple[Pose, int]:
     """Pose of the child frame, and stamp, of a ``geometry_msgs/TransformStamped``.
 
-    Raises `MalformedMessageError` if the transform cannot be one.
+    Raises
+    ------
+    MalformedMessageError
+        If the transform cannot be one.
     """
     shift, turn = message.transform.translation, message.transform.rotation
     pose = Pose(

@@ -47,9 +47,13 @@ def scan_to_message(
 
     Parameters
     ----------
+    cone : EchoCone
+        The ping that they are of.
     angles_rad, ranges_m : (rays,) arrays
         Ascending by equal steps; ranges of 0 are below the least one, and so count as none.  Those
         up to the greatest range stay a hair below it: at it, laser_geometry drops them.
+    types : MessageTypes
+        Classes to build it of.
     """
     transducer = cone.transducer
     below_max_m = np.nextafter(np.float32(transducer.max_range_m), np.float32(0.0))
@@ -94,6 +98,8 @@ def points_to_message(
         ``x``, ``y``, ``z`` and whatever else each point has.
     frame_id, stamp_ns : str, int
         Of the cloud.
+    types : MessageTypes
+        Classes to build it of.
     """
     table = np.stack([np.asarray(column, np.float32) for column in columns.values()], axis=-1)
     field = types.message_class("sensor_msgs/msg/PointField")
@@ -117,7 +123,10 @@ def points_to_message(
 def points_from_message(message: Any) -> tuple[dict[str, NDArray[np.float32]], str, int]:
     """Columns, frame and stamp of a cloud that `points_to_message` could have made.
 
-    Raises `MalformedMessageError` if its layout is another, or its length does not fit.
+    Raises
+    ------
+    MalformedMessageError
+        If its layout is another, or its length does not fit.
     """
     names = [str(field.name) for field in message.fields]
     offsets = [int(field.offset) for field in message.fields]

@@ -23,8 +23,10 @@ _NUMBERS = Layout.of(8, "4dB7x3d")
 def trace_from_cdr(payload: Payload) -> EchoTrace:
     """`EchoTrace` from a serialized ``usmap_msgs/EchoTrace``; its samples are a view of that.
 
-    Raises `MalformedMessageError` if it cannot be decoded, or a field holds what no sensor could
-    have sent.
+    Raises
+    ------
+    MalformedMessageError
+        If it cannot be decoded, or a field holds what no sensor could have sent.
     """
     reader = CdrReader(payload)
     stamp_ns, frame_id = read_header(reader)
@@ -52,7 +54,10 @@ def trace_from_cdr(payload: Payload) -> EchoTrace:
 def noise_from_cdr(payload: Payload) -> float:
     """``noise_std`` of a serialized ``usmap_msgs/EchoTrace``, in a third of the time of all of it.
 
-    Raises `MalformedMessageError` if it cannot be decoded that far.
+    Raises
+    ------
+    MalformedMessageError
+        If it cannot be decoded that far.
     """
     reader = CdrReader(payload)
     read_header(reader)
@@ -65,7 +70,10 @@ def noise_from_cdr(payload: Payload) -> float:
 def trace_to_cdr(trace: EchoTrace) -> bytes:
     """Serialized ``usmap_msgs/EchoTrace`` of an `EchoTrace`; rclpy publishes it as it is.
 
-    Raises `MalformedMessageError` if its stamp does not fit a message.
+    Raises
+    ------
+    MalformedMessageError
+        If its stamp does not fit a message.
     """
     channel, writer = trace.channel, CdrWriter()
     write_header(writer, trace.stamp_ns, trace.frame_id)

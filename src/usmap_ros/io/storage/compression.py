@@ -30,7 +30,10 @@ class Allowance:
     def take(self, size: int) -> None:
         """Use some of it up.
 
-        Raises `TooMuchError` if there is not as much.
+        Raises
+        ------
+        TooMuchError
+            If there is not as much.
         """
         if size > self.left_bytes:
             raise TooMuchError("unpacks to more than is believed")
@@ -42,8 +45,6 @@ def decompress(
 ) -> bytes:
     """Decompress as much as `data` holds: all of it, or what comes before a cut.
 
-    Raises `TooMuchError` if it is more than `MAX_CHUNK_BYTES`, or than is allowed.
-
     Parameters
     ----------
     data : bytes-like
@@ -52,6 +53,11 @@ def decompress(
         One of `FORMATS`; nothing is done for "".
     allowance : Allowance, optional
         Of the recording that it is from; what was scanned with one can be read again without.
+
+    Raises
+    ------
+    TooMuchError
+        If it is more than `MAX_CHUNK_BYTES`, or than is allowed.
     """
     if compression not in ("lz4", "zstd"):
         return bytes(data)

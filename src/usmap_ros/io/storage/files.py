@@ -36,14 +36,17 @@ class _Recording:
 def open_storage(path: Path, scratch: TemporaryDirectory[str]) -> list[Storage]:
     """Open all files of a recording.
 
-    Raises `BagError` if there is no recording at `path`.
-
     Parameters
     ----------
     path : path
         A rosbag2 folder, with or without its ``metadata.yaml``, or one ``.mcap`` or ``.db3``.
     scratch : TemporaryDirectory
         Where files that are compressed as a whole are unpacked.
+
+    Raises
+    ------
+    BagError
+        If there is no recording at `path`.
     """
     if not path.exists():
         raise BagError(path, "does not exist")

@@ -68,8 +68,10 @@ class MessageIndex:
     ) -> None:
         """Note one message.
 
-        Raises `ValueError` if one of the numbers is none that fits 64 bits: then nothing of it is
-        noted.
+        Raises
+        ------
+        ValueError
+            If one of the numbers is none that fits 64 bits: then nothing of it is noted.
         """
         numbers: tuple[object, ...] = (topic, stamp_ns, recorded_ns, block, offset, size)
         for number in numbers:
@@ -99,7 +101,10 @@ class Storage(Protocol):
 
         Damage ends the walk and is noted.
 
-        Raises `BagError` if it is not a file of this format at all.
+        Raises
+        ------
+        BagError
+            If it is not a file of this format at all.
         """
 
     def payload(self, block: int, offset: int, size: int) -> memoryview:

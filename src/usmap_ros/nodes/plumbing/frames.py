@@ -61,7 +61,10 @@ class Transforms:
     def pose_of(self, frame_id: str, world: str, stamp_ns: int | None = None) -> tuple[Pose, int]:
         """Pose of a frame in another, and its stamp; the latest if none is given.
 
-        Raises `NoTransformError` if it is not known, or not yet.
+        Raises
+        ------
+        NoTransformError
+            If it is not known, or not yet.
         """
         if not self.is_available:
             raise NoTransformError("tf2_ros is not installed")
@@ -76,7 +79,10 @@ class Transforms:
     def moved(self, cone: EchoCone, frame_id: str) -> EchoCone:
         """`cone` with its pose in the frame `frame_id`.
 
-        Raises `NoTransformError` if the transform at its stamp is not known, or not yet.
+        Raises
+        ------
+        NoTransformError
+            If the transform at its stamp is not known, or not yet.
         """
         outer, _ = self.pose_of(cone.frame_id, frame_id, cone.stamp_ns)
         return replace(cone, frame_id=frame_id, pose=outer.compose(cone.pose))

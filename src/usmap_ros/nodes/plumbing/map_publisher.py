@@ -130,7 +130,10 @@ class MapPublisher:
     def publish(self, occupancy: OccupancyMap) -> None:
         """Publish a map.
 
-        Raises `MalformedMessageError` if nav2 would refuse it.
+        Raises
+        ------
+        MalformedMessageError
+            If nav2 would refuse it.
         """
         geometry = block_geometry(occupancy.geometry, self._geometry)
         values = placed(occupancy.trinary(), occupancy.geometry, geometry)
@@ -163,7 +166,10 @@ class MapPublisher:
     def message(self, occupancy: OccupancyMap) -> Any:
         """``nav_msgs/OccupancyGrid`` of a map, of the extent that it would be published with.
 
-        Raises `MalformedMessageError` if nav2 would refuse it.
+        Raises
+        ------
+        MalformedMessageError
+            If nav2 would refuse it.
         """
         geometry = block_geometry(occupancy.geometry, self._geometry)
         return self._grid_message(occupancy.trinary(), occupancy, geometry)

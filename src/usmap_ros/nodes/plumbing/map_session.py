@@ -139,7 +139,10 @@ class MapSession:
     def settle(self) -> float | None:
         """Have fused what was received, and cones of other frames whose transforms have come.
 
-        Returns when to try again; None: not before another cone has come.
+        Returns
+        -------
+        pause_s : float or None
+            When to try again; None: not before another cone has come.
         """
         self._foreign_cones.retry(self.fusion.frame_id)
         # Once for all that came together: whoever is woken wants the interpreter at once.

@@ -29,7 +29,17 @@ class PoseSource(Protocol):
     def sample(self, now_ns: int, elapsed_s: float) -> tuple[Pose, int]:
         """True pose of the base, and its stamp.
 
-        Raises `NoPoseError` if it is not known.
+        Parameters
+        ----------
+        now_ns : int
+            The clock's reading.
+        elapsed_s : float
+            Time since the scenario began.
+
+        Raises
+        ------
+        NoPoseError
+            If it is not known.
         """
         ...
 

@@ -29,8 +29,12 @@ class RangeInput:
     def cone(self, payload: bytes) -> EchoCone:
         """Cone of a serialized ``sensor_msgs/Range``.
 
-        Raises `MalformedMessageError` if it says nothing; `NoPoseError` if it is not known where
-        the sensor was.
+        Raises
+        ------
+        MalformedMessageError
+            If it says nothing.
+        NoPoseError
+            If it is not known where the sensor was.
         """
         reading = range_from_message(deserialize_message(payload, Range))
         return reading.cone(self._pose(reading.frame_id, reading.stamp_ns), self._world)

@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 def interface_class(name: str) -> Any:
     """Class of a message or service type such as ``nav_msgs/srv/GetMap``.
 
-    Raises `ImportError` if its package is not installed, or has no such type.
+    Raises
+    ------
+    ImportError
+        If its package is not installed, or has no such type.
     """
     package, kind, class_name = name.split("/")
     try:

@@ -85,6 +85,8 @@ def run_node(
 
     Parameters
     ----------
+    create : callable
+        Makes the node.
     arguments : list of str, optional
         For ROS; by default those of the command line.
     program : str, optional

@@ -46,7 +46,10 @@ def topic_globs(purpose: str) -> Any:
 def check_globs(globs: str) -> str:
     """Refuse what would be more than globs; a pydantic validator.
 
-    Raises `ValueError` with the reason.
+    Raises
+    ------
+    ValueError
+        With the reason.
     """
     odd = sorted({character for character in globs if character in _OF_EXPRESSIONS})
     if odd:

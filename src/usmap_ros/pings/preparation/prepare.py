@@ -30,12 +30,17 @@ _NEUTRAL = CorrectionParameters()
 def prepared(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrace:
     """Set right what is off in a trace, and add what it does not say.
 
-    Raises `MalformedMessageError` if they do not fit the trace.
-
     Parameters
     ----------
     trace : EchoTrace
         As recorded; it stays as it is.
+    parameters : ReconstructionParameters
+        What is known of it.
+
+    Raises
+    ------
+    MalformedMessageError
+        If they do not fit the trace.
     """
     trace = without_dc_offset(trace.with_sweep(parameters.chirp_sweep_hz))
     trace = corrected(trace, parameters.correction)
@@ -51,15 +56,17 @@ def prepared(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrac
 def with_receiver_at(trace: EchoTrace, offset_m: Sequence[float]) -> EchoTrace:
     """Tell `trace` that it was received beside where it was sent from.
 
-    Raises `MalformedMessageError` if the transducer is one of an array, which has a geometry of its
-    own.
-
     Parameters
     ----------
     trace : EchoTrace
         Its pose is that of the element that sends.
     offset_m : (3,) sequence
         Where the other one is, ahead, to the left and upwards.
+
+    Raises
+    ------
+    MalformedMessageError
+        If the transducer is one of an array, which has a geometry of its own.
     """
     if not any(offset_m):
         return trace
@@ -85,6 +92,13 @@ def with_receiver_at(trace: EchoTrace, offset_m: Sequence[float]) -> EchoTrace:
 
 def corrected(trace: EchoTrace, correction: CorrectionParameters) -> EchoTrace:
     """Give `trace` the units, the time and the channel that it should have had.
+
+    Parameters
+    ----------
+    trace : EchoTrace
+        As recorded; it stays as it is.
+    correction : CorrectionParameters
+        What is off in it.
 
     Returns
     -------

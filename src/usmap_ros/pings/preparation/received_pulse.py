@@ -18,8 +18,17 @@ from usmap_ros.pings.trace import EchoTrace
 def with_profile(trace: EchoTrace, parameters: PulseParameters) -> EchoTrace:
     """Give the pulses of `trace` the envelope with which their echoes are received.
 
-    Raises `MalformedMessageError` if its pulses have no carrier, or several are in the air and only
-    one was measured.
+    Parameters
+    ----------
+    trace : EchoTrace
+        As recorded; it stays as it is.
+    parameters : PulseParameters
+        What transducers do.
+
+    Raises
+    ------
+    MalformedMessageError
+        If its pulses have no carrier, or several are in the air and only one was measured.
     """
     if parameters.kind == "stated":
         return trace

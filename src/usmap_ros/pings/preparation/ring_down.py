@@ -18,6 +18,8 @@ def without_ringing(cone: EchoCone, ringing: RingingParameters) -> EchoCone:
     ----------
     cone : EchoCone
         As reconstructed, with what the transducer hears of itself among its echoes.
+    ringing : RingingParameters
+        What is heard in every ping.
     """
     if not any(ringing.amplitudes):
         return cone

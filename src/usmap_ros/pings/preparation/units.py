@@ -17,7 +17,15 @@ USUAL_REFLECTIVITY, USUAL_POWERS = 0.7, 2.0
 def unit_of(trace: EchoTrace) -> float:
     """The power of ten by which samples are too large, such as a converter's counts; 1 as a rule.
 
-    Returns 0 where it holds nothing that tells.
+    Parameters
+    ----------
+    trace : EchoTrace
+        Any ping.
+
+    Returns
+    -------
+    unit : float
+        0 where it holds nothing that tells.
     """
     signal = without_dc_offset(trace).signal()
     range_m = 0.5 * trace.channel.sound_speed_m_s * trace.sample_times_s()

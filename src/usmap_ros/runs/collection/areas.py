@@ -35,6 +35,11 @@ class AreaMap:
 def areas_of(files: Sequence[Cones]) -> list[list[Cones]]:
     """Group recordings: those of different groups do not reach the same places.
 
+    Parameters
+    ----------
+    files : sequence of Cones
+        In any order.
+
     Returns
     -------
     areas : list of lists of Cones
@@ -80,12 +85,19 @@ class AreaOptions:
 def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: AreaOptions) -> AreaMap:
     """Fuse recordings of cones in the order of their stamps.
 
-    Raises `UsmapError` if nothing in them can be used, or the map would be too large.
-
     Parameters
     ----------
     cones : sequence of str
         Paths of the recordings of cones whose pings reach the area.
+    parameters : PipelineParameters
+        Of which those of mapping count.
+    wishes : AreaOptions
+        What else is asked for.
+
+    Raises
+    ------
+    UsmapError
+        If nothing in them can be used, or the map would be too large.
     """
     pipeline, paths = Pipeline(parameters), RobotPaths()
     pipeline.fusion.frame_id = wishes.frame_id

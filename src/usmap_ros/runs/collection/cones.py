@@ -97,8 +97,6 @@ def cones_of_recording(
 ) -> Cones | Divided:
     """Reconstruct a recording into a file in `folder`, unless that was done before.
 
-    Raises `BagError` if the recording cannot be used, or its cones cannot be written.
-
     Parameters
     ----------
     recording : path
@@ -109,6 +107,11 @@ def cones_of_recording(
         Of which those of reconstruction count.
     length : int
         Traces from which on it is only divided.
+
+    Raises
+    ------
+    BagError
+        If the recording cannot be used, or its cones cannot be written.
     """
     name = folder / f"{recording.name}-{_digest(recording, parameters)}"
     if (kept := _kept(name)) is not None:
@@ -144,7 +147,10 @@ def cones_of_stretch(
 ) -> Cones:
     """Reconstruct a stretch of a recording into a file, unless that was done before.
 
-    Raises `BagError` if its cones cannot be written.
+    Raises
+    ------
+    BagError
+        If its cones cannot be written.
     """
     if (kept := _kept(name)) is not None:
         return kept
@@ -160,7 +166,10 @@ def cones_of_stretch(
 def joined(name: Path, parts: Sequence[Cones]) -> Cones:
     """The cones of a recording from those of its stretches.
 
-    Raises `BagError` if there are none, or what is known of them cannot be written.
+    Raises
+    ------
+    BagError
+        If there are none, or what is known of them cannot be written.
     """
     skipped = Counter[str]()
     for part in parts:

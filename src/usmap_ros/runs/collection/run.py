@@ -67,18 +67,27 @@ def map_collection(
 ) -> Collected:
     """Map recordings: each to cones, areas apart, and their maps to one.
 
-    Raises `UsmapError` if nothing could be mapped, or the whole map would be too large.
-
     Parameters
     ----------
     recordings : sequence of path
         As the workers can read them.
+    output : path
+        Folder of the map, which the workers can write to.
+    parameters : PipelineParameters
+        Of reconstruction and mapping.
     executor : Executor, optional
         Does the work; without one this process does.
+    wishes : AreaOptions
+        What else is asked for.
     step : callable
         Called twice for each recording: when its cones are there, and when it is mapped.
     stretch : int
         Pings of a recording from which on it is divided among workers.
+
+    Raises
+    ------
+    UsmapError
+        If nothing could be mapped, or the whole map would be too large.
     """
     files, failed = _reconstructed(recordings, output, parameters, executor, stretch, step)
     areas = areas_of(list(files.values()))

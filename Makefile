@@ -137,9 +137,16 @@ $(VENV)/pyvenv.cfg:
 	  echo >&2 "python3-venv is needed: sudo apt install python3-venv"; exit 1; }
 	@rm -f $(VENV).log
 
+# The inner loops are compiled on one core while pip installs the rest on another.  Who needs them
+# before that is done waits for it, and does what is missing.
+COMPILER_NEEDS := numba numpy pydantic PyYAML scipy
+COMPILE := from usmap_ros.runs.compilation import compile_if_needed; compile_if_needed(print)
+
 $(OFFLINE): $(VENV)/pyvenv.cfg setup.py setup.cfg pyproject.toml constraints.txt
 	@echo "Installing usmap_ros and what it needs (about a minute, once)"
-	@$(PINNED) --editable .
+	@$(PINNED) $(COMPILER_NEEDS)
+	@PYTHONPATH=$(CURDIR)/src $(BIN)/python -c "$(COMPILE)" >$(VENV)/compile.log 2>&1 & \
+	$(PINNED) --editable .
 	@touch $@
 
 $(FULL): $(OFFLINE) $(MESSAGES)

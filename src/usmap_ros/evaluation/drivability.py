@@ -11,7 +11,7 @@ from usmap_ros.evaluation.alignment import AlignedMaps
 from usmap_ros.evaluation.line_of_sight import pings_in_sight
 from usmap_ros.evaluation.sight import PINGS_TO_KNOW
 from usmap_ros.grids import GridGeometry
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from usmap_ros.pings.fields_of_view import PingViews
 
 #: Of the robot that looks for a way out.
@@ -35,7 +35,9 @@ class Drivability:
     escape_m2: float
 
 
-def drivability(maps: AlignedMaps, views: PingViews) -> Drivability:
+def drivability(
+    maps: AlignedMaps, views: PingViews, sightings: IntArray | None = None
+) -> Drivability:
     """Leak, lost and escape of a map.
 
     Parameters
@@ -44,8 +46,11 @@ def drivability(maps: AlignedMaps, views: PingViews) -> Drivability:
         The map and the truth.
     views : PingViews
         What it was made from.
+    sightings : (rows, columns) int array, optional
+        By `pings_in_sight`, where that is known: it takes most of the time.
     """
-    sightings = pings_in_sight(maps.occupied, maps.geometry, views)
+    if sightings is None:
+        sightings = pings_in_sight(maps.occupied, maps.geometry, views)
     unseen = ~binary_dilation(sightings > 0, _AROUND)
     free, predicted = maps.free, maps.predicted
     known = maps.occupied & (sightings >= PINGS_TO_KNOW)

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from usmap_ros.evaluation.alignment import AlignedMaps, align
 from usmap_ros.evaluation.drivability import Drivability, drivability, share
+from usmap_ros.evaluation.line_of_sight import pings_in_sight
 from usmap_ros.evaluation.sight import InSight, in_sight
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.pings.fields_of_view import PingViews
@@ -74,7 +75,8 @@ def score(
         heard: recall asks for no other surfaces.  None: all of it is.
     """
     maps = align(occupancy, truth)
-    seen = in_sight(maps, truth, views)
+    sightings = None if views is None else pings_in_sight(maps.occupied, maps.geometry, views)
+    seen = in_sight(maps, truth, views, sightings)
     if audible is not None:
         seen = replace(seen, surface=seen.surface & align(occupancy, audible).occupied)
     predicted = maps.predicted
@@ -82,7 +84,9 @@ def score(
     precision = share(binary_dilation(maps.occupied, neighbourhood), predicted)
     recall = share(binary_dilation(predicted, neighbourhood), seen.surface)
     total = precision + recall
-    driving = Drivability(*[float("nan")] * 3) if views is None else drivability(maps, views)
+    driving = Drivability(*[float("nan")] * 3)
+    if views is not None:
+        driving = drivability(maps, views, sightings)
     log_loss, brier = _losses(maps, seen)
     return Score(
         f1=2.0 * precision * recall / total if total > 0.0 else 0.0,

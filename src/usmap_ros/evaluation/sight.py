@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, find_objects, label
 from usmap_ros.evaluation.alignment import AlignedMaps
 from usmap_ros.evaluation.line_of_sight import pings_in_sight
 from usmap_ros.grids import TruthMap
-from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.arrays import BoolArray, IntArray
 from usmap_ros.pings.fields_of_view import PingViews
 
 #: Pings that must have a cell in line of sight before it could be known.
@@ -35,7 +35,9 @@ class InSight:
     open: BoolArray
 
 
-def in_sight(maps: AlignedMaps, truth: TruthMap, views: PingViews | None) -> InSight:
+def in_sight(
+    maps: AlignedMaps, truth: TruthMap, views: PingViews | None, sightings: IntArray | None
+) -> InSight:
     """Cells that at least `PINGS_TO_KNOW` pings have in line of sight.
 
     Occupied cells stop sight behind themselves, but not where the truth is lone poles: sound
@@ -49,12 +51,16 @@ def in_sight(maps: AlignedMaps, truth: TruthMap, views: PingViews | None) -> InS
         The truth on its own cells.
     views : PingViews or None
         What pings looked at; without them, all within one cell of an observed cell stands in.
+    sightings : (rows, columns) int array or None
+        Pings that have each cell in line of sight where occupied cells stop it; with `views`.
     """
-    if views is None:
+    if views is None or sightings is None:
         cells = binary_dilation(maps.observed, _AROUND)
     else:
-        stops = np.zeros_like(maps.occupied) if is_lone_poles(truth) else maps.occupied
-        cells = pings_in_sight(stops, maps.geometry, views) >= PINGS_TO_KNOW
+        if is_lone_poles(truth):
+            nothing = np.zeros_like(maps.occupied)
+            sightings = pings_in_sight(nothing, maps.geometry, views)
+        cells = sightings >= PINGS_TO_KNOW
     cells = cells & maps.charted
     inside = binary_erosion(maps.occupied, _AROUND)
     return InSight(

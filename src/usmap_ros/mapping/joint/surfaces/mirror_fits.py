@@ -28,6 +28,7 @@ from usmap_ros.mapping.ping_table import (
 )
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
+from usmap_ros.numerics.ordering import ascending
 
 #: Directions of normals that are voted for, and width of a step of ρ, m.
 DIRECTIONS, STEP_M = 180, 0.025
@@ -208,7 +209,7 @@ def _feet(search: MirrorSearch, normal_rad: float, distance_m: float, tolerance_
             along_m[seen] = numbers[Y] * cosine - numbers[X] * sine
             ping[seen], echo[seen], log_mirror[seen] = index, nearest, math.log(mirror)
             seen += 1
-    order = np.argsort(along_m[:seen])
+    order = ascending(along_m[:seen])
     return Feet(along_m[order], ping[order], echo[order], log_mirror[order])
 
 

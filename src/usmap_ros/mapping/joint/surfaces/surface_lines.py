@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.ordering import ascending
 from usmap_ros.numerics.special import logistic
 
 #: Directions that are looked for.
@@ -126,7 +127,7 @@ def _find_runs(  # noqa: C901, PLR0912, PLR0915 - a kernel is one loop
             if alive[i] and abs(places[i, 0] * nx + places[i, 1] * ny - distance) <= ON_LINE_CELLS:
                 members[found], along[found] = i, places[i, 1] * nx - places[i, 0] * ny
                 found += 1
-        order, any_run, begin = np.argsort(along[:found]), False, 0
+        order, any_run, begin = ascending(along[:found]), False, 0
         while begin < found:
             end = begin
             while end + 1 < found and along[order[end + 1]] - along[order[end]] <= gap:

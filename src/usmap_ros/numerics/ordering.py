@@ -1,7 +1,7 @@
 """Order of numbers, for compiled loops.
 
-NumPy's ``argsort`` costs the compiler some 0.8 s for each loop that calls it, a third of what such a
-loop takes in all; this one costs 0.3 s.
+NumPy's ``argsort`` costs the compiler some 0.8 s for each loop that calls it, a third of what such
+a loop takes in all; this one costs 0.3 s.
 """
 
 from __future__ import annotations

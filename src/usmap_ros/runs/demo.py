@@ -92,6 +92,7 @@ def run_demo(folder: Path, progress: Progress) -> DemoResult:
         ):
             run = map_bag(bag, recorder.pipeline, recorder.paths, recorder.watch(step))
         occupancy = recorder.pipeline.occupancy_map()
+        recorder.add_frame(occupancy)
         summary = save_map(
             folder,
             occupancy,
@@ -129,7 +130,7 @@ class _Observer:
         self.paths = RobotPaths()
         self.frames: list[MapFrame] = []
         self._cones: dict[str, EchoCone] = {}
-        self._pings, self._seen = pings, 0
+        self._pings, self._seen, self._stamp_ns = pings, 0, 0
         # Topic and stamp of the ping to be drawn, and what makes it the best so far.
         self.clearest: tuple[str, int] = ("", 0)
         self._order: tuple[bool, int] | None = None
@@ -146,8 +147,11 @@ class _Observer:
             if self._order is None or order < self._order:
                 self.clearest, self._order = (topic, cone.stamp_ns), order
             self._seen += 1
-            if self._frames_by(self._seen) > self._frames_by(self._seen - 1):
-                self._snapshot(cone.stamp_ns)
+            self._stamp_ns = cone.stamp_ns
+            is_due = self._frames_by(self._seen) > self._frames_by(self._seen - 1)
+            # The finished map is made while robots are judged.
+            if is_due and self._seen < self._pings:
+                self.add_frame(self.pipeline.fusion.live_snapshot()())
             step()
 
         return on_cone
@@ -156,12 +160,10 @@ class _Observer:
         """Frames up to a ping: dense at first, when most changes; the last one on the last ping."""
         return math.floor(FRAMES * math.sqrt(pings / self._pings))
 
-    def _snapshot(self, stamp_ns: int) -> None:
+    def add_frame(self, occupancy: OccupancyMap) -> None:
+        """Add the map as it is after the newest ping."""
         behind = {topic: len(path) for topic, path in self.paths.positions_m.items()}
-        is_last = self._seen == self._pings
-        fusion = self.pipeline.fusion
-        occupancy = (fusion.snapshot() if is_last else fusion.live_snapshot())()
-        self.frames.append(MapFrame(occupancy, dict(self._cones), behind, stamp_ns))
+        self.frames.append(MapFrame(occupancy, dict(self._cones), behind, self._stamp_ns))
 
 
 def _draw(observer: _Observer, truth: TruthMap, paths: dict[str, Path], progress: Progress) -> None:

@@ -27,6 +27,9 @@ STEP_M, LOOKS = 0.05, 2
 APART_M, LEAST_PINGS = 0.25, 30
 #: Share of pings that may hear nothing of it; range bins without a gap that it must be heard in.
 SILENT, LEAST_BINS = 0.3, 5
+#: Such a share of pings first hear something within that, m, of where pings of the same sensor
+#: mostly do: a floor begins where the beam meets it, rough walls all around where they are nearest.
+ALIKE, ALIKE_M = 0.6, 0.1
 #: The loudest echo of one ping in ten is so many times as loud, on its way through the same range:
 #: what is louder is no clutter, but a wall that the robots follow.
 FAINTER, SOME = 5.0, 0.1
@@ -86,7 +89,7 @@ def _bins(ranges_m: RealArray, count: int) -> IndexArray:
 
 def _loudest_clutter(cones: list[EchoCone]) -> FloatArray | None:
     """The same of one kind, by its pings from places apart; None if it hears none."""
-    if len(cones) < LEAST_PINGS:
+    if len(cones) < LEAST_PINGS or not _begin_alike(cones):
         return None
     power = _power(cones)
     faintest = np.quantile(power, SILENT, axis=0, method="lower")
@@ -102,6 +105,17 @@ def _loudest_clutter(cones: list[EchoCone]) -> FloatArray | None:
     if FAINTER * np.sqrt((mean * ranges_m**2).max()) > np.quantile(loudest, 1.0 - SOME):
         return None
     return np.sqrt(MARGIN * mean)
+
+
+def _begin_alike(cones: list[EchoCone]) -> bool:
+    """Whether most pings first hear something from as far away as others of the same sensor do."""
+    first_m: defaultdict[str, list[float]] = defaultdict(list)
+    for cone in cones:
+        nearest_m = float(cone.ranges_m[0]) if len(cone.ranges_m) else float("inf")
+        first_m[cone.child_frame_id].append(nearest_m)
+    middles_m = ((own_m, sorted(own_m)[len(own_m) // 2]) for own_m in first_m.values())
+    alike = sum(abs(m - middle_m) <= ALIKE_M for own_m, middle_m in middles_m for m in own_m)
+    return alike >= ALIKE * len(cones)
 
 
 def _power(cones: list[EchoCone]) -> FloatArray:

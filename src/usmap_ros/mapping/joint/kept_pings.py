@@ -133,11 +133,12 @@ class KeptPings:
         return self._at[place] == 1
 
     def sensors(self) -> Sensors:
-        """What is known of the sensors."""
+        """What is known of the sensors, by what those heard who are believed at all."""
         if self._sensors is None:
-            first_only = report_first_only(cone for cone, *_ in self._cones)
-            sensors = Sensors(first_only, steps_to_scale(self.cones()))
-            whole = (each for each in self.cones() if each[0].child_frame_id not in first_only)
+            believed = [each for each in self.cones() if self.trust.get(each[1], 1.0) > 0.0]
+            first_only = report_first_only(cone for cone, _ in believed)
+            sensors = Sensors(first_only, steps_to_scale(believed))
+            whole = (each for each in believed if each[0].child_frame_id not in first_only)
             clutter = clutter_of(sensors.heard(*each) for each in whole)
             self._sensors = sensors._replace(clutter=clutter)
         return self._sensors
@@ -199,7 +200,7 @@ class KeptPings:
             since_ns = self._doubtful_since_ns.pop(source)
             if source in shares:
                 self._drop_since(source, since_ns)
-        self.trust = less
+        self.trust, self._sensors = less, None
         return True
 
     def _drop_since(self, source: str, since_ns: int) -> None:

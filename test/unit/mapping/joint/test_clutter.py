@@ -82,3 +82,33 @@ def test_things_all_about_are_no_floor(make_cone: MakeCone) -> None:
         for number in range(2 * LEAST_PINGS)
     ]
     assert clutter_of(cones) == {}
+
+
+def test_rough_walls_around_are_no_floor(make_cone: MakeCone) -> None:
+    rng, cones = np.random.default_rng(7), []
+    for number in range(2 * LEAST_PINGS):
+        ranges_m = np.arange(rng.uniform(0.3, 1.1), 3.0, 0.04)
+        speckle = FLOOR * np.sqrt(rng.exponential(size=len(ranges_m)))
+        # The nearest point is struck squarely.
+        speckle[0] = LOUD
+        echoes = zip(ranges_m, speckle, strict=True)
+        cones.append(make_cone(*echoes, x_m=APART_M * number, limit=LIMIT, stamp_ns=number))
+    assert clutter_of(cones) == {}
+
+
+def test_robots_that_carry_sensors_at_other_heights_hear_a_floor(make_cone: MakeCone) -> None:
+    near = floor_pings(make_cone)
+    far = [
+        replace(cone, child_frame_id="high/sonar", ranges_m=cone.ranges_m + np.float32(0.2))
+        for cone in near
+    ]
+    assert clutter_of([*near, *far])
+
+
+def test_who_is_not_believed_is_not_asked_of_floors(make_cone: MakeCone) -> None:
+    kept = KeptPings(MappingParameters())
+    for cone in floor_pings(make_cone):
+        kept.add(cone, "liar")
+    assert kept.sensors().clutter
+    kept.believe({"liar": 0.0})
+    assert not kept.sensors().clutter

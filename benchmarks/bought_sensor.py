@@ -20,15 +20,15 @@ from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.runs.offline import map_bag
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, record
+from usmap_ros.simulation.imperfections import RingDown
 from usmap_ros.simulation.models.transducers import (
-    ConverterModel,
     OwnEchoModel,
     PulseModel,
     ReceiverModel,
     ResonanceModel,
-    RingDownModel,
     TransducerModel,
 )
+from usmap_ros.simulation.receiver import Converter
 
 NOISE_STD = 0.004
 
@@ -55,8 +55,8 @@ def bought(quality: float) -> TransducerModel:
             encoding="raw",
             sample_rate_hz=200e3,
             noise_std=NOISE_STD,
-            converter=ConverterModel(bits=12, full_scale=1.0),
-            ring_down=RingDownModel(amplitude=5.0, decay_s=2e-4),
+            converter=Converter(bits=12, full_scale=1.0),
+            ring_down=RingDown(amplitude=5.0, decay_s=2e-4),
             own_echoes=[
                 OwnEchoModel(delay_s=delay_s, amplitude=amplitude)
                 for delay_s, amplitude in ((2.1e-3, 0.3), (3.3e-3, 0.1))

@@ -14,13 +14,13 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation import EchoSimulator, MountedTransducer
-from usmap_ros.simulation.motion import RandomWalk
+from usmap_ros.simulation.motion import RandomWalk, RandomWalkModel
 from usmap_ros.simulation.receiver import Converter, Receiver
 from usmap_ros.simulation.scene import Discs, Scene
 from usmap_ros.simulation.surfaces import Surface, WallSegments, scatter_along
 
 PULSE = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
-SURFACE = Surface(0.5, 2.0, 30.0, 0.005)
+SURFACE = Surface(specular_reflectivity=0.5, diffuse_reflectivity=2.0, scatterers_per_m=30.0)
 HOME = Pose.planar(0.0, 0.0, 0.0)
 
 # Polar, so that most of them are in the cone.
@@ -144,7 +144,7 @@ def test_raw_mixed_down_is_iq(items):
 
 @given(objects, segments)
 def test_walls_only_take_away(items, ends):
-    silent = Surface(0.0, 0.0, 1.0, 0.0)
+    silent = Surface(specular_reflectivity=0.0, diffuse_reflectivity=0.0)
     open_scene = scene_of(discs_of(items))
     starts, stops = np.array(ends).transpose(1, 0, 2)
     walls = WallSegments.between(starts, stops, silent, one_sided=False)
@@ -165,7 +165,8 @@ def test_walls_only_take_away(items, ends):
 def test_no_random_walk_goes_through_a_wall(ends, seed):
     scene = scene_of(discs_of([(2.0, 0.5, 1.0)], radius=0.3), walls_of(ends))
     area = (-6.0, 6.0, -6.0, 6.0)
-    walk = RandomWalk(scene, area, None, 1.0, 0.5, 0.1, 0.15, np.random.default_rng(seed))
+    model = RandomWalkModel(speed_m_s=1.0, turn_std_rad=0.5, clearance_m=0.15)
+    walk = RandomWalk(model, scene, area, None, np.random.default_rng(seed))
     track = [walk.pose(0.05 * step).position_m[:2] for step in range(200)]
     for start, end in itertools.pairwise(track):
         assert scene.clearance_m(start, end) >= 0.15 - 1e-9
@@ -178,7 +179,7 @@ def test_no_random_walk_goes_through_a_wall(ends, seed):
     st.booleans(),
 )
 def test_converters_keep_order_and_change_nothing_twice(bits, full_scale, values, signed):
-    converter = Converter(bits, full_scale)
+    converter = Converter(bits=bits, full_scale=full_scale)
     once = converter.convert(np.sort(values), signed=signed)
     assert np.all(np.diff(once) >= 0.0)
     assert np.abs(once).max() <= full_scale

@@ -13,12 +13,7 @@ from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.models.conditions import MediumModel, StatedModel
-from usmap_ros.simulation.models.robots import (
-    PoseErrorModel,
-    RandomWalkModel,
-    RobotModel,
-    WaypointModel,
-)
+from usmap_ros.simulation.models.robots import PoseErrorModel, RobotModel
 from usmap_ros.simulation.models.transducers import TransducerModel
 from usmap_ros.simulation.motion import (
     Bounds,
@@ -26,9 +21,9 @@ from usmap_ros.simulation.motion import (
     DelayedMotion,
     Motion,
     RandomWalk,
+    WaypointModel,
     WaypointMotion,
 )
-from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.robot import SimulatedRobot
 from usmap_ros.simulation.scene import Scene
 from usmap_ros.simulation.simulator import MountedTransducer
@@ -89,8 +84,7 @@ def build_robot(
         moves_during_ping=model.moves_during_ping,
         error_seed=seeds[-1],
         pose_wander_s=model.pose_error.wander_s,
-        odometry=None if model.odometry is None else model.odometry.build(),
-        knows_start=model.odometry is None or model.odometry.start == "known",
+        odometry=model.odometry,
         jumps_s=tuple(move.at_s for move in model.carried_off),
     )
 
@@ -136,8 +130,7 @@ def _motion(model: RobotModel, scene: Scene, area: Bounds, seed: np.random.SeedS
     then: list[tuple[float, Motion]] = []
     for move, own in zip(model.carried_off, seeds, strict=True):
         there = Pose.planar(*move.to)
-        walk = _random_walk(motion, scene, area, there, np.random.default_rng(own))
-        then.append((move.at_s, walk))
+        then.append((move.at_s, RandomWalk(motion, scene, area, there, np.random.default_rng(own))))
     return CarriedOff(first, then)
 
 
@@ -146,35 +139,9 @@ def _own_motion(
 ) -> Motion:
     motion = model.motion
     if isinstance(motion, WaypointModel):
-        return WaypointMotion(
-            Polyline(np.array(motion.waypoints_m), motion.loop),
-            motion.speed_m_s,
-            scene,
-            motion.clearance_m,
-            motion.spin_rad_s,
-            motion.heading_rad,
-        )
+        return WaypointMotion(motion, scene)
     start = None if motion.start is None else Pose.planar(*motion.start)
-    return _random_walk(motion, scene, area, start, np.random.default_rng(seed))
-
-
-def _random_walk(
-    motion: RandomWalkModel,
-    scene: Scene,
-    area: Bounds,
-    start: Pose | None,
-    rng: np.random.Generator,
-) -> RandomWalk:
-    return RandomWalk(
-        scene,
-        area,
-        start,
-        motion.speed_m_s,
-        motion.turn_std_rad,
-        motion.step_s,
-        motion.clearance_m,
-        rng,
-    )
+    return RandomWalk(motion, scene, area, start, np.random.default_rng(seed))
 
 
 def _mounted(

@@ -52,7 +52,7 @@ def build_scene(world: WorldModel, plan: Nav2Map | None, seed: np.random.SeedSeq
         _stated_discs(world),
         walls,
         scatterers,
-        [disc.build() for disc in world.moving],
+        world.moving,
         None if plan is None else FreeCells(plan.geometry, plan.probability <= FREE_PROBABILITY),
         _reflectors(world),
         world.wall_paths,
@@ -136,10 +136,10 @@ def _rough_walls(
     parts: list[tuple[WallSegments, Surface]] = []
     for wall in world.walls:
         corners = [*wall.corners_m, wall.corners_m[0]] if wall.closed else wall.corners_m
-        surface = (wall.surface or world.surface).build()
+        surface = wall.surface or world.surface
         parts.append((WallSegments.along(np.array(corners), surface), surface))
     if plan is not None and world.map is not None:
-        surface = (world.map.surface or world.surface).build()
+        surface = world.map.surface or world.surface
         occupied = plan.probability >= OCCUPIED_PROBABILITY
         geometry = plan.geometry
         starts, ends = walls_of_cells(occupied, geometry.resolution_m, geometry.origin_m)

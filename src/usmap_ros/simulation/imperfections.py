@@ -7,20 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.pings.trace import Encoding
 
 #: What a receiver that is silent lets through, of amplitudes.
 SILENT_GAIN = 0.03
 
 
-@dataclass(frozen=True)
-class RingDown:
+class RingDown(ParameterGroup):
     """The transmitter, heard by the receiver beside it."""
 
-    #: While it sends, in units in which an ideal point target at 1 m gives 1.
-    amplitude: float
-    #: Time in which it falls to 1/e afterwards.
-    decay_s: float
+    amplitude: float = quantity(
+        ..., "While it sends; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6
+    )
+    decay_s: float = quantity(..., "Time in which it falls to 1/e afterwards.", "s", gt=0.0, le=1.0)
 
     def envelope(self, time_s: FloatArray, duration_s: float) -> FloatArray:
         """Amplitude at times after the start of a burst of `duration_s`."""
@@ -28,16 +28,16 @@ class RingDown:
         return np.where(time_s >= 0.0, self.amplitude * ringing, 0.0)
 
 
-@dataclass(frozen=True)
-class Muting:
+class Muting(ParameterGroup):
     """A receiver that stops listening once it has detected something."""
 
-    #: Amplitude that it detects.
-    threshold: float
-    #: How long it goes on listening.
-    hold_s: float
-    #: When it begins to look for something, after the start of emission.
-    from_s: float
+    threshold: float = quantity(
+        ..., "Amplitude that it detects; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6
+    )
+    hold_s: float = quantity(0.002, "How long it goes on listening.", "s", ge=0.0, le=10.0)
+    from_s: float = quantity(
+        0.0, "When it begins to look for something, after the emission.", "s", ge=0.0, le=10.0
+    )
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
+from usmap_ros.bounds import WALK_STEP
 from usmap_ros.errors import UsmapError
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.parameters import ParameterGroup, quantity
+from usmap_ros.simulation.polyline import Coordinate, Point, Polyline
 from usmap_ros.simulation.scene import Scene
 
 #: Lowest and highest x, then y.
@@ -67,52 +69,70 @@ class CarriedOff:
         return motion.pose(time_s - from_s)
 
 
+class WaypointModel(ParameterGroup):
+    """A robot that follows waypoints."""
+
+    kind: Literal["waypoints"] = quantity(..., "Kind of motion.")
+    waypoints_m: list[Point] = quantity(..., "x, y of each waypoint.", "m", min_length=1)
+    loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
+    speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
+    heading_rad: float = quantity(
+        0.0, "Added to the direction of the path.", "rad", ge=-2.0 * np.pi, le=2.0 * np.pi
+    )
+    spin_rad_s: float = quantity(
+        0.0, "Rate at which it turns as it goes.", "rad/s", ge=-100.0, le=100.0
+    )
+    clearance_m: float = quantity(
+        0.2, "Room that it needs around its centre.", "m", ge=0.0, le=100.0
+    )
+
+
+class RandomWalkModel(ParameterGroup):
+    """A robot that wanders."""
+
+    kind: Literal["random_walk"] = quantity("random_walk", "Kind of motion.")
+    start: tuple[Coordinate, Coordinate, Coordinate] | None = quantity(
+        None, "x (m), y (m) and yaw (rad) at the start; None: at random where there is room."
+    )
+    speed_m_s: float = quantity(1.2, "Speed.", "m/s", ge=0.0, le=100.0)
+    turn_std_rad: float = quantity(
+        0.4, "Standard deviation of the turn from step to step.", "rad", ge=0.0, le=np.pi
+    )
+    step_s: float = quantity(
+        0.1, "Duration of a step.", "s", ge=WALK_STEP.least, le=WALK_STEP.greatest
+    )
+    clearance_m: float = quantity(
+        0.2, "Room that it needs around its centre.", "m", ge=0.0, le=100.0
+    )
+
+
 class WaypointMotion:
     """A robot that follows waypoints at constant speed and looks where it goes.
 
-    Raises `BlockedPathError` if a leg of the path comes closer than that to something.
-
-    Parameters
-    ----------
-    clearance_m : float
-        Distance that its centre keeps from everything that stands.
-    spin_rad_s : float
-        Rate at which it turns on the spot as it goes, to look around.
-    heading_rad : float
-        Added to the direction of the path.
+    Raises `BlockedPathError` if a leg of the path comes closer than its clearance to something.
     """
 
-    def __init__(
-        self,
-        path: Polyline,
-        speed_m_s: float,
-        scene: Scene,
-        clearance_m: float,
-        spin_rad_s: float = 0.0,
-        heading_rad: float = 0.0,
-    ) -> None:
-        self._path = path
-        self._speed_m_s = speed_m_s
-        self._spin_rad_s = spin_rad_s
-        self._heading_rad = heading_rad
-        corners = path.corners_m
-        if not scene.has_room(corners[0], clearance_m):
+    def __init__(self, model: WaypointModel, scene: Scene) -> None:
+        self._model = model
+        self._path = Polyline(np.array(model.waypoints_m), model.loop)
+        corners = self._path.corners_m
+        if not scene.has_room(corners[0], model.clearance_m):
             raise BlockedPathError(
                 f"there is no room at the start ({corners[0][0]:g}, {corners[0][1]:g})"
             )
         # A single waypoint makes one leg without length.
         for leg, (start, end) in enumerate(zip(corners, [*corners[1:], corners[-1]], strict=True)):
             room = scene.clearance_m(start, end)
-            if room < clearance_m:
+            if room < model.clearance_m:
                 raise BlockedPathError(
                     f"the leg from waypoint {leg} at ({start[0]:g}, {start[1]:g})"
-                    f" leaves {max(room, 0.0):.2f} m of room, less than {clearance_m:g} m"
+                    f" leaves {max(room, 0.0):.2f} m of room, less than {model.clearance_m:g} m"
                 )
 
     def pose(self, time_s: float) -> Pose:
         """True pose of the robot's base at a time after the scene's start."""
-        position, direction = self._path.at(self._speed_m_s * time_s)
-        heading = direction + self._heading_rad + self._spin_rad_s * time_s
+        position, direction = self._path.at(self._model.speed_m_s * time_s)
+        heading = direction + self._model.heading_rad + self._model.spin_rad_s * time_s
         return Pose.planar(position[0], position[1], heading)
 
 
@@ -125,38 +145,23 @@ class RandomWalk:
 
     Parameters
     ----------
-    scene : Scene
-        What it must not run into.
+    bounds : (x_min, x_max, y_min, y_max)
+        It stays inside.
     start : Pose or None
         None: drawn at random where there is room.
-    speed_m_s : float
-        Along each step.
-    turn_std_rad : float
-        Standard deviation of the change of direction from step to step.
-    step_s : float
-        Duration of a step.
-    clearance_m : float
-        Distance that its centre keeps from everything that stands.
+    rng : numpy.random.Generator
+        For the start and the steps; it belongs to the walk from now on.
     """
 
     def __init__(
         self,
+        model: RandomWalkModel,
         scene: Scene,
         bounds: Bounds,
         start: Pose | None,
-        speed_m_s: float,
-        turn_std_rad: float,
-        step_s: float,
-        clearance_m: float,
         rng: np.random.Generator,
     ) -> None:
-        self._scene = scene
-        self._bounds = bounds
-        self._step_m = speed_m_s * step_s
-        self._turn_std_rad = turn_std_rad
-        self._step_s = step_s
-        self._clearance_m = clearance_m
-        self._rng = rng
+        self._model, self._scene, self._bounds, self._rng = model, scene, bounds, rng
         first = self._random_start() if start is None else start
         self._start_heading_rad = first.yaw_rad
         # A step leads from one position to the next; there is one heading for each step.
@@ -168,7 +173,7 @@ class RandomWalk:
 
     def pose(self, time_s: float) -> Pose:
         """True pose of the robot's base at a time after the scene's start."""
-        steps = max(time_s, 0.0) / self._step_s
+        steps = max(time_s, 0.0) / self._model.step_s
         step = int(steps)
         while len(self._headings) <= step:
             self._take_step()
@@ -179,9 +184,10 @@ class RandomWalk:
     def _take_step(self) -> None:
         here, heading = self._positions[-1], self._start_heading_rad
         if self._headings:
-            heading = self._headings[-1] + self._turn_std_rad * self._rng.standard_normal()
+            heading = self._headings[-1] + self._model.turn_std_rad * self._rng.standard_normal()
+        step_m = self._model.speed_m_s * self._model.step_s
         for _ in range(_STEP_ATTEMPTS):
-            there = here + self._step_m * np.array([np.cos(heading), np.sin(heading)])
+            there = here + step_m * np.array([np.cos(heading), np.sin(heading)])
             if self._is_passable(here, there):
                 break
             heading = self._rng.uniform(-np.pi, np.pi)
@@ -199,12 +205,14 @@ class RandomWalk:
         raise BlockedPathError("there is no room for a start anywhere in the area")
 
     def _has_room(self, position_m: FloatArray) -> bool:
-        return self._is_inside(position_m) and self._scene.has_room(position_m, self._clearance_m)
+        return self._is_inside(position_m) and self._scene.has_room(
+            position_m, self._model.clearance_m
+        )
 
     def _is_passable(self, start_m: FloatArray, end_m: FloatArray) -> bool:
         if not self._is_inside(end_m):
             return False
-        return self._scene.clearance_m(start_m, end_m) >= self._clearance_m
+        return self._scene.clearance_m(start_m, end_m) >= self._model.clearance_m
 
     def _is_inside(self, position_m: FloatArray) -> bool:
         x_min, x_max, y_min, y_max = self._bounds

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from usmap_ros.numerics.arrays import FloatArray
+
+#: Bounded, so that neither infinity nor NaN gets through.
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+Point = tuple[Coordinate, Coordinate]
 
 
 @dataclass(frozen=True)

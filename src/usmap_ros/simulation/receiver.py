@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 from usmap_ros.acoustics.pulse import Pulse
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.numerics.arrays import FloatArray, Signal
+from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.imperfections import NO_IMPERFECTIONS, Imperfections
 
 
-@dataclass(frozen=True)
-class Converter:
+class Converter(ParameterGroup):
     """Analogue-to-digital converter."""
 
-    #: Resolution; one of them is the sign, except for an envelope, which has none.
-    bits: int
-    #: Largest amplitude that it can express, in units of the samples.
-    full_scale: float
-    #: Whether it has no sign at all, so that raw samples need an offset.
-    unipolar: bool = False
+    bits: int = quantity(12, "Resolution.", "bit", ge=2, le=24)
+    full_scale: float = quantity(
+        2.0, "Amplitude at which it saturates, in units of the samples.", gt=0.0, le=1e9
+    )
+    unipolar: bool = quantity(
+        False, "Whether it has no sign at all, so that samples of either sign need an offset."
+    )
 
     def step(self, *, signed: bool) -> float:
-        """Difference between neighbouring levels."""
+        """Difference between neighbouring levels; a sign takes one of the bits."""
         return self.full_scale / 2.0 ** (self.bits - 1 if signed else self.bits)
 
     def convert(self, values: FloatArray, *, signed: bool) -> FloatArray:

@@ -81,10 +81,13 @@ class SimulatedRobot:
     moves_during_ping: bool = False
     #: How its poses drift; None: they are absolute.
     odometry: OdometryErrors | None = None
-    #: Whether poses that drift are in the world's frame, and not in one of its own.
-    knows_start: bool = True
     #: When it is carried off.
     jumps_s: tuple[float, ...] = ()
+
+    @property
+    def knows_start(self) -> bool:
+        """Whether poses that drift are in the world's frame, and not in one of its own."""
+        return self.odometry is None or self.odometry.start == "known"
 
     def arrays(self, start_ns: int) -> list[TransducerArray]:
         """What the traces of its transducers do not say of themselves, if there is anything.

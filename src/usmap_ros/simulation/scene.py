@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from usmap_ros.grids import GridGeometry
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.occlusion import path_wall_distances, point_segment_distances
-from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.polyline import Point, Polyline
 from usmap_ros.simulation.reflectors import Reflectors
 from usmap_ros.simulation.surfaces import WallScatterers, WallSegments
 
@@ -39,19 +41,22 @@ class Discs:
         return len(self.centers_m)
 
 
-@dataclass(frozen=True)
-class MovingDisc:
-    """A disc that goes along a path."""
+class MovingDisc(ParameterGroup):
+    """A disc that moves along waypoints."""
 
-    path: Polyline
-    speed_m_s: float
-    #: As in `Discs`.
-    radius_m: float
-    reflectivity: float
+    waypoints_m: list[Point] = quantity(..., "x, y of each waypoint.", "m", min_length=2)
+    loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
+    speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
+    radius_m: float = quantity(0.2, "Radius; 0: a point.", "m", ge=0.0, le=10.0)
+    reflectivity: float = quantity(1.0, "As a point target.", gt=0.0, le=100.0)
+
+    @cached_property
+    def _path(self) -> Polyline:
+        return Polyline(np.array(self.waypoints_m), self.loop)
 
     def at(self, time_s: float) -> Discs:
         """The disc at a time after the scene's start."""
-        position, _ = self.path.at(self.speed_m_s * time_s)
+        position, _ = self._path.at(self.speed_m_s * time_s)
         return Discs(position[np.newaxis], np.array([self.radius_m]), np.array([self.reflectivity]))
 
 

@@ -14,27 +14,38 @@ import numpy as np
 
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
 from usmap_ros.numerics.geometry import left_normals
+from usmap_ros.parameters import ParameterGroup, quantity
 
 #: Ends of walls that are nearer to each other are one.
 _SAME_END_M = 1e-3
 
 
-@dataclass(frozen=True)
-class Surface:
-    """How a surface returns sound."""
+class Surface(ParameterGroup):
+    """How walls return sound."""
 
-    #: Amplitude reflectivity of the surface as a mirror, 0 to 1.
-    specular_reflectivity: float
-    #: RMS reflectivity, in terms of point targets, of one metre of surface struck squarely.
-    #: Scattered energy adds up: a length L scatters √L times this.
-    diffuse_reflectivity: float
-    #: Density of the scatterers that stand for the roughness.
-    scatterers_per_m: float
-    #: Scatterers are spread evenly over this depth.  From half a wavelength on, their phases are
-    #: unrelated.
-    roughness_m: float
-    #: Of either end of a wall, as a point target.
-    edge_reflectivity: float = 0.0
+    specular_reflectivity: float = quantity(
+        0.2,
+        "Amplitude reflectivity as a mirror, heard where a wall is struck squarely.",
+        ge=0.0,
+        le=1.0,
+    )
+    diffuse_reflectivity: float = quantity(
+        2.5,
+        "RMS reflectivity, in terms of point targets, of a metre of wall struck squarely;"
+        " a length L scatters √L times this.",
+        "m^-1/2",
+        ge=0.0,
+        le=100.0,
+    )
+    scatterers_per_m: float = quantity(
+        40.0, "Density of the scatterers that stand for the roughness.", "1/m", gt=0.0, le=1000.0
+    )
+    roughness_m: float = quantity(
+        0.005, "Depth over which the scatterers are spread.", "m", ge=0.0, le=0.1
+    )
+    edge_reflectivity: float = quantity(
+        0.0, "Of either end of a wall, which diffracts, as a point target.", ge=0.0, le=100.0
+    )
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.motion import Motion
 
 #: Steps in which it is summed up; errors are drawn for each.
@@ -17,20 +18,33 @@ _STEP_S = 0.02
 _STATES = 5
 
 
-@dataclass(frozen=True)
-class OdometryErrors:
-    """How odometry is off, in standard deviations."""
+class OdometryErrors(ParameterGroup):
+    """Reported poses are those of wheels and a gyro, which drift; the covariance says how far."""
 
-    #: Of the way's length, for the root of each metre.
-    slip_m_per_sqrt_m: float
-    #: Of the heading, for the root of each metre.
-    heading_rad_per_sqrt_m: float
-    #: Of the heading, for the root of each radian that the robot turns.
-    turn_rad_per_sqrt_rad: float
-    #: Of the radius that wheels are taken to have, relative to what they have; drawn once.
-    wheel_radius: float
-    #: Of the rate at which the heading drifts; drawn once.
-    gyro_bias_rad_s: float
+    slip_m_per_sqrt_m: float = quantity(
+        0.02, "Error of the way's length, for the root of each metre.", "m/√m", ge=0.0, le=1.0
+    )
+    heading_rad_per_sqrt_m: float = quantity(
+        0.026, "Error of the heading, for the root of each metre.", "rad/√m", ge=0.0, le=1.0
+    )
+    turn_rad_per_sqrt_rad: float = quantity(
+        0.0,
+        "Error of the heading, for the root of each radian that it turns.",
+        "rad/√rad",
+        ge=0.0,
+        le=1.0,
+    )
+    wheel_radius_std: float = quantity(
+        0.01, "Error of the wheels' radius, relative to it; the same all the way.", ge=0.0, le=0.5
+    )
+    gyro_bias_std_rad_s: float = quantity(
+        0.0, "Drift of the heading; the same all the time.", "rad/s", ge=0.0, le=1.0
+    )
+    start: Literal["known", "unknown"] = quantity(
+        "known",
+        "Whether the robot knows where it started: poses are in the world's frame. Otherwise they"
+        " are in a frame of its own, NAME/odom, where it starts at the origin.",
+    )
 
 
 class WheelOdometry:
@@ -61,14 +75,14 @@ class WheelOdometry:
         self._motion, self._errors, self._jumps_s = motion, errors, jumps_s
         self._rng = np.random.default_rng(seed)
         self._scale, self._bias_rad_s = self._rng.standard_normal(2) * (
-            errors.wheel_radius,
-            errors.gyro_bias_rad_s,
+            errors.wheel_radius_std,
+            errors.gyro_bias_std_rad_s,
         )
         self._step = 0
         self._state = np.array([start.position_m[0], start.position_m[1], start.yaw_rad])
         self._covariance = np.zeros((_STATES, _STATES))
-        self._covariance[3, 3] = errors.wheel_radius**2
-        self._covariance[4, 4] = errors.gyro_bias_rad_s**2
+        self._covariance[3, 3] = errors.wheel_radius_std**2
+        self._covariance[4, 4] = errors.gyro_bias_std_rad_s**2
 
     def at(self, time_s: float) -> Pose:
         """What it says of the robot's base, with its covariance.

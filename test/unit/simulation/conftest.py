@@ -17,8 +17,8 @@ from usmap_ros.simulation.simulator import MountedTransducer
 from usmap_ros.simulation.surfaces import Surface, WallSegments, scatter_along
 
 ROOT = Path(__file__).parents[3]
-SMOOTH = Surface(1.0, 0.0, 40.0, 0.0)
-ROUGH = Surface(0.0, 2.0, 40.0, 0.005)
+SMOOTH = Surface(specular_reflectivity=1.0, diffuse_reflectivity=0.0)
+ROUGH = Surface(specular_reflectivity=0.0, diffuse_reflectivity=2.0)
 HANN = Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032)
 
 

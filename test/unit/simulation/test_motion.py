@@ -7,18 +7,34 @@ import pytest
 
 from usmap_ros.grids import GridGeometry
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.simulation.motion import BlockedPathError, DelayedMotion, RandomWalk, WaypointMotion
+from usmap_ros.simulation.motion import (
+    BlockedPathError,
+    DelayedMotion,
+    RandomWalk,
+    RandomWalkModel,
+    WaypointModel,
+    WaypointMotion,
+)
 from usmap_ros.simulation.occlusion import path_wall_distances
 from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import FreeCells
 
 AREA = (0.0, 4.0, 0.0, 4.0)
-SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+CORNERS = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
+SQUARE = np.array(CORNERS)
 
 
 def walk(world, *, start=None, seed=1, clearance=0.2, area=AREA):
     rng = np.random.default_rng(seed)
-    return RandomWalk(world, area, start, 1.0, 0.4, 0.1, clearance, rng)
+    model = RandomWalkModel(speed_m_s=1.0, clearance_m=clearance)
+    return RandomWalk(model, world, area, start, rng)
+
+
+def waypoints(world, *, loop=False, **turns):
+    model = WaypointModel(
+        kind="waypoints", waypoints_m=CORNERS, loop=loop, speed_m_s=1.0, clearance_m=0.2, **turns
+    )
+    return WaypointMotion(model, world)
 
 
 def test_a_polyline_is_walked_at_constant_speed():
@@ -52,9 +68,8 @@ def test_repeated_waypoints_do_not_matter():
 
 
 def test_a_robot_looks_where_it_goes_unless_told_otherwise(scene):
-    path = Polyline(SQUARE)
-    assert WaypointMotion(path, 1.0, scene(), 0.2).pose(3.0).yaw_rad == pytest.approx(np.pi / 2)
-    turned = WaypointMotion(path, 1.0, scene(), 0.2, spin_rad_s=0.1, heading_rad=-0.5)
+    assert waypoints(scene()).pose(3.0).yaw_rad == pytest.approx(np.pi / 2)
+    turned = waypoints(scene(), spin_rad_s=0.1, heading_rad=-0.5)
     assert turned.pose(3.0).yaw_rad == pytest.approx(np.pi / 2 - 0.5 + 0.3)
 
 
@@ -68,14 +83,14 @@ def test_a_path_through_something_is_refused(scene, points, walls, obstacle):
         ),
     }[obstacle]()
     with pytest.raises(BlockedPathError, match="room"):
-        WaypointMotion(Polyline(SQUARE), 1.0, world, 0.2)
+        waypoints(world)
 
 
 def test_the_way_back_of_a_loop_is_checked_too(scene, walls):
     world = scene(walls=walls((-0.5, 1), (0.5, 1)))
-    WaypointMotion(Polyline(SQUARE), 1.0, world, 0.2)
+    waypoints(world)
     with pytest.raises(BlockedPathError, match="waypoint 3"):
-        WaypointMotion(Polyline(SQUARE, loop=True), 1.0, world, 0.2)
+        waypoints(world, loop=True)
 
 
 def test_a_walk_keeps_clear_of_everything(scene, points, walls):

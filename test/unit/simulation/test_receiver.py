@@ -87,7 +87,7 @@ def test_no_echo_and_no_noise_is_silence():
 
 @pytest.mark.parametrize(("signed", "bits"), [(True, 8), (False, 8), (True, 12)])
 def test_converter_rounds_to_its_levels(signed, bits):
-    converter = Converter(bits, 2.0)
+    converter = Converter(bits=bits, full_scale=2.0)
     step = converter.step(signed=signed)
     assert step == (4.0 if signed else 2.0) / 2**bits
     values = np.linspace(-1.0 if signed else 0.0, 1.9, 1001)
@@ -97,7 +97,7 @@ def test_converter_rounds_to_its_levels(signed, bits):
 
 
 def test_converter_saturates():
-    converter = Converter(8, 1.0)
+    converter = Converter(bits=8, full_scale=1.0)
     step = 2.0 / 256.0
     signed = converter.convert(np.array([-9.0, 9.0]), signed=True)
     np.testing.assert_allclose(signed, [-1.0, 1.0 - step])
@@ -107,18 +107,19 @@ def test_converter_saturates():
 
 @pytest.mark.parametrize("encoding", Encoding)
 def test_a_converter_limits_every_encoding(encoding):
-    samples = receive(encoding, [0.01], [10.0], rate=250_000.0, converter=Converter(8, 1.0))
-    pairs = receive(encoding, [0.001], [10.0], rate=250_000.0, converter=Converter(8, 1.0))
+    converter = Converter(bits=8, full_scale=1.0)
+    samples = receive(encoding, [0.01], [10.0], rate=250_000.0, converter=converter)
+    pairs = receive(encoding, [0.001], [10.0], rate=250_000.0, converter=converter)
     for values in (samples, pairs):
         assert np.abs(values).max() <= 1.0
-    levels = pairs / Converter(8, 1.0).step(signed=encoding is not Encoding.ENVELOPE)
+    levels = pairs / converter.step(signed=encoding is not Encoding.ENVELOPE)
     np.testing.assert_allclose(levels, np.rint(levels), atol=1e-4)
     assert np.abs(pairs).max() > 0.98
 
 
 @pytest.mark.parametrize("encoding", [Encoding.RAW, Encoding.IQ])
 def test_rounding_is_part_of_the_stated_noise(encoding):
-    converter = Converter(8, 2.0)
+    converter = Converter(bits=8, full_scale=2.0)
     receiver = Receiver(encoding, 25_000.0, 0.0, 0.02, converter)
     samples = receive(encoding, [], [], noise=0.02, count=100_000, converter=converter)
     if encoding is Encoding.IQ:

@@ -8,7 +8,7 @@ from usmap_ros.simulation.surfaces import Surface, WallSegments, scatter_along, 
 
 
 def scattered(density=40.0, roughness=0.005, length=10.0, seed=3):
-    surface = Surface(0.0, 2.0, density, roughness)
+    surface = Surface(diffuse_reflectivity=2.0, scatterers_per_m=density, roughness_m=roughness)
     walls = WallSegments.along(np.array([[0.0, 0.0], [length, 0.0], [length, length]]), surface)
     return walls, scatter_along(walls, surface, np.random.default_rng(seed))
 
@@ -38,7 +38,7 @@ def test_roughness_is_drawn_from_the_generator_alone():
 
 
 def test_a_smooth_surface_has_no_scatterers():
-    surface = Surface(0.5, 0.0, 40.0, 0.005)
+    surface = Surface(specular_reflectivity=0.5, diffuse_reflectivity=0.0)
     walls = WallSegments.along(np.array([[0.0, 0.0], [1.0, 0.0]]), surface)
     assert len(scatter_along(walls, surface, np.random.default_rng(0)).reflectivities) == 0
 
@@ -51,7 +51,7 @@ def test_one_cell_has_four_walls_that_look_outwards():
     np.testing.assert_allclose(np.hypot(*(ends - starts).T), 0.5)
     middle = (starts + ends) / 2.0
     center = np.array([10.0 + 2.5 * 0.5, -1.0 + 1.5 * 0.5])
-    normals = WallSegments.between(starts, ends, Surface(0, 0, 1, 0), one_sided=True).normals
+    normals = WallSegments.between(starts, ends, Surface(), one_sided=True).normals
     np.testing.assert_allclose(middle + 0.25 * -normals, np.tile(center, (4, 1)))
 
 

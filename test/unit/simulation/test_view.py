@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.simulation.polyline import Polyline
 from usmap_ros.simulation.scene import MovingDisc
 from usmap_ros.simulation.surfaces import WallSegments
 from usmap_ros.simulation.view import View, targets_in_view
@@ -85,8 +84,8 @@ def test_leaving_out_walls_outside_the_cone_changes_nothing(scene, rough):
 
 
 def test_moving_objects_are_heard_where_they_are_now(scene):
-    path = Polyline(np.array([[1.0, 0.0], [3.0, 0.0]]))
-    world = scene(moving=[MovingDisc(path, 0.5, 0.0, 1.0)])
+    disc = MovingDisc(waypoints_m=[(1.0, 0.0), (3.0, 0.0)], loop=False, radius_m=0.0)
+    world = scene(moving=[disc])
     for time_s, range_m in [(0.0, 1.0), (2.0, 2.0), (100.0, 3.0)]:
         np.testing.assert_allclose(targets_in_view(world, AHEAD, time_s).ranges_m, [range_m])
 

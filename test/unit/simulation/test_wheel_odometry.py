@@ -12,8 +12,8 @@ from usmap_ros.simulation import Scenario, simulate
 from usmap_ros.simulation.wheel_odometry import OdometryErrors, WheelOdometry
 
 SEED = np.random.SeedSequence(3)
-ERRORS = OdometryErrors(0.02, 0.026, 0.02, 0.01, 0.002)
-EXACT = OdometryErrors(0.0, 0.0, 0.0, 0.0, 0.0)
+ERRORS = OdometryErrors(turn_rad_per_sqrt_rad=0.02, gyro_bias_std_rad_s=0.002)
+EXACT = OdometryErrors(slip_m_per_sqrt_m=0.0, heading_rad_per_sqrt_m=0.0, wheel_radius_std=0.0)
 START = Pose.planar(1.0, 2.0, 0.3)
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from usmap_ros.bounds import WALK_STEP
 from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.simulation.models.transducers import TransducerModel
-from usmap_ros.simulation.models.world import Coordinate, Point
+from usmap_ros.simulation.motion import RandomWalkModel, WaypointModel
+from usmap_ros.simulation.polyline import Coordinate
 from usmap_ros.simulation.wheel_odometry import OdometryErrors
 
 
@@ -30,88 +30,12 @@ class PoseErrorModel(ParameterGroup):
     )
 
 
-class OdometryModel(ParameterGroup):
-    """Reported poses are those of wheels and a gyro, which drift; the covariance says how far."""
-
-    slip_m_per_sqrt_m: float = quantity(
-        0.02, "Error of the way's length, for the root of each metre.", "m/√m", ge=0.0, le=1.0
-    )
-    heading_rad_per_sqrt_m: float = quantity(
-        0.026, "Error of the heading, for the root of each metre.", "rad/√m", ge=0.0, le=1.0
-    )
-    turn_rad_per_sqrt_rad: float = quantity(
-        0.0,
-        "Error of the heading, for the root of each radian that it turns.",
-        "rad/√rad",
-        ge=0.0,
-        le=1.0,
-    )
-    wheel_radius_std: float = quantity(
-        0.01, "Error of the wheels' radius, relative to it; the same all the way.", ge=0.0, le=0.5
-    )
-    gyro_bias_std_rad_s: float = quantity(
-        0.0, "Drift of the heading; the same all the time.", "rad/s", ge=0.0, le=1.0
-    )
-    start: Literal["known", "unknown"] = quantity(
-        "known",
-        "Whether the robot knows where it started: poses are in the world's frame. Otherwise they"
-        " are in a frame of its own, NAME/odom, where it starts at the origin.",
-    )
-
-    def build(self) -> OdometryErrors:
-        """What the simulator needs of it."""
-        return OdometryErrors(
-            self.slip_m_per_sqrt_m,
-            self.heading_rad_per_sqrt_m,
-            self.turn_rad_per_sqrt_rad,
-            self.wheel_radius_std,
-            self.gyro_bias_std_rad_s,
-        )
-
-
 class CarriedOffModel(ParameterGroup):
     """Somebody takes the robot to another place, of which its odometry knows nothing."""
 
     at_s: float = quantity(..., "When, after the start.", "s", gt=0.0, le=1e6)
     to: tuple[Coordinate, Coordinate, Coordinate] = quantity(
         ..., "x (m), y (m) and yaw (rad) where it goes on."
-    )
-
-
-class WaypointModel(ParameterGroup):
-    """A robot that follows waypoints."""
-
-    kind: Literal["waypoints"] = quantity(..., "Kind of motion.")
-    waypoints_m: list[Point] = quantity(..., "x, y of each waypoint.", "m", min_length=1)
-    loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
-    speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
-    heading_rad: float = quantity(
-        0.0, "Added to the direction of the path.", "rad", ge=-2.0 * np.pi, le=2.0 * np.pi
-    )
-    spin_rad_s: float = quantity(
-        0.0, "Rate at which it turns as it goes.", "rad/s", ge=-100.0, le=100.0
-    )
-    clearance_m: float = quantity(
-        0.2, "Room that it needs around its centre.", "m", ge=0.0, le=100.0
-    )
-
-
-class RandomWalkModel(ParameterGroup):
-    """A robot that wanders."""
-
-    kind: Literal["random_walk"] = quantity("random_walk", "Kind of motion.")
-    start: tuple[Coordinate, Coordinate, Coordinate] | None = quantity(
-        None, "x (m), y (m) and yaw (rad) at the start; None: at random where there is room."
-    )
-    speed_m_s: float = quantity(1.2, "Speed.", "m/s", ge=0.0, le=100.0)
-    turn_std_rad: float = quantity(
-        0.4, "Standard deviation of the turn from step to step.", "rad", ge=0.0, le=np.pi
-    )
-    step_s: float = quantity(
-        0.1, "Duration of a step.", "s", ge=WALK_STEP.least, le=WALK_STEP.greatest
-    )
-    clearance_m: float = quantity(
-        0.2, "Room that it needs around its centre.", "m", ge=0.0, le=100.0
     )
 
 
@@ -138,7 +62,7 @@ class RobotModel(ParameterGroup):
         False, "Whether it goes on moving while it listens; otherwise a ping takes no time."
     )
     pose_error: PoseErrorModel = quantity(PoseErrorModel(), "Error of reported poses.")
-    odometry: OdometryModel | None = quantity(
+    odometry: OdometryErrors | None = quantity(
         None, "Poses drift as those of wheels do; None: they are absolute. Not beside pose_error."
     )
     carried_off: list[CarriedOffModel] = quantity(

@@ -19,7 +19,7 @@ from usmap_ros.parameters import ParameterGroup, quantity
 from usmap_ros.pings.preparation.received_pulse import driven_resonators
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.simulation.imperfections import Imperfections, Muting, RingDown
-from usmap_ros.simulation.models.world import Coordinate
+from usmap_ros.simulation.polyline import Coordinate
 from usmap_ros.simulation.receiver import Converter, Receiver
 
 
@@ -156,44 +156,11 @@ class MountModel(ParameterGroup):
         return Pose(position_m, Rotation.from_euler("ZYX", angles_rad).as_quat())
 
 
-class ConverterModel(ParameterGroup):
-    """Analogue-to-digital converter."""
-
-    bits: int = quantity(12, "Resolution.", "bit", ge=2, le=24)
-    full_scale: float = quantity(
-        2.0, "Amplitude at which it saturates, in units of the samples.", gt=0.0, le=1e9
-    )
-    unipolar: bool = quantity(
-        False, "Whether it has no sign at all, so that samples of either sign need an offset."
-    )
-
-
-class RingDownModel(ParameterGroup):
-    """The transmitter, heard by the receiver beside it."""
-
-    amplitude: float = quantity(
-        ..., "While it sends; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6
-    )
-    decay_s: float = quantity(..., "Time in which it falls to 1/e afterwards.", "s", gt=0.0, le=1.0)
-
-
 class OwnEchoModel(ParameterGroup):
     """What the sensor's own casing, or its mount, returns of every ping."""
 
     delay_s: float = quantity(..., "After the start of emission.", "s", gt=0.0, le=1.0)
     amplitude: float = quantity(..., "Of it; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6)
-
-
-class MutingModel(ParameterGroup):
-    """A receiver that stops listening once it has detected something."""
-
-    threshold: float = quantity(
-        ..., "Amplitude that it detects; an ideal point target at 1 m gives 1.", gt=0.0, le=1e6
-    )
-    hold_s: float = quantity(0.002, "How long it goes on listening.", "s", ge=0.0, le=10.0)
-    from_s: float = quantity(
-        0.0, "When it begins to look for something, after the emission.", "s", ge=0.0, le=10.0
-    )
 
 
 class ReceiverModel(ParameterGroup):
@@ -210,7 +177,7 @@ class ReceiverModel(ParameterGroup):
         ge=0.0,
         le=1e9,
     )
-    converter: ConverterModel | None = quantity(None, "None: exact samples.")
+    converter: Converter | None = quantity(None, "None: exact samples.")
     gain: float = quantity(1.0, "Samples are so many times what they should be.", gt=0.0, le=1e9)
     offset: float = quantity(
         0.0,
@@ -224,36 +191,26 @@ class ReceiverModel(ParameterGroup):
     blanking_s: float = quantity(
         0.0, "Until then after the emission it is silent.", "s", ge=0.0, le=1.0
     )
-    ring_down: RingDownModel | None = quantity(None, "None: the transmitter is not heard.")
-    muting: MutingModel | None = quantity(None, "None: it listens to the end.")
+    ring_down: RingDown | None = quantity(None, "None: the transmitter is not heard.")
+    muting: Muting | None = quantity(None, "None: it listens to the end.")
     own_echoes: list[OwnEchoModel] = quantity(
         [], "What casing and mount return of every ping.", max_length=32
     )
 
-    def imperfections(self) -> Imperfections:
-        """What it does beside receiving."""
-        ring, mute = self.ring_down, self.muting
-        return Imperfections(
-            gain=self.gain,
-            offset=self.offset,
-            latency_s=self.latency_s,
-            ring_down=None if ring is None else RingDown(**ring.model_dump()),
-            blanking_s=self.blanking_s,
-            muting=None if mute is None else Muting(**mute.model_dump()),
-            own_echoes=tuple((one.delay_s, one.amplitude) for one in self.own_echoes),
-        )
-
     def build(self) -> Receiver:
         """The receiver itself."""
-        converter = self.converter
-        return Receiver(
-            Encoding[self.encoding.upper()],
-            self.sample_rate_hz,
-            self.start_delay_s,
-            self.noise_std,
-            None if converter is None else Converter(**converter.model_dump()),
-            self.imperfections(),
+        beside = Imperfections(
+            self.gain,
+            self.offset,
+            self.latency_s,
+            self.ring_down,
+            self.blanking_s,
+            self.muting,
+            tuple((one.delay_s, one.amplitude) for one in self.own_echoes),
         )
+        encoding = Encoding[self.encoding.upper()]
+        timing = (self.sample_rate_hz, self.start_delay_s)
+        return Receiver(encoding, *timing, self.noise_std, self.converter, beside)
 
 
 class TransducerModel(ParameterGroup):

@@ -3,51 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from usmap_ros.parameters import ParameterGroup, quantity
-from usmap_ros.simulation.polyline import Polyline
+from usmap_ros.simulation.polyline import Coordinate, Point
 from usmap_ros.simulation.scene import MovingDisc
 from usmap_ros.simulation.surfaces import Surface
-
-#: Bounded, so that neither infinity nor NaN gets through.
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
-Point = tuple[Coordinate, Coordinate]
-
-
-class SurfaceModel(ParameterGroup):
-    """How walls return sound; see `usmap_ros.simulation.surfaces.Surface`."""
-
-    specular_reflectivity: float = quantity(
-        0.2,
-        "Amplitude reflectivity as a mirror, heard where a wall is struck squarely.",
-        ge=0.0,
-        le=1.0,
-    )
-    diffuse_reflectivity: float = quantity(
-        2.5,
-        "RMS reflectivity, in terms of point targets, of a metre of wall struck squarely;"
-        " a length L scatters √L times this.",
-        "m^-1/2",
-        ge=0.0,
-        le=100.0,
-    )
-    scatterers_per_m: float = quantity(
-        40.0, "Density of the scatterers that stand for the roughness.", "1/m", gt=0.0, le=1000.0
-    )
-    roughness_m: float = quantity(
-        0.005, "Depth over which the scatterers are spread.", "m", ge=0.0, le=0.1
-    )
-    edge_reflectivity: float = quantity(
-        0.0, "Of either end of a wall, which diffracts, as a point target.", ge=0.0, le=100.0
-    )
-
-    def build(self) -> Surface:
-        """The surface itself."""
-        return Surface(**self.model_dump())
 
 
 class PointModel(ParameterGroup):
@@ -128,7 +91,7 @@ class WallModel(ParameterGroup):
 
     corners_m: list[Point] = quantity(..., "x, y of each corner.", "m", min_length=2)
     closed: bool = quantity(False, "Whether a last wall leads back to the first corner.")
-    surface: SurfaceModel | None = quantity(None, "None: the world's surface.")
+    surface: Surface | None = quantity(None, "None: the world's surface.")
 
     @model_validator(mode="after")
     def _corners_differ(self) -> WallModel:
@@ -143,22 +106,7 @@ class MapModel(ParameterGroup):
     """An occupancy map: its occupied cells are walls."""
 
     path: Path = quantity(..., "nav2 map YAML; relative to the scenario file.")
-    surface: SurfaceModel | None = quantity(None, "None: the world's surface.")
-
-
-class MovingModel(ParameterGroup):
-    """A disc that moves along waypoints."""
-
-    waypoints_m: list[Point] = quantity(..., "x, y of each waypoint.", "m", min_length=2)
-    loop: bool = quantity(True, "Whether it goes round; otherwise it stays at the end.")
-    speed_m_s: float = quantity(0.5, "Speed.", "m/s", ge=0.0, le=100.0)
-    radius_m: float = quantity(0.2, "Radius; 0: a point.", "m", ge=0.0, le=10.0)
-    reflectivity: float = quantity(1.0, "As a point target.", gt=0.0, le=100.0)
-
-    def build(self) -> MovingDisc:
-        """The disc and its path."""
-        path = Polyline(np.array(self.waypoints_m), self.loop)
-        return MovingDisc(path, self.speed_m_s, self.radius_m, self.reflectivity)
+    surface: Surface | None = quantity(None, "None: the world's surface.")
 
 
 class WorldModel(ParameterGroup):
@@ -189,8 +137,8 @@ class WorldModel(ParameterGroup):
         le=3,
     )
     map: MapModel | None = quantity(None, "A nav2 map whose occupied cells are walls.")
-    moving: list[MovingModel] = quantity([], "What moves; not part of the truth map.")
-    surface: SurfaceModel = quantity(SurfaceModel(), "Of all walls that state none.")
+    moving: list[MovingDisc] = quantity([], "What moves; not part of the truth map.")
+    surface: Surface = quantity(Surface(), "Of all walls that state none.")
 
     @model_validator(mode="after")
     def _area_is_one(self) -> WorldModel:

@@ -4,8 +4,6 @@ They are wide: no sensor that works in air is refused.  What they keep out is wh
 gigabytes or minutes, or make numbers that are not finite and stay in a map for ever.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Packages whose names are imported when they are asked for, not before."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module

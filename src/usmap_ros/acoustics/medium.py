@@ -9,8 +9,6 @@ References
    2510-2516.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

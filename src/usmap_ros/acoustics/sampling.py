@@ -1,7 +1,5 @@
 """When a signal is sampled, and which of its samples a pulse falls on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 All of them are the same pulse, later and weaker or stronger, and some have others beside them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

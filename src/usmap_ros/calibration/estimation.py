@@ -1,7 +1,5 @@
 """From the traces of a recording to a calibration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import chain, islice
 

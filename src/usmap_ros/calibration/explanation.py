@@ -8,8 +8,6 @@ the object's range.  The corner between the floor and an upright object is √(r
 u² − r² = h².
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

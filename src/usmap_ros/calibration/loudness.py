@@ -1,7 +1,5 @@
 """How loud echoes are beside what was expected: gain, and reflectivity of the floor."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.acoustics.propagation import Channel, FloorModel

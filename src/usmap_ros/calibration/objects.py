@@ -1,7 +1,5 @@
 """Which echoes come from the same standing object, and where it stands."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.calibration.echo_table import EchoTable

@@ -4,8 +4,6 @@
 pulse, and what is left of each tells how far it can be relied on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ Nor does anybody know what its casing and its mount return to it: what is in eve
 And its converter counts in units of its own, and is noisier than its data sheet says.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 

@@ -1,7 +1,5 @@
 """A calibration in words, and as a parameter file."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

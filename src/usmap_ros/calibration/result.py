@@ -1,7 +1,5 @@
 """What calibration found, with how well it is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ Echoes come from elsewhere in each ping of a robot that moves.  What comes at th
 pings that could hear it, first of all and fainter each time, is the sensor's own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """An object that a calibration may rely on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 #: Widest range offset with which it is looked for.

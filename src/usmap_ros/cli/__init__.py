@@ -3,8 +3,6 @@
 Commands import what they need when they run, so that ``usmap --help`` comes at once.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 from pathlib import PurePath

@@ -1,7 +1,5 @@
 """The program ``usmap``: its commands, and the one place where errors end."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from typing import Annotated

@@ -1,7 +1,5 @@
 """``usmap compile``: what a first run would wait for."""
 
-from __future__ import annotations
-
 from usmap_ros.cli import console
 
 

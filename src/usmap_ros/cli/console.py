@@ -1,7 +1,5 @@
 """What commands say on standard error, and the tables they print on standard output."""
 
-from __future__ import annotations
-
 import logging
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence

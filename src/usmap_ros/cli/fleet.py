@@ -1,7 +1,5 @@
 """``usmap fleet``: all nodes of a scenario, as processes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

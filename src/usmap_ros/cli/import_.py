@@ -1,7 +1,5 @@
 """``usmap import``: samples or ranges of one's own hardware to a bag."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

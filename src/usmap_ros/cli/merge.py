@@ -1,7 +1,5 @@
 """``usmap merge``: the maps of several areas, or of several fusions, as one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

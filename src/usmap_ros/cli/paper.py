@@ -1,7 +1,5 @@
 """``usmap paper``: the paper's figures, reproduced, and its study taken further."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

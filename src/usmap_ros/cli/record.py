@@ -1,7 +1,5 @@
 """``usmap record``: live ROS topics to a bag."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """``usmap replay``: a bag onto live ROS topics."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

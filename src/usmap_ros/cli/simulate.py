@@ -1,7 +1,5 @@
 """``usmap simulate``: a scenario to a bag."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

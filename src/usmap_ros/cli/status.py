@@ -1,7 +1,5 @@
 """``usmap status``: how the nodes that run are."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from typing import Annotated

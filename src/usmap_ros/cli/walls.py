@@ -1,7 +1,5 @@
 """``usmap walls``: the straight walls of a map, for a next pass that knows them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

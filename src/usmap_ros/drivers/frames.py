@@ -7,8 +7,6 @@ samples (`SAMPLE_TYPES`), and how many there are in two bytes.  What comes betwe
 skipped.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

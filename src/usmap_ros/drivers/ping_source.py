@@ -1,7 +1,5 @@
 """The interface between a driver and what it pings with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """A serial port, or a network connection in its place."""
 
-from __future__ import annotations
-
 import os
 import select
 import socket

@@ -1,7 +1,5 @@
 """A transducer behind a serial line, or a network connection."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Transducers that a scenario simulates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A map and the truth, laid over each other."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether one can drive by a map: free space that was seen, walls that hold."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

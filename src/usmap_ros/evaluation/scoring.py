@@ -1,7 +1,5 @@
 """How good a map is: the project's fixed definition of a score."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What could be known of a place: the cells in sight of at least two pings, by the truth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

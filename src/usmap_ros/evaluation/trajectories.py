@@ -5,8 +5,6 @@ changes from one pose to the next, so that it does not add up.  Sturm et al., A 
 evaluation of RGB-D SLAM systems, IROS 2012; https://github.com/MichaelGrupp/evo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Arrays from files: samples with a row a ping, and poses by name."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass

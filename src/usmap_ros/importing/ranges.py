@@ -1,7 +1,5 @@
 """From a table of ranges to echo cones: sensors that measure a range only."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

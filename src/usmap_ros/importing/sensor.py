@@ -1,7 +1,5 @@
 """From samples as a sensor counts them to an echo trace, by what a description says of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a description and its files to echo traces."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

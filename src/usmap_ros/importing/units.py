@@ -1,7 +1,5 @@
 """Values in other units than they should be: said in a line, with what they may have meant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -4,8 +4,6 @@ NumPy allocates what a header promises before it looks at what is there, and giv
 array as bytes.  Here every array is checked against the size of its member before it is read.
 """
 
-from __future__ import annotations
-
 import math
 import zipfile
 import zlib

@@ -4,8 +4,6 @@ Each is written under a temporary name beside its target and renamed at the end,
 reader, or a crash, never meets half of it.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

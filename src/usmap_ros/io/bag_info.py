@@ -1,7 +1,5 @@
 """A description of what is in a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import Any

@@ -1,7 +1,5 @@
 """Writing echo traces and cones to rosbag2 folders with MCAP files in them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """Recordings as plain sequences of traces, for programs that need no more."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 

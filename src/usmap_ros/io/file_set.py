@@ -7,8 +7,6 @@ ones.  Replacing that one link is the step that counts: before and after it ever
 the same content as all others.  At rest, the files are plain.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -3,8 +3,6 @@
 In the folder are the map for nav2, the map as log-odds, and a summary.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Recordings as they were recorded: every topic, undecoded, in the order of recording."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """Where frames were in a recording, as its odometry and TF say."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Account of the messages of a recording that could not be used."""
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 

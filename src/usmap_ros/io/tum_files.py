@@ -4,8 +4,6 @@ A line is a stamp in seconds, x, y, z in metres and a quaternion x, y, z, w; lin
 ``#`` are comments (https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

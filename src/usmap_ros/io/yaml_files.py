@@ -1,7 +1,5 @@
 """YAML files of parameters: read into checked models, and written with their documentation."""
 
-from __future__ import annotations
-
 import difflib
 import re
 import textwrap

@@ -6,8 +6,6 @@ keeps the last of two keys alike in silence; what stands here is no parser but t
 into PyYAML's own.  All of it ends in one `ValueError` whose text says where.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

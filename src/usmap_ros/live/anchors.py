@@ -1,7 +1,5 @@
 """Where robots were found to be, from which their odometry goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

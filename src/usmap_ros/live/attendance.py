@@ -1,7 +1,5 @@
 """What a replay waits for before it begins: that all who will listen do."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 
 #: What `cone_reconstructor` reports: how many subscribers it knows of its cones.

@@ -1,7 +1,5 @@
 """What a replay waits for besides its readers: that those who fuse cones keep up with them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The map on disk, so that a fusion that dies loses one interval at most."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from usmap_ros.errors import MapFileError, MapSizeError

@@ -1,7 +1,5 @@
 """Cones that wait to be fused, in the order of their stamps; no robot takes the others' time."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Callable

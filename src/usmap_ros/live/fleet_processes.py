@@ -1,7 +1,5 @@
 """The nodes that a fleet of simulated robots and its map consist of, and their processes."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Sequence

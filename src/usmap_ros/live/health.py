@@ -1,7 +1,5 @@
 """How a node is: what it counts, what went wrong lately, and what an operator should know."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import Counter, deque

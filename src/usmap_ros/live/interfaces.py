@@ -4,8 +4,6 @@ The nodes make their publishers, subscriptions and services from these declarati
 reference page is written from them.  rclpy is not needed here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from usmap_ros.parameters.nodes import (

@@ -3,8 +3,6 @@
 No rclpy here: the node `map_fusion` runs it in a worker's thread.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

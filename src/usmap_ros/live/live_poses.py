@@ -1,7 +1,5 @@
 """Corrected poses of pings as they come: worked out when a map is asked for, as offline."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress

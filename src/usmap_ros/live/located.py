@@ -1,7 +1,5 @@
 """Where robots were found to be by the newest map, for those who ask."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Messages of several sources in the order of their stamps, within a bounded wait."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 from collections import Counter, deque

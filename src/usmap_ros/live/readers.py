@@ -1,7 +1,5 @@
 """What a replay waits for: that those who reconstruct its traces keep up."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass, field
 

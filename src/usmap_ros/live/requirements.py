@@ -1,7 +1,5 @@
 """What the live side needs of ROS."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from usmap_ros.errors import UsmapError

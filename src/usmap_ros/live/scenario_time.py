@@ -1,7 +1,5 @@
 """A scenario's own time, from a clock that may start late, jump, or stand still."""
 
-from __future__ import annotations
-
 from usmap_ros.errors import UsmapError
 
 _NANOSECONDS = 1_000_000_000

@@ -1,7 +1,5 @@
 """Where robots' frames are shown in the map: they move smoothly, and jump only where they must."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

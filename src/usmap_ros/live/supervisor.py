@@ -1,7 +1,5 @@
 """Processes that are kept running, their output in one stream, and one way to end them all."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

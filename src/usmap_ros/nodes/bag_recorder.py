@@ -1,7 +1,5 @@
 """Node that records live topics so that what is written outlives a kill."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial

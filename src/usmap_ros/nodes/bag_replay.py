@@ -1,7 +1,5 @@
 """Node that publishes a recording, with its own QoS and its own time."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Node that recovers the echoes in each trace."""
 
-from __future__ import annotations
-
 import time
 import traceback
 from collections import deque

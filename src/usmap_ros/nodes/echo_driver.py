@@ -1,7 +1,5 @@
 """Node that simulates the transducers of one robot."""
 
-from __future__ import annotations
-
 from itertools import cycle
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Node that fuses the cones of all robots into one map."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The beginning of a node that is a program of its own, before ROS is imported."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Node that lets a transducer behind a serial line ping."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from usmap_ros.drivers.port import Port

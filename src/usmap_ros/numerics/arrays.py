@@ -1,7 +1,5 @@
 """Types of arrays, under one name each, and medians and quantiles in little time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Where there is no Numba, where there is one that cannot be used, or where NUMBA_
 as a debugger needs it, they run as the Python that they are written in.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import os

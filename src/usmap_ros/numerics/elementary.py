@@ -6,8 +6,6 @@ instead of 13 for `atan2_32` (``python benchmarks/own_code.py``), in the loops t
 its time in.  Errors are below one millionth, of the value for `exp32`, and absolute for the others.
 """
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

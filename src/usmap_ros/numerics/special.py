@@ -4,8 +4,6 @@ To load `scipy.special` and `scipy.ndimage` takes longer than to map a short rec
 there is in SciPy is imported by the functions that few programs call.
 """
 
-from __future__ import annotations
-
 from statistics import NormalDist
 from typing import Any, overload
 

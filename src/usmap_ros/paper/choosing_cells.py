@@ -5,8 +5,6 @@ algorithm to only choose one of the cells. Of course, […] there is no guarante
 cell will be selected, only that a single cell will show up in the reconstruction." (section 3)
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

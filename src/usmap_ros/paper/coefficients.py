@@ -1,7 +1,5 @@
 """What coefficients may be: reflectivities, whole numbers of objects, or yes and no."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

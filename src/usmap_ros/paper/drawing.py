@@ -1,7 +1,5 @@
 """What several of the paper's pictures share."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figure 1: a robot and four objects, and two robots that see two of them both."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

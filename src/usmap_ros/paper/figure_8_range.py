@@ -4,8 +4,6 @@ The paper leaves open what the frequency is, how long the pulse, how fast the sa
 the floor, where the objects stand, and how far they are from the centres of their cells.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Figure 2: beam patterns.  Figure 3: the sensing matrix."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures 4 to 6: three objects, what is received and made of it, and one object's four paths."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

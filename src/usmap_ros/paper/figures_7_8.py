@@ -1,7 +1,5 @@
 """Figure 7: sinusoids and the floor.  Figure 8: a sensing matrix with and without its paths."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

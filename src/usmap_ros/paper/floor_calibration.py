@@ -1,7 +1,5 @@
 """A floor that is not the one expected, and what the recording itself says of it."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Objects off the cell centres: the coherent dictionary of cells against the delay domain."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One part of the study: a picture and the numbers behind it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

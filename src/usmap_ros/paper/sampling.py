@@ -1,7 +1,5 @@
 """Grid size against sampling rate: how many cells a trace can tell apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

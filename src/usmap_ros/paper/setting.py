@@ -5,8 +5,6 @@ mapping", DSCC 2018-9140.  The cone of 80°, cells of 1 m, the sparsity of 15 an
 1 m are the paper's; where it leaves a choice open, ``docs/paper.md`` says what was chosen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

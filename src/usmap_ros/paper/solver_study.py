@@ -1,7 +1,5 @@
 """The solvers that the paper names, compared: a table, and where exact recovery ends."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from typing import Any

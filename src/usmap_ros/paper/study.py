@@ -1,7 +1,5 @@
 """The whole study: every picture, and ``paper.json`` with the numbers behind them."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

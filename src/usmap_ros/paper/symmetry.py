@@ -1,7 +1,5 @@
 """Two transducers on one robot: orientations and pulses that break the symmetry."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Total variation, and a sparse number of walls: the analysis form on a scene that has walls."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """How a parameter is declared, and what its declaration says of it."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator, Mapping
 from functools import lru_cache

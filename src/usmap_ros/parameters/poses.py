@@ -1,7 +1,5 @@
 """Parameters of where robots are."""
 
-from __future__ import annotations
-
 import math
 from typing import Literal
 

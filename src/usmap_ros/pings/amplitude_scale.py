@@ -4,8 +4,6 @@ An ideal point target at 1 m gives an echo of amplitude 1.  Samples that were le
 such as a converter's counts, mean reflectivities that nothing has, and a map that is blank.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict, deque
 from statistics import median

@@ -6,8 +6,6 @@ some pings louder, so that the faintest tell how loud the floor is.  Where most 
 any more, it goes on as boundaries reverberate (Urick, "Principles of Underwater Sound", 1983).
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from typing import TypeAlias

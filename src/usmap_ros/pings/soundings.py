@@ -1,7 +1,5 @@
 """Traces that belong together: those of transducers that ping at once, and who these are."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from typing import Generic, TypeVar

@@ -1,7 +1,5 @@
 """Animation of a map that forms, ping by ping."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Picture of one sensing cone: where the echoes of one ping may have come from."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

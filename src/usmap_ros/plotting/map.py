@@ -1,7 +1,5 @@
 """Picture of a fused map, with the paths of its robots and with what it knows beside its belief."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import numpy as np

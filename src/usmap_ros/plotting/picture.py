@@ -1,7 +1,5 @@
 """The picture of whatever it is."""
 
-from __future__ import annotations
-
 from matplotlib.figure import Figure
 
 from usmap_ros.grids import OccupancyMap, TruthMap

@@ -1,7 +1,5 @@
 """What all plans of the world have in common: axes, probability, truth."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage

@@ -1,7 +1,5 @@
 """The look that all pictures share, and how they are written to files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path

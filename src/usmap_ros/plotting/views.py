@@ -1,7 +1,5 @@
 """Picture of the poses from which to ping next, on what is undecided."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Work that is done elsewhere, or here, whoever dies at it: by processes, or by a Dask cluster."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, as_completed
 from contextlib import ExitStack, contextmanager

@@ -1,7 +1,5 @@
 """How many cores a program takes."""
 
-from __future__ import annotations
-
 import os
 
 #: What the libraries for linear algebra below NumPy read when they are loaded.

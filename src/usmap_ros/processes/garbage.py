@@ -1,7 +1,5 @@
 """What becomes of memory that a program does not use any more."""
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import gc

@@ -1,7 +1,5 @@
 """Threads of this process that compiled loops run in, which hold no lock."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading

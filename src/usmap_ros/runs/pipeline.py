@@ -1,7 +1,5 @@
 """The product in one object: echo traces in, a map out."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Which pings of a recording make one map, and which are set apart."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator
 

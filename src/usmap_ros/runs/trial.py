@@ -1,7 +1,5 @@
 """Map, and score the map beside what single ranges would have given."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NoReturn

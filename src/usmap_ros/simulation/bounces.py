@@ -6,8 +6,6 @@ the image of … the sender; Allen & Berkley, "Image method for efficiently simu
 acoustics", J. Acoust. Soc. Am. 65 (1979) 943-950.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """From the robots section of a scenario to robots that move and ping."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """From the world section of a scenario to the scene and its bounds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

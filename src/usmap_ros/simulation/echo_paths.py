@@ -1,7 +1,5 @@
 """All ways by which a pulse gets from a transducer to the one that listens."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

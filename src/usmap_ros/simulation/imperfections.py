@@ -1,7 +1,5 @@
 """What real receivers do beside receiving: ring, keep silent, mute themselves, and count late."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

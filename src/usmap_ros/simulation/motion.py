@@ -1,7 +1,5 @@
 """How robots move: along waypoints, or at random, and never through anything that stands."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from typing import Literal, Protocol
 

@@ -4,8 +4,6 @@ Everything works on whole arrays, since a map's scene has hundreds of wall segme
 scatterers in view.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray

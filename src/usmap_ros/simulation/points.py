@@ -1,7 +1,5 @@
 """One ping at points: the shortest way to a trace."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

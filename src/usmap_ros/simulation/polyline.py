@@ -1,7 +1,5 @@
 """A path of straight legs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

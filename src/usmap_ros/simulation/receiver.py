@@ -1,7 +1,5 @@
 """The receiver: noise, converter and encoding of what arrives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """A whole scenario, ping by ping."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Callable, Iterator
 

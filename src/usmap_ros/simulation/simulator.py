@@ -1,7 +1,5 @@
 """The echo simulator, one ping at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """The truth map of a scene: what a map made from its echoes is scored against."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import maximum_filter
 

@@ -4,8 +4,6 @@ What stands in the open is heard straight; beside a wall it is heard by way of t
 there by the wall and straight back, the reverse, and by a wall both ways.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

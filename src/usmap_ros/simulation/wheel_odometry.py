@@ -1,7 +1,5 @@
 """Odometry as wheels and a gyro give it: each step nearly right, the sum of them adrift."""
 
-from __future__ import annotations
-
 import math
 from typing import Literal
 

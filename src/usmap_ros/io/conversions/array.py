@@ -1,7 +1,5 @@
 """``usmap_msgs/TransducerArray``: who pings at once, and what traces do not say of their pulses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from usmap_ros.errors import MalformedMessageError

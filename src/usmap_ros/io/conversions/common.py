@@ -1,7 +1,5 @@
 """What several standard messages share: arrays, header and pose."""
 
-from __future__ import annotations
-
 from typing import Any, Protocol
 
 import numpy as np

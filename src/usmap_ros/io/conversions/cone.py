@@ -1,7 +1,5 @@
 """``usmap_msgs/EchoCone``: what reconstruction hands to fusion."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """What messages of ours share, as bytes: header, pose, transducer, choices."""
 
-from __future__ import annotations
-
 import enum
 from functools import lru_cache
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """``nav_msgs/OccupancyGrid`` and what goes with it: maps as nav2 takes them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Poses as other programs send them: ``nav_msgs/Odometry`` and TF."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

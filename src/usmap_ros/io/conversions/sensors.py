@@ -1,7 +1,5 @@
 """Standard sensor messages that other programs understand: ranges, scans and point clouds."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``usmap_msgs/EchoTrace``: one ping as it was received."""
 
-from __future__ import annotations
-
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.io.cdr import CdrReader, CdrWriter, Layout, Payload
 from usmap_ros.io.conversions.fields import (

@@ -1,7 +1,5 @@
 """Decompression that makes do with the beginning of the data, and knows when it is enough."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import lz4.frame

@@ -1,7 +1,5 @@
 """Which files a recording consists of, and how they are compressed."""
 
-from __future__ import annotations
-
 import logging
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Who listens to a replay, as far as the graph of ROS tells."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which cone topics there are, listed or found by type, and cones in other frames than the map."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable

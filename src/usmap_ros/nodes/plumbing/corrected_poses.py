@@ -1,7 +1,5 @@
 """What map_fusion tells of corrected poses: frames of odometry on TF, and trajectories."""
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What drivers of real hardware share: pose, pace, and devices that are lost and come back."""
 
-from __future__ import annotations
-
 import time
 from abc import abstractmethod
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a node says of itself on /diagnostics."""
 
-from __future__ import annotations
-
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 

@@ -1,7 +1,5 @@
 """Where a driver's traces go: as they are, and as ranges of their first echoes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

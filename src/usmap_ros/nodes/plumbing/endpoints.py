@@ -1,7 +1,5 @@
 """Publishers, subscriptions and services from their declarations in `interfaces`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

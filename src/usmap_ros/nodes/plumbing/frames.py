@@ -1,7 +1,5 @@
 """Coordinate frames: TF where the installation has it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

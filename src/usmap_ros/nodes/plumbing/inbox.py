@@ -1,7 +1,5 @@
 """Messages that come often, as bytes, for callbacks in a thread of their own."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from functools import partial

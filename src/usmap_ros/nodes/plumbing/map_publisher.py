@@ -1,7 +1,5 @@
 """The map on its topics: whole, as nav2 wants it, and only when it has changed."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """All that map_fusion has while it is configured: the map, and who works on it."""
 
-from __future__ import annotations
-
 import time
 import traceback
 from typing import Any

@@ -1,7 +1,5 @@
 """The inbox that suits the rclpy there is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from rclpy.node import Node

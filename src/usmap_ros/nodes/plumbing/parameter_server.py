@@ -1,7 +1,5 @@
 """ROS parameters from pydantic models: declared, described, checked."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable

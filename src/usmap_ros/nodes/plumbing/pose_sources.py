@@ -1,7 +1,5 @@
 """Where a simulated robot is: on its own path, or where another program moves it."""
 
-from __future__ import annotations
-
 from typing import Any, Protocol
 
 from rclpy.node import Node

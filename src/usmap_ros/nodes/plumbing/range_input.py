@@ -1,7 +1,5 @@
 """Cones of readings of a sensor that measures a range only."""
 
-from __future__ import annotations
-
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Range

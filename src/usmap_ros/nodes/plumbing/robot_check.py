@@ -1,7 +1,5 @@
 """Which robots contradict the map that all the others make, looked into now and then."""
 
-from __future__ import annotations
-
 import time
 import traceback
 from typing import Any

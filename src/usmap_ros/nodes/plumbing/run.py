@@ -1,7 +1,5 @@
 """What the main functions of all nodes share, and how they are asked to end."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

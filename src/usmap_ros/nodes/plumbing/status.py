@@ -1,7 +1,5 @@
 """What all nodes that are there say of themselves."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -5,8 +5,6 @@ them.  rclpy has no other way to wait for some of a node's subscriptions and to 
 where it lacks any of this, `usmap_ros.nodes.plumbing.open_inbox.open_inbox` does without.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A thread for the heavy work of a node, so that its executor goes on receiving."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """What the parameters of several nodes have in common."""
 
-from __future__ import annotations
-
 from fnmatch import fnmatchcase
 from typing import Any, ClassVar
 

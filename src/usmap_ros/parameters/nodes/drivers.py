@@ -1,7 +1,5 @@
 """Parameters of the nodes that send pings."""
 
-from __future__ import annotations
-
 from typing import ClassVar, Literal
 
 from usmap_ros.parameters.fields import quantity

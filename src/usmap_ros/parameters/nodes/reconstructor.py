@@ -1,7 +1,5 @@
 """Parameters of nodes that replay and record bags, and of the one that makes cones of traces."""
 
-from __future__ import annotations
-
 from typing import ClassVar, Literal
 
 from pydantic import field_validator

@@ -1,7 +1,5 @@
 """The DC offset of samples, as behind a converter without a sign, taken off."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

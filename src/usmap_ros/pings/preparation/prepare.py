@@ -4,8 +4,6 @@ Units, time and channel are set right as a calibration found them; of sensors th
 element and listen with another beside it, it is told where both are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

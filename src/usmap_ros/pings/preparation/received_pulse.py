@@ -1,7 +1,5 @@
 """Traces told what their transducers make of the burst that drives them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Cones without what their transducer hears of itself in every ping."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.parameters import RingingParameters

@@ -1,7 +1,5 @@
 """Units of samples, where they are so far off that detection limits could not be told in them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

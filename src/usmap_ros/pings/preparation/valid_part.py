@@ -5,8 +5,6 @@ they have detected something.  Neither part has anything to say: not of echoes, 
 absence, and not of the noise.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which recordings belong together because their pings reach the same places."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

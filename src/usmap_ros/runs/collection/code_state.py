@@ -1,7 +1,5 @@
 """What cones are made by: the code of reconstruction, and of all that it stands on."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A recording's traces as files of cones, which are made once and found again."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

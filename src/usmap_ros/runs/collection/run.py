@@ -1,7 +1,5 @@
 """From many recordings to one map, by whoever does the work."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor

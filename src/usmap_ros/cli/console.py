@@ -80,9 +80,7 @@ def progress(description: str, total: int | None = None) -> Iterator[Callable[[]
         yield lambda: bar.advance(task)
 
 
-def print_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, captions: bool = True
-) -> None:
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table on standard output; all columns but the first are aligned right.
 
     Where the terminal is too narrow, the first column is folded, and the others never are.
@@ -91,9 +89,7 @@ def print_table(
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(
-        title=title, title_justify="left", box=box.SIMPLE, pad_edge=False, show_header=captions
-    )
+    table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False)
     for number, column in enumerate(columns):
         table.add_column(
             column, justify="right" if number else "left", overflow="fold", no_wrap=number > 0

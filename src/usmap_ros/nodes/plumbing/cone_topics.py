@@ -38,11 +38,9 @@ class ConeTopics:
         listed: list[str],
         on_cone: Callable[[str, bytes], None],
         after: Callable[[], float | None],
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node = node
         self._on_cone = on_cone
-        self._clock = clock
         # When there was somebody who publishes.
         self._heard_s: dict[str, float] = {}
         self._is_listed = any(listed)
@@ -72,7 +70,7 @@ class ConeTopics:
                 for name, types in self._node.get_topic_names_and_types()
                 if CONE.message_type in types and is_one_of(name, globs)
             }
-            now_s = self._clock()
+            now_s = time.monotonic()
             for name in wanted:
                 # A subscription keeps its own topic alive: who publishes is what counts.
                 if self._node.count_publishers(name):

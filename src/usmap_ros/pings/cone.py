@@ -28,9 +28,9 @@ _ECHO = {
     "amplitudes": bounds.LOUDNESS,
     "amplitude_stds": bounds.LOUDNESS,
 }
-_BY_ECHO = (
-    "ranges_m", "range_stds_m", "amplitudes", "amplitude_stds", "bearings_rad", "bearing_stds_rad",
-)  # fmt: skip
+#: Columns of numbers of each echo, in the order of the message, and those that a cone may lack.
+MAY_LACK = ("bearings_rad", "bearing_stds_rad")
+BY_ECHO = ("ranges_m", "range_stds_m", "amplitudes", "amplitude_stds", *MAY_LACK)
 _LEAST, _GREATEST = (
     np.array([[getattr(bound, end)] for bound in _ECHO.values()]) for end in ("least", "greatest")
 )
@@ -107,7 +107,7 @@ class EchoCone:
             Amplitude that it may hide in each bin of `detection_limits`.
         """
         kept = self.amplitudes > other
-        columns = {name: getattr(self, name) for name in _BY_ECHO}
+        columns = {name: getattr(self, name) for name in BY_ECHO}
         echoes: dict[str, Any] = {
             name: column[kept] for name, column in columns.items() if column is not None
         }

@@ -1,7 +1,8 @@
 """``usmap_msgs/EchoCone``: what reconstruction hands to fusion."""
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
 
 from usmap_ros.io.cdr import FLOAT, CdrReader, CdrWriter, Payload
 from usmap_ros.io.conversions.fields import (
@@ -14,7 +15,7 @@ from usmap_ros.io.conversions.fields import (
     write_pose,
     write_transducer,
 )
-from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.cone import BY_ECHO, MAY_LACK, EchoCone
 
 _UINT8 = np.dtype(np.uint8)
 _NOTHING = np.zeros(0, np.float32)
@@ -32,9 +33,9 @@ def cone_from_cdr(payload: Payload) -> EchoCone:
     stamp_ns, frame_id = read_header(reader)
     child_frame_id, pose, transducer = reader.text(), read_pose(reader), read_transducer(reader)
     attenuation_db_m, object_rise_m = reader.numbers(TWO_DOUBLES)
-    ranges_m, range_stds_m, amplitudes, amplitude_stds, bearings_rad, bearing_stds_rad = (
-        reader.sequence(FLOAT32) for _ in range(6)
-    )
+    # A column that is left out of the message is empty.
+    columns: dict[str, Any] = {name: reader.sequence(FLOAT32) for name in BY_ECHO}
+    columns |= {name: None for name in MAY_LACK if not len(columns[name])}
     (limit_step_m,) = reader.numbers(FLOAT)
     detection_limits = reader.sequence(_UINT8)
     (residual,) = reader.numbers(FLOAT)
@@ -46,16 +47,11 @@ def cone_from_cdr(payload: Payload) -> EchoCone:
         pose=pose,
         transducer=transducer,
         attenuation_db_m=attenuation_db_m,
-        object_rise_m=object_rise_m,
-        ranges_m=ranges_m,
-        range_stds_m=range_stds_m,
-        amplitudes=amplitudes,
-        amplitude_stds=amplitude_stds,
-        bearings_rad=_or_none(bearings_rad),
-        bearing_stds_rad=_or_none(bearing_stds_rad),
         limit_step_m=limit_step_m,
         detection_limits=detection_limits,
         residual=residual,
+        object_rise_m=object_rise_m,
+        **columns,
     )
     cone.validate()
     return cone
@@ -75,22 +71,10 @@ def cone_to_cdr(cone: EchoCone) -> bytes:
     write_pose(writer, cone.pose)
     write_transducer(writer, cone.transducer)
     writer.numbers(TWO_DOUBLES, cone.attenuation_db_m, cone.object_rise_m)
-    writer.sequence(FLOAT32, cone.ranges_m)
-    writer.sequence(FLOAT32, cone.range_stds_m)
-    writer.sequence(FLOAT32, cone.amplitudes)
-    writer.sequence(FLOAT32, cone.amplitude_stds)
-    writer.sequence(FLOAT32, _or_nothing(cone.bearings_rad))
-    writer.sequence(FLOAT32, _or_nothing(cone.bearing_stds_rad))
+    for name in BY_ECHO:
+        column = getattr(cone, name)
+        writer.sequence(FLOAT32, _NOTHING if column is None else column)
     writer.numbers(FLOAT, cone.limit_step_m)
     writer.sequence(_UINT8, cone.detection_limits)
     writer.numbers(FLOAT, cone.residual)
     return writer.message()
-
-
-def _or_none(values: NDArray[np.float32]) -> NDArray[np.float32] | None:
-    """Return an array that may be left out of the message."""
-    return values if len(values) else None
-
-
-def _or_nothing(values: NDArray[np.float32] | None) -> NDArray[np.float32]:
-    return _NOTHING if values is None else values

@@ -39,6 +39,11 @@ class ReceiverSurvey:
 
     Those of a robot that stands show the same in every ping; once it has moved, traces from places
     apart are judged.
+
+    Parameters
+    ----------
+    parameters : ReconstructionParameters
+        What is known of the traces; what is stated there is not judged.
     """
 
     def __init__(self, parameters: ReconstructionParameters) -> None:

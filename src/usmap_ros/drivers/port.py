@@ -21,6 +21,8 @@ class Port:
     ----------
     address : str
         A serial port such as ``/dev/ttyUSB0``, or ``tcp://HOST:PORT``.
+    baud_rate : int
+        Of a serial port.
     """
 
     def __init__(self, address: str, baud_rate: int) -> None:

@@ -14,7 +14,17 @@ from usmap_ros.pings.trace import EchoTrace
 
 
 class SerialTransducer:
-    """A device that answers each trigger with a frame of samples; a `PingSource`."""
+    """A device that answers each trigger with a frame of samples; a `PingSource`.
+
+    Parameters
+    ----------
+    port : Port
+        Where it is.
+    sensor : Sensor
+        What its samples are.
+    answer_timeout_s : float
+        Longest time from the trigger to the end of the frame.
+    """
 
     def __init__(self, port: Port, sensor: Sensor, answer_timeout_s: float) -> None:
         self._port = port

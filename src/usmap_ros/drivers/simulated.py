@@ -33,6 +33,8 @@ class SimulatedTransducers:
 
     Parameters
     ----------
+    world : SimulatedWorld
+        Where they ping.
     transducers : sequence of (MountedTransducer, SeedSequence)
         Each with what its noise is drawn from.
     """

@@ -17,6 +17,8 @@ class Sensor:
 
     Parameters
     ----------
+    description : Recording
+        Hardware, air, and where the transducer sits on its robot.
     sample_rate_hz : float, optional
         Where the description states none.
     """

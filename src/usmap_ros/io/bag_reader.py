@@ -51,13 +51,16 @@ class BagReader:
     Damaged files are read up to the damage, with a warning in the log.  Malformed messages are
     left out and accounted for in `skipped`.
 
-    Raises `BagError` if a file is not a recording, holds other definitions of the messages, or if
-    nothing that could be mapped is in any of them.
-
     Parameters
     ----------
     paths : sequence of path-like
         rosbag2 folders, ``.mcap`` or ``.db3`` files.
+
+    Raises
+    ------
+    BagError
+        If a file is not a recording, holds other definitions of the messages, or if nothing that
+        could be mapped is in any of them.
 
     Examples
     --------

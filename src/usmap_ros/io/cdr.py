@@ -52,13 +52,15 @@ COUNT = Layout.of(4, "I")
 class CdrReader:
     """Reads the fields of one message in their order.
 
-    Raises `MalformedMessageError` if it does not begin like a message; and so do all methods where
-    it ends too early.
-
     Parameters
     ----------
     payload : bytes or memoryview
         The message; arrays are views of it where the byte order allows.
+
+    Raises
+    ------
+    MalformedMessageError
+        If it does not begin like a message; and so do all methods where it ends too early.
     """
 
     __slots__ = ("_at", "_is_little", "_payload")

@@ -21,12 +21,15 @@ class _Everything:
 class RawBagReader:
     """Serialized messages of one recording, whole or damaged, of all topics.
 
-    Raises `BagError` if it is no recording, or holds no messages.
-
     Parameters
     ----------
     path : path
         A rosbag2 folder, an ``.mcap`` or a ``.db3`` file.
+
+    Raises
+    ------
+    BagError
+        If it is no recording, or holds no messages.
     """
 
     def __init__(self, path: Path) -> None:

@@ -39,7 +39,13 @@ _AT_ONCE = 256
 
 
 class Files:
-    """Files of recordings, no more of them open than the operating system lets a process have."""
+    """Files of recordings, no more of them open than the operating system lets a process have.
+
+    Parameters
+    ----------
+    storages : list of Storage
+        Files of the recordings, in the order in which places count them.
+    """
 
     def __init__(self, storages: list[Storage]) -> None:
         self._storages = storages
@@ -72,6 +78,10 @@ class Stretch:
     ----------
     message_type : str
         Such as ``usmap_msgs/msg/EchoTrace``.
+    files : Files
+        Those that the messages lie in.
+    topics : sequence of str
+        Names of topics.
     places : (n,) array of PLACE
         Where each message lies.
     """

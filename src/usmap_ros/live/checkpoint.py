@@ -10,12 +10,15 @@ from usmap_ros.live.live_fusion import LiveFusion
 class Checkpoint:
     """Keeps a map in a folder, each file of it replaced in one step.
 
-    Raises `MapFileError` if the folder cannot be made or written to.
-
     Parameters
     ----------
     path : str
         The folder; empty: the map is not kept.
+
+    Raises
+    ------
+    MapFileError
+        If the folder cannot be made or written to.
     """
 
     def __init__(self, path: str) -> None:

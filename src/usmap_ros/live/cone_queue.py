@@ -70,6 +70,8 @@ class ConeQueue:
         How long a cone waits for older ones of other sources.
     capacity : int
         Cones that may wait.
+    clock : callable
+        Seconds of a clock that never runs backwards.
     """
 
     def __init__(self, wait_s: float, capacity: int, clock: Callable[[], float]) -> None:

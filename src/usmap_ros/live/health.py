@@ -49,6 +49,8 @@ class Health:
         What is counted; all of it is reported, from the start.
     warn : callable
         Gets the first occurrence of each problem, and what is found from then on that it is.
+    clock : callable
+        Seconds of a clock that never runs backwards.
     """
 
     def __init__(

@@ -42,14 +42,20 @@ class LiveFusion:
 
     Parameters
     ----------
+    parameters : MappingParameters
+        Of the map.
     order_wait_s : float
         How long a cone waits for older ones of other sources.
     capacity : int
         Cones that may wait.
     frame_id : str
         The map's frame; empty: the one that most robots share in the first seconds.
+    clock : callable
+        Seconds of a clock that never runs backwards.
     on_set_apart : callable
         Told how many pings were set apart, and why, when that is known only after they came.
+    poses : PoseParameters
+        Which poses are mapped with.
 
     Attributes
     ----------

@@ -56,6 +56,8 @@ class Supervisor:
 
     Parameters
     ----------
+    tasks : sequence of Task
+        What to run.
     say : callable
         Gets each line of output, with the name of its process before it.
     """

@@ -83,7 +83,10 @@ class BagRecorder(Node):
 
     Keyword arguments are those of `rclpy.node.Node`.
 
-    Raises `UsmapError` if the recording cannot be written.
+    Raises
+    ------
+    UsmapError
+        If the recording cannot be written.
     """
 
     def __init__(self, **options: Any) -> None:

@@ -59,12 +59,15 @@ class BagReplay(Node):
 
     Other keyword arguments are those of `rclpy.node.Node`.
 
-    Raises `UsmapError` if there is no such recording, or nothing in it that could be published.
-
     Parameters
     ----------
     on_end : callable
         Called when all has been published.
+
+    Raises
+    ------
+    UsmapError
+        If there is no such recording, or nothing in it that could be published.
     """
 
     def __init__(self, on_end: Callable[[], None] = lambda: None, **options: Any) -> None:

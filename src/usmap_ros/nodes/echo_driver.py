@@ -36,7 +36,10 @@ class EchoDriver(Node):
 
     Keyword arguments are those of `rclpy.node.Node`.
 
-    Raises `UsmapError` if the scenario is unusable, or has no such robot.
+    Raises
+    ------
+    UsmapError
+        If the scenario is unusable, or has no such robot.
     """
 
     def __init__(self, **options: Any) -> None:

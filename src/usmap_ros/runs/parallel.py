@@ -50,6 +50,8 @@ class Reconstructors:
         Its reconstruction is what they do.
     executor : Executor, optional
         The processes; without it the caller's own does the work.
+    processes : int
+        How many there are.
     """
 
     def __init__(

@@ -35,7 +35,15 @@ class Motion(Protocol):
 
 
 class DelayedMotion:
-    """A robot that stands where it starts, and moves later."""
+    """A robot that stands where it starts, and moves later.
+
+    Parameters
+    ----------
+    motion : Motion
+        How it moves then.
+    starts_after_s : float
+        How long it stands.
+    """
 
     def __init__(self, motion: Motion, starts_after_s: float) -> None:
         self._motion = motion
@@ -107,7 +115,17 @@ class RandomWalkModel(ParameterGroup):
 class WaypointMotion:
     """A robot that follows waypoints at constant speed and looks where it goes.
 
-    Raises `BlockedPathError` if a leg of the path comes closer than its clearance to something.
+    Parameters
+    ----------
+    model : WaypointModel
+        The waypoints, and how it follows them.
+    scene : Scene
+        What it must not run into.
+
+    Raises
+    ------
+    BlockedPathError
+        If a leg of the path comes closer than its clearance to something.
     """
 
     def __init__(self, model: WaypointModel, scene: Scene) -> None:
@@ -139,16 +157,23 @@ class RandomWalk:
 
     The walk is drawn as far as it is asked for, and the same however it is asked.
 
-    Raises `BlockedPathError` if there is no room at the start.
-
     Parameters
     ----------
+    model : RandomWalkModel
+        How fast it goes, how it turns, and the room that it needs.
+    scene : Scene
+        What it must not run into.
     bounds : (x_min, x_max, y_min, y_max)
         It stays inside.
     start : Pose or None
         None: drawn at random where there is room.
     rng : numpy.random.Generator
         For the start and the steps; it belongs to the walk from now on.
+
+    Raises
+    ------
+    BlockedPathError
+        If there is no room at the start.
     """
 
     def __init__(

@@ -83,6 +83,10 @@ class EchoSimulator:
 
     Parameters
     ----------
+    scene : Scene
+        Discs, walls and facets that return sound.
+    frame_id : str
+        World frame of all poses.
     start_ns : int
         Stamp at which the moving objects start.
     """

@@ -54,6 +54,10 @@ class WheelOdometry:
 
     Parameters
     ----------
+    motion : Motion
+        Where the robot's base really is.
+    errors : OdometryErrors
+        How it is off.
     seed : numpy.random.SeedSequence
         What errors are drawn from.
     start : Pose

@@ -20,7 +20,13 @@ class TooMuchError(ValueError):
 
 
 class Allowance:
-    """What the chunks and messages of one recording may unpack to, all together."""
+    """What the chunks and messages of one recording may unpack to, all together.
+
+    Parameters
+    ----------
+    packed_bytes : int
+        Size of the recording.
+    """
 
     def __init__(self, packed_bytes: int) -> None:
         self.left_bytes = max(LEAST_UNPACKED_BYTES, MAX_UNPACKED_RATIO * packed_bytes)

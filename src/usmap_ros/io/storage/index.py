@@ -122,6 +122,8 @@ class FileOfRecording:
 
     Parameters
     ----------
+    path : path
+        The file to read.
     shown_path : path, optional
         What to call it in messages, if it is a temporary copy.
     compression : str

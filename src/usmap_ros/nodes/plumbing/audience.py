@@ -20,6 +20,10 @@ class Audience:
 
     Parameters
     ----------
+    node : Node
+        The node that replays.
+    publishers : mapping
+        Its publishers by topic.
     cone_topics : mapping of str to str
         Topics of the cones that may be made of recorded traces, by those of the traces.  The node
         listens to them.

@@ -24,6 +24,8 @@ class ConeTopics:
 
     Parameters
     ----------
+    node : Node
+        The node that subscribes, and whose graph is looked at.
     listed : list of str
         Topics to fuse; empty: every one that there is.
     on_cone : callable
@@ -97,6 +99,10 @@ class ForeignCones:
 
     Parameters
     ----------
+    transforms : Transforms
+        TF, if there is any.
+    health : Health
+        Counts what is refused.
     on_cone : callable
         Gets topic and cone of what could be moved.
     on_stranger : callable

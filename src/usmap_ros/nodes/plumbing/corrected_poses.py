@@ -19,7 +19,17 @@ _PERIOD_S = 0.1
 
 
 class CorrectedPoses:
-    """Publishes where robots were found to be."""
+    """Publishes where robots were found to be.
+
+    Parameters
+    ----------
+    node : Node
+        Whose topics they are.
+    transforms : Transforms
+        TF, if there is any.
+    health : Health
+        Is told of frames that jump.
+    """
 
     def __init__(self, node: Any, transforms: Transforms, health: Health) -> None:
         self._node, self._transforms, self._health = node, transforms, health

@@ -37,7 +37,10 @@ class DeviceDriver(Node):
     A driver is a subclass with a name and with `make_source`.  Keyword arguments are those of
     `rclpy.node.Node`.
 
-    Raises `ConfigurationError` if the sensor is not described, or not as it can be.
+    Raises
+    ------
+    ConfigurationError
+        If the sensor is not described, or not as it can be.
     """
 
     #: Name of the node.

@@ -13,6 +13,10 @@ class NodeHealth(Health):
 
     Parameters
     ----------
+    node : Node
+        Whose health it is.
+    period_s : float
+        From one message to the next.
     counted : sequence of str
         What is counted; all of it is reported, from the start.
     """

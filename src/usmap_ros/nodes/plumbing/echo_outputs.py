@@ -20,6 +20,10 @@ class EchoOutputs:
 
     Parameters
     ----------
+    node : Node
+        The node on whose topics traces and ranges are published.
+    health : Health
+        Counts what was published.
     namespaces : mapping
         Of each transducer, by its frame: what its topics begin with; empty: nothing.
     """

@@ -96,6 +96,8 @@ class MapPublisher:
         Whether ``map_updates`` is published too, if ``map_msgs`` is installed.
     whole_period_s : float
         Where it is, and the extent is the same: how long only updates go out after a whole map.
+    clock : callable
+        Seconds of a clock that never runs backwards.
     """
 
     def __init__(

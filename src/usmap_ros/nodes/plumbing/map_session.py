@@ -42,12 +42,21 @@ class MapSession:
     Cones are taken in one thread and fused in another; a third publishes and keeps the map, so
     that neither waits for large messages or for a disk.
 
-    Raises `UsmapError` if the checkpoint cannot be read or written, or does not fit the parameters.
-
     Parameters
     ----------
+    node : LifecycleNode
+        On whose topics the map is published.
     parameters : ParameterServer
         Those of the map are taken as they are now, the others as they change.
+    health : Health
+        Counts what becomes of the cones.
+    transforms : Transforms
+        For cones in other frames.
+
+    Raises
+    ------
+    UsmapError
+        If the checkpoint cannot be read or written, or does not fit the parameters.
     """
 
     def __init__(

@@ -75,12 +75,19 @@ class ParameterServer(Generic[_Parameters]):
     The node must declare parameters from overrides automatically, so that those which nobody
     knows can be named.
 
-    Raises `ConfigurationError` if a value given at the start is unusable.
-
     Parameters
     ----------
+    node : Node
+        Whose parameters they are.
+    group : type
+        Model to declare.
     why_fixed : callable, optional
         For the name of a parameter: why it cannot be changed now, or None if it can.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value given at the start is unusable.
     """
 
     def __init__(

@@ -74,6 +74,10 @@ class OdometryPose:
 
     Parameters
     ----------
+    node : Node
+        The node that subscribes to ``odom``.
+    health : Health
+        Counts what is no odometry.
     timeout_s : float
         Age from which on a pose is too old.
     """
@@ -103,6 +107,8 @@ class TransformPose:
 
     Parameters
     ----------
+    transforms : Transforms
+        The node's buffer of TF.
     base_frame, world : str
         The robot's frame, and that of the scenario.
     timeout_s : float

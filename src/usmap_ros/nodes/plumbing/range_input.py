@@ -14,7 +14,17 @@ from usmap_ros.pings.cone import EchoCone
 
 
 class RangeInput:
-    """Knows where a robot's range sensors are."""
+    """Knows where a robot's range sensors are.
+
+    Parameters
+    ----------
+    node : Node
+        Which receives readings.
+    health : Health
+        Counts what is no odometry.
+    parameters : ConeReconstructorParameters
+        Where poses come from.
+    """
 
     def __init__(self, node: Node, health: Health, parameters: ConeReconstructorParameters) -> None:
         self._node, self._world = node, parameters.world_frame

@@ -24,7 +24,19 @@ class _StoppedError(Exception):
 
 
 class RobotCheck:
-    """Judges the robots at an interval, in a thread of its own that leaves time to fusion."""
+    """Judges the robots at an interval, in a thread of its own that leaves time to fusion.
+
+    Parameters
+    ----------
+    node : Node
+        Whose log says what is new.
+    fusion : LiveFusion
+        The map, and the pings of late.
+    parameters : ParameterServer
+        The interval, as it is at the time.
+    problems : Health
+        Counts checks that failed.
+    """
 
     def __init__(
         self,

@@ -54,12 +54,15 @@ class WaitSetInbox(Inbox):
     one subscription, and makes a task of each callback: a millisecond of a core or more.  Here,
     the subscriptions alone are listed, once for all messages that wait.
 
-    Raises `AttributeError` or `TypeError` if this rclpy lacks what it takes.
-
     Parameters
     ----------
     node, after
         As of `Inbox`.
+
+    Raises
+    ------
+    AttributeError, TypeError
+        If this rclpy lacks what it takes.
     """
 
     def __init__(self, node: Node, after: Callable[[], float | None] = lambda: None) -> None:

@@ -15,6 +15,8 @@ class Worker:
 
     Parameters
     ----------
+    node : Node
+        Whose executor is told of errors.
     step : callable
         Does one piece of work. Returns the seconds after which it wants to be called again,
         0 for at once, or None if only when woken.

@@ -49,7 +49,7 @@ def clutter_of(cones: Iterable[EchoCone]) -> dict[Kind, FloatArray]:
     apart: defaultdict[Kind, dict[tuple[str, int, int], EchoCone]] = defaultdict(dict)
     for cone in cones:
         x, y = (round(float(place_m) / APART_M) for place_m in cone.pose.position_m[:2])
-        apart[_kind(cone)].setdefault((cone.child_frame_id, x, y), cone)
+        apart[kind_of(cone)].setdefault((cone.child_frame_id, x, y), cone)
     found = {kind: _loudest_clutter(list(own.values())) for kind, own in apart.items()}
     return {kind: levels for kind, levels in found.items() if levels is not None}
 
@@ -64,7 +64,7 @@ def without_clutter(cone: EchoCone, clutter: Mapping[Kind, FloatArray]) -> EchoC
     clutter : mapping
         See `clutter_of`.
     """
-    levels = clutter.get(_kind(cone))
+    levels = clutter.get(kind_of(cone))
     if levels is None:
         return cone
     middles = np.arange(len(cone.detection_limits)) + 0.5
@@ -73,7 +73,8 @@ def without_clutter(cone: EchoCone, clutter: Mapping[Kind, FloatArray]) -> EchoC
     return cone.louder_than(levels_there, SURELY * levels[_bins(limits_m, len(levels))])
 
 
-def _kind(cone: EchoCone) -> Kind:
+def kind_of(cone: EchoCone) -> Kind:
+    """What kind of sensor heard a cone."""
     sensor = cone.transducer
     return (
         sensor.pulse.carrier_hz, sensor.pulse.duration_s, float(sensor.beam.half_angle_rad),

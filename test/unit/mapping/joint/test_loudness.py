@@ -45,6 +45,19 @@ def test_each_source_has_units_of_its_own(
     assert steps_to_scale(pings) == {"off": round((fitting_db - level_db) / LIMIT_STEP_DB)}
 
 
+def test_who_strikes_no_wall_squarely_has_the_units_of_the_others(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    askew = at_one_metre(make_cone, FAINTEST_DB - 9.0, LEAST_PINGS)
+    square = at_one_metre(make_cone, FAINTEST_DB + 2.0, LEAST_PINGS)
+    both = [(cone, "askew") for cone in askew] + [(cone, "square") for cone in square]
+    assert steps_to_scale(both) == {}
+    # Of another kind of sensor nobody else tells the units.
+    other = [(replace(cone, transducer=replace(cone.transducer, max_range_m=9.0)), source)
+             for cone, source in both[:LEAST_PINGS]]  # fmt: skip
+    assert steps_to_scale(other + both[LEAST_PINGS:]) == {"askew": round(9.0 / LIMIT_STEP_DB)}
+
+
 def test_a_few_pings_say_nothing_of_units(make_cone: Callable[..., EchoCone]) -> None:
     cones = at_one_metre(make_cone, -40.0, LEAST_PINGS - 1)
     assert steps_to_scale((cone, "a") for cone in cones) == {}

@@ -30,6 +30,8 @@ _REACH = 5.0
 _ROUNDS = 3
 #: Weight of an echo of a landmark: what it is off, it is off for several pings alike.
 ECHO_WEIGHT = 0.5
+#: Part of what echoes of a landmark would tell that is observed, at the least.
+_LEAST_OBSERVED = 0.1
 #: Part of those that are not worth their cost that go at once, one of so many; and what is left of
 #: an echo without its landmark, at the least.
 _PARTS, _LEAST_LEFT = 3, 1e-9
@@ -64,6 +66,20 @@ class DataAssociation(NamedTuple):
     by_pose: FloatArray
     precision: FloatArray
     log_likelihood: float
+
+    def observed(self, echoes: TrackEchoes, count: int, sigma_m: float) -> DataAssociation:
+        """The same with the precision that is left where nobody knows which echoes are whose.
+
+        As poses move, echoes go over from a landmark to another one, or to none.  What shares that
+        are known would tell is more than what is observed by that (the missing information of
+        Louis, JRSS B 1982), and covariances by it would be too small.
+        """
+        weights = self.shares * echoes.weight[self.echo]
+        missing = (1.0 - self.shares) * self.precision * (self.off_m / sigma_m) ** 2
+        whole = np.maximum(np.bincount(self.landmark, weights, count), 1e-12)
+        left = np.bincount(self.landmark, weights * (1.0 - missing), count) / whole
+        left = np.maximum(left, _LEAST_OBSERVED)
+        return self._replace(precision=self.precision * left[self.landmark])
 
 
 class _Pairs(NamedTuple):

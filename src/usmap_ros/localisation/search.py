@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
+from typing import NamedTuple
 
 from usmap_ros.localisation.data_association import associate_echoes, worth_their_cost
-from usmap_ros.localisation.equations import covariances
 from usmap_ros.localisation.found import FoundPoses, average, of_pings
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.smoother import Smoother
@@ -43,6 +43,24 @@ _BY_CHANCE = 1.7
 _MOST_STRETCHES = 40
 
 
+class Adjusted(NamedTuple):
+    """What poses were adjusted to.
+
+    Parameters
+    ----------
+    landmarks : Landmarks
+        What stands.
+    factor : (array, bool)
+        Decomposition of the equations of the knots, for `covariances`.
+    sigma_m : float
+        How far echoes were taken to be off landmarks.
+    """
+
+    landmarks: Landmarks
+    factor: tuple[FloatArray, bool]
+    sigma_m: float
+
+
 def search(start: Smoother) -> FoundPoses | None:
     """Go along with all robots, and average ends by how likely landmarks and odometry make them.
 
@@ -69,20 +87,21 @@ def search(start: Smoother) -> FoundPoses | None:
         searches.append((_STRETCHES[-1], math.inf))
     for stretch, points_m in searches:
         one = copy.deepcopy(start)
-        factor = _go_along(one, stretch, points_m)
+        adjusted = _go_along(one, stretch, points_m)
         # The next search knows by this one how well odometry is known.
         for track, so_far in zip(start.tracks, one.tracks, strict=True):
             track.spread = so_far.spread
-        left_open = one.left_open(factor) if first_only else 0.0
+        left_open = one.left_open(adjusted.factor) if first_only else 0.0
         if not first_only:
-            factor = _by_noise(one, points_m)
+            adjusted = _by_noise(one, points_m)
         likely = _likely_by_landmarks(one, finest_m) - left_open
         if likely > least:
-            ends.append((likely / _ALIKE, of_pings(one, covariances(factor, one.knot_count))))
+            known = one.known_by(adjusted.landmarks, adjusted.sigma_m)
+            ends.append((likely / _ALIKE, of_pings(one, known)))
     return average(ends) if ends else None
 
 
-def _by_noise(smoother: Smoother, points_m: float) -> tuple[FloatArray, bool]:
+def _by_noise(smoother: Smoother, points_m: float) -> Adjusted:
     """Adjust poses to landmarks by how far echoes are really off them; see `_go_along`."""
     sigma_m = _TOWARDS_THE_END_M[-1]
     for _ in range(_NOISE_ROUNDS - 1):
@@ -121,14 +140,11 @@ def _likely_by_landmarks(smoother: Smoother, sigma_m: float) -> float:
     return smoother.log_posterior_of(walls, sigma_m)
 
 
-def _go_along(smoother: Smoother, stretch: int, points_m: float) -> tuple[FloatArray, bool]:
+def _go_along(smoother: Smoother, stretch: int, points_m: float) -> Adjusted:
     """Adjust what was gone so far to the walls that it shows, each time with so many knots more.
 
-    Returns
-    -------
-    factor
-        Decomposition for `covariances`.  By finer ranges poses would seem to be known better than
-        they are: what walls are off, they are off for many pings alike.
+    Not by finer ranges, or poses would seem to be known better than they are: what walls are off,
+    they are off for many pings alike.
     """
     longest = max(map(len, smoother.knots))
     stretches = min(-(-longest // stretch), _MOST_STRETCHES)
@@ -142,20 +158,17 @@ def _go_along(smoother: Smoother, stretch: int, points_m: float) -> tuple[FloatA
         for robot in smoother.first:
             smoother.predict(robot, min(last, len(smoother.knots[robot]) - 1))
         smoother.spread()
-    factor = _adjust_to_landmarks(smoother, _TOWARDS_THE_END_M[0], points_m)
+    adjusted = _adjust_to_landmarks(smoother, _TOWARDS_THE_END_M[0], points_m)
     for blur_m in _TOWARDS_THE_END_M[1:]:
-        factor = _adjust_to_landmarks(smoother, blur_m, points_m)
-        smoother.weigh_odometry(factor)
-    return factor
+        adjusted = _adjust_to_landmarks(smoother, blur_m, points_m)
+        smoother.weigh_odometry(adjusted.factor)
+    return adjusted
 
 
-def _adjust_to_landmarks(
-    smoother: Smoother, sigma_m: float, points_m: float
-) -> tuple[FloatArray, bool]:
-    """Adjust poses and walls together; gives the decomposition for `covariances`."""
+def _adjust_to_landmarks(smoother: Smoother, sigma_m: float, points_m: float) -> Adjusted:
+    """Adjust poses and walls together."""
     found_m = max(sigma_m, _FOUND_M)
     walls = _landmarks(smoother, found_m, points_m)
     for _ in range(_WALL_STEPS):
         walls, _ = smoother.adjust_to(walls, sigma_m)
-    _, factor = smoother.adjust_to(walls, sigma_m)
-    return factor
+    return Adjusted(*smoother.adjust_to(walls, sigma_m), sigma_m)

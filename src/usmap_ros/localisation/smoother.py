@@ -6,7 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from usmap_ros.localisation.data_association import ECHO_WEIGHT, associate_echoes, cost_of_landmark
+from usmap_ros.localisation.data_association import (
+    ECHO_WEIGHT,
+    DataAssociation,
+    associate_echoes,
+    cost_of_landmark,
+)
 from usmap_ros.localisation.echo_table import TrackEchoes
 from usmap_ros.localisation.equations import (
     ScaleEquation,
@@ -96,6 +101,24 @@ class Smoother:
             Decomposition for `covariances`.
         """
         heard = associate_echoes(self.echoes, self.poses, self.active, landmarks, sigma_m)
+        equations, *both = self._equations(landmarks, heard, sigma_m)
+        change, factor = solve(*both)
+        farthest_m = float(np.abs(change[:, :2]).max(initial=0.0))
+        change *= min(1.0, _LARGEST_STEP_M / max(farthest_m, 1e-9))
+        self.move(change)
+        return equations.moved(change), factor
+
+    def known_by(self, landmarks: Landmarks, sigma_m: float) -> FloatArray:
+        """Covariances of all knots, (knots, 3, 3), where landmarks stand so."""
+        heard = associate_echoes(self.echoes, self.poses, self.active, landmarks, sigma_m)
+        observed = heard.observed(self.echoes, landmarks.total, sigma_m)
+        _, *both = self._equations(landmarks, observed, sigma_m)
+        return covariances(solve(*both)[1], self.knot_count)
+
+    def _equations(
+        self, landmarks: Landmarks, heard: DataAssociation, sigma_m: float
+    ) -> tuple[LandmarkEquations, FloatArray, FloatArray]:
+        """Equations of landmarks, and both sides of those of the knots, odometry among them."""
         equations = LandmarkEquations(
             landmarks, heard, self.echoes, self.poses, Knots(self.knot, self.share),
             self.knot_count, ECHO_WEIGHT / sigma_m**2, squareness(landmarks.normals_rad, sigma_m),
@@ -103,8 +126,9 @@ class Smoother:
         size = 3 * self.knot_count
         matrix, right = np.zeros((size, size)), np.zeros(size)
         equations.add(matrix, right)
-        change, factor = self._solve(matrix, right)
-        return equations.moved(change), factor
+        for number in self._free:
+            self._add_odometry(number, matrix, right)
+        return equations, matrix, right
 
     def weigh_odometry(self, factor: tuple[FloatArray, bool]) -> None:
         """Find out how well the odometry of each robot is known, by how far echoes have it off.
@@ -130,18 +154,6 @@ class Smoother:
         """
         narrowed = float(np.log(np.diagonal(factor[0])).sum())
         return narrowed - sum(log_information(self.tracks[number]) for number in self._free)
-
-    def _solve(
-        self, matrix: FloatArray, right: FloatArray
-    ) -> tuple[FloatArray, tuple[FloatArray, bool]]:
-        """Add odometry, and move knots to where the equations have them."""
-        for number in self._free:
-            self._add_odometry(number, matrix, right)
-        change, factor = solve(matrix, right)
-        farthest_m = float(np.abs(change[:, :2]).max(initial=0.0))
-        change *= min(1.0, _LARGEST_STEP_M / max(farthest_m, 1e-9))
-        self.move(change)
-        return change, factor
 
     def _add_odometry(self, number: int, matrix: FloatArray, right: FloatArray) -> None:
         blocks, above, pull = chain(self.tracks[number], self.knots[number])

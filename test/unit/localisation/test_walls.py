@@ -128,6 +128,20 @@ def test_walls_whose_echoes_scatter_little_count_for_more() -> None:
     assert even > 3.0 * others
 
 
+def test_echoes_that_may_be_of_several_landmarks_tell_less() -> None:
+    true = way(240)
+    # A wall just behind the first one, of which nobody hears more than chance leaves open.
+    double = Landmarks(np.append(ROOM.normals_rad, 0.0), np.append(ROOM.distances_m, 6.04))
+    cones = [cone(at(pose), ranges_m(pose) + 0.02 * (number % 3 - 1))
+             for number, pose in enumerate(true)]  # fmt: skip
+    echoes = tabulate(cones, np.ones(240))
+    heard = associate_echoes(echoes, true, np.ones(240, bool), double, 0.02)
+    observed = heard.observed(echoes, double.total, 0.02)
+    left = observed.precision / heard.precision
+    assert left[heard.landmark == 4].max() < 0.5
+    assert 0.8 < left[heard.landmark != 4].min() <= left.max() <= 1.0
+
+
 def test_poles_in_a_room_are_points_and_its_walls_are_lines() -> None:
     true = way(240)
     poles_m = np.array([[1.8, 3.4], [4.6, 1.2]])

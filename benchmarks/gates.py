@@ -34,6 +34,11 @@ GATES = {
     "range_only": (Case("swarm", "ranges", 4721),),
     # Of sonars that report the first echo only, which smooth walls answer as mirrors do.
     "first_echoes": (Case("flat_smooth", "first_echoes", 4722),),
+    # So early that no mirror is known: who calls free what is behind one leads a robot astray.
+    "first_pings": (
+        Case("columns_smooth", "few_pings", 921),
+        Case("flat_smooth", "few_pings", 922),
+    ),
 }
 
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.free_space.mirror_share import (
+    TELLING_PINGS,
     expected_share,
     facing_who_heard,
     mirror_share,
+    unexplained_share,
 )
 from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, SurfaceViews
 from usmap_ros.mapping.joint.free_space.silence import WALLED
@@ -114,3 +116,23 @@ def test_few_pings_that_pass_poles_do_not_take_them_for_mirrors() -> None:
     passed = ([3, 3], []), ([4], []), ([9, 9], [9])
     assert (lone_things(*passed, pings=40) == NO_NORMAL).all()
     assert (lone_things(*passed) != NO_NORMAL).all()
+
+
+@pytest.mark.parametrize(
+    ("explained", "pings", "lone_share", "expected"),
+    [
+        (0.8, 60, 1.0, 0.0),
+        (0.4, 60, 1.0, 0.5),
+        (0.4, 60, 0.5, 0.25),
+        (0.4, TELLING_PINGS, 1.0, 0.0),
+    ],
+)
+def test_what_few_pings_heard_and_nothing_explains_may_be_mirrors(
+    explained: float, pings: int, lone_share: float, expected: float
+) -> None:
+    chances = np.where(np.arange(1000) < 1000 * explained, 0.8, 0.0).astype(np.float32)
+    assert unexplained_share(chances, pings, lone_share) == pytest.approx(expected)
+
+
+def test_nothing_heard_is_nothing_unexplained() -> None:
+    assert unexplained_share(np.empty(0, np.float32), 10, 1.0) == 0.0

@@ -9,7 +9,11 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import judged, over_block
-from usmap_ros.mapping.joint.free_space.mirror_share import facing_who_heard, mirror_share
+from usmap_ros.mapping.joint.free_space.mirror_share import (
+    facing_who_heard,
+    mirror_share,
+    unexplained_share,
+)
 from usmap_ros.mapping.joint.free_space.overdispersion import learn_shape
 from usmap_ros.mapping.joint.free_space.response import (
     NO_NORMAL,
@@ -22,6 +26,7 @@ from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.ping_bins import ECHO
 from usmap_ros.mapping.ping_table import PingTable
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -98,7 +103,11 @@ def learn_silence(
     log_silent = learn_response(views, surfaces)
     walled = _walled(walls.shown, on_lines)
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
-    mirrored = mirror_share(views, surfaces, log_silent, 1.0 - walled)
+    chances = listening.chance[table.kind[pings] == ECHO]
+    mirrored = max(
+        mirror_share(views, surfaces, log_silent, 1.0 - walled),
+        unexplained_share(chances, len(pings), 1.0 - walled),
+    )
     walls_facing = facing(smooth.mirrors, walls.lines, field.resolution_m)
     kinds = log_priors(
         walls_facing, len(smooth.mirrors), smooth.columns_likely, things, alone_m, mirrored

@@ -5,16 +5,7 @@ from typing import Any
 import numpy as np
 
 from usmap_ros.io.cdr import FLOAT, CdrReader, CdrWriter, Payload
-from usmap_ros.io.conversions.fields import (
-    FLOAT32,
-    TWO_DOUBLES,
-    read_header,
-    read_pose,
-    read_transducer,
-    write_header,
-    write_pose,
-    write_transducer,
-)
+from usmap_ros.io.conversions.fields import FLOAT32, TWO_DOUBLES, read_ping, write_ping
 from usmap_ros.pings.cone import BY_ECHO, MAY_LACK, EchoCone
 
 _UINT8 = np.dtype(np.uint8)
@@ -30,8 +21,7 @@ def cone_from_cdr(payload: Payload) -> EchoCone:
         If it cannot be decoded, or a field holds what no reconstruction could have found.
     """
     reader = CdrReader(payload)
-    stamp_ns, frame_id = read_header(reader)
-    child_frame_id, pose, transducer = reader.text(), read_pose(reader), read_transducer(reader)
+    ping = read_ping(reader)
     attenuation_db_m, object_rise_m = reader.numbers(TWO_DOUBLES)
     # A column that is left out of the message is empty.
     columns: dict[str, Any] = {name: reader.sequence(FLOAT32) for name in BY_ECHO}
@@ -41,11 +31,7 @@ def cone_from_cdr(payload: Payload) -> EchoCone:
     (residual,) = reader.numbers(FLOAT)
     reader.end()
     cone = EchoCone(
-        stamp_ns=stamp_ns,
-        frame_id=frame_id,
-        child_frame_id=child_frame_id,
-        pose=pose,
-        transducer=transducer,
+        *ping,
         attenuation_db_m=attenuation_db_m,
         limit_step_m=limit_step_m,
         detection_limits=detection_limits,
@@ -66,10 +52,7 @@ def cone_to_cdr(cone: EchoCone) -> bytes:
         If its stamp does not fit a message.
     """
     writer = CdrWriter()
-    write_header(writer, cone.stamp_ns, cone.frame_id)
-    writer.text(cone.child_frame_id)
-    write_pose(writer, cone.pose)
-    write_transducer(writer, cone.transducer)
+    write_ping(writer, cone)
     writer.numbers(TWO_DOUBLES, cone.attenuation_db_m, cone.object_rise_m)
     for name in BY_ECHO:
         column = getattr(cone, name)

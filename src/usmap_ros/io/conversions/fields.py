@@ -14,6 +14,8 @@ from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.cdr import BYTE, CdrReader, CdrWriter, Layout
 from usmap_ros.io.conversions.common import stamp_from_parts, stamp_to_parts
 from usmap_ros.numerics.geometry import Pose, told_covariance
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.trace import EchoTrace
 
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 TWO_DOUBLES = Layout.of(8, "dd")
@@ -46,18 +48,27 @@ def write_header(writer: CdrWriter, stamp_ns: int, frame_id: str) -> None:
     writer.text(frame_id)
 
 
-def read_pose(reader: CdrReader) -> Pose:
+def read_ping(reader: CdrReader) -> tuple[int, str, str, Pose, Transducer]:
+    """The fields that traces and cones begin with: stamp, frames, pose and transducer."""
+    stamp_ns, frame_id = read_header(reader)
+    return stamp_ns, frame_id, reader.text(), _read_pose(reader), read_transducer(reader)
+
+
+def write_ping(writer: CdrWriter, ping: EchoTrace | EchoCone) -> None:
+    """Append what traces and cones begin with."""
+    write_header(writer, ping.stamp_ns, ping.frame_id)
+    writer.text(ping.child_frame_id)
+    write_bare_pose(writer, ping.pose)
+    writer.array(FLOAT64, ping.pose.covariance)
+    write_transducer(writer, ping.transducer)
+
+
+def _read_pose(reader: CdrReader) -> Pose:
     """`Pose` from a ``geometry_msgs/PoseWithCovariance``, not yet validated."""
     # A copy: doubles need not lie in memory as compiled functions want them.
     numbers = reader.array(FLOAT64, _POSE_WITH_COVARIANCE).copy()
     covariance = told_covariance(numbers[_POSE:])
     return Pose(numbers[:_POSITION], numbers[_POSITION:_POSE], covariance)
-
-
-def write_pose(writer: CdrWriter, pose: Pose) -> None:
-    """Append a ``geometry_msgs/PoseWithCovariance``."""
-    write_bare_pose(writer, pose)
-    writer.array(FLOAT64, pose.covariance)
 
 
 def read_bare_pose(reader: CdrReader) -> Pose:

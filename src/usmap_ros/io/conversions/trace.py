@@ -2,16 +2,7 @@
 
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.io.cdr import CdrReader, CdrWriter, Layout, Payload
-from usmap_ros.io.conversions.fields import (
-    FLOAT32,
-    read_enumeration,
-    read_header,
-    read_pose,
-    read_transducer,
-    write_header,
-    write_pose,
-    write_transducer,
-)
+from usmap_ros.io.conversions.fields import FLOAT32, read_enumeration, read_ping, write_ping
 from usmap_ros.pings.trace import EchoTrace, Encoding
 
 #: From ``sound_speed`` to ``noise_std``, with ``encoding`` in between.
@@ -27,17 +18,12 @@ def trace_from_cdr(payload: Payload) -> EchoTrace:
         If it cannot be decoded, or a field holds what no sensor could have sent.
     """
     reader = CdrReader(payload)
-    stamp_ns, frame_id = read_header(reader)
-    child_frame_id, pose, transducer = reader.text(), read_pose(reader), read_transducer(reader)
+    ping = read_ping(reader)
     *channel, encoding, sample_rate_hz, start_delay_s, noise_std = reader.numbers(_NUMBERS)
     samples = reader.sequence(FLOAT32)
     reader.end()
     trace = EchoTrace(
-        stamp_ns=stamp_ns,
-        frame_id=frame_id,
-        child_frame_id=child_frame_id,
-        pose=pose,
-        transducer=transducer,
+        *ping,
         channel=Channel(*channel),
         encoding=read_enumeration("encoding", encoding, Encoding),
         sample_rate_hz=sample_rate_hz,
@@ -58,10 +44,7 @@ def noise_from_cdr(payload: Payload) -> float:
         If it cannot be decoded that far.
     """
     reader = CdrReader(payload)
-    read_header(reader)
-    reader.text()
-    read_pose(reader)
-    read_transducer(reader)
+    read_ping(reader)
     return float(reader.numbers(_NUMBERS)[-1])
 
 
@@ -74,10 +57,7 @@ def trace_to_cdr(trace: EchoTrace) -> bytes:
         If its stamp does not fit a message.
     """
     channel, writer = trace.channel, CdrWriter()
-    write_header(writer, trace.stamp_ns, trace.frame_id)
-    writer.text(trace.child_frame_id)
-    write_pose(writer, trace.pose)
-    write_transducer(writer, trace.transducer)
+    write_ping(writer, trace)
     writer.numbers(
         _NUMBERS,
         channel.sound_speed_m_s,

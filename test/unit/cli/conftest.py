@@ -77,18 +77,28 @@ def untouched_logging() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def recorded(usmap: Callable[..., Done], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder_of(
+    usmap: Callable[..., Done], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., Path]:
+    """Give a function that makes a folder with a scenario and what commands make of it."""
+
+    def make(scenario: str, *commands: list[str]) -> Path:
+        folder = tmp_path_factory.mktemp("scenario")
+        (folder / "scenario.yaml").write_text(scenario)
+        for command in commands:
+            done = usmap(*command, cwd=folder)
+            assert done.returncode == 0, done.stderr
+            assert done.stderr == ""
+        return folder
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def recorded(folder_of: Callable[..., Path]) -> Path:
     """Give a folder with a scenario, its recording, its truth and a map; not to be changed."""
-    folder = tmp_path_factory.mktemp("recorded")
-    (folder / "scenario.yaml").write_text(SCENARIO)
-    for arguments in (
-        ["simulate", "scenario.yaml", "-o", "bag", "--truth", "truth.yaml"],
-        ["map", "bag", "-o", "map"],
-    ):
-        done = usmap(*arguments, cwd=folder)
-        assert done.returncode == 0, done.stderr
-        assert done.stderr == ""
-    return folder
+    simulate = ["simulate", "scenario.yaml", "-o", "bag", "--truth", "truth.yaml"]
+    return folder_of(SCENARIO, simulate, ["map", "bag", "-o", "map"])
 
 
 @pytest.fixture
@@ -99,16 +109,8 @@ def workspace(recorded: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def undecided(
-    usmap: Callable[..., Done], recorded: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def undecided(folder_of: Callable[..., Path]) -> Path:
     """Give a folder with a map of a few pings, which leave open where the poles are."""
-    folder = tmp_path_factory.mktemp("undecided")
-    scenario = (
-        (recorded / "scenario.yaml").read_text().replace("duration_s: 1.0", "duration_s: 0.3")
-    )
-    (folder / "scenario.yaml").write_text(scenario)
-    for arguments in (["simulate", "scenario.yaml", "-o", "bag"], ["map", "bag", "-o", "map"]):
-        done = usmap(*arguments, cwd=folder)
-        assert done.returncode == 0, done.stderr
-    return folder
+    scenario = SCENARIO.replace("duration_s: 1.0", "duration_s: 0.3")
+    simulate = ["simulate", "scenario.yaml", "-o", "bag"]
+    return folder_of(scenario, simulate, ["map", "bag", "-o", "map"])

@@ -38,12 +38,9 @@ robots:
 
 
 @pytest.fixture(scope="module")
-def folder(usmap: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(folder_of: Callable[..., Path]) -> Path:
     """Give a folder with a recording whose messages are wrong."""
-    place = tmp_path_factory.mktemp("calibrate")
-    (place / "scenario.yaml").write_text(SCENARIO)
-    assert usmap("simulate", "scenario.yaml", "-o", "bag", cwd=place).returncode == 0
-    return place
+    return folder_of(SCENARIO, ["simulate", "scenario.yaml", "-o", "bag"])
 
 
 def test_what_it_prints_is_a_parameter_file(usmap: Run, folder: Path) -> None:

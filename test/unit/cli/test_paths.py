@@ -24,17 +24,10 @@ robots:
 
 
 @pytest.fixture(scope="module")
-def drifted(usmap: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def drifted(folder_of: Callable[..., Path]) -> Path:
     """Give a folder with a recording of a robot that drifts, its true path and its map."""
-    folder = tmp_path_factory.mktemp("drifted")
-    (folder / "scenario.yaml").write_text(SCENARIO)
-    for arguments in (
-        ["simulate", "scenario.yaml", "-o", "bag", "--true-paths", "true"],
-        ["map", "bag", "-o", "map", "--poses", "told"],
-    ):
-        done = usmap(*arguments, cwd=folder)
-        assert done.returncode == 0, done.stderr
-    return folder
+    simulate = ["simulate", "scenario.yaml", "-o", "bag", "--true-paths", "true"]
+    return folder_of(SCENARIO, simulate, ["map", "bag", "-o", "map", "--poses", "told"])
 
 
 def test_a_map_keeps_the_paths_of_its_robots(drifted: Path) -> None:

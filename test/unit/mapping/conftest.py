@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from two_objects import OBJECTS, VIEWS
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
@@ -83,3 +84,9 @@ def cone_of_objects(make_cone: MakeCone) -> MakeCone:
         return make_cone(*sorted(echoes), **others)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def views(cone_of_objects: MakeCone) -> list[EchoCone]:
+    """Give what is heard of two objects."""
+    return [cone_of_objects(*OBJECTS, stamp_ns=number, **view) for number, view in enumerate(VIEWS)]

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import logit
+from two_objects import OBJECTS, VIEWS
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import GridGeometry, OccupancyMap
@@ -20,25 +21,11 @@ from usmap_ros.pings.cone import EchoCone
 
 MakeCone = Callable[..., EchoCone]
 FUSIONS = [JointFusion, AdditiveFusion, RangeSensorFusion]
-#: Two objects, and places from where both are heard.
-OBJECTS = ((1.525, 0.425, 0.6), (1.775, -0.325, 0.4))
-VIEWS = [
-    {"x_m": x, "y_m": y, "yaw_rad": yaw}
-    for x, y, yaw in [
-        (0.0, 0.0, 0.0), (0.3, 0.9, -0.5), (0.2, -1.0, 0.6), (1.6, 1.7, -1.6), (1.5, -1.9, 1.5),
-        (3.2, 0.3, 3.0), (2.9, -0.9, 2.6), (0.5, 0.4, -0.2), (2.9, 1.1, -2.5), (0.1, -0.4, 0.2),
-    ]
-]  # fmt: skip
 
 
 @pytest.fixture(params=FUSIONS, ids=[kind.__name__ for kind in FUSIONS])
 def kind(request: pytest.FixtureRequest) -> type[Fusion]:
     return request.param
-
-
-@pytest.fixture(scope="module")
-def views(cone_of_objects: MakeCone) -> list[EchoCone]:
-    return [cone_of_objects(*OBJECTS, stamp_ns=number, **view) for number, view in enumerate(VIEWS)]
 
 
 def fused(fusion: Fusion, cones: list[EchoCone]) -> OccupancyMap:

@@ -10,21 +10,6 @@ from usmap_ros.pings.cone import EchoCone
 
 #: A mirror faces robots that look north: its distance, and amplitude reflectivity.
 MIRROR_M, MIRROR = 1.5, 0.9
-#: Lone objects, and places from where they are heard.
-OBJECTS = ((1.525, 0.425, 0.6), (1.775, -0.325, 0.4))
-VIEWS = [
-    {"x_m": x, "y_m": y, "yaw_rad": yaw}
-    for x, y, yaw in [
-        (0.0, 0.0, 0.0), (0.3, 0.9, -0.5), (0.2, -1.0, 0.6), (1.6, 1.7, -1.6), (1.5, -1.9, 1.5),
-        (3.2, 0.3, 3.0), (2.9, -0.9, 2.6), (0.5, 0.4, -0.2), (2.9, 1.1, -2.5), (0.1, -0.4, 0.2),
-    ]
-]  # fmt: skip
-
-
-@pytest.fixture(scope="session")
-def views(cone_of_objects: Callable[..., EchoCone]) -> list[EchoCone]:
-    """Give what is heard of the objects."""
-    return [cone_of_objects(*OBJECTS, stamp_ns=number, **view) for number, view in enumerate(VIEWS)]
 
 
 @pytest.fixture(scope="session")

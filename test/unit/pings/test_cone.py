@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_pings import CONE
 
-from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import LIMIT_STEP_DB, EchoCone, encode_limits
@@ -17,24 +15,7 @@ from usmap_ros.pings.cone import LIMIT_STEP_DB, EchoCone, encode_limits
 
 @pytest.fixture
 def cone() -> EchoCone:
-    ranges_m = np.array([1.0, 2.0], dtype=np.float32)
-    return EchoCone(
-        stamp_ns=0,
-        frame_id="map",
-        child_frame_id="sonar",
-        pose=Pose.planar(0.0, 0.0, 0.0),
-        transducer=Transducer(
-            Pulse(PulseShape.HANN_BURST, 50e3, 3e-4), BeamPattern.linear(), 0.2, 5.0
-        ),
-        attenuation_db_m=1.5,
-        ranges_m=ranges_m,
-        range_stds_m=np.full_like(ranges_m, 1e-3),
-        amplitudes=np.ones_like(ranges_m),
-        amplitude_stds=np.full_like(ranges_m, 0.01),
-        limit_step_m=0.025,
-        detection_limits=np.full(192, 120, dtype=np.uint8),
-        residual=0.1,
-    )
+    return CONE
 
 
 @given(st.lists(st.floats(1e-5, 10.0**1.375), min_size=1))

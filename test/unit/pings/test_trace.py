@@ -4,30 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_pings import TRACE
 
-from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.pings.trace import EchoTrace, Encoding
-
-TRACE = EchoTrace(
-    stamp_ns=1,
-    frame_id="map",
-    child_frame_id="robot1/sonar",
-    pose=Pose.planar(1.0, 2.0, 0.5),
-    transducer=Transducer(
-        Pulse(PulseShape.HANN_BURST, 50_000.0, 0.00032), BeamPattern.linear(), 0.2, 5.0
-    ),
-    channel=Channel(343.0),
-    encoding=Encoding.IQ,
-    sample_rate_hz=25_000.0,
-    start_delay_s=0.001,
-    noise_std=0.01,
-    samples=np.array([1, 2, 3, 4], dtype=np.float32),
-)
+from usmap_ros.pings.trace import Encoding
 
 
 def test_iq_comes_in_pairs():

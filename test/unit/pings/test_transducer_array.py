@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_pings import TRACE
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.soundings import TransducerArrays
-from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
 
 RISING = Pulse(PulseShape.CHIRP, 50e3, 2e-3, 20e3)
@@ -25,18 +24,11 @@ def transducer(pulse):
 
 def trace(frame="left", stamp_ns=10, pulse=RISING):
     """Return a trace as a message has it: without a sweep."""
-    return EchoTrace(
+    return replace(
+        TRACE,
         stamp_ns=stamp_ns,
-        frame_id="map",
         child_frame_id=frame,
-        pose=Pose.planar(0.0, 0.0, 0.0),
         transducer=transducer(replace(pulse, sweep_hz=0.0)),
-        channel=Channel(343.0),
-        encoding=Encoding.IQ,
-        sample_rate_hz=25e3,
-        start_delay_s=0.0,
-        noise_std=0.0,
-        samples=np.zeros(4, dtype=np.float32),
     )
 
 

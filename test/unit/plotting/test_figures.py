@@ -6,20 +6,19 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+from made_pings import PULSE, TRACE, TRANSDUCER
 from matplotlib.axes import Axes
 from PIL import Image
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.grids import AMBIGUITY, NORMAL, GridGeometry, OccupancyMap, TruthMap
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths
-from usmap_ros.pings.trace import EchoTrace, Encoding
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.pings.trajectory import Trajectory
 from usmap_ros.plotting import cone_figure, map_figure, overview_figure, save_figure, trace_figure
 from usmap_ros.plotting.animation import MapFrame, save_animation
@@ -33,21 +32,16 @@ TRUTH = TruthMap(GridGeometry(0.05, (0.0, 0.0), (20, 20)), np.eye(20, dtype=np.b
 @pytest.fixture(scope="module")
 def trace() -> EchoTrace:
     """Give an I/Q trace of one echo from 2 m."""
-    pulse = Pulse(PulseShape.HANN_BURST, 50e3, 0.32e-3)
     times_s = np.arange(750) / 25e3
     noise = np.random.default_rng(0).standard_normal((2, 750)) * 0.005
-    signal = 0.25 * pulse.window(times_s - 2.0 * ECHO_RANGE_M / 343.0) + noise[0] + 1j * noise[1]
-    return EchoTrace(
-        stamp_ns=0,
-        frame_id="map",
-        child_frame_id="robot1/sonar",
-        pose=Pose.planar(0.5, 0.5, 0.3),
-        transducer=Transducer(
-            pulse, BeamPattern(np.array([0.0, 0.7]), np.array([1.0, 0.0])), 0.2, 5.0
+    signal = 0.25 * PULSE.window(times_s - 2.0 * ECHO_RANGE_M / 343.0) + noise[0] + 1j * noise[1]
+    return replace(
+        TRACE,
+        transducer=replace(
+            TRANSDUCER, beam=BeamPattern(np.array([0.0, 0.7]), np.array([1.0, 0.0]))
         ),
+        pose=Pose.planar(0.5, 0.5, 0.3),
         channel=Channel(343.0),
-        encoding=Encoding.IQ,
-        sample_rate_hz=25e3,
         start_delay_s=0.0,
         noise_std=0.007,
         samples=signal.view(np.float64).astype(np.float32),

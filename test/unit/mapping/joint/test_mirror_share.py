@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.free_space.mirror_share import (
+    LEAST_ECHOES,
     TELLING_PINGS,
     expected_share,
     facing_who_heard,
@@ -13,7 +14,7 @@ from usmap_ros.mapping.joint.free_space.mirror_share import (
     unexplained_share,
 )
 from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, SurfaceViews
-from usmap_ros.mapping.joint.free_space.silence import WALLED
+from usmap_ros.mapping.joint.free_space.silence import LONE, WALLED
 from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES, SECTORS
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -122,17 +123,23 @@ def test_few_pings_that_pass_poles_do_not_take_them_for_mirrors() -> None:
     ("explained", "pings", "lone_share", "expected"),
     [
         (0.8, 60, 1.0, 0.0),
-        (0.4, 60, 1.0, 0.5),
+        (0.4, TELLING_PINGS - 1, 1.0, 0.5),
         (0.4, 60, 0.5, 0.25),
-        (0.4, TELLING_PINGS, 1.0, 0.0),
+        (0.4, TELLING_PINGS, 1.0, 0.55 / 0.95),
+        (0.95, 10 * TELLING_PINGS, 1.0, 0.0),
     ],
 )
-def test_what_few_pings_heard_and_nothing_explains_may_be_mirrors(
+def test_what_nothing_explains_may_be_mirrors(
     explained: float, pings: int, lone_share: float, expected: float
 ) -> None:
     chances = np.where(np.arange(1000) < 1000 * explained, 0.8, 0.0).astype(np.float32)
     assert unexplained_share(chances, pings, lone_share) == pytest.approx(expected)
 
 
-def test_nothing_heard_is_nothing_unexplained() -> None:
-    assert unexplained_share(np.empty(0, np.float32), 10, 1.0) == 0.0
+def test_of_few_echoes_hardly_any_may_be_left_unexplained() -> None:
+    chances = np.ones(LEAST_ECHOES, np.float32)
+    chances[:3] = 0.0
+    assert unexplained_share(chances, 10, 1.0) == 0.0
+    assert unexplained_share(chances[:-1], 10, 1.0) > math.exp(LONE[0])
+    assert unexplained_share(chances[:-1], 10, 0.0) == 0.0
+    assert unexplained_share(chances[3:], 10, 1.0) == 0.0

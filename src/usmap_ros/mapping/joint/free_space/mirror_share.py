@@ -29,8 +29,10 @@ FROM_ASIDE, FROM_ONE_SIDE = 0.83, 0.95
 #: Pings from which on it tells that nothing was heard from several sides: few hear poles from one.
 TELLING_PINGS = 100
 #: Chance of an echo by what stands, from which on that explains it; and share of echoes that few
-#: pings leave unexplained among poles, too.
-EXPLAINED, OFTEN_UNEXPLAINED = 0.3, 0.2
+#: pings leave unexplained among poles, too, and that many do.
+EXPLAINED, OF_FEW, OF_MANY = 0.3, 0.2, 0.05
+#: Echoes below which hardly any may be left unexplained, and the share of mirrors where more are.
+LEAST_ECHOES, UNKNOWN_SHARE = 60, 0.5
 #: A wall ends where its cells are farther apart than this.
 APART_CELLS = 10.0
 #: Shares that are compared, and how likely they are before anything was heard: a Beta distribution.
@@ -80,11 +82,10 @@ def expected_share(mirrors: float, others: float, struck: float) -> float:
 
 
 def unexplained_share(chances: NDArray[np.float32], pings: int, lone_share: float) -> float:
-    """Share of surfaces that may be mirrors, by echoes that nothing explains, while pings are few.
+    """Share of surfaces that may be mirrors, by echoes that nothing explains.
 
-    A few pings strike a mirror in a few places, each of them from one side: what they hear fits no
-    point that all of them should have heard, and nothing is shown.  Poles explain what they return.
-    With `TELLING_PINGS` the sides that things are heard from tell more.
+    Pings strike a mirror in a few places, each of them from one side: what they hear fits no point
+    that all of them should have heard, and nothing is shown.  Poles explain what they return.
 
     Parameters
     ----------
@@ -95,10 +96,13 @@ def unexplained_share(chances: NDArray[np.float32], pings: int, lone_share: floa
     lone_share : float
         How far a place is one of lone things: walls that were found tell of themselves.
     """
-    if pings >= TELLING_PINGS or not len(chances):
+    if not len(chances):
         return 0.0
     unexplained = float(np.mean(chances <= EXPLAINED))
-    return lone_share * max(0.0, unexplained - OFTEN_UNEXPLAINED) / (1.0 - OFTEN_UNEXPLAINED)
+    if len(chances) < LEAST_ECHOES:
+        return UNKNOWN_SHARE * lone_share * (unexplained > OF_MANY)
+    usual = OF_FEW if pings < TELLING_PINGS else OF_MANY
+    return lone_share * max(0.0, unexplained - usual) / (1.0 - usual)
 
 
 def facing_who_heard(views: SurfaceViews, surfaces: FloatArray, pings: int) -> FloatArray:

@@ -128,7 +128,8 @@ def heard(sides: list[Any], it: SimpleNamespace, place: FloatArray, yaw_rad: flo
         lengths = np.maximum(np.linalg.norm(ways, axis=1), 1e-9)
         return gain(it, np.arccos(np.clip(ways @ ahead / lengths, -1.0, 1.0)))
 
-    room = pra.Room(sides, fs=96000, max_order=3, ray_tracing=True)
+    # It makes bins of whole samples, rounded down, and others would put scattered sound too late.
+    room = pra.Room(sides, fs=round(1.0 / BIN_S), max_order=3, ray_tracing=True)
     room.set_sound_speed(SOUND_SPEED)
     room.set_ray_tracing(
         n_rays=RAYS, receiver_radius=0.05, energy_thres=1e-9, hist_bin_size=BIN_S,

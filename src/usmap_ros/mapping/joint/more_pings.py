@@ -73,7 +73,7 @@ class MorePings:
             pings.table, pings.rows, pings.weights, self.field, before.standing, self._stood,
             parameters.proof_rays, pings.first_only,
         )  # fmt: skip
-        more = space.more(walls, before.free, smooth, powers, known.silence)
+        more = space.more(walls, before.free, before.worst, smooth, powers, known.silence)
         known.put(self._freed(cells, walls, more, known), self.field)
         return known
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.free_space.connected import connected
-from usmap_ros.mapping.joint.free_space.free_space import are_refuted
+from usmap_ros.mapping.joint.free_space.free_space import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.open_space import (
     GROUPS,
     MIRRORS,
+    MOST_A_SECTOR,
     ORIENTATIONS,
     OTHERS,
     ROUND,
@@ -76,6 +77,18 @@ def test_silence_and_sound_that_came_back_refute_surfaces_together() -> None:
     worst[0, :, 1] = [-1.9, -2.1, -1.0, -1.0, -0.1, 1.0, 1.0]
     refuted = are_refuted(worst, proven, -2.0, 3.0)[0, :, 1]
     assert refuted.tolist() == [False, True, False, True, True, False, True]
+
+
+def test_what_echoes_from_several_sides_speak_for_holds_sound_back() -> None:
+    hides, free = np.array([[True, False, False, False]]), np.array([[False, True, False, False]])
+    worst = np.zeros((1, 4, GROUPS), np.float32)
+    worst[0, :, 0], worst[0, 1, 2] = [9.0, 9.0, MOST_A_SECTOR, 2.0 * MOST_A_SECTOR], 9.0
+    shown, open_, one_side, two_sides = beliefs(hides, free, worst, 0.05)[0]
+    assert (shown, open_) == (OCCUPIED, 0.0)
+    assert one_side == pytest.approx(0.05)
+    assert 0.3 < two_sides < 0.5
+    worst[0, 3, 1] = 50.0
+    assert beliefs(hides, free, worst, 0.05)[0, 3] == OCCUPIED
 
 
 def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(

@@ -25,6 +25,7 @@ from usmap_ros.mapping.joint.free_space.open_space import (
     BAND,
     GROUPS,
     MIRRORS,
+    MOST_A_SECTOR,
     ORIENTATIONS,
     ROUND,
     refute_surfaces,
@@ -40,7 +41,7 @@ from usmap_ros.mapping.joint.visibility.open_ways import prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays
 from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.special import running_maximum
+from usmap_ros.numerics.special import logistic, running_maximum
 from usmap_ros.processes.threads import for_each
 
 #: Log-odds from which on a cell that is not shown is not free either.
@@ -167,9 +168,7 @@ class FreeSpace:
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
             left_before = left
-            left = self._left(
-                np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown))
-            )
+            left = self._left(beliefs(hides, free, worst, silence.unknown))
             changed = _differ(left, left_before)
             self._refute(left, listening, silence, wanted, changed, worst)
             is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
@@ -180,6 +179,7 @@ class FreeSpace:
         self,
         walls: Walls,
         free: BoolArray,
+        worst: NDArray[np.float32],
         smooth: SmoothSurfaces,
         powers: Powers,
         silence: Silence,
@@ -192,6 +192,8 @@ class FreeSpace:
             What stands.
         free : (rows, columns) bool array
             Cells that were free before.
+        worst : (rows, columns, GROUPS) float32 array
+            What pings before said of the others, by `refute_surfaces`.
         powers
             Of what stands.
         silence : Silence
@@ -201,16 +203,16 @@ class FreeSpace:
         listening = self._listening(walls, smooth, powers)
         left = self._left(np.where(hides, OCCUPIED, 0.0))
         proofs = self._proven(walls.shown, left, powers, smooth)
-        left = self._left(np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, silence.unknown)))
+        left = self._left(beliefs(hides, free, worst, silence.unknown))
         # How usual surfaces are has been counted with what was heard of them before.
         alike = silence.kinds.copy()
         alike[:ORIENTATIONS, 1] = alike[ROUND, 1] = 0.0
         mirrored = alike[ORIENTATIONS:ROUND, 1]
         mirrored[:] = mirrored.max()
-        worst = np.zeros((*self._field.shape, GROUPS), np.float32)
+        more = np.zeros_like(worst)
         wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
-        self._refute(left, listening, silence._replace(kinds=alike), wanted, changed, worst)
-        return Refutations(worst, proofs, np.zeros(self._field.shape, bool))
+        self._refute(left, listening, silence._replace(kinds=alike), wanted, changed, more)
+        return Refutations(more, proofs, np.zeros(self._field.shape, bool))
 
     def _refute(
         self,
@@ -349,6 +351,29 @@ def are_refuted(
     needed = refuted * (1.0 - proven / proofs)
     fails: BoolArray = worst < needed[:, :, np.newaxis]
     return fails
+
+
+def beliefs(
+    hides: BoolArray, free: BoolArray, worst: NDArray[np.float32], unknown: float
+) -> FloatArray:
+    """Belief that each cell holds sound back.
+
+    Echoes from one side alone come from anywhere on a ring; what several sides say stands, though
+    not surely enough to be shown, explains silence behind it.
+
+    Parameters
+    ----------
+    hides, free : (rows, columns) bool arrays
+        Cells that are occupied, and those that are free.
+    worst : (rows, columns, GROUPS) float32 array
+        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
+    unknown : float
+        Belief in the others where echoes speak for nothing.
+    """
+    several = np.maximum(worst.max(axis=2) - MOST_A_SECTOR, 0.0)
+    others = np.minimum(logistic(several + math.log(unknown / (1.0 - unknown))), OCCUPIED)
+    held: FloatArray = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, others))
+    return held
 
 
 def _differ(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> BoolArray:

@@ -16,9 +16,11 @@ from usmap_ros.numerics.elementary import exp32, log32
 
 #: Range bins that a cell, and that a block of nine, may reach into; and cells of a block.
 CELL_BINS, BLOCK_BINS, BLOCK_CELLS = 32, 72, 9
+#: Range bins that nearly all cells reach into at the most: the others need not be looked at.
+FEW_BINS = 16
 #: Range bins of a cell begin at multiples of so many, so that what is added up lies as the
-#: processor takes it: as many at once.  Range bins beyond a ping's that it may take, too.
-AT_ONCE, BEYOND = 8, BLOCK_BINS + CELL_BINS
+#: processor takes it.  Range bins beyond a ping's that it may take, too.
+ALIGNED, BEYOND = 4, BLOCK_BINS + CELL_BINS
 #: A contribution below this share of what is expected in a bin neither explains nor contradicts.
 LEAST_SHARE = 0.05
 #: More than any.
@@ -173,7 +175,7 @@ def divide(
         cell, low, high = cells.of[rows.scatterer[row]], rows.low[row], rows.high[row]
         if cell != last:
             last, parts.cell[count], parts.place[cell] = cell, cell, count
-            parts.begin[count], parts.length[count] = max(0, int(low) - 4) // AT_ONCE * AT_ONCE, 0
+            parts.begin[count], parts.length[count] = max(0, int(low) - 4) // ALIGNED * ALIGNED, 0
             for place in range(CELL_BINS):
                 parts.power[count, place] = 0.0
             count += 1
@@ -192,10 +194,13 @@ def sum_up(count: int, known: Levels, parts: Parts) -> None:
     """Set the largest contribution of each cell, and the sum of those to bins with an echo."""
     for entry in range(count):
         first, largest, echoes = parts.begin[entry], np.float32(0.0), np.float32(0.0)
-        for place in range(CELL_BINS):
-            part = parts.power[entry, place]
-            largest = max(largest, part * known.per_least[first + place])
-            echoes += part * known.is_echo[first + place]
+        for begin in range(0, parts.length[entry], FEW_BINS):
+            per_least = known.per_least[first + begin : first + begin + FEW_BINS]
+            is_echo = known.is_echo[first + begin : first + begin + FEW_BINS]
+            power = parts.power[entry, begin : begin + FEW_BINS]
+            for place in range(FEW_BINS):
+                largest = max(largest, power[place] * per_least[place])
+                echoes += power[place] * is_echo[place]
         parts.largest[entry], parts.echoes[entry] = largest, echoes
 
 
@@ -226,7 +231,9 @@ def add_up(
         place = beside[which]
         shift = parts.begin[place] - first
         if shift <= BLOCK_BINS:
-            # All of them, so that as many as the processor can are added at once.
-            for b in range(CELL_BINS):
-                block[shift + b] += parts.power[place, b]
+            # So many at a time as let the processor add many at once.
+            for begin in range(0, parts.length[place], FEW_BINS):
+                some, power = block[shift + begin :], parts.power[place, begin:]
+                for b in range(FEW_BINS):
+                    some[b] += power[b]
     return first, end

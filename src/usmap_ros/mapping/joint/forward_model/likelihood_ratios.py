@@ -192,20 +192,18 @@ def _weigh(
     most, one, none = np.float32(MOST_A_BIN), np.float32(1.0), np.float32(0.0)
     total = none
     for begin in range(0, length, TOGETHER):
-        at, end = first + begin, first + begin + TOGETHER
-        level, power, limit = known.level[at:end], known.power[at:end], known.limit[at:end]
-        least, silent, echo = known.least[at:end], known.silent[at:end], known.is_echo[at:end]
-        part = parts[begin : begin + TOGETHER]
-        for b in range(TOGETHER):
-            is_echo = echo[b] > none
-            without = max(level[b] - part[b], noise)
-            per_level, per_rest = one / level[b], one / without
-            below = probability_below(limit[b] * per_rest)
+        for place in range(TOGETHER):
+            # Without a sign, they need not be compared with zero.
+            own, b = np.uint64(begin + place), np.uint64(first + begin + place)
+            part, level, is_echo = parts[own], known.level[b], known.is_echo[b] > none
+            without = max(level - part, noise)
+            per_level, per_rest = one / level, one / without
+            below = probability_below(known.limit[b] * per_rest)
             logarithm = log32(without * per_level if is_echo else below)
-            of_echo = power[b] * (per_rest - per_level) + logarithm
-            ratio = of_echo if is_echo else silent[b] - logarithm
+            of_echo = known.power[b] * (per_rest - per_level) + logarithm
+            ratio = of_echo if is_echo else known.silent[b] - logarithm
             ratio = min(max(ratio, -most), most)
-            total += ratio if part[b] >= least[b] else none
+            total += ratio if part >= known.least[b] else none
     return total
 
 
@@ -216,13 +214,10 @@ def _largest_share(
     """Largest share of contributions in what is expected of a bin with an echo; as `_weigh`."""
     none = np.float32(0.0)
     largest = none
-    for begin in range(0, length, TOGETHER):
-        at, end = first + begin, first + begin + TOGETHER
-        level, least, echo = known.level[at:end], known.least[at:end], known.is_echo[at:end]
-        part = parts[begin : begin + TOGETHER]
-        for b in range(TOGETHER):
-            share = part[b] * echo[b] / level[b]
-            largest = max(largest, share if part[b] >= least[b] else none)
+    for place in range(length):
+        own, b = np.uint64(place), np.uint64(first + place)
+        share = parts[own] * known.is_echo[b] / known.level[b]
+        largest = max(largest, share if parts[own] >= known.least[b] else none)
     return largest
 
 

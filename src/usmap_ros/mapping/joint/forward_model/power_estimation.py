@@ -207,16 +207,17 @@ def _expect(
     bins, noise = table.bins[ping], table.numbers[ping, NOISE]
     for place in range(2 * bins + 4):
         slope[place] = 0.0
-    for row in range(rows.start[index], rows.start[index + 1]):
-        part = np.float64(rows.weight[row] * power[rows.scatterer[row]])
-        low, high, heard = rows.low[row], rows.high[row], rows.heard[row]
-        first, last = np.int64(low), np.int64(high)
-        beyond, beyond_end = part * (low - first), part * (high - last)
-        first, last = 2 * first + heard, 2 * last + heard
+    for place in range(rows.start[index], rows.start[index + 1]):
+        row = np.uint64(place)
+        part = np.float64(rows.weight[row] * power[np.uint32(rows.scatterer[row])])
+        low, high, heard = rows.low[row], rows.high[row], np.uint32(rows.heard[row])
+        first, last = np.uint32(low), np.uint32(high)
+        beyond, beyond_end = part * (low - np.float32(first)), part * (high - np.float32(last))
+        first, last = np.uint32(2) * first + heard, np.uint32(2) * last + heard
         slope[first] += part - beyond
-        slope[first + 2] += beyond
+        slope[first + np.uint32(2)] += beyond
         slope[last] -= part - beyond_end
-        slope[last + 2] -= beyond_end
+        slope[last + np.uint32(2)] -= beyond_end
     anywhere, not_silent = 0.0, 0.0
     for b in range(bins):
         anywhere += slope[2 * b]
@@ -274,20 +275,20 @@ def gather_gradients(
     most = table.kind.shape[1]
     slope, expected = np.empty(2 * most + 4), np.empty(most, np.float32)
     # Sums over the bins before each, for rows that no echo is heard of, and for the others.
-    sums = np.zeros((most + 2, 4))
-    longest = 0
+    sums = np.zeros(4 * (most + 2))
+    longest = most
     for index in range(len(pings)):
         longest = max(longest, rows.start[index + 1] - rows.start[index])
     slopes = np.empty((longest, 2), np.float32)
     for index in range(len(pings)):
         _expect(table, pings[index], rows, index, power, slope, expected)
-        _sum_slopes(table, pings[index], weights[index], expected, sums)
+        _sum_slopes(table, pings[index], weights[index], expected, slopes, sums)
         begin, end = rows.start[index], rows.start[index + 1]
         _slope_of_rows(rows, begin, end, sums, slopes)
-        for row in range(begin, end):
-            scatterer = rows.scatterer[row]
-            gradients[scatterer, 0] += slopes[row - begin, 0]
-            gradients[scatterer, 1] += slopes[row - begin, 1]
+        for place in range(end - begin):
+            scatterer = np.uint32(rows.scatterer[np.uint64(begin + place)])
+            gradients[scatterer, 0] += slopes[place, 0]
+            gradients[scatterer, 1] += slopes[place, 1]
 
 
 @inlined
@@ -304,22 +305,23 @@ def _slope_of_rows(
     ----------
     rows, begin, end : Projection, int, int
         Which.
-    sums : (bins + 2, 4) array
+    sums : (4 (bins + 2),) array
         By `_sum_slopes`.
     slopes : (rows, 2) float32 array
         Set.
     """
     for place in range(end - begin):
-        row = begin + place
-        low, high, heard = rows.low[row], rows.high[row], 2 * np.int64(rows.heard[row])
-        first, last = np.int64(low), np.int64(high)
-        inside, inside_end = np.float64(low - first), np.float64(high - last)
-        raised, lowered = sums[last, heard], sums[last, heard + 1]
-        raised += inside_end * (sums[last + 1, heard] - raised)
-        lowered += inside_end * (sums[last + 1, heard + 1] - lowered)
-        before, before_lowered = sums[first, heard], sums[first, heard + 1]
-        raised -= before + inside * (sums[first + 1, heard] - before)
-        lowered -= before_lowered + inside * (sums[first + 1, heard + 1] - before_lowered)
+        row = np.uint64(begin + place)
+        low, high, heard = rows.low[row], rows.high[row], np.uint32(2) * np.uint32(rows.heard[row])
+        first, last = np.uint32(low), np.uint32(high)
+        inside, inside_end = low - np.float32(first), high - np.float32(last)
+        first, last = np.uint32(4) * first + heard, np.uint32(4) * last + heard
+        raised, lowered = sums[last], sums[last + np.uint32(1)]
+        raised += inside_end * (sums[last + np.uint32(4)] - raised)
+        lowered += inside_end * (sums[last + np.uint32(5)] - lowered)
+        before, before_lowered = sums[first], sums[first + np.uint32(1)]
+        raised -= before + inside * (sums[first + np.uint32(4)] - before)
+        lowered -= before_lowered + inside * (sums[first + np.uint32(5)] - before_lowered)
         slopes[place, 0] = np.float32(raised) * rows.weight[row]
         slopes[place, 1] = np.float32(lowered) * rows.weight[row]
 
@@ -330,6 +332,7 @@ def _sum_slopes(
     ping: int,
     weight: float,
     expected: NDArray[np.float32],
+    slopes: NDArray[np.float32],
     sums: NDArray[np.float64],
 ) -> None:
     """Set sums of y/λ² and 1/λ over the bins before each.
@@ -338,29 +341,43 @@ def _sum_slopes(
     ----------
     table, ping, weight, expected
         The ping, how much it counts, and what is expected of it.
-    sums : (bins + 2, 4) array
-        With silent bins, and without.
+    slopes : (bins, 2) float32 array
+        Room for both of each bin.
+    sums : (4 (bins + 2),) array
+        Of each bin four: with silent bins, and without.
     """
-    bins, noise = table.bins[ping], table.numbers[ping, NOISE]
+    bins, count = table.bins[ping], np.float32(weight)
+    loud, none, one = np.float32(table.numbers[ping, NOISE] * 1.0001), np.float32(0.0), np.float32(1)
+    # So many at once as the processor can, and then their sums.
     for b in range(bins):
-        level, kind = np.float64(expected[b]), table.kind[ping, b]
-        raises, lowers, is_echo = 0.0, 0.0, 0.0
-        if kind == ECHO:
-            raises, lowers, is_echo = table.power[ping, b] / (level * level), 1.0 / level, 1.0
-        elif kind == SILENCE and level > noise * 1.0001:
-            limit = table.limit[ping, b]
-            ratio, mean = limit / level, level
-            if ratio < 1e-3:
-                mean = 0.5 * limit
-            elif ratio < 30.0:
-                mean = level - limit / (math.exp(ratio) - 1.0)
-            raises, lowers = mean / (level * level), 1.0 / level
-        raises, lowers = weight * raises, weight * lowers
-        sums[b + 1, 0], sums[b + 1, 1] = sums[b, 0] + raises, sums[b, 1] + lowers
-        sums[b + 1, 2] = sums[b, 2] + is_echo * raises
-        sums[b + 1, 3] = sums[b, 3] + is_echo * lowers
+        level, kind, limit = expected[b], table.kind[ping, b], table.limit[ping, b]
+        per_level = one / level
+        mean = table.power[ping, b] if kind == ECHO else _mean_below(limit, level, limit * per_level)
+        is_told = (kind == ECHO) | ((kind == SILENCE) & (level > loud))
+        lowers = count * per_level if is_told else none
+        slopes[b, 0], slopes[b, 1] = mean * per_level * lowers, lowers
+    total, total_lowers, echoes, echoes_lower = 0.0, 0.0, 0.0, 0.0
+    for b in range(bins):
+        raises, lowers = np.float64(slopes[b, 0]), np.float64(slopes[b, 1])
+        is_echo = 1.0 if table.kind[ping, b] == ECHO else 0.0
+        total, total_lowers = total + raises, total_lowers + lowers
+        echoes, echoes_lower = echoes + is_echo * raises, echoes_lower + is_echo * lowers
+        sums[4 * b + 4], sums[4 * b + 5] = total, total_lowers
+        sums[4 * b + 6], sums[4 * b + 7] = echoes, echoes_lower
     for which in range(4):
-        sums[bins + 1, which] = sums[bins, which]
+        sums[4 * bins + 4 + which] = sums[4 * bins + which]
+
+
+@inlined
+def _mean_below(limit: np.float32, level: np.float32, ratio: np.float32) -> np.float32:
+    """Mean of a power, exponential about a level, that is below a limit; and the limit over it."""
+    one, half = np.float32(1.0), np.float32(0.5)
+    bounded = min(max(ratio, half), np.float32(30.0))
+    # What is left of the difference of two large numbers, and its series where they are alike.
+    far = level - limit / (exp32(bounded) - one)
+    square = ratio * ratio
+    near = limit * (half - ratio * (np.float32(1 / 12) - square * np.float32(1 / 720)))
+    return near if ratio < half else far
 
 
 @compiled

@@ -168,24 +168,29 @@ def divide(
 ) -> int:
     """Set what each cell returns of a ping; returns how many there are."""
     bins, count, last = table.bins[ping], 0, -1
-    for row in range(rows.start[index], rows.start[index + 1]):
-        v = power[rows.scatterer[row]]
+    for place in range(rows.start[index], rows.start[index + 1]):
+        # Places without a sign need not be compared with zero.
+        row = np.uint64(place)
+        scatterer = np.uint32(rows.scatterer[row])
+        v = power[scatterer]
         if v <= 0.0:
             continue
-        cell, low, high = cells.of[rows.scatterer[row]], rows.low[row], rows.high[row]
+        cell, low, high = cells.of[scatterer], rows.low[row], rows.high[row]
         if cell != last:
             last, parts.cell[count], parts.place[cell] = cell, cell, count
             parts.begin[count], parts.length[count] = max(0, int(low) - 4) // ALIGNED * ALIGNED, 0
-            for place in range(CELL_BINS):
-                parts.power[count, place] = 0.0
+            own = parts.power[count]
+            for b in range(CELL_BINS):
+                own[b] = 0.0
             count += 1
         scale, first = rows.weight[row] * v, parts.begin[count - 1]
         end = min(bins - 1, int(high), first + CELL_BINS - 1) + 1
         parts.length[count - 1] = max(parts.length[count - 1], end - first)
+        own, is_heard = parts.power[count - 1], rows.heard[row]
         for b in range(max(first, int(low)), end):
-            if not rows.heard[row] or table.kind[ping, b] != SILENCE:
+            if not is_heard or table.kind[ping, np.uint64(b)] != SILENCE:
                 inside = min(high, np.float32(b + 1)) - max(low, np.float32(b))
-                parts.power[count - 1, b - first] += scale * inside
+                own[np.uint64(b - first)] += scale * inside
     return count
 
 

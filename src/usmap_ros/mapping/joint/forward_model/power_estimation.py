@@ -14,7 +14,6 @@ References
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -347,12 +346,14 @@ def _sum_slopes(
         Of each bin four: with silent bins, and without.
     """
     bins, count = table.bins[ping], np.float32(weight)
-    loud, none, one = np.float32(table.numbers[ping, NOISE] * 1.0001), np.float32(0.0), np.float32(1)
+    loud = np.float32(table.numbers[ping, NOISE] * 1.0001)
+    none, one = np.float32(0.0), np.float32(1.0)
     # So many at once as the processor can, and then their sums.
     for b in range(bins):
         level, kind, limit = expected[b], table.kind[ping, b], table.limit[ping, b]
         per_level = one / level
-        mean = table.power[ping, b] if kind == ECHO else _mean_below(limit, level, limit * per_level)
+        below = _mean_below(limit, level, limit * per_level)
+        mean = table.power[ping, b] if kind == ECHO else below
         is_told = (kind == ECHO) | ((kind == SILENCE) & (level > loud))
         lowers = count * per_level if is_told else none
         slopes[b, 0], slopes[b, 1] = mean * per_level * lowers, lowers

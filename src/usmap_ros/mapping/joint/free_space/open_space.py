@@ -230,11 +230,13 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     """Add what a ping says of surfaces in cells, by direction of view and orientation."""
     one, clutter = np.float32(1.0), np.float32(CLUTTER)
     for place in range(count):
+        # Places without a sign need not be compared with zero.
         cell, b, sector, view = (
-            seen.which[place], seen.bin[place], seen.sector[place], seen.degrees[place],
+            np.uint64(seen.which[place]), np.uint64(seen.bin[place]),
+            np.uint64(seen.sector[place]), np.uint64(seen.degrees[place]),
         )  # fmt: skip
-        share, loud = int(seen.sound[place] * SHARES + 0.5), seen.loud[place]
-        faint = max(0, loud - FAINTER)
+        share, loud = np.uint64(seen.sound[place] * SHARES + 0.5), np.uint64(seen.loud[place])
+        faint = np.uint64(max(0, seen.loud[place] - FAINTER))
         if not listening.heard[index, b]:
             for way in range(ways):
                 said[cell, sector, way] += silence[share, loud, 1, classes[view, way]]

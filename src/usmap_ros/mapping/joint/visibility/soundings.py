@@ -208,10 +208,12 @@ def _leave_out_unheard(
 ) -> int:
     """Leave out the places of which a ping would hear nothing; returns how many are left."""
     bins, gains, kept = table.bins[ping], table.power_gain[ping], 0
+    last = np.int32(bins - 1)
     for place in range(count):
-        loudness = gains[seen.entry[place]] * seen.loudness[place]
-        seen.loudness[place] = loudness / limit[min(seen.bin[place], bins - 1)]
-        sound = np.float32(left[seen.ray[place], seen.step[place]])
+        # Places without a sign need not be compared with zero.
+        loudness = gains[np.uint32(seen.entry[place])] * seen.loudness[place]
+        seen.loudness[place] = loudness / limit[np.uint32(min(seen.bin[place], last))]
+        sound = np.float32(left[np.uint32(seen.ray[place]), np.uint32(seen.step[place])])
         seen.sound[place] = sound * np.float32(1.0 / WHOLE)
     for place in range(count):
         b, loudness, sound = seen.bin[place], seen.loudness[place], seen.sound[place]

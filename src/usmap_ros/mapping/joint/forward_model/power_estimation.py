@@ -355,8 +355,10 @@ def _sum_slopes(
         below = _mean_below(limit, level, limit * per_level)
         mean = table.power[ping, b] if kind == ECHO else below
         is_told = (kind == ECHO) | ((kind == SILENCE) & (level > loud))
-        lowers = count * per_level if is_told else none
-        slopes[b, 0], slopes[b, 1] = mean * per_level * lowers, lowers
+        lowers = count * per_level
+        # Limits of bins that are not judged are beyond all numbers.
+        slopes[b, 0] = mean * per_level * lowers if is_told else none
+        slopes[b, 1] = lowers if is_told else none
     total, total_lowers, echoes, echoes_lower = 0.0, 0.0, 0.0, 0.0
     for b in range(bins):
         raises, lowers = np.float64(slopes[b, 0]), np.float64(slopes[b, 1])

@@ -309,7 +309,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="where recordings and maps are kept")
     parser.add_argument("--kinds", nargs="+", default=list(ROOMS), choices=list(ROOMS))
-    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3, 4])
     parser.add_argument("--record", action="store_true", help="map nothing")
     parser.add_argument("--page", type=Path, help="a document with a place for the table")
     arguments = parser.parse_args()

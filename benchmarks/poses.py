@@ -4,7 +4,7 @@ Three robots whose odometry drifts, in scenes drawn at random: ``python benchmar
 31 32 33``.  NEES is the squared error of places over what the stated covariance makes one expect: 1
 if it is right.  The maps that come of told, refined and true poses are compared with ``--maps``,
 which takes some minutes: F1, known, leak and lost.  ``swarm`` are five robots with sensors that
-measure ranges only.
+measure ranges only, and with ``--first-echoes`` all report the first echo of each ping alone.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 import scenes
-from rangings import range_cones
+from rangings import first_echoes, range_cones
 
 from usmap_ros.evaluation.scoring import score
 from usmap_ros.localisation import refine_poses
@@ -104,6 +104,7 @@ def main() -> None:
     parser.add_argument("--pings", type=int, default=200)
     parser.add_argument("--speed", type=float, default=0.6)
     parser.add_argument("--maps", action="store_true", help="score maps, too")
+    parser.add_argument("--first-echoes", action="store_true", help="as sonars' Range has them")
     arguments = parser.parse_args()
     more = ("told: F1 / known / leak / lost", "refined", "true") if arguments.maps else ()
     columns = ("scene", "seed", "told", "refined", "NEES", "ms a ping", *more)
@@ -113,6 +114,8 @@ def main() -> None:
         for seed in arguments.seeds:
             scene = scenario(kind, seed, arguments.pings, arguments.speed)
             told, true = heard(scene, kind)
+            if arguments.first_echoes:
+                told = first_echoes(told, scene)
             started_s = time.process_time()
             refined = refine_poses(told).pings
             cost_ms = (time.process_time() - started_s) / len(told) * 1e3

@@ -24,6 +24,14 @@ _STRETCHES = (10**6, 12, 6)
 #: among smooth walls are mostly chance, and lead a search astray; among poles, which have few walls
 #: to follow, one more search takes them from its start.
 _POINTS_M = 0.04
+#: Stretches of all searches, and from when on they look for points.
+_SEARCHES = (*((stretch, _POINTS_M) for stretch in _STRETCHES), (_STRETCHES[-1], math.inf))
+#: The same for readings of the first thing only: corners are points, but some searches do without.
+_SEARCHES_FIRST_ONLY = (
+    *((stretch, 0.0) for stretch in _STRETCHES),
+    (_STRETCHES[0], _POINTS_M),
+    (_STRETCHES[-1], math.inf),
+)
 #: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
 #: are found by, at the least, or a wall would be found twice.
 _TOWARDS_THE_END_M, _FOUND_M = (0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.03, 0.03), 0.03
@@ -36,9 +44,9 @@ _NOISE_ROUNDS, _WIDER, _LEAST_M, _MOST_M = 2, 1.2, 0.01, 0.03
 #: found.
 _ALIKE = 20.0
 #: By so much, for the root of the number of echoes, it is off by chance and by furniture: poses as
-#: told stand unless something is likelier by more.  In two offices, where it misled, that was 1.6
-#: and 1.9, in seven mazes, where it was right, 2.9 to 13.
-_BY_CHANCE = 1.7
+#: told stand unless something is likelier by more.  In two offices, where it misled, that was 0.3
+#: at the most; where it was right, 1.9 to 6 in seven mazes, and 0.8 and more in flats.
+_BY_CHANCE = 0.6
 #: Stretches at the most.
 _MOST_STRETCHES = 40
 
@@ -72,20 +80,15 @@ def search(start: Smoother) -> FoundPoses | None:
     Returns
     -------
     Found or None
-        None where no end is more likely than what was told.
+        None where no end is clearly more likely than what was told.
     """
     if len(start.echoes.ping) == 0:
         return None
     start.active[:] = True
     first_only = start.echoes.are_first_only
     finest_m = _FOUND_M if first_only else _AT_THE_END_M
-    ends, least = [], _likely_by_landmarks(start, finest_m)
-    if first_only:
-        least += _BY_CHANCE * math.sqrt(float(start.echoes.weight.sum()))
-    searches = [(stretch, _POINTS_M) for stretch in _STRETCHES]
-    if not first_only:
-        searches.append((_STRETCHES[-1], math.inf))
-    for stretch, points_m in searches:
+    told, ends = _likely_by_landmarks(start, finest_m), []
+    for stretch, points_m in _SEARCHES_FIRST_ONLY if first_only else _SEARCHES:
         one = copy.deepcopy(start)
         adjusted = _go_along(one, stretch, points_m)
         # The next search knows by this one how well odometry is known.
@@ -95,10 +98,13 @@ def search(start: Smoother) -> FoundPoses | None:
         if not first_only:
             adjusted = _by_noise(one, points_m)
         likely = _likely_by_landmarks(one, finest_m) - left_open
-        if likely > least:
+        if likely > told:
             known = one.known_by(adjusted.landmarks, adjusted.sigma_m)
-            ends.append((likely / _ALIKE, of_pings(one, known)))
-    return average(ends) if ends else None
+            ends.append((likely, of_pings(one, known)))
+    by_chance = _BY_CHANCE * math.sqrt(float(start.echoes.weight.sum())) if first_only else 0.0
+    if max((likely for likely, _ in ends), default=told) <= told + by_chance:
+        return None
+    return average([(likely / _ALIKE, found) for likely, found in ends])
 
 
 def _by_noise(smoother: Smoother, points_m: float) -> Adjusted:
@@ -128,7 +134,7 @@ def _landmarks(smoother: Smoother, sigma_m: float, points_m: float) -> Landmarks
     """
     heard = smoother.echoes, smoother.poses, smoother.active
     lines = find_lines(*heard, sigma_m)
-    if smoother.echoes.are_first_only or sigma_m > points_m:
+    if sigma_m > points_m:
         return lines
     both = lines._replace(points_m=find_points(*heard, sigma_m))
     return worth_their_cost(*heard, both, sigma_m)

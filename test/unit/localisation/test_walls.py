@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pings_among_poles import Ping, cone
+from pings_among_poles import heard as heard_of
 
 from usmap_ros.localisation import refine_poses
 from usmap_ros.localisation.data_association import associate_echoes, worth_their_cost
@@ -212,6 +213,19 @@ def test_odometry_that_is_better_than_it_says_is_not_made_worse_by_clutter(seed:
         )  # fmt: skip
         pings.append(("/robot1/cone", reading.cone(at(pose, covariance), "map")))
     assert off_m(refine_poses(pings).pings, true) < 1.02 * off_m(pings, true)
+
+
+@pytest.mark.parametrize("seed", [4, 6])
+def test_first_echoes_of_poles_correct_odometry(seed: int) -> None:
+    true = way(400)
+    told, known = told_of(true, seed)
+    places_m = np.random.default_rng(seed).uniform([-0.5, -1.0], [6.0, 5.5], (30, 2))
+    pings = []
+    for number, (one, pose, covariance) in enumerate(zip(true, told, known, strict=True)):
+        first = min(heard_of(at(one), places_m), default=np.inf)
+        reading = RangeReading(number + 1, "robot1/sonar", 1.4, 0.1, 5.0, float(first))
+        pings.append(("/robot1/cone", reading.cone(at(pose, covariance), "map")))
+    assert off_m(refine_poses(pings).pings, true) < 0.5 * off_m(pings, true)
 
 
 def test_odometry_that_tells_all_ways_too_long_is_seen_through() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.free_space.mirror_share import (
+    ENOUGH_PINGS,
     LEAST_ECHOES,
     TELLING_PINGS,
     expected_share,
@@ -126,7 +127,8 @@ def test_few_pings_that_pass_poles_do_not_take_them_for_mirrors() -> None:
         (0.4, TELLING_PINGS - 1, 1.0, 0.5),
         (0.4, 60, 0.5, 0.25),
         (0.4, TELLING_PINGS, 1.0, 0.55 / 0.95),
-        (0.95, 10 * TELLING_PINGS, 1.0, 0.0),
+        (0.95, TELLING_PINGS, 1.0, 0.0),
+        (0.4, ENOUGH_PINGS, 1.0, 0.0),
     ],
 )
 def test_what_nothing_explains_may_be_mirrors(

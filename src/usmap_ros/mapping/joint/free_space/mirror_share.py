@@ -33,6 +33,8 @@ TELLING_PINGS = 100
 EXPLAINED, OF_FEW, OF_MANY = 0.3, 0.2, 0.05
 #: Echoes below which hardly any may be left unexplained, and the share of mirrors where more are.
 LEAST_ECHOES, UNKNOWN_SHARE = 60, 0.5
+#: Pings by which walls that are there have shown themselves.
+ENOUGH_PINGS = 2 * TELLING_PINGS
 #: A wall ends where its cells are farther apart than this.
 APART_CELLS = 10.0
 #: Shares that are compared, and how likely they are before anything was heard: a Beta distribution.
@@ -82,7 +84,7 @@ def expected_share(mirrors: float, others: float, struck: float) -> float:
 
 
 def unexplained_share(chances: NDArray[np.float32], pings: int, lone_share: float) -> float:
-    """Share of surfaces that may be mirrors, by echoes that nothing explains.
+    """Share of surfaces that may be mirrors, by echoes that nothing explains, while pings are few.
 
     Pings strike a mirror in a few places, each of them from one side: what they hear fits no point
     that all of them should have heard, and nothing is shown.  Poles explain what they return.
@@ -96,7 +98,7 @@ def unexplained_share(chances: NDArray[np.float32], pings: int, lone_share: floa
     lone_share : float
         How far a place is one of lone things: walls that were found tell of themselves.
     """
-    if not len(chances):
+    if not len(chances) or pings >= ENOUGH_PINGS:
         return 0.0
     unexplained = float(np.mean(chances <= EXPLAINED))
     if len(chances) < LEAST_ECHOES:

@@ -1,7 +1,5 @@
 """Echoes of many pings as arrays, those that tell most of each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

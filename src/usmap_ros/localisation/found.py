@@ -1,7 +1,5 @@
 """Poses that a search ends with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

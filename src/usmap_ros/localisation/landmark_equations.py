@@ -1,7 +1,5 @@
 """Ranges to landmarks in the normal equations of knots, the landmarks eliminated."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lines through the places that walls would answer from, and points: compiled."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Frames that sure matches link, brought into one at once."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

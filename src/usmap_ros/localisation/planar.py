@@ -1,7 +1,5 @@
 """Poses in the plane as rows of x (m), y (m) and yaw (rad)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray

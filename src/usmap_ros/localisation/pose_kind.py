@@ -1,7 +1,5 @@
 """What reported poses are worth: absolute, or odometry, which drifts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from enum import Enum
 

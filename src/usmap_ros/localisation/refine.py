@@ -5,8 +5,6 @@ landmarks whose correspondences are found on the way, from coarse to fine.  Wher
 otherwise, odometry stands.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Poses of all pings together with what they hear."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

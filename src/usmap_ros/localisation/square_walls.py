@@ -6,8 +6,6 @@ walls of rooms tell robots how they have turned (orthogonal SLAM: Nguyen, Harati
 Siegwart & Tomatis, IROS 2006), and lines that chance has among poles tell nothing.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Only some pings, the knots, have poses that are looked for; those in between fol
 what it is off from knot to knot is shared out evenly along the way.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

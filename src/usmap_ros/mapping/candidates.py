@@ -1,7 +1,5 @@
 """The cells that the echoes of one cone may have come from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

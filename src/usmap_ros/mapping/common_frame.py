@@ -1,7 +1,5 @@
 """The frame that most robots share, whoever speaks first."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """How far a map may reach: its rectangle has to fit into memory, however few cells are known."""
 
-from __future__ import annotations
-
 import math
 
 from usmap_ros.bounds import MAX_MAP_SIDE

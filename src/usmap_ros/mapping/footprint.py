@@ -1,7 +1,5 @@
 """The cells of a grid that one sensing cone covers, in polar coordinates of the transducer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

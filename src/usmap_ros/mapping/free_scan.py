@@ -1,7 +1,5 @@
 """How far one ping proves the space in front of it free, direction by direction."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

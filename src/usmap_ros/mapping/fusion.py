@@ -1,7 +1,5 @@
 """What every way of fusing cones into a map has in common."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 

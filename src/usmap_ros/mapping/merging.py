@@ -1,7 +1,5 @@
 """Maps of several areas, or of several fusions, as one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

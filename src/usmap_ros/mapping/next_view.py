@@ -1,7 +1,5 @@
 """Which ping is expected to settle most of what a map leaves undecided."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

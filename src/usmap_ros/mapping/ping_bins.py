@@ -1,7 +1,5 @@
 """One ping in bins of range, as fusion keeps it: echo powers and detection limits."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple

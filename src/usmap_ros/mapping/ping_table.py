@@ -1,7 +1,5 @@
 """Several pings in bins of range, stacked so that compiled functions find them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple, get_type_hints
 

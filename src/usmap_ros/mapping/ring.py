@@ -1,7 +1,5 @@
 """The cells that each echo of a cone may have come from: its ring."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

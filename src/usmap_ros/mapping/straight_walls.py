@@ -1,7 +1,5 @@
 """Straight walls in a map: what is known of it after a first pass, to improve the next one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray

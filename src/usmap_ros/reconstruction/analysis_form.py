@@ -19,8 +19,6 @@ References
    Comput. Harmon. Anal. 34 (2013) 30-56.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What transducers that ping at once tell each other: the bearings of their echoes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

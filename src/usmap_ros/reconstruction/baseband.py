@@ -4,8 +4,6 @@ An echo in the baseband is w(t − τ) times an unknown complex coefficient: its
 free, which is what lets delays be found between samples although a wavelength is 7 mm.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -4,8 +4,6 @@ Sanchez & Andersson, "Using compressive sensing with in-air ultrasonic measureme
 mapping", DSCC 2018-9140, sections 2 to 4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ real coefficients are shared, because "it is advantageous to have a reconstructi
 all possible object locations"; whole numbers choose, so that "a single cell will show up".
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 
 import numpy as np

@@ -9,8 +9,6 @@ different pulses make "a more unique signature for received signals" (Sanchez & 
 DSCC 2018-9140, section 3).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cached_property

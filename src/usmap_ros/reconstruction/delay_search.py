@@ -5,8 +5,6 @@ all in one call of compiled code (`usmap_ros.reconstruction.sampled.search`); ed
 look the same anywhere between two samples, are placed afterwards.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From an echo trace to echoes at delays off any grid: the method beside the paper's."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """How loud an echo must be to be told from noise, and what therefore may have gone unheard."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, IndexArray

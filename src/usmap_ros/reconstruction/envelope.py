@@ -6,8 +6,6 @@ nothing, so that as much is missing there.  For the same reason a faint echo has
 than an echo of the amplitude that is fitted, and less noise on them.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

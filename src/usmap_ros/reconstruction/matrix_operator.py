@@ -1,7 +1,5 @@
 """A sensing matrix that is stored, and what to do about columns that are alike in it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

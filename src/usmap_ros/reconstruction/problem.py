@@ -1,7 +1,5 @@
 """What every solver is given: y ≈ A q with few entries in q."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether the pulses of a trace are known, and its samples can hold them."""
 
-from __future__ import annotations
-
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.pings.trace import EchoTrace, Encoding
 

@@ -4,8 +4,6 @@ Pipeline, worker processes, nodes and pictures all come in here, so that a setti
 accepted is obeyed by all of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

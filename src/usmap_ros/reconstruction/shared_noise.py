@@ -4,8 +4,6 @@ A single trace tells its noise from its quietest part, which a few echoes more o
 Pings of one receiver have the same noise.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace

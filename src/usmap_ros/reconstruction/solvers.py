@@ -11,8 +11,6 @@ References
 .. [2] Pati, Rezaiifar & Krishnaprasad, "Orthogonal matching pursuit", Asilomar 1993, 40-44.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

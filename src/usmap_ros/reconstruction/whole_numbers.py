@@ -4,8 +4,6 @@ Sanchez & Andersson, DSCC 2018-9140, section 3: coefficients that are whole numb
 objects, or yes and no, cannot be shared among cells whose columns are equal.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, milp

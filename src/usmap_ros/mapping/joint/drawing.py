@@ -1,7 +1,5 @@
 """The map as it is given out, of what is known of its areas."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -8,8 +8,6 @@ response  ← how believed surfaces answer, by loudness and angle of incidence
 free      ← where every way in which a surface could face is refuted, or sound came back through
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Joint fusion: the map is what explains all pings together, whatever order they came in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

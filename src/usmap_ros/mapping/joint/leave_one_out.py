@@ -1,7 +1,5 @@
 """Leave-one-out: what robots' pings together expect of one robot's, without its own word."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The map while pings come: what is known of all of them but the newest, and those beside it."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

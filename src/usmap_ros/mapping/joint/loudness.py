@@ -5,8 +5,6 @@ No driver is calibrated to what a wall returns, and no two simulators agree on i
 hears loudest tells what is loud to it.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The map of all kept pings, worked out once, in any thread."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

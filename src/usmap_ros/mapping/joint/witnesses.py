@@ -7,8 +7,6 @@ as well.  Some contradiction is usual where walls are smooth or hide one another
 two whom nobody else can judge is not told, and both are believed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

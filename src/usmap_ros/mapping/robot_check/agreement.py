@@ -1,7 +1,5 @@
 """How well a robot's pings agree with what a map expects of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How well one robot's pings bear out the landmarks of another: compiled."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Who is wrong, of robots that contradict one another: a screen, and maps without the suspects."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace

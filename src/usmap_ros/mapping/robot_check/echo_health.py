@@ -4,8 +4,6 @@ One that is dead hears nothing from anywhere, one that clips hears what is near 
 is far, and one that reports more echoes than sound can tell apart makes them up.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass

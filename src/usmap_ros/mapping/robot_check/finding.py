@@ -1,7 +1,5 @@
 """What is to be said of a robot among others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 

@@ -6,8 +6,6 @@ have a tangent in common: either is found from two echoes, and tried on all othe
 by how loud the echoes are, which tells how far off the axis of the beam the landmark is.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

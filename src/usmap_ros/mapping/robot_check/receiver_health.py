@@ -1,7 +1,5 @@
 """What pings say of how well their robots hear, before any map is looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 

@@ -4,8 +4,6 @@ A robot that is shifted as a whole hears landmarks that agree with one another. 
 the same, hear them elsewhere, all of them shifted alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 

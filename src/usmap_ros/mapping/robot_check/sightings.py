@@ -1,7 +1,5 @@
 """What a robot heard, and from where, as arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

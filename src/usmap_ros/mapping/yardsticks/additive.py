@@ -5,8 +5,6 @@ explain already.  Single pings therefore draw arcs; the method is kept as the we
 yardstick (Moravec & Elfes, "High resolution maps from wide angle sonar", 1985).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

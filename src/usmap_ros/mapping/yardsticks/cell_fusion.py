@@ -1,7 +1,5 @@
 """Maps whose cells add up what each ping says of them, once and for all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

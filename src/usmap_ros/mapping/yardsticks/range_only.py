@@ -5,8 +5,6 @@ of it become freer, cells at it more occupied, the more so the nearer they are t
 ``range_sensor_layer`` and Moravec & Elfes, "High resolution maps from wide angle sonar", 1985.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.mapping.footprint import footprint

@@ -6,8 +6,6 @@ overlapping echoes are solved by themselves, at a cost that grows with their num
 cube.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray, Signal

@@ -12,8 +12,6 @@ update.  What differs is how: the matched filter is kept and brought up to date 
 has changed, and least squares goes by runs of echoes that overlap.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, IndexArray

@@ -1,7 +1,5 @@
 """Least squares on a support, from the samples that its echoes touch."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

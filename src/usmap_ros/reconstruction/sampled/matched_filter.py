@@ -4,8 +4,6 @@ What an echo explains changes the residual within a pulse's length of it only: b
 filter nor scores are looked at again.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sensing matrix of delays: what its columns are, and how the matched filter meets them."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

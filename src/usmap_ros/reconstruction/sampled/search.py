@@ -1,7 +1,5 @@
 """From a signal to its echoes off the grid in one call of compiled code."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Steps of delays off the grid: Gauss-Newton on all echoes together, compiled."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal

@@ -4,8 +4,6 @@ Besides, from where a cell was heard: echoes from one direction leave its place 
 open, and so the spread of directions says how well it is known where it is.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """From evidence to log-odds, and to how opaque cells are to sound."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

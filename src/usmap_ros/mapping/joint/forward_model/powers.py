@@ -4,8 +4,6 @@ Pings are divided into groups, by their number alone, which as many threads work
 cores.  Groups are added up in their order, so that the map does not depend on the threads.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Free cells that lead to what is known to be open."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block

@@ -6,8 +6,6 @@ are hardly contradicted; and it is not free unless it is refuted far more firmly
 What continues a short line is never shown, for it does not say which way it goes on.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

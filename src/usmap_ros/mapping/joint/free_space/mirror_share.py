@@ -7,8 +7,6 @@ mirrors and a share q of surfaces is struck squarely, what is found is a mirror 
 likely each π is: little where there are few, and nothing where no wall was struck squarely.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

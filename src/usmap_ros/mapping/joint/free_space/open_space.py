@@ -5,8 +5,6 @@ way in which a surface could face there.  Silence counts as this place answers, 
 view: looks from one side repeat each other as far as surfaces here differ (`overdispersion`).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -8,8 +8,6 @@ some shape k, all looks from there are silent with probability (1 + s / k)^-k, w
 of them says by itself, added up.  The shape is learnt from surfaces that are believed.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

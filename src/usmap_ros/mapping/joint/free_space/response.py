@@ -6,8 +6,6 @@ heard beside it, is P(silent | surface).  Poles and rough walls answer from any 
 only when they are struck squarely: silence is trusted accordingly.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

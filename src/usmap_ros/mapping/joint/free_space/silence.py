@@ -1,7 +1,5 @@
 """What silence says of an area, by how the surfaces that are believed answer."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

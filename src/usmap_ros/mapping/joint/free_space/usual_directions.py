@@ -1,7 +1,5 @@
 """How usual surfaces are: which way the walls of a place face, and how far they go on."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

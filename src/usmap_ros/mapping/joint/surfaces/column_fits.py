@@ -5,8 +5,6 @@ Hits count for it, the more the nearer they are to where they should be and the 
 are around, and silence where one would have been loud counts against it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ wall is in the beam, but not the foot of the perpendicular on it, a surface that
 at the edge of the beam; a mirror is not.  Light is scattered by most walls, sound by rough ones.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

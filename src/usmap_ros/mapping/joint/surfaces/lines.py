@@ -1,7 +1,5 @@
 """Straight lines on the field, and the cells that they go through."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

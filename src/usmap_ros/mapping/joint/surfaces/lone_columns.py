@@ -5,8 +5,6 @@ its echoes, each with a small error, and all around that cell would be free.  A 
 better, and by how much tells a column from a pole.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lines that echoes of mirrors vote for, and lines fitted to the best stretch of their feet."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A mirror: a wall that is heard at the feet of perpendiculars; and how such walls face."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ for efficiently simulating small-room acoustics", J. Acoust. Soc. Am. 65 (1979) 
 louder than all of their reflectivities allow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Smooth things of an area: mirrors and round columns, whose echoes say nothing of cells."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Walls that answer from any side: straight runs of believed cells, found by a Hough transform."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

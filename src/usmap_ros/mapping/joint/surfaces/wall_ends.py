@@ -7,8 +7,6 @@ it speak robots that stood there, sound that came back through, and pings that w
 the stretch squarely and loudly, by the wall's own reflectivity, but heard nothing.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import combinations

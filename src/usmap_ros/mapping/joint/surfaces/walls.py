@@ -1,7 +1,5 @@
 """Cells that are shown as occupied, and the lines that they are on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

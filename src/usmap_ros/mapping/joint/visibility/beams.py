@@ -1,7 +1,5 @@
 """Directions off a ping's beam, and how well it hears there."""
 
-from __future__ import annotations
-
 import math
 
 from usmap_ros.mapping.joint.visibility.field import Field

@@ -1,7 +1,5 @@
 """Echoes of all pings, one behind the other."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Open ways: cells that sound is known to have passed, for it came back through them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ One row for each pair of a ping and a scatterer, which is a cell or a quarter of
 ping lie one behind the other, and in them those of a cell.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple

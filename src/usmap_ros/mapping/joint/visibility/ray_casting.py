@@ -1,7 +1,5 @@
 """Ray casting: how much of a ping's sound is left along each ray."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

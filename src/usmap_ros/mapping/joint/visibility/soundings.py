@@ -1,7 +1,5 @@
 """How pings sound places: how loudly, from where, and how much of the sound gets there."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

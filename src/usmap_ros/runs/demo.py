@@ -32,7 +32,7 @@ from usmap_ros.simulation import Scenario, record
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
 #: Frames of the animation: each is a map that explains all pings so far from the start.
-FRAMES = 10
+FRAMES = 9
 #: The ping that is drawn has the fewest echoes from so many on, to show how each comes about.
 LEAST_ECHOES = 3
 

@@ -29,6 +29,6 @@ def test_the_demo_does_the_main_job(usmap: Callable[..., Any], tmp_path: Path) -
         assert len({topic.name for topic in bag.topics}) >= 3
         assert json.loads((folder / "summary.json").read_text())["pings"] == bag.trace_count
     with Image.open(folder / "map.gif") as animation:
-        assert animation.n_frames == 10
+        assert animation.n_frames == 9
     with Image.open(folder / "map.png") as picture:
         picture.verify()

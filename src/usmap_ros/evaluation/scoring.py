@@ -82,9 +82,8 @@ def score(
     precision = share(binary_dilation(maps.occupied, neighbourhood), predicted)
     recall = share(binary_dilation(predicted, neighbourhood), seen.surface)
     total = precision + recall
-    driving = Drivability(*[float("nan")] * 3)
-    if views is not None:
-        driving = drivability(maps, views, sightings)
+    unknown = Drivability(*[float("nan")] * 3)
+    driving = unknown if views is None else drivability(maps, views, sightings)
     log_loss, brier = _losses(maps, seen)
     return Score(
         f1=2.0 * precision * recall / total if total > 0.0 else 0.0,

@@ -61,7 +61,7 @@ class JointFusion(Fusion):
         cone = self._origin.cone(cone)
         is_new = self._kept.add(cone, source)
         # All from one place count as one, whether they come before or after.
-        if self._live is not None and is_new and self._kept.trust.get(source, 1.0) > 0.0:
+        if self._live is not None and is_new and self._kept.is_believed(source):
             self._live.add(cone, source, self._count)
         self._survey = None
 

@@ -135,7 +135,7 @@ class KeptPings:
     def sensors(self) -> Sensors:
         """What is known of the sensors, by what those heard who are believed at all."""
         if self._sensors is None:
-            believed = [each for each in self.cones() if self.trust.get(each[1], 1.0) > 0.0]
+            believed = [each for each in self.cones() if self.is_believed(each[1])]
             first_only = report_first_only(cone for cone, _ in believed)
             sensors = Sensors(first_only, steps_to_scale(believed))
             whole = (each for each in believed if each[0].child_frame_id not in first_only)
@@ -171,6 +171,10 @@ class KeptPings:
             if is_left_out(self._cones[index][1]):
                 self._remove(index)
         return before - len(self)
+
+    def is_believed(self, source: str) -> bool:
+        """Whether what a source says counts at all."""
+        return self.trust.get(source, 1.0) > 0.0
 
     def believe(self, shares: Mapping[str, float]) -> bool:
         """Let some sources' pings count for less.
@@ -215,7 +219,7 @@ class KeptPings:
         Each group is a problem of its own, so that areas far apart cost what they hold.  Pings of
         sources that are not believed at all are in none.
         """
-        counts = [self.trust.get(source, 1.0) > 0.0 for _, source, _ in self._cones]
+        counts = [self.is_believed(source) for _, source, _ in self._cones]
         squares = [
             _squares(cone) if is_counted else []
             for (cone, *_), is_counted in zip(self._cones, counts, strict=True)

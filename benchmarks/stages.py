@@ -40,7 +40,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "sweeps": [(powers, "gather_gradients"), (powers, "update_powers")],
     "evidence": [
         (powers, "expect_powers"), (powers, "cells_of"), (powers, "weigh_pings"),
-        (powers, "add_said"),
+        (powers, "add_ratios"),
     ],
     "beliefs": [
         (estimate, "hiding"), (estimate, "optical_depth"), (estimate, "cell_log_odds"),

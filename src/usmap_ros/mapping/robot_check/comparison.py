@@ -17,18 +17,24 @@ from usmap_ros.pings.cone import EchoCone
 #: Amplitudes beyond this difference from the others' are odd: what smooth walls return, to one
 #: robot squarely and to another not, differs by up to 12 dB.
 ODD_LOUDNESS_DB = 15.0
-#: Echoes where the map expects them that are needed to judge loudness.
-LEAST_MATCHES = 4
+#: Echoes where the map expects them that are needed to judge loudness: of others, and of the robot
+#: in question. Eight of a healthy one were 18 dB louder, among walls that others struck askew.
+LEAST_MATCHES, LEAST_OWN_MATCHES = 4, 12
 #: Once a robot has been named, so many others can name nobody else.
 LEAST_ROBOTS_LEFT = 2
 #: `Agreement.fit`, relative to the median of the others, below which somebody is misplaced, and
 #: below which a robot is, by a map that it has no part in; most that is asked of anybody then.
 SUSPECT_FIT, MISPLACED_FIT, USUAL_FIT = 0.6, 0.4, 1.0
+#: Who hears such a share of what the others' map expects is where it says it is, whatever it hears
+#: besides: where walls reverberate, that is most.
+HEARD_HERE = 0.9
 #: So many robots, those that fit worst, are left out by turns; and those are named without whom the
 #: others agree nearly as well as without anybody.
 MOST_LEFT_OUT, AGREED = 4, 0.8
 #: Share of what others bear out of any other robot's word, above which nobody is accused.
 LESS = 0.88
+#: The same for who is accused by that alone: healthy ones among walls that reverberate have half.
+FAR_LESS = 0.4
 #: Share of the others' words that is borne out where anybody can be accused by how little of its
 #: own is: where they hardly agree with one another, nobody's word tells anything.
 LEAST_USUAL = 0.3
@@ -124,7 +130,7 @@ class RobotComparison:
             usual = float(
                 np.median([share for other, share in enumerate(shares) if other != robot])
             )
-            if left > 0.0 or usual < LEAST_USUAL or shares[robot] > LESS * usual:
+            if left > 0.0 or usual < LEAST_USUAL or shares[robot] > FAR_LESS * usual:
                 continue
             if self._said.shared(robot) < LEAST_SAID:
                 continue
@@ -247,13 +253,15 @@ def finding_of(
         # Of two, each is as much louder than the other as that is fainter.
         louder_db *= 0.5
     evidence: dict[str, float | int | None] = asdict(own) | {"loudness_over_others_db": louder_db}
-    if louder_db is not None and own.matches >= LEAST_MATCHES and abs(louder_db) > ODD_LOUDNESS_DB:
+    is_odd = louder_db is not None and abs(louder_db) > ODD_LOUDNESS_DB
+    if louder_db is not None and is_odd and own.matches >= LEAST_OWN_MATCHES:
         return _of_odd_loudness(louder_db, own.matches, evidence)
     if own.pings < LEAST_PINGS or own.fit is None:
         return Finding("unknown", evidence)
     # Smooth walls, struck squarely by one robot and not by another, fit better than they need to.
     usual = min(usual_fit(others) or USUAL_FIT, most_asked)
-    if own.fit >= least_fit * usual:
+    is_here = own.audible >= LEAST_PINGS and own.heard >= HEARD_HERE * own.audible
+    if own.fit >= least_fit * usual or is_here:
         return Finding("healthy", evidence)
     heard = f"{own.heard} of {own.audible} expected echoes were heard"
     echoes = float(np.median([a.echoes for a in others])) if others else 0.0

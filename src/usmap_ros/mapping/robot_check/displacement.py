@@ -49,7 +49,8 @@ PARTS, LEAST_IN_PARTS = 3, 8.0
 LEAST_GAIN, LEAST_SHARE, LEAST_GAIN_OF_SCALE, DENSE = 20.0, 0.05, 12.0, 0.6
 TIMES_IF_SHORT = 3.0
 LEAST_TURN_RAD, LEAST_LATE_S = math.radians(12.0), 0.2
-#: The same for turns and delays with what others hear of it, which may speak against them.
+#: The same for turns and delays with what others hear of it, which may speak against them: more
+#: where more is unexplained, of which chance makes as much as the root of it.
 LEAST_GAIN_OF_ALL = 30.0
 
 
@@ -137,7 +138,8 @@ class Robot:
                 gain += _agreement(other.landmarks, right) - _agreement(other.landmarks, self.heard)
                 gain += _agreement(landmarks, other.heard)
                 gain -= _agreement(self.landmarks, other.heard)
-        return gain >= LEAST_GAIN_OF_ALL + LEAST_SHARE * self.told
+        least = LEAST_GAIN_OF_ALL * math.sqrt(max(1.0, self.heard.background / DENSE))
+        return gain >= least + LEAST_SHARE * self.told
 
     def _best_turn(self) -> Displacement:
         gains = {by: self._gain_of_turn(by) for by in TURNS_RAD}

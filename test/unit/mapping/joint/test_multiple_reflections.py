@@ -9,7 +9,8 @@ import pytest
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
-from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected, seen_directly
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -83,3 +84,31 @@ def test_what_is_louder_than_mirrors_are_is_no_reflection(
     _, amplitudes, several = walls_and_reflected(corridor_pings(make_cone, loud))
     assert len(amplitudes) == 2 * PINGS
     assert not several.any()
+
+
+def scattered(before_m: float, gain: float) -> list[tuple[float, float]]:
+    """As `by_both`, and what the wall scatters adds to its echo, by another amount each time."""
+    (range_m, amplitude), *behind = by_both(before_m, gain)
+    louder = 1.0 + 0.25 * math.sin(997.0 * before_m)
+    following = [(range_m + 0.1 * step, 0.02 / range_m) for step in range(1, 5)]
+    return [(range_m, louder * amplitude), *following, *behind]
+
+
+def test_what_stands_in_walls_that_scatter_proves_them_mirrors(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    distances_m, _, _ = walls_and_reflected(corridor_pings(make_cone, scattered))
+    assert {round(distance_m, 1) for distance_m in distances_m} == {0.0, WIDE_M}
+
+
+def test_a_wall_of_the_next_room_is_heard_by_nobody_before_this_one() -> None:
+    nobody = np.zeros(0, np.int64)
+    near = MirrorWall(0.0, 2.0, 0.0, 2.0, np.arange(20), nobody, 0.0, 0.0, 0.0)
+    pings = np.arange(50)
+    far = MirrorWall(0.0, 4.0, 0.0, 5.0, pings, pings, 0.0, 0.0, 0.0)
+    # Twenty are before the near wall, and thirty beside it, from where the far one is heard.
+    places_m = np.stack([np.ones(50), np.linspace(0.0, 5.0, 50)], axis=1)
+    kept = seen_directly([near, far], places_m)
+    assert [len(wall.pings) for wall in kept] == [20, 29]
+    assert kept[1].begin_m > 2.0
+    assert kept[1].end_m == pytest.approx(5.0)

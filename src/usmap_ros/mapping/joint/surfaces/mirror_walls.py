@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates, fit
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
+    are_square,
     face_usually,
     squared,
     without_doubles,
 )
-from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected, seen_directly
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import images, reflected, seen_directly
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
 from usmap_ros.mapping.ping_table import ABSORPTION, RANGE_STD, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -45,6 +46,10 @@ STEADY = 0.07
 #: One that so many heard steadily is a mirror whatever stands beside it: chance lines up 16 such
 #: echoes of rough walls.
 CERTAIN_HITS = 35
+#: Some that are as loud as each other, parallel or square, and vary by less than this, are mirrors
+#: whatever follows, if they are so many and have such a share of all hits: among rough walls no two
+#: are so, and one has 0.15 of the hits; two may be what is left beside cells that explain the rest.
+NEARLY_STEADY, LEAST_SQUARE, SQUARE_SHARE = 0.16, 3, 0.3
 #: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
 LEAST_SHARE = 0.6
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share
@@ -119,47 +124,61 @@ def mirror_walls(
         Pings of sensors that report the first thing only.
     """
     among = perpendicular_walls(table, pings, echoes, ~is_explained, first_only)
-    usual = _usual_mirror(among)
+    places_m = table.numbers[pings][:, [X, Y]]
+    usual = _usual_mirror(among, places_m)
     if usual is None:
         return []
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
     search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
-    places_m = table.numbers[pings][:, [X, Y]]
-    walls = _directly(without_doubles(_found(search, ANY)), places_m)
+    walls = seen_directly(without_doubles(_found(search, ANY)), places_m)
     is_left = is_usable & ~reflected(walls, table, pings, echoes)
     for wall in walls:
         is_left[wall.echoes] = False
     more = _found(search._replace(is_open=is_left), USUAL)
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
-    return squared(_directly(without_doubles(walls), places_m), places_m, echoes)
+    return squared(seen_directly(without_doubles(walls), places_m), places_m, echoes)
 
 
-def _usual_mirror(found: list[MirrorWall]) -> float | None:
-    """Logarithm of the reflectivity of most mirrors among what was heard squarely, if any are."""
+def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None:
+    """Logarithm of the reflectivity of most mirrors among what was heard squarely, if any are.
+
+    Nothing that scatters is added to what comes over several mirrors: that is the steadier, and
+    fainter, and proves those in which it stands.  What scatters beside a mirror is its double.
+    """
+    found = without_doubles(found)
     if not found:
         return None
     hits = np.array([len(wall.echoes) for wall in found])
+    logs = np.array([wall.log_mirror for wall in found])
+    are_alike = np.abs(logs - logs[:, np.newaxis]) < ALIKE
     is_steady = np.array([wall.deviation < STEADY for wall in found])
     are_mirrors = is_steady | np.array([wall.following < MOST_FOLLOWING for wall in found])
     # One that was heard steadily by many is a mirror, whatever stands beside it.
-    are_certain = is_steady & (hits >= CERTAIN_HITS)
+    are_certain, is_image = is_steady & (hits >= CERTAIN_HITS), images(found, places_m)
+    are_direct = ~is_image.any(axis=1)
+    are_certain = is_image[are_certain].any(axis=0) | (are_certain & are_direct)
     if are_certain.any():
         are_mirrors, hits = are_certain, np.where(are_certain, hits, 0)
     elif hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
-        return None
-    logs = np.array([wall.log_mirror for wall in found])
-    alike = (np.abs(logs - logs[:, np.newaxis]) < ALIKE) & are_mirrors
+        is_nearly = are_direct & np.array([wall.deviation < NEARLY_STEADY for wall in found])
+        are_mirrors = _most_square(found, are_alike & is_nearly & is_nearly[:, np.newaxis])
+        if hits[are_mirrors].sum() < SQUARE_SHARE * hits[are_direct].sum():
+            return None
+    alike = are_alike & are_mirrors
     most = int(np.argmax(alike @ hits))
     if alike[most] @ hits < max(LEAST_ALIKE * hits.sum(), LEAST_HITS_ALIKE):
         return None
     return float(np.average(logs[alike[most]], weights=hits[alike[most]]))
 
 
-def _directly(walls: list[MirrorWall], places_m: FloatArray) -> list[MirrorWall]:
-    """Walls but for those that only stand in others as in mirrors."""
-    seen = seen_directly(walls, places_m)
-    return [wall for wall, is_seen in zip(walls, seen.tolist(), strict=True) if is_seen]
+def _most_square(found: list[MirrorWall], are_alike: BoolArray) -> BoolArray:
+    """Of walls that are alike in pairs, the most that are parallel or square; none if few are."""
+    hits = np.array([len(wall.echoes) for wall in found])
+    groups = are_alike & are_square(found, found)
+    groups &= (groups.sum(axis=1) >= LEAST_SQUARE)[:, np.newaxis]
+    most: BoolArray = groups[int(np.argmax(groups @ hits))]
+    return most
 
 
 def perpendicular_walls(

@@ -67,7 +67,7 @@ class MirrorWall:
 def face_usually(walls: list[MirrorWall], among: list[MirrorWall]) -> BoolArray:
     """Whether each of some walls is parallel or square to many of others."""
     hits = np.array([len(wall.echoes) for wall in among], float)
-    usual: BoolArray = _square(walls, among) @ hits > USUAL_SHARE * hits.sum()
+    usual: BoolArray = are_square(walls, among) @ hits > USUAL_SHARE * hits.sum()
     return usual
 
 
@@ -80,7 +80,7 @@ def usual_direction(normals_rad: FloatArray, weights: FloatArray) -> float:
     return float(normals_rad[most] + 0.25 * np.angle(mean))
 
 
-def _square(walls: list[MirrorWall], others: list[MirrorWall]) -> BoolArray:
+def are_square(walls: list[MirrorWall], others: list[MirrorWall]) -> BoolArray:
     """Whether walls are parallel or square to others, a row for each of the first."""
     normals, across = (np.array([wall.normal_rad for wall in some]) for some in (walls, others))
     square: BoolArray = np.abs(np.sin(2.0 * (normals[:, np.newaxis] - across))) < SQUARE
@@ -114,6 +114,31 @@ def _turned(wall: MirrorWall, turn: float, places_m: FloatArray, echoes: Echoes)
         distance_m=float(np.median(distances_m)),
         begin_m=float(feet_m.min()),
         end_m=float(feet_m.max()),
+    )
+
+
+def heard_by(wall: MirrorWall, are_own: BoolArray, places_m: FloatArray) -> MirrorWall:
+    """The wall as some of its pings heard it.
+
+    Parameters
+    ----------
+    wall : MirrorWall
+        By all of them.
+    are_own : (hits,) bool array
+        Which count; some do.
+    places_m : (pings, 2) array
+        Where pings were heard from.
+    """
+    if are_own.all():
+        return wall
+    pings = wall.pings[are_own]
+    feet_m = places_m[pings] @ (-math.sin(wall.normal_rad), math.cos(wall.normal_rad))
+    return replace(
+        wall,
+        begin_m=float(feet_m.min()),
+        end_m=float(feet_m.max()),
+        pings=pings,
+        echoes=wall.echoes[are_own],
     )
 
 

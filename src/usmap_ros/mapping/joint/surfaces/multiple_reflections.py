@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, heard_by
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.ping_table import (
     ABSORPTION,
@@ -41,8 +41,32 @@ BEHIND_M, FOOT_M, HIDDEN_SHARE = 0.15, 0.15, 0.5
 APART_M = 0.2
 
 
-def seen_directly(walls: Sequence[MirrorWall], places_m: FloatArray) -> BoolArray:
-    """Whether each wall is heard with no other one in the way, as an image is not.
+def images(walls: Sequence[MirrorWall], places_m: FloatArray) -> BoolArray:
+    """Whether each wall is heard with another one in the way, in which it is an image.
+
+    Parameters
+    ----------
+    walls : sequence of MirrorWall
+        Those that were heard.
+    places_m : (pings, 2) array
+        Where pings were heard from.
+
+    Returns
+    -------
+    is_image : (walls, walls) bool array
+        Of each in each.
+    """
+    hides = [[_crosses(wall, other, places_m).mean() for other in walls] for wall in walls]
+    is_hidden = np.array(hides).reshape(len(walls), len(walls)) > HIDDEN_SHARE
+    # What hides nothing but images may be one itself.
+    stands = ~is_hidden.any(axis=1)
+    return np.asarray(is_hidden & stands, bool)
+
+
+def seen_directly(walls: Sequence[MirrorWall], places_m: FloatArray) -> list[MirrorWall]:
+    """Walls that are no images, by the pings alone that have none of the others in the way.
+
+    What stands in others from one room may be where there is a wall of the next one.
 
     Parameters
     ----------
@@ -51,15 +75,23 @@ def seen_directly(walls: Sequence[MirrorWall], places_m: FloatArray) -> BoolArra
     places_m : (pings, 2) array
         Where pings were heard from.
     """
-    hides = [[_hidden(wall, other, places_m) for other in walls] for wall in walls]
-    is_hidden = np.array(hides).reshape(len(walls), len(walls)) > HIDDEN_SHARE
-    # What hides nothing but images may be one itself.
-    stands = ~is_hidden.any(axis=1)
-    return ~np.asarray((is_hidden & stands).any(axis=1), bool)
+    are_images: BoolArray = np.asarray(images(walls, places_m).any(axis=1))
+    stand = [
+        wall for wall, is_image in zip(walls, are_images.tolist(), strict=True) if not is_image
+    ]
+    seen = list[MirrorWall]()
+    for wall in stand:
+        crossed = np.zeros(len(wall.pings), bool)
+        for other in stand:
+            if other is not wall:
+                crossed |= _crosses(wall, other, places_m)
+        if crossed.mean() <= HIDDEN_SHARE:
+            seen.append(heard_by(wall, ~crossed, places_m))
+    return seen
 
 
-def _hidden(wall: MirrorWall, other: MirrorWall, places_m: FloatArray) -> float:
-    """Share of a wall's pings that have another one, where it was heard, before its feet."""
+def _crosses(wall: MirrorWall, other: MirrorWall, places_m: FloatArray) -> BoolArray:
+    """Whether each of a wall's pings has another one, where it was heard, before its foot."""
     heard_from_m = places_m[wall.pings]
     ahead, along = _axes(other)
     toward = np.array([np.cos(wall.normal_rad), np.sin(wall.normal_rad)])
@@ -75,7 +107,8 @@ def _hidden(wall: MirrorWall, other: MirrorWall, places_m: FloatArray) -> float:
         np.abs(feet_m[after - 1] - crossings_m),
         np.abs(feet_m[np.minimum(after, len(feet_m) - 1)] - crossings_m),
     )
-    return float(np.mean(is_between & (nearest_m < FOOT_M)))
+    crosses: BoolArray = is_between & (nearest_m < FOOT_M)
+    return crosses
 
 
 def out_of_sight(

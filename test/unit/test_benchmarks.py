@@ -365,3 +365,12 @@ def test_echoes_of_other_pings_are_not_compared(echoes: ModuleType) -> None:
     few, more = (echoes.columns(echoes.reconstructed("iq", pings)) for pings in (3, 6))
     with pytest.raises(ValueError, match="other pings"):
         echoes.change(few, more)
+
+
+@pytest.mark.usefixtures("benchmark")
+def test_every_stage_is_a_function_that_there_is() -> None:
+    stages = importlib.import_module("stages").STAGES
+    missing = [
+        name for timed in stages.values() for module, name in timed if not hasattr(module, name)
+    ]
+    assert missing == []

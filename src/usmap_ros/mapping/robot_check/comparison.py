@@ -253,8 +253,8 @@ def finding_of(
         # Of two, each is as much louder than the other as that is fainter.
         louder_db *= 0.5
     evidence: dict[str, float | int | None] = asdict(own) | {"loudness_over_others_db": louder_db}
-    is_odd = louder_db is not None and abs(louder_db) > ODD_LOUDNESS_DB
-    if louder_db is not None and is_odd and own.matches >= LEAST_OWN_MATCHES:
+    can_tell = own.matches >= LEAST_OWN_MATCHES
+    if louder_db is not None and can_tell and abs(louder_db) > ODD_LOUDNESS_DB:
         return _of_odd_loudness(louder_db, own.matches, evidence)
     if own.pings < LEAST_PINGS or own.fit is None:
         return Finding("unknown", evidence)

@@ -102,9 +102,8 @@ def test_what_stands_in_walls_that_scatter_proves_them_mirrors(
 
 
 def test_a_wall_of_the_next_room_is_heard_by_nobody_before_this_one() -> None:
-    nobody = np.zeros(0, np.int64)
-    near = MirrorWall(0.0, 2.0, 0.0, 2.0, np.arange(20), nobody, 0.0, 0.0, 0.0)
     pings = np.arange(50)
+    near = MirrorWall(0.0, 2.0, 0.0, 2.0, pings[:20], pings[:20], 0.0, 0.0, 0.0)
     far = MirrorWall(0.0, 4.0, 0.0, 5.0, pings, pings, 0.0, 0.0, 0.0)
     # Twenty are before the near wall, and thirty beside it, from where the far one is heard.
     places_m = np.stack([np.ones(50), np.linspace(0.0, 5.0, 50)], axis=1)

@@ -431,6 +431,22 @@ def test_smooth_walls_do_not_make_a_robot_suspect(verdict: str) -> None:
     assert finding_of(own, OTHERS, least_fit=0.4).verdict == verdict
 
 
+def test_one_that_hears_what_is_expected_is_here_whatever_it_hears_besides() -> None:
+    """Where walls reverberate, that is most."""
+    own = replace(SMOOTH, audible=19, heard=19, fit=0.1)
+
+    assert finding_of(own, OTHERS, least_fit=0.4).verdict == "healthy"
+    assert finding_of(replace(own, heard=12), OTHERS, least_fit=0.4).verdict == "misplaced"
+
+
+def test_a_few_loud_echoes_do_not_make_a_robot_loud() -> None:
+    """They may be of a wall that others struck askew."""
+    own = replace(SMOOTH, matches=8, loudness_db=24.0)
+
+    assert finding_of(own, OTHERS, least_fit=0.4).verdict == "healthy"
+    assert finding_of(replace(own, matches=12), OTHERS, least_fit=0.4).verdict == "loud"
+
+
 def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
     own = replace(SMOOTH, echoes=0.3, heard=1, matches=1, loudness_db=None, fit=0.0)
 

@@ -104,17 +104,11 @@ def squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> li
 
 def _turned(wall: MirrorWall, turn: float, places_m: FloatArray, echoes: Echoes) -> MirrorWall:
     """The wall that faces otherwise and fits its echoes best."""
-    normal_rad, heard_from_m = wall.normal_rad + turn, places_m[wall.pings]
-    cosine, sine = math.cos(normal_rad), math.sin(normal_rad)
-    distances_m = heard_from_m @ (cosine, sine) + echoes.range_m[wall.echoes]
-    feet_m = heard_from_m @ (-sine, cosine)
-    return replace(
-        wall,
-        normal_rad=normal_rad,
-        distance_m=float(np.median(distances_m)),
-        begin_m=float(feet_m.min()),
-        end_m=float(feet_m.max()),
-    )
+    normal_rad = wall.normal_rad + turn
+    ahead = math.cos(normal_rad), math.sin(normal_rad)
+    distances_m = places_m[wall.pings] @ ahead + echoes.range_m[wall.echoes]
+    turned = replace(wall, normal_rad=normal_rad, distance_m=float(np.median(distances_m)))
+    return _between_feet(turned, places_m)
 
 
 def heard_by(wall: MirrorWall, are_own: BoolArray, places_m: FloatArray) -> MirrorWall:
@@ -131,15 +125,14 @@ def heard_by(wall: MirrorWall, are_own: BoolArray, places_m: FloatArray) -> Mirr
     """
     if are_own.all():
         return wall
-    pings = wall.pings[are_own]
-    feet_m = places_m[pings] @ (-math.sin(wall.normal_rad), math.cos(wall.normal_rad))
-    return replace(
-        wall,
-        begin_m=float(feet_m.min()),
-        end_m=float(feet_m.max()),
-        pings=pings,
-        echoes=wall.echoes[are_own],
-    )
+    own = replace(wall, pings=wall.pings[are_own], echoes=wall.echoes[are_own])
+    return _between_feet(own, places_m)
+
+
+def _between_feet(wall: MirrorWall, places_m: FloatArray) -> MirrorWall:
+    """The wall as far as its pings heard it."""
+    feet_m = places_m[wall.pings] @ (-math.sin(wall.normal_rad), math.cos(wall.normal_rad))
+    return replace(wall, begin_m=float(feet_m.min()), end_m=float(feet_m.max()))
 
 
 def without_doubles(walls: list[MirrorWall]) -> list[MirrorWall]:

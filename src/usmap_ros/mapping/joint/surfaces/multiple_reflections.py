@@ -56,11 +56,7 @@ def images(walls: Sequence[MirrorWall], places_m: FloatArray) -> BoolArray:
     is_image : (walls, walls) bool array
         Of each in each.
     """
-    hides = [[_crosses(wall, other, places_m).mean() for other in walls] for wall in walls]
-    is_hidden = np.array(hides).reshape(len(walls), len(walls)) > HIDDEN_SHARE
-    # What hides nothing but images may be one itself.
-    stands = ~is_hidden.any(axis=1)
-    return np.asarray(is_hidden & stands, bool)
+    return _stand_in(_crossings(walls, places_m))
 
 
 def seen_directly(walls: Sequence[MirrorWall], places_m: FloatArray) -> list[MirrorWall]:
@@ -75,19 +71,28 @@ def seen_directly(walls: Sequence[MirrorWall], places_m: FloatArray) -> list[Mir
     places_m : (pings, 2) array
         Where pings were heard from.
     """
-    are_images: BoolArray = np.asarray(images(walls, places_m).any(axis=1))
-    stand = [
-        wall for wall, is_image in zip(walls, are_images.tolist(), strict=True) if not is_image
-    ]
+    crossings = _crossings(walls, places_m)
+    stands = ~_stand_in(crossings).any(axis=1)
     seen = list[MirrorWall]()
-    for wall in stand:
-        crossed = np.zeros(len(wall.pings), bool)
-        for other in stand:
-            if other is not wall:
-                crossed |= _crosses(wall, other, places_m)
+    for number in np.flatnonzero(stands).tolist():
+        crossed: BoolArray = np.asarray(crossings[number][stands].any(axis=0))
         if crossed.mean() <= HIDDEN_SHARE:
-            seen.append(heard_by(wall, ~crossed, places_m))
+            seen.append(heard_by(walls[number], ~crossed, places_m))
     return seen
+
+
+def _stand_in(crossings: Sequence[BoolArray]) -> BoolArray:
+    """Whether each wall is an image in each other, by which of its pings have that in the way."""
+    shares = [crosses.mean(axis=1) for crosses in crossings]
+    is_hidden = np.array(shares).reshape(len(crossings), len(crossings)) > HIDDEN_SHARE
+    # What hides nothing but images may be one itself.
+    stands = ~is_hidden.any(axis=1)
+    return np.asarray(is_hidden & stands, bool)
+
+
+def _crossings(walls: Sequence[MirrorWall], places_m: FloatArray) -> list[BoolArray]:
+    """Of each wall, which of its pings have each other one in the way, (walls, hits)."""
+    return [np.array([_crosses(wall, other, places_m) for other in walls], bool) for wall in walls]
 
 
 def _crosses(wall: MirrorWall, other: MirrorWall, places_m: FloatArray) -> BoolArray:

@@ -61,6 +61,14 @@ def test_one_that_is_parked_does_not_clip(heard: EchoCone) -> None:
     assert verdicts(parked, health(drive(heard))) == {}
 
 
+def test_clipped_echoes_are_far_quieter_than_others_and_not_only_alike() -> None:
+    """Of rough walls clipped ones vary by 5 dB; of mirrors those of a healthy robot do."""
+    clipped = EchoHealth(40, 0.0, 20.0, loudest_db=-24.0, spread_db=5.0, faded_db=19.0)
+    other = replace(clipped, loudest_db=1.0, spread_db=12.0)
+    assert verdicts(clipped, other) == {"own": "clipped"}
+    assert verdicts(replace(clipped, loudest_db=-6.0, spread_db=4.3), other) == {}
+
+
 def test_one_that_hears_nothing_anywhere_is_deaf(heard: EchoCone) -> None:
     nothing = np.empty(0, np.float32)
     silent = [replace(p, ranges_m=nothing, amplitudes=nothing) for p in drive(heard)]

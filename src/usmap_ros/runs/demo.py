@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.resources import files
@@ -17,13 +17,15 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.map_files import NAV2_FILE, map_folder, save_map, save_truth
 from usmap_ros.io.yaml_files import read_mapping
+from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
-from usmap_ros.parameters import PipelineParameters
+from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.plotting import draw, map_figure, save_figure
 from usmap_ros.plotting.animation import MapFrame, save_animation
 from usmap_ros.plotting.map import shown_extent
+from usmap_ros.processes.threads import alone
 from usmap_ros.runs.offline import map_bag
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, record
@@ -31,8 +33,10 @@ from usmap_ros.simulation import Scenario, record
 #: Shows how far something is that takes a number of steps; gives what tells of each step.
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
-#: Frames of the animation: each is a map that explains all pings so far from the start.
-FRAMES = 9
+#: Shares of the pings after which the animation has a frame, dense at first, when most changes.
+#: Every second one explains all pings so far together, the one after it has half as many more
+#: beside them: a live map's way, which takes a tenth of the time.
+FRAMES_AFTER = (0.02, 0.05, 0.075, 0.15, 0.22, 0.4, 0.6)
 #: The ping that is drawn has the fewest echoes from so many on, to show how each comes about.
 LEAST_ECHOES = 3
 
@@ -92,7 +96,6 @@ def run_demo(folder: Path, progress: Progress) -> DemoResult:
         ):
             run = map_bag(bag, recorder.pipeline, recorder.paths, recorder.watch(step))
         occupancy = recorder.pipeline.occupancy_map()
-        recorder.add_frame(occupancy)
         summary = save_map(
             folder,
             occupancy,
@@ -120,17 +123,69 @@ def _record(scenario: Scenario, path: Path, progress: Progress) -> None:
         record(scenario, writer, step)
 
 
+class _Film:
+    """Maps while they form, made in a thread beside of the same pings.
+
+    Parameters
+    ----------
+    pings : int
+        How many will come.
+    parameters : MappingParameters
+        Of the maps.
+    paths : RobotPaths
+        Where the robots were, up to the newest ping.
+    """
+
+    def __init__(self, pings: int, parameters: MappingParameters, paths: RobotPaths) -> None:
+        self._due = {round(share * pings) for share in FRAMES_AFTER}
+        self._fusion, self._paths = JointFusion(parameters), paths
+        self._thread = ThreadPoolExecutor(1)
+        self._made: list[Future[MapFrame]] = []
+        # Newest cone of each topic; pings since the last frame, and how many there were at all.
+        self._cones: dict[str, EchoCone] = {}
+        self._waiting: list[tuple[str, EchoCone]] = []
+        self._seen = 0
+
+    def add(self, topic: str, cone: EchoCone) -> None:
+        """Take up a ping, and have a frame made if one is due."""
+        self._cones[topic] = cone
+        self._waiting.append((topic, cone))
+        self._seen += 1
+        if self._seen in self._due:
+            self._made.append(self._thread.submit(self._map, self._waiting, self._looks()))
+            self._waiting = []
+
+    def frames(self, finished: OccupancyMap) -> list[MapFrame]:
+        """All frames, the last of them with the finished map."""
+        frames = [made.result() for made in self._made]
+        self._thread.shutdown()
+        return [*frames, self._looks()(finished)]
+
+    def _looks(self) -> Callable[[OccupancyMap], MapFrame]:
+        """What makes a frame of a map, with the robots where they are now."""
+        cones, newest = dict(self._cones), max(cone.stamp_ns for cone in self._cones.values())
+        behind = {topic: len(path) for topic, path in self._paths.positions_m.items()}
+        return lambda occupancy: MapFrame(occupancy, cones, behind, newest)
+
+    def _map(
+        self, pings: list[tuple[str, EchoCone]], look: Callable[[OccupancyMap], MapFrame]
+    ) -> MapFrame:
+        for topic, cone in pings:
+            self._fusion.fuse(cone, topic)
+        # The finished map and the pictures have what else there is of cores.
+        with alone():
+            return look(self._fusion.live_snapshot()())
+
+
 class _Observer:
-    """Looks on while the map forms: takes snapshots, and feeds the same cones to the baseline."""
+    """Looks on while the map forms: feeds the same cones to the film and to the baseline."""
 
     def __init__(self, pings: int) -> None:
         parameters = PipelineParameters()
         self.pipeline = Pipeline(parameters)
         self.range_only = RangeSensorFusion(parameters.mapping)
         self.paths = RobotPaths()
-        self.frames: list[MapFrame] = []
-        self._cones: dict[str, EchoCone] = {}
-        self._pings, self._seen, self._stamp_ns = pings, 0, 0
+        self.film = _Film(pings, parameters.mapping, self.paths)
         # Topic and stamp of the ping to be drawn, and what makes it the best so far.
         self.clearest: tuple[str, int] = ("", 0)
         self._order: tuple[bool, int] | None = None
@@ -140,30 +195,15 @@ class _Observer:
 
         def on_cone(topic: str, cone: EchoCone) -> None:
             self.range_only.fuse(cone)
-            self._cones[topic] = cone
+            self.film.add(topic, cone)
             echoes = len(cone.ranges_m)
             # Too few are worse than many.
             order = (echoes < LEAST_ECHOES, echoes)
             if self._order is None or order < self._order:
                 self.clearest, self._order = (topic, cone.stamp_ns), order
-            self._seen += 1
-            self._stamp_ns = cone.stamp_ns
-            is_due = self._frames_by(self._seen) > self._frames_by(self._seen - 1)
-            # The finished map is made while robots are judged.
-            if is_due and self._seen < self._pings:
-                self.add_frame(self.pipeline.fusion.live_snapshot()())
             step()
 
         return on_cone
-
-    def _frames_by(self, pings: int) -> int:
-        """Frames up to a ping: dense at first, when most changes; the last one on the last ping."""
-        return math.floor(FRAMES * math.sqrt(pings / self._pings))
-
-    def add_frame(self, occupancy: OccupancyMap) -> None:
-        """Add the map as it is after the newest ping."""
-        behind = {topic: len(path) for topic, path in self.paths.positions_m.items()}
-        self.frames.append(MapFrame(occupancy, dict(self._cones), behind, self._stamp_ns))
 
 
 def _draw(observer: _Observer, truth: TruthMap, paths: dict[str, Path], progress: Progress) -> None:
@@ -186,7 +226,8 @@ def _draw(observer: _Observer, truth: TruthMap, paths: dict[str, Path], progress
             step()
         _draw_ping(observer, truth, paths)
         step()
-        save_animation(observer.frames, observer.paths, paths["map forming"], truth, extent_m)
+        frames = observer.film.frames(occupancy)
+        save_animation(frames, observer.paths, paths["map forming"], truth, extent_m)
         step()
 
 

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.runs.demo import FRAMES_AFTER
 
 
 @pytest.mark.slow
@@ -29,6 +30,6 @@ def test_the_demo_does_the_main_job(usmap: Callable[..., Any], tmp_path: Path) -
         assert len({topic.name for topic in bag.topics}) >= 3
         assert json.loads((folder / "summary.json").read_text())["pings"] == bag.trace_count
     with Image.open(folder / "map.gif") as animation:
-        assert animation.n_frames == 9
+        assert animation.n_frames == len(FRAMES_AFTER) + 1
     with Image.open(folder / "map.png") as picture:
         picture.verify()

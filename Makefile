@@ -8,7 +8,9 @@ PYTEST_ARGS ?=
 TEST_JOBS ?= 2
 
 BIN := $(VENV)/bin
-INSTALL := $(BIN)/python -m pip install -qq --disable-pip-version-check
+# Modules become bytecode when they are first loaded, which most never are: doing it for all takes
+# as long as installing them.
+INSTALL := $(BIN)/python -m pip install -qq --disable-pip-version-check --no-compile
 PINNED := $(INSTALL) --constraint constraints.txt
 MESSAGES := $(wildcard msg_schemas/* msg_schemas/*/*)
 

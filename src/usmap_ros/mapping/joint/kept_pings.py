@@ -27,8 +27,7 @@ MOST_FROM_A_PLACE = 4
 
 #: Where a ping looks from, and with what: in steps.
 Place = tuple[str, str, int, int, int, int]
-#: Row and column of a square of this side, by which areas are told apart.
-Square = tuple[int, int]
+#: Side of the squares by which areas are told apart.
 SQUARE_M = 2.0
 #: Pings by which each robot is judged: the latest ones.
 REMEMBERED = 200
@@ -219,28 +218,17 @@ class KeptPings:
         Each group is a problem of its own, so that areas far apart cost what they hold.  Pings of
         sources that are not believed at all are in none.
         """
-        counts = [self.is_believed(source) for _, source, _ in self._cones]
-        squares = [
-            _squares(cone) if is_counted else []
-            for (cone, *_), is_counted in zip(self._cones, counts, strict=True)
-        ]
-        waiting: dict[Square, list[int]] = {}
-        for index, reached in enumerate(squares):
-            for square in reached:
-                waiting.setdefault(square, []).append(index)
-        groups, seen = [], ~np.array(counts, bool)
-        for first in range(len(self)):
-            if seen[first]:
-                continue
-            seen[first], group = True, [first]
-            for index in group:
-                for square in squares[index]:
-                    for other in waiting.pop(square, ()):
-                        if not seen[other]:
-                            seen[other] = True
-                            group.append(other)
-            groups.append(sorted(group))
-        return groups
+        counts = np.array([self.is_believed(source) for _, source, _ in self._cones], bool)
+        if not counts.any():
+            return []
+        counted = np.flatnonzero(counts)
+        # Robots that stay in a place reach the same squares again and again.
+        squares, which = np.unique(
+            [_squares(self._cones[index][0]) for index in counted], axis=0, return_inverse=True
+        )
+        group_of = _joined(squares)[which.reshape(-1)]
+        groups = [counted[group_of == group].tolist() for group in range(group_of.max() + 1)]
+        return sorted(groups)
 
     def pings(
         self,
@@ -302,16 +290,31 @@ def _place(cone: EchoCone, source: str) -> Place:
     )  # fmt: skip
 
 
-def _squares(cone: EchoCone) -> list[Square]:
-    """Squares that a ping may reach into."""
+def _squares(cone: EchoCone) -> tuple[int, int, int, int]:
+    """First and last row, and first and last column, of squares that a ping may reach into."""
     x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
     reach_m = cone.transducer.max_range_m
-    first_row, end_row, first_column, end_column = (
+    first_row, last_row, first_column, last_column = (
         math.floor(edge_m / SQUARE_M)
         for edge_m in (y_m - reach_m, y_m + reach_m, x_m - reach_m, x_m + reach_m)
     )
-    return [
-        (row, column)
-        for row in range(first_row, end_row + 1)
-        for column in range(first_column, end_column + 1)
-    ]
+    return first_row, last_row, first_column, last_column
+
+
+def _joined(squares: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number of the group of each of some rectangles of squares, by which of them overlap."""
+    first_row, last_row, first_column, last_column = squares.T
+    group_of, groups = np.full(len(squares), -1), 0
+    for first in range(len(squares)):
+        if group_of[first] >= 0:
+            continue
+        group_of[first], waiting = groups, [first]
+        while waiting:
+            one = waiting.pop()
+            beside = (first_row <= last_row[one]) & (last_row >= first_row[one])
+            beside &= (first_column <= last_column[one]) & (last_column >= first_column[one])
+            new = np.flatnonzero(beside & (group_of < 0))
+            group_of[new] = groups
+            waiting += new.tolist()
+        groups += 1
+    return group_of

@@ -32,7 +32,7 @@ from usmap_ros.mapping.ping_table import (
     Y,
 )
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.compiled import compiled, inlined
 
 #: An echo is a column's if it is so near to where it should be, m, or within so many standard
 #: deviations of the range by the ping's pose.
@@ -156,15 +156,18 @@ def fitted_circle(
     descent : LevenbergMarquardt
         From there.
     """
-    table, pings, echoes, _ = ping_set
-    hits, misses, hit_pings, hit_echoes = _hits(ping_set, is_open, place, 2.0)
-    for _ in range(descent.steps):
-        if hits < LEAST_FITTED:
-            return None
-        _step(table.numbers[pings[hit_pings]], echoes.range_m[hit_echoes], place, descent)
-        hits, misses, hit_pings, hit_echoes = _hits(ping_set, is_open, place, 1.0)
+    table, pings, echoes, left = ping_set
+    hit_pings, hit_echoes = (np.empty(len(pings), np.int64) for _ in range(2))
+    usual_m, pull = descent.usual_radius_m, 0.0
+    if usual_m is not None:
+        pull = float(descent.damping[2])
+    hits, misses = _descend(
+        table, pings, echoes, is_open, left, place, descent.steps, descent.damping, pull,
+        usual_m or 0.0, *descent.radii_m, hit_pings, hit_echoes,
+    )  # fmt: skip
     if hits < LEAST_FITTED:
         return None
+    hit_pings, hit_echoes = hit_pings[:hits], hit_echoes[:hits]
     numbers, ranges_m = table.numbers[pings[hit_pings]], echoes.range_m[hit_echoes]
     offsets = place[:2] - numbers[:, [X, Y]]
     across_m = np.hypot(*offsets.T) - place[2]
@@ -201,18 +204,6 @@ def _crowd(
     # By poses that are very uncertain, an echo may itself be farther off.
     own: NDArray[np.int64] = around - (np.abs(ranges_m - across_m) < CROWD_M)
     return own
-
-
-def _hits(
-    ping_set: PingSet, is_open: BoolArray, place: FloatArray, tolerance: float
-) -> tuple[int, int, NDArray[np.int64], NDArray[np.int64]]:
-    """Hits and misses of a circle, by how many times the usual tolerance; pings and echoes."""
-    table, pings, echoes, left = ping_set
-    hit_pings, hit_echoes = (np.empty(len(pings), np.int64) for _ in range(2))
-    hits, misses = _look_at(
-        table, pings, echoes, is_open, left, place, tolerance, hit_pings, hit_echoes
-    )
-    return hits, misses, hit_pings[:hits], hit_echoes[:hits]
 
 
 def _tolerance(stds_m: FloatArray) -> FloatArray:
@@ -277,23 +268,80 @@ def _log_ratio(
     return float(np.log(of_column / density).sum() + missed)
 
 
-def _step(
-    numbers: FloatArray, ranges_m: FloatArray, place: FloatArray, descent: LevenbergMarquardt
-) -> None:
-    """One step of Gauss and Newton on |c - p| - R = range."""
-    offsets = place[:2] - numbers[:, [X, Y]]
-    distances = np.hypot(*offsets.T)
-    residuals = ranges_m - (distances - place[2])
-    jacobian = np.column_stack([offsets / distances[:, np.newaxis], -np.ones(len(distances))])
-    gradient = jacobian.T @ residuals
-    if descent.usual_radius_m is not None:
-        gradient[2] += descent.damping[2] * (descent.usual_radius_m - place[2])
-    normal = jacobian.T @ jacobian + np.diag(descent.damping)
-    place += np.clip(np.linalg.solve(normal, gradient), -LONGEST_STEP_M, LONGEST_STEP_M)
-    place[2] = np.clip(place[2], *descent.radii_m)
-
-
 @compiled
+def _descend(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+    table: PingTable,
+    pings: NDArray[np.int64],
+    echoes: Echoes,
+    is_open: BoolArray,
+    left: NDArray[np.uint8],
+    place: FloatArray,
+    steps: int,
+    damping: FloatArray,
+    pull: float,
+    usual_radius_m: float,
+    least_radius_m: float,
+    most_radius_m: float,
+    hit_pings: NDArray[np.int64],
+    hit_echoes: NDArray[np.int64],
+) -> tuple[int, int]:
+    """Go from a place to the circle that fits its hits best; returns its hits and misses.
+
+    Ends early where there are fewer hits than a circle can be fitted to.  The first ones may be
+    twice as far off as the usual tolerance.
+    """
+    hits, misses = 0, 0
+    for step in range(steps + 1):
+        tolerance = 2.0 if step == 0 else 1.0
+        hits, misses = _look_at(
+            table, pings, echoes, is_open, left, place, tolerance, hit_pings, hit_echoes
+        )
+        if hits < LEAST_FITTED or step == steps:
+            break
+        _step(
+            table, pings, echoes, place, damping, pull * (usual_radius_m - place[2]),
+            hit_pings[:hits], hit_echoes,
+        )  # fmt: skip
+        place[2] = min(max(place[2], least_radius_m), most_radius_m)
+    return hits, misses
+
+
+@inlined
+def _step(
+    table: PingTable,
+    pings: NDArray[np.int64],
+    echoes: Echoes,
+    place: FloatArray,
+    damping: FloatArray,
+    pull: float,
+    hit_pings: NDArray[np.int64],
+    hit_echoes: NDArray[np.int64],
+) -> None:
+    """One step of Gauss and Newton on |c - p| - R = range, by Cramer's rule."""
+    xx, xy, yy, x1, y1 = damping[0], 0.0, damping[1], 0.0, 0.0
+    of_x, of_y, of_radius = 0.0, 0.0, pull
+    for hit in range(len(hit_pings)):
+        numbers = table.numbers[pings[hit_pings[hit]]]
+        x, y = place[0] - numbers[X], place[1] - numbers[Y]
+        distance = math.sqrt(x * x + y * y)
+        off = echoes.range_m[hit_echoes[hit]] - (distance - place[2])
+        x, y = x / distance, y / distance
+        xx, xy, yy, x1, y1 = xx + x * x, xy + x * y, yy + y * y, x1 - x, y1 - y
+        of_x, of_y, of_radius = of_x + x * off, of_y + y * off, of_radius - off
+    ones = len(hit_pings) + damping[2]
+    minor_x, minor_y, minor_1 = yy * ones - y1 * y1, xy * ones - y1 * x1, xy * y1 - yy * x1
+    determinant = xx * minor_x - xy * minor_y + x1 * minor_1
+    minor_yy, minor_y1 = xx * ones - x1 * x1, xx * y1 - xy * x1
+    steps = (
+        (minor_x * of_x - minor_y * of_y + minor_1 * of_radius) / determinant,
+        (-minor_y * of_x + minor_yy * of_y - minor_y1 * of_radius) / determinant,
+        (minor_1 * of_x - minor_y1 * of_y + (xx * yy - xy * xy) * of_radius) / determinant,
+    )
+    for axis in range(3):
+        place[axis] += min(max(steps[axis], -LONGEST_STEP_M), LONGEST_STEP_M)
+
+
+@inlined
 def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     table: PingTable,
     pings: NDArray[np.int64],

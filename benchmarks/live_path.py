@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import math
 import os
 import random
 import signal
@@ -242,10 +243,11 @@ def _send(
 
 
 def _latencies(sent_s: list[float], arrivals: list[tuple[float, float]]) -> list[float]:
-    """From each echo until the first map that holds it."""
+    """From each echo until the first map that holds it; not a number if none does."""
     stamps_s = np.maximum.accumulate([stamp_s for _, stamp_s in arrivals])
     first = np.searchsorted(stamps_s, np.array(sent_s) - 1e-6)
-    return [arrivals[i][0] - s for s, i in zip(sent_s, first, strict=True) if i < len(arrivals)]
+    pairs = zip(sent_s, first, strict=True)
+    return [arrivals[i][0] - s for s, i in pairs if i < len(arrivals)] or [math.nan]
 
 
 def _settled(observed: Observed) -> int:

@@ -1,5 +1,6 @@
 """Types of arrays, under one name each, and medians and quantiles in little time."""
 
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,12 @@ IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.intp]
 #: Signals and their coefficients, real or complex.
 Signal = NDArray[Any]
+
+
+def over_last(combine: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+    """What `combine` reduces a short last axis to: NumPy itself takes ten times as long for few."""
+    combined: NDArray[Any] = reduce(combine, np.moveaxis(values, -1, 0))
+    return combined
 
 
 def median(values: NDArray[np.floating]) -> float:

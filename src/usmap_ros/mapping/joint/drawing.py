@@ -183,16 +183,16 @@ def _layers(
             cells.heard, cells.asked, cells.axis_cos, cells.axis_sin, cells.from_x, cells.from_y,
         )
     )  # fmt: skip
-    belief = logistic(cells.belief)
     explained = (heard / np.maximum(asked, 1e-6)).astype(np.float32)
-    believed = over_block(belief)[part].astype(np.float32)
+    is_heard, believed = heard > 0.0, np.zeros_like(heard)
+    believed[is_heard] = logistic(over_block(cells.belief)[part][is_heard])
     predicted, probability = occupancy.predicted()[place], occupancy.probability()[place]
     weight = np.maximum(heard, 1e-6)
     return {
         NORMAL: surface_normals(predicted, probability, np.stack([from_x, from_y], axis=-1)),
-        AMBIGUITY: undecided(explained, np.where(heard > 0.0, believed, 0.0).astype(np.float32)),
-        LOOKS_COS: np.where(heard > 0.0, axis_cos / weight, 0.0).astype(np.float32),
-        LOOKS_SIN: np.where(heard > 0.0, axis_sin / weight, 0.0).astype(np.float32),
+        AMBIGUITY: undecided(explained, believed),
+        LOOKS_COS: np.where(is_heard, axis_cos / weight, 0.0).astype(np.float32),
+        LOOKS_SIN: np.where(is_heard, axis_sin / weight, 0.0).astype(np.float32),
     }
 
 

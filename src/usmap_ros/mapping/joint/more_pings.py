@@ -29,6 +29,7 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.ping_table import X, Y
+from usmap_ros.numerics.arrays import over_last
 from usmap_ros.parameters import MappingParameters
 
 #: Log-likelihood ratios of surfaces are as good as certain from here on.
@@ -106,7 +107,8 @@ class MorePings:
         proven = cells.proven + more.proven
         closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
         proofs = self._parameters.proof_rays
-        is_refuted = are_refuted(worst, proven, silence.refuted, proofs).all(axis=2)
+        fails = are_refuted(worst, proven, silence.refuted, proofs)
+        is_refuted = over_last(np.logical_and, fails)
         free = ((cells.free | is_refuted) & ~closed & ~shown) | (self._stood & ~shown)
         is_open = (self._stood | cells.free | (proven >= proofs)) & free
         return cells._replace(

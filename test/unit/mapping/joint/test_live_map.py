@@ -42,6 +42,7 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
     """Give how many pings were explained together, and how many beside others, at each time."""
     monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
     monkeypatch.setattr(live_map, "BATCH", BATCH)
+    monkeypatch.setattr(live_map, "TOGETHER", 1)
     counts: dict[str, list[int]] = {"all": [], "more": []}
 
     class Whole(JointEstimate):
@@ -139,6 +140,19 @@ def test_how_often_one_looks_does_not_matter(
     )
 
 
+def test_more_pings_are_explained_at_once_while_many_wait(
+    pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    monkeypatch.setattr(live_map, "TOGETHER", 3)
+    fusion = fused(pings[:10])
+    fusion.live_snapshot()()
+    for ping in pings[10:30]:
+        fusion.fuse(ping)
+    fusion.live_snapshot()()
+    assert visits["more"] == [3 * BATCH, BATCH, BATCH]
+
+
 def test_where_nothing_is_known_all_pings_are_explained_together(
     pings: list[EchoCone], visits: dict[str, list[int]]
 ) -> None:
@@ -168,6 +182,7 @@ def held(monkeypatch: pytest.MonkeyPatch) -> tuple[threading.Event, threading.Ev
     """Give what tells that a thread beside explains all pings, and what lets it go on."""
     monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
     monkeypatch.setattr(live_map, "BATCH", BATCH)
+    monkeypatch.setattr(live_map, "TOGETHER", 1)
     begun, may_go_on = threading.Event(), threading.Event()
 
     class Whole(JointEstimate):

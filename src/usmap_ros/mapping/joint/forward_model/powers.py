@@ -38,7 +38,7 @@ from usmap_ros.mapping.joint.visibility.projection import (
 )
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, cast_rays
 from usmap_ros.mapping.ping_table import PingTable
-from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.arrays import BoolArray, over_last
 from usmap_ros.processes.threads import for_each
 
 #: Groups of pings at the most, and pings that each has at the least.
@@ -130,7 +130,7 @@ class Powers:
         """
         cells = candidates(*count_all_hits(self._table, self._pings, self._weights, self._field))
         power = before.power.reshape(-1, QUARTERS).copy()
-        cells = cells[~is_empty.ravel()[cells] & ~power[cells].any(axis=1)]
+        cells = cells[~is_empty.ravel()[cells] & ~over_last(np.logical_or, power[cells] > 0.0)]
         power[cells] = FIRST_POWER
         places = np.flatnonzero(power)
         cell, part = np.divmod(places, QUARTERS)

@@ -40,7 +40,7 @@ from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.open_ways import prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays
 from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE, PingTable, X, Y
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic, running_maximum
 from usmap_ros.processes.threads import for_each
 
@@ -149,9 +149,9 @@ class FreeSpace:
         changed = np.ones(len(self._pings), bool)
         self._refute(left, listening, silence, wanted, changed, worst)
         is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
-        proven = (proofs >= self._proofs) & is_refuted.all(axis=2)
+        proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
-        alike = worst[:, :, :MIRRORS].max(axis=2)
+        alike = over_last(np.maximum, worst[:, :, :MIRRORS])
         walls, may_be = self._going_on(walls, alike, proven | stood)
         closed |= may_be
         closed |= self._behind(walls, evidence) & ~proven & (alike >= ENDS)
@@ -162,7 +162,7 @@ class FreeSpace:
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
                 _close(is_refuted, worst, wanted, silence)
-            before, free = free, (wanted & is_refuted.all(axis=2) & ~closed) | stood
+            before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
             # What was not refuted while all was open is not when less is.
@@ -319,7 +319,7 @@ class FreeSpace:
     ) -> NDArray[np.float32]:
         """Pings whose sound is known to have passed each cell, as far as it is."""
         proven = np.zeros(self._field.shape, np.float32)
-        power = powers.power.reshape(*self._field.shape, QUARTERS).sum(axis=2)
+        power = over_last(np.add, powers.power.reshape(*self._field.shape, QUARTERS))
         believed = np.where(over_block(occupied), power, np.float32(0.0))
         prove_open(
             self._table, self._pings, self._field, left, powers.expected, believed, proven,
@@ -370,8 +370,12 @@ def beliefs(
     unknown : float
         Belief in the others where echoes speak for nothing.
     """
-    several = np.maximum(worst.max(axis=2) - MOST_A_SECTOR, 0.0)
-    others = np.minimum(logistic(several + math.log(unknown / (1.0 - unknown))), OCCUPIED)
+    several = np.maximum(over_last(np.maximum, worst) - MOST_A_SECTOR, 0.0)
+    # Of most cells nothing is said, and logarithms take long.
+    others, speaks = np.full(several.shape, unknown), several > 0.0
+    odds = several[speaks] + math.log(unknown / (1.0 - unknown))
+    others[speaks] = logistic(odds)
+    others = np.minimum(others, OCCUPIED)
     held: FloatArray = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, others))
     return held
 

@@ -29,9 +29,10 @@ _OFF_M = 0.1
 #: What stands in the other's free space speaks against a match by so much more than what both have
 #: speaks for it.
 _AGAINST = 4.0
-#: Which side of what stands is free is seen within so much, m (standard deviation), and is said
-#: of walls by so much of that side alone.
-_SIDE_M, _SIDED = 0.2, 1.5
+#: Which side of what stands is free is seen within so much, m (standard deviation), where so much
+#: of that is free, and farther away where less is: free space may end before a wall that is far
+#: from where it was heard.  It is said of walls by so much of that side alone.
+_SIDES_M, _ENOUGH_FREE, _SIDED = (0.2, 0.4, 0.8, 1.6), 0.1, 1.5
 #: Cells of the search over shifts (m), and its turns (rad).
 _CELL_M, _TURN_RAD = 0.1, math.radians(2.5)
 #: What stands counts by pieces of such a side, m: a pole is as much as so much of a wall.
@@ -187,10 +188,17 @@ def in_common(first: Submap, second: Submap) -> tuple[float, float]:
 
 def _sides(is_free: BoolArray, resolution_m: float) -> FloatArray:
     """Towards the side that is free, as vectors of length 1 at the most, (2, rows, columns)."""
-    sigma, free = _SIDE_M / resolution_m, is_free.astype(float)
-    slope = np.stack([gaussian_filter(free, sigma, order=order) for order in ((0, 1), (1, 0))])
-    slope *= _SIDED * math.sqrt(2.0 * math.pi) * sigma
-    return np.asarray(slope / np.maximum(np.hypot(*slope), 1.0))
+    free, sides, left = is_free.astype(float), np.zeros((2, *is_free.shape)), np.ones(is_free.shape)
+    for side_m in _SIDES_M:
+        sigma = side_m / resolution_m
+        slope = np.stack([gaussian_filter(free, sigma, order=order) for order in ((0, 1), (1, 0))])
+        around = np.maximum(gaussian_filter(free, sigma), 1e-9)
+        # As a share of what it would be beside a wall, which parts what is free from what is not.
+        slope *= _SIDED * math.sqrt(0.5 * math.pi) * sigma / around
+        told = left * np.minimum(around / _ENOUGH_FREE, 1.0)
+        sides += told * slope / np.maximum(np.hypot(*slope), 1.0)
+        left = left - told
+    return np.asarray(sides)
 
 
 def _turn(angle_rad: float) -> FloatArray:

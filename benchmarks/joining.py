@@ -1,8 +1,10 @@
 """Robots that nobody knows the starts of: who is joined, and whether rightly.
 
 Three robots whose odometry begins at their own starts, in scenes drawn at random: ``python
-benchmarks/joining.py --kinds flat_rough --seeds 61 62 63``.  With ``--apart``, robots of one scene
-and of the scene of the next seed, which must not be joined.
+benchmarks/joining.py --kinds flat_rough --seeds 61 62 63``.  What two robots share are the pieces
+of 0.3 m that stand in both of the maps which they would make of their true poses, from the same
+side: who shares nothing cannot be joined.  With ``--apart``, robots of one scene and of the scene
+of the next seed, which must not be joined.
 """
 
 from __future__ import annotations
@@ -10,11 +12,13 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import scenes
 from poses import Ping, places, scenario
 
+from usmap_ros.localisation.map_match import Submap, in_common
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.correction import Corrected, correct_poses
@@ -55,6 +59,17 @@ def off_m(done: Corrected, true: dict[tuple[str, int], Pose], robots: list[str])
     return float(np.sqrt(np.mean(np.sum((ours @ turn.T - theirs) ** 2, axis=1))))
 
 
+def shared(pings: list[Ping], true: dict[tuple[str, int], Pose]) -> str:
+    """How many pieces each two robots have in common by their true poses."""
+    pipelines: dict[str, Pipeline] = {}
+    for topic, cone in pings:
+        pipeline = pipelines.setdefault(topic.split("/")[1], Pipeline())
+        pipeline.fuse(replace(cone, frame_id="map", pose=true[topic, cone.stamp_ns]), topic)
+    maps = [Submap.of(pipeline.occupancy_map()) for pipeline in pipelines.values()]
+    # Both maps' are counted.
+    return ", ".join(f"{0.5 * in_common(*two)[0]:.0f}" for two in combinations(maps, 2))
+
+
 def main() -> None:
     """Print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -64,11 +79,13 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=0.6)
     parser.add_argument("--apart", action="store_true", help="robots of two scenes")
     arguments = parser.parse_args()
-    print("| scene | seed | joined | off, m | ms a ping |\n|---|---|---|---|---|")
+    print("| scene | seed | joined | off, m | shared: 12, 13, 23 | ms a ping |")
+    print("|---|---|---|---|---|---|")
     for kind in arguments.kinds:
         for seed in arguments.seeds:
             scene = unknown_starts(kind, seed, arguments.pings, arguments.speed)
             pings, true = heard(scene), places(true_paths(scene))
+            common = shared(pings, true)
             if arguments.apart:
                 other = unknown_starts(kind, seed + 1, arguments.pings, arguments.speed)
                 pings = sorted(pings + heard(other, "other_"), key=lambda ping: ping[1].stamp_ns)
@@ -85,7 +102,8 @@ def main() -> None:
                 for group in joined
             ]  # fmt: skip
             names = "; ".join(" ".join(group) for group in joined) or "nobody"
-            print(f"| {kind} | {seed} | {names} | {'; '.join(off)} | {cost_ms:.1f} |", flush=True)
+            row = kind, str(seed), names, "; ".join(off), common, f"{cost_ms:.1f}"
+            print("| " + " | ".join(row) + " |", flush=True)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import pytest
 
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.localisation import Match, match_maps
+from usmap_ros.localisation.map_match import Submap, in_common
 
 RESOLUTION_M = 0.05
 Segment = tuple[tuple[float, float], tuple[float, float]]
@@ -137,6 +138,18 @@ def test_the_two_sides_of_a_corner_are_not_one() -> None:
     assert match is not None
     # What is best lays one wall over another from the same side, not both walls back to back.
     assert np.hypot(*match.change[:2]) > 1.0
+
+
+@pytest.mark.parametrize(("side", "least", "most"), [(1.0, 70.0, 85.0), (-1.0, 0.0, 8.0)])
+def test_the_two_sides_of_a_wall_that_was_heard_from_afar_are_not_one(
+    side: float, least: float, most: float
+) -> None:
+    """Free space that is known of ends 0.7 m before the wall."""
+    wall, free_m = along([((0.0, 0.0), (6.0, 0.0))]), area(0.0, 6.0, 0.7, 3.0)
+    one = drawn(wall, np.zeros(3), inside_m=free_m)
+    other = drawn(wall, np.zeros(3), inside_m=free_m * [1.0, side], seed=1)
+    both, _ = in_common(Submap.of(one), Submap.of(other))
+    assert least < both < most
 
 
 @pytest.mark.parametrize(("length_m", "is_sure"), [(0.3, True), (1.8, False)])

@@ -1,10 +1,10 @@
 """Robots that nobody knows the starts of: who is joined, and whether rightly.
 
 Three robots whose odometry begins at their own starts, in scenes drawn at random: ``python
-benchmarks/joining.py --kinds flat_rough --seeds 61 62 63``.  What two robots share are the pieces
-of 0.3 m that stand in both of the maps which they would make of their true poses, from the same
-side: who shares nothing cannot be joined.  With ``--apart``, robots of one scene and of the scene
-of the next seed, which must not be joined.
+benchmarks/joining.py --kinds flat_rough --seeds 61 62 63``.  Where somebody stays alone, it says
+what each two robots share: pieces of 0.3 m that stand, seen from the same side, in both of the maps
+that come of their true poses.  With ``--apart``, robots of one scene and of the scene of the next
+seed, which must not be joined.
 """
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ def main() -> None:
     for kind in arguments.kinds:
         for seed in arguments.seeds:
             scene = unknown_starts(kind, seed, arguments.pings, arguments.speed)
-            pings, true = heard(scene), places(true_paths(scene))
-            common = shared(pings, true)
+            here, true = heard(scene), places(true_paths(scene))
+            pings = here
             if arguments.apart:
                 other = unknown_starts(kind, seed + 1, arguments.pings, arguments.speed)
                 pings = sorted(pings + heard(other, "other_"), key=lambda ping: ping[1].stamp_ns)
@@ -101,6 +101,7 @@ def main() -> None:
                 else f"{off_m(done, true, group):.2f}" if not group[0].startswith("other_") else "-"
                 for group in joined
             ]  # fmt: skip
+            common = shared(here, true) if any(len(one) == 1 for one in groups.values()) else ""
             names = "; ".join(" ".join(group) for group in joined) or "nobody"
             row = kind, str(seed), names, "; ".join(off), common, f"{cost_ms:.1f}"
             print("| " + " | ".join(row) + " |", flush=True)

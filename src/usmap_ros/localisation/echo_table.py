@@ -88,6 +88,11 @@ def of_rows(echoes: TrackEchoes, rows: NDArray[np.intp]) -> TrackEchoes:
     return TrackEchoes(whose.astype(np.int64), *others)
 
 
+def first_of_each_ping(echoes: TrackEchoes) -> TrackEchoes:
+    """What each ping heard first, where echoes stand in the order of their pings and ranges."""
+    return of_rows(echoes, np.flatnonzero(np.diff(echoes.ping, prepend=-1)))
+
+
 def _telling(cone: EchoCone) -> NDArray[np.intp]:
     """Rows of the echoes that count."""
     ranges_m = cone.ranges_m.astype(float)

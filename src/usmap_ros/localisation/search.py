@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 from usmap_ros.localisation.data_association import associate_echoes, worth_their_cost
+from usmap_ros.localisation.echo_table import first_of_each_ping
 from usmap_ros.localisation.found import FoundPoses, average, of_pings
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.smoother import Smoother
@@ -24,13 +25,19 @@ _STRETCHES = (10**6, 12, 6)
 #: among smooth walls are mostly chance, and lead a search astray; among poles, which have few walls
 #: to follow, one more search takes them from its start.
 _POINTS_M = 0.04
-#: Stretches of all searches, and from when on they look for points.
-_SEARCHES = (*((stretch, _POINTS_M) for stretch in _STRETCHES), (_STRETCHES[-1], math.inf))
+#: Stretches of all searches, from when on they look for points, and whether they go along by the
+#: first echo of each ping: among smooth walls later ones lead astray, among rough ones they are
+#: missed.  All ends are adjusted to all echoes, and weighed by them.
+_SEARCHES = (
+    *((stretch, _POINTS_M, False) for stretch in _STRETCHES),
+    (_STRETCHES[-1], math.inf, False),
+    (_STRETCHES[1], _POINTS_M, True),
+)
 #: The same for readings of the first thing only: corners are points, but some searches do without.
 _SEARCHES_FIRST_ONLY = (
-    *((stretch, 0.0) for stretch in _STRETCHES),
-    (_STRETCHES[0], _POINTS_M),
-    (_STRETCHES[-1], math.inf),
+    *((stretch, 0.0, False) for stretch in _STRETCHES),
+    (_STRETCHES[0], _POINTS_M, False),
+    (_STRETCHES[-1], math.inf, False),
 )
 #: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
 #: are found by, at the least, or a wall would be found twice.
@@ -43,6 +50,9 @@ _NOISE_ROUNDS, _WIDER, _LEAST_M, _MOST_M = 2, 1.2, 0.01, 0.03
 #: Ends that differ by less of log-likelihood are much alike: so much it is off by which lines are
 #: found.
 _ALIKE = 20.0
+#: The same of the first echoes alone, which count beside all of them: they come the straight way,
+#: while later ones along smooth walls may fit a room that is turned as well as the right one.
+_ALIKE_FIRST = 10.0
 #: By so much, for the root of the number of echoes, it is off by chance and by furniture: poses as
 #: told stand unless something is likelier by more.  In two offices, where it misled, that was 0.3
 #: at the most; where it was right, 1.9 to 6 in seven mazes, and 0.8 and more in flats.
@@ -88,9 +98,12 @@ def search(start: Smoother) -> FoundPoses | None:
     first_only = start.echoes.are_first_only
     finest_m = _FOUND_M if first_only else _AT_THE_END_M
     told, ends = _likely_by_landmarks(start, finest_m), []
-    for stretch, points_m in _SEARCHES_FIRST_ONLY if first_only else _SEARCHES:
+    for stretch, points_m, by_first in _SEARCHES_FIRST_ONLY if first_only else _SEARCHES:
         one = copy.deepcopy(start)
+        if by_first:
+            one.echoes = first_of_each_ping(start.echoes)
         adjusted = _go_along(one, stretch, points_m)
+        one.echoes = start.echoes
         # The next search knows by this one how well odometry is known.
         for track, so_far in zip(start.tracks, one.tracks, strict=True):
             track.spread = so_far.spread
@@ -100,11 +113,20 @@ def search(start: Smoother) -> FoundPoses | None:
         likely = _likely_by_landmarks(one, finest_m) - left_open
         if likely > told:
             known = one.known_by(adjusted.landmarks, adjusted.sigma_m)
-            ends.append((likely, of_pings(one, known)))
+            ends.append((likely, likely / _ALIKE + _first_alike(one), of_pings(one, known)))
     by_chance = _BY_CHANCE * math.sqrt(float(start.echoes.weight.sum())) if first_only else 0.0
-    if max((likely for likely, _ in ends), default=told) <= told + by_chance:
+    if max((likely for likely, *_ in ends), default=told) <= told + by_chance:
         return None
-    return average([(likely / _ALIKE, found) for likely, found in ends])
+    return average([(weight, found) for _, weight, found in ends])
+
+
+def _first_alike(smoother: Smoother) -> float:
+    """How likely poses are by first echoes alone, over what is much alike; 0 if all are first."""
+    if smoother.echoes.are_first_only:
+        return 0.0
+    one = copy.copy(smoother)
+    one.echoes = first_of_each_ping(smoother.echoes)
+    return _likely_by_landmarks(one, _AT_THE_END_M) / _ALIKE_FIRST
 
 
 def _by_noise(smoother: Smoother, points_m: float) -> Adjusted:

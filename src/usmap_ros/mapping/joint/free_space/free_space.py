@@ -38,7 +38,7 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.open_ways import prove_open
-from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays
+from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays, end_rays
 from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic, running_maximum
@@ -136,8 +136,8 @@ class FreeSpace:
         """
         field, occupied = self._field, walls.shown
         hides = occupied | self._standing
-        listening = self._listening(walls, smooth, powers)
-        left = self._left(np.where(hides, OCCUPIED, 0.0))
+        listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
+        left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         self.silence = silence = learn_silence(
             self._table, self._pings, field, left, listening, walls, smooth, evidence
         )
@@ -168,7 +168,7 @@ class FreeSpace:
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
             left_before = left
-            left = self._left(beliefs(hides, free, worst, silence.unknown))
+            left = self._left(beliefs(hides, free, worst, silence.unknown), ended_m)
             changed = _differ(left, left_before)
             self._refute(left, listening, silence, wanted, changed, worst)
             is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
@@ -200,10 +200,10 @@ class FreeSpace:
             What was learnt of the place.
         """
         hides = walls.shown | self._standing
-        listening = self._listening(walls, smooth, powers)
-        left = self._left(np.where(hides, OCCUPIED, 0.0))
+        listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
+        left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         proofs = self._proven(walls.shown, left, powers, smooth)
-        left = self._left(beliefs(hides, free, worst, silence.unknown))
+        left = self._left(beliefs(hides, free, worst, silence.unknown), ended_m)
         # How usual surfaces are has been counted with what was heard of them before.
         alike = silence.kinds.copy()
         alike[:ORIENTATIONS, 1] = alike[ROUND, 1] = 0.0
@@ -274,10 +274,20 @@ class FreeSpace:
         backs |= behind(walls.lines, heard, east, north, depth_cells)
         return backs & ~walls.shown
 
-    def _left(self, belief: FloatArray) -> NDArray[np.uint8]:
-        """How much of the sound is left along rays, by what may hold it back."""
+    def _left(self, belief: FloatArray, ended_m: FloatArray) -> NDArray[np.uint8]:
+        """How much of the sound is left along rays, by what may hold it back.
+
+        Parameters
+        ----------
+        belief : (rows, columns) array
+            That something stands in each cell.
+        ended_m : (pings,) array
+            Range beyond which hardly anything is left of each ping.
+        """
         depth = optical_depth(belief, FREE_OPACITY)
-        return cast_all_rays(self._table, self._pings, self._field, depth)
+        left = cast_all_rays(self._table, self._pings, self._field, depth)
+        end_rays(left, ended_m, self._table.numbers[self._pings, GREATEST_RANGE])
+        return left
 
     def _in_reach(self) -> BoolArray:
         """Cells that a ping may reach, and some in the corners around."""

@@ -26,6 +26,7 @@ from usmap_ros.mapping.joint.visibility.open_ways import trace_open
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
 from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.mapping.ping_table import (
+    ABSORPTION,
     BIN_M,
     HALF_ANGLE,
     HEADING,
@@ -51,6 +52,9 @@ PROVEN_CELLS = 1.5
 #: How far beside the way nothing stands, either, that would let no sound through, m: the first
 #: Fresnel zone of an echo of 40 kHz is so wide from 0.25 m on.
 BESIDE_M = (-0.04, 0.0, 0.04)
+#: An echo as loud as this, as a share of what the place's mirrors return on the beam's axis, is of
+#: a mirror that is struck squarely within the beam, or of something as near as it is large.
+MIRROR_SHARE = 0.5
 #: An echo is that of a smooth thing that is known if it is so near to where it should be, beyond
 #: what its range is uncertain by, m.
 RECOGNISED_M = 0.03
@@ -224,6 +228,34 @@ class SmoothSurfaces:
         cells = np.stack([columns, rows], axis=1) + np.array(first)
         points_m = np.asarray(cells * self._field.resolution_m, np.float64)
         return out_of_sight(points_m, self.mirrors, places_m)
+
+    def ended_m(self) -> FloatArray:
+        """How far the sound of each ping can have gone, by echoes as loud as mirrors' are.
+
+        Who strikes a wall squarely from a single place hears it at one range, from which it may be
+        anywhere in the beam: no wall is found, and nothing stands where its sides are.  Whatever
+        returns as much as a mirror does lets nothing through.
+
+        Returns
+        -------
+        ended_m : (pings,) array
+            Range of the nearest echo that is as loud as one of a mirror, but of none that was
+            found; infinite where there is none.
+        """
+        ended_m = np.full(len(self._pings), np.inf)
+        if not self.mirrors:
+            return ended_m
+        hits = [len(wall.echoes) for wall in self.mirrors]
+        usual = float(np.average([wall.log_mirror for wall in self.mirrors], weights=hits))
+        range_m = self._echoes.range_m
+        absorption = self._table.numbers[self._pings[self._ping], ABSORPTION]
+        level = 2.0 * self._echoes.amplitude * range_m * np.exp(0.5 * absorption * range_m)
+        is_found = self._reflected.copy()
+        for thing in self._things():
+            is_found[thing.echoes] = True
+        ends = ~is_found & (level > MIRROR_SHARE * np.exp(usual))
+        np.minimum.at(ended_m, self._ping[ends], range_m[ends])
+        return ended_m
 
     def drawn_columns(self) -> BoolArray:
         """Cells at the surface of columns."""

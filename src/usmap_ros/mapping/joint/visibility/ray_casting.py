@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_table import GREATEST_RANGE, HALF_ANGLE, HEADING, PingTable, X, Y
-from usmap_ros.numerics.arrays import BoolArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.processes.threads import for_each
 
@@ -19,6 +19,9 @@ OPAQUE = 7.0
 NEAR_CELLS = 2
 #: What one is in the tables of `cast_rays`.
 WHOLE = 255
+#: From so far behind an echo that lets nothing through, m, such a share of the sound is left: what
+#: returned it may be narrower than the beam.
+BEHIND_ECHO_M, BEYOND = 0.1, 0.1
 #: Pings whose rays one thread casts at a time.
 BATCH = 64
 
@@ -61,6 +64,24 @@ def cast_rays(
     left = np.empty((len(pings), RAYS, STEPS), np.uint8)
     _cast(table, pings, field, depth, left)
     return left
+
+
+def end_rays(left: NDArray[np.uint8], ended_m: FloatArray, greatest_m: FloatArray) -> None:
+    """Let rays end behind echoes of what lets nothing through.
+
+    Parameters
+    ----------
+    left : (pings, RAYS, STEPS) uint8 array
+        By `cast_rays`; changed.
+    ended_m : (pings,) array
+        Range of the echo; infinite: there is none.
+    greatest_m : (pings,) array
+        Up to which range rays were cast.
+    """
+    steps = np.ceil((ended_m + BEHIND_ECHO_M) / greatest_m * STEPS)
+    for ping in np.flatnonzero(steps < STEPS).tolist():
+        beyond = left[ping, :, int(steps[ping]) :]
+        beyond[:] = BEYOND * beyond
 
 
 @compiled

@@ -18,12 +18,8 @@ from usmap_ros.mapping.joint.estimate import FIRST_DAMPING, STOOD_M, SWEEPS
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected
-from usmap_ros.mapping.joint.free_space.free_space import (
-    SUSPECTED,
-    FreeSpace,
-    Refutations,
-    are_refuted,
-)
+from usmap_ros.mapping.joint.free_space.free_space import SUSPECTED, FreeSpace
+from usmap_ros.mapping.joint.free_space.refutation import Refutations, are_refuted
 from usmap_ros.mapping.joint.kept_pings import Pings
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls

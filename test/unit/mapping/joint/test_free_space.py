@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.free_space.connected import connected
-from usmap_ros.mapping.joint.free_space.free_space import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.open_space import (
     GROUPS,
     MIRRORS,
@@ -16,6 +15,7 @@ from usmap_ros.mapping.joint.free_space.open_space import (
     ROUND,
     refute_surfaces,
 )
+from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, log_priors
 from usmap_ros.mapping.joint.kept_pings import KeptPings

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,19 +19,22 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     continue_lines,
 )
 from usmap_ros.mapping.joint.free_space.open_space import (
-    ACROSS,
-    ALONG,
     BAND,
     GROUPS,
     MIRRORS,
-    MOST_A_SECTOR,
     ORIENTATIONS,
     ROUND,
     refute_surfaces,
 )
+from usmap_ros.mapping.joint.free_space.refutation import (
+    OCCUPIED,
+    Refutations,
+    are_refuted,
+    beliefs,
+    refute_for_room,
+)
 from usmap_ros.mapping.joint.free_space.response import HeardBins, listen
 from usmap_ros.mapping.joint.free_space.silence import Silence, learn_silence
-from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
 from usmap_ros.mapping.joint.surfaces.lines import drawn
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
@@ -41,13 +43,13 @@ from usmap_ros.mapping.joint.visibility.open_ways import prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays, end_rays
 from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
-from usmap_ros.numerics.special import logistic, running_maximum
+from usmap_ros.numerics.special import running_maximum
 from usmap_ros.processes.threads import for_each
 
 #: Log-odds from which on a cell that is not shown is not free either.
 SUSPECTED = -0.5
-#: Rounds of free space; optical depth of what is occupied, of what may be, and opacity.
-FREE_ROUNDS, OCCUPIED, FREE_OPACITY = 4, 0.97, 2.0
+#: Rounds of free space, and opacity of what holds sound back.
+FREE_ROUNDS, FREE_OPACITY = 4, 2.0
 #: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
 FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
 #: How far behind what was heard from one side alone silence must say as much as where walls
@@ -58,24 +60,6 @@ LISTENING_CELLS = 0.75
 #: By how much things are taken to be fainter from where they are near to where they are as far as
 #: a sensor that reports the first thing only hears, and louder where they are near, dB.
 FADING_DB, NEAR_DB = 20.0, 6.0
-
-
-class Refutations(NamedTuple):
-    """What pings heard of each cell.
-
-    Parameters
-    ----------
-    worst : (rows, columns, GROUPS) float32 array
-        By `usmap_ros.mapping.joint.free_space.open_space.refute_surfaces`.
-    proven : (rows, columns) float32 array
-        Pings whose sound is known to have passed it.
-    closed : (rows, columns) bool array
-        Whether it may not be free.
-    """
-
-    worst: NDArray[np.float32]
-    proven: NDArray[np.float32]
-    closed: BoolArray
 
 
 class FreeSpace:
@@ -161,7 +145,7 @@ class FreeSpace:
         for turn in range(FREE_ROUNDS):
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
-                _close(is_refuted, worst, wanted, silence)
+                refute_for_room(is_refuted, worst, wanted, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
@@ -339,72 +323,9 @@ class FreeSpace:
         return proven
 
 
-def are_refuted(
-    worst: NDArray[np.float32], proven: NDArray[np.float32], refuted: float, proofs: float
-) -> BoolArray:
-    """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
-
-    Each ping whose sound came back through it says an equal part of what silence would have to say,
-    and is outweighed by echoes in the same way.
-
-    Parameters
-    ----------
-    worst : (rows, columns, GROUPS) float32 array
-        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
-    proven : (rows, columns) float32 array
-        Pings whose sound is known to have passed it.
-    refuted : float
-        Log-likelihood ratio at which silence alone refutes a surface.
-    proofs : float
-        Pings that do, alone.
-    """
-    needed = refuted * (1.0 - proven / proofs)
-    fails: BoolArray = worst < needed[:, :, np.newaxis]
-    return fails
-
-
-def beliefs(
-    hides: BoolArray, free: BoolArray, worst: NDArray[np.float32], unknown: float
-) -> FloatArray:
-    """Belief that each cell holds sound back.
-
-    Echoes from one side alone come from anywhere on a ring; what several sides say stands, though
-    not surely enough to be shown, explains silence behind it.
-
-    Parameters
-    ----------
-    hides, free : (rows, columns) bool arrays
-        Cells that are occupied, and those that are free.
-    worst : (rows, columns, GROUPS) float32 array
-        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
-    unknown : float
-        Belief in the others where echoes speak for nothing.
-    """
-    several = np.maximum(over_last(np.maximum, worst) - MOST_A_SECTOR, 0.0)
-    # Of most cells nothing is said, and logarithms take long.
-    others, speaks = np.full(several.shape, unknown), several > 0.0
-    odds = several[speaks] + math.log(unknown / (1.0 - unknown))
-    others[speaks] = logistic(odds)
-    others = np.minimum(others, OCCUPIED)
-    held: FloatArray = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, others))
-    return held
-
-
 def _differ(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> BoolArray:
     """Whether something else is left of the sound of each ping than before."""
     batches = [slice(first, first + BATCH) for first in range(0, len(left), BATCH)]
     return np.concatenate(
         for_each(lambda some: (left[some] != before[some]).any(axis=(1, 2)), batches)
     )
-
-
-def _close(
-    is_refuted: BoolArray, worst: NDArray[np.float32], wanted: BoolArray, silence: Silence
-) -> None:
-    """Refute walls that face as most do where there is too little room for them."""
-    for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
-        here, said = is_refuted[:, :, group], worst[:, :, group]
-        usual = float(silence.kinds[first, 0])
-        here |= lacks_room(
-            said, here.copy(), wanted, usual, silence.long_and_short, silence.refuted
-        )

@@ -1,0 +1,114 @@
+"""What pings refute in cells, and what holds sound back in the others."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.free_space.open_space import (
+    ACROSS,
+    ALONG,
+    MOST_A_SECTOR,
+    ORIENTATIONS,
+)
+from usmap_ros.mapping.joint.free_space.silence import Silence
+from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
+from usmap_ros.numerics.special import logistic
+
+#: Belief in what is occupied.
+OCCUPIED = 0.97
+
+
+class Refutations(NamedTuple):
+    """What pings heard of each cell.
+
+    Parameters
+    ----------
+    worst : (rows, columns, GROUPS) float32 array
+        By `usmap_ros.mapping.joint.free_space.open_space.refute_surfaces`.
+    proven : (rows, columns) float32 array
+        Pings whose sound is known to have passed it.
+    closed : (rows, columns) bool array
+        Whether it may not be free.
+    """
+
+    worst: NDArray[np.float32]
+    proven: NDArray[np.float32]
+    closed: BoolArray
+
+
+def are_refuted(
+    worst: NDArray[np.float32], proven: NDArray[np.float32], refuted: float, proofs: float
+) -> BoolArray:
+    """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
+
+    Each ping whose sound came back through it says an equal part of what silence would have to say,
+    and is outweighed by echoes in the same way.
+
+    Parameters
+    ----------
+    worst : (rows, columns, GROUPS) float32 array
+        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
+    proven : (rows, columns) float32 array
+        Pings whose sound is known to have passed it.
+    refuted : float
+        Log-likelihood ratio at which silence alone refutes a surface.
+    proofs : float
+        Pings that do, alone.
+    """
+    needed = refuted * (1.0 - proven / proofs)
+    fails: BoolArray = worst < needed[:, :, np.newaxis]
+    return fails
+
+
+def beliefs(
+    hides: BoolArray, free: BoolArray, worst: NDArray[np.float32], unknown: float
+) -> FloatArray:
+    """Belief that each cell holds sound back.
+
+    Echoes from one side alone come from anywhere on a ring; what several sides say stands, though
+    not surely enough to be shown, explains silence behind it.
+
+    Parameters
+    ----------
+    hides, free : (rows, columns) bool arrays
+        Cells that are occupied, and those that are free.
+    worst : (rows, columns, GROUPS) float32 array
+        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
+    unknown : float
+        Belief in the others where echoes speak for nothing.
+    """
+    several = np.maximum(over_last(np.maximum, worst) - MOST_A_SECTOR, 0.0)
+    # Of most cells nothing is said, and logarithms take long.
+    others, speaks = np.full(several.shape, unknown), several > 0.0
+    odds = several[speaks] + math.log(unknown / (1.0 - unknown))
+    others[speaks] = logistic(odds)
+    others = np.minimum(others, OCCUPIED)
+    held: FloatArray = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, others))
+    return held
+
+
+def refute_for_room(
+    is_refuted: BoolArray, worst: NDArray[np.float32], wanted: BoolArray, silence: Silence
+) -> None:
+    """Refute walls that face as most do where there is too little room for them.
+
+    Parameters
+    ----------
+    is_refuted : (rows, columns, GROUPS) bool array
+        Where no surface of a group can stand; more is added.
+    worst : (rows, columns, GROUPS) float32 array
+        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
+    wanted : (rows, columns) bool array
+        Cells that are asked for.
+    silence : Silence
+        What was learnt of the place.
+    """
+    for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
+        here, said = is_refuted[:, :, group], worst[:, :, group]
+        usual = float(silence.kinds[first, 0])
+        here |= lacks_room(
+            said, here.copy(), wanted, usual, silence.long_and_short, silence.refuted
+        )

@@ -18,8 +18,9 @@ from usmap_ros.simulation import Scenario
 
 #: Of the package: what a score depends on.
 _MAKERS = (*MAKERS, "mapping", "evaluation", "parameters", "runs")
-#: What a method made of a scene, and what it took, in ms a ping.
-Judged = tuple[Score, Reliability, float]
+#: What a method made of a scene, what it took, in ms a ping, and the share of open cells that it
+#: knows where one could have been heard.
+Judged = tuple[Score, Reliability, float, float]
 
 
 class KeptResults:
@@ -40,7 +41,8 @@ class KeptResults:
             return None
         content = json.loads(path.read_text(encoding="utf-8"))
         counts = {name: np.array(values) for name, values in content["reliability"].items()}
-        return Score(**content["score"]), Reliability(**counts), content["ms_per_ping"]
+        figures = content["ms_per_ping"], content["known_audible"]
+        return Score(**content["score"]), Reliability(**counts), *figures
 
     def put(self, scenario: Scenario, sensor: str, method: Method, judged: Judged) -> None:
         """Keep a result."""
@@ -49,7 +51,8 @@ class KeptResults:
         self._folder.mkdir(parents=True, exist_ok=True)
         counts = {name: values.tolist() for name, values in asdict(judged[1]).items()}
         content = {
-            "score": asdict(judged[0]), "reliability": counts, "ms_per_ping": judged[2],
+            "score": asdict(judged[0]), "reliability": counts,
+            "ms_per_ping": judged[2], "known_audible": judged[3],
         }  # fmt: skip
         write_atomically(self._path(scenario, sensor, method), json.dumps(content).encode())
 

@@ -15,7 +15,13 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space import free_space, response, silence, usual_directions
+from usmap_ros.mapping.joint.free_space import (
+    free_space,
+    refutation,
+    response,
+    silence,
+    usual_directions,
+)
 from usmap_ros.mapping.joint.free_space.continuations import Continuations
 from usmap_ros.mapping.joint.free_space.open_space import ORIENTATIONS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import WallDirections
@@ -143,7 +149,7 @@ PARTS = {
         "each silent look counts", ((silence, "learn_shape", lambda *given: 1e6),)
     ),
     "directions": Part("surfaces face anywhere", ((silence, "log_priors", _anywhere),)),
-    "room": Part("walls need no room", ((free_space, "lacks_room", _none_like(0)),)),
+    "room": Part("walls need no room", ((refutation, "lacks_room", _none_like(0)),)),
     "round": Part(
         "nothing round is asked for", ((silence, "log_priors", _none_of(slice(ROUND, None))),)
     ),
@@ -153,6 +159,10 @@ PARTS = {
     ),
     "proofs": Part("free by silence alone", settings={"mapping.proof_rays": 1000.0}),
     "rounds": Part("one round of free space", ((free_space, "FREE_ROUNDS", 1),)),
+    "ended": Part(
+        "echoes as loud as mirrors' let sound through",
+        ((free_space, "end_rays", lambda *given: None),),
+    ),
     "connected": Part(
         "free without a way there", ((free_space, "connected", lambda free, *given: free),)
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ COLUMNS = (
     ("F1", "f1", 2),
     ("recall", "recall", 2),
     ("known", "known", 2),
+    ("where audible", "known_audible", 2),
     ("leak", "leak", 3),
     ("lost", "lost", 3),
     ("escape m²", "escape_m2", 2),
@@ -57,13 +58,18 @@ class Case:
 
 @dataclass(frozen=True)
 class Result:
-    """What a method made of a case, and what it took to fuse a ping."""
+    """What a method made of a case, what it took to fuse a ping, and what it knows if it could."""
 
     case: Case
     method: str
     score: Score
     reliability: Reliability
     ms_per_ping: float
+    known_audible: float
+
+    def figure(self, name: str) -> float:
+        """One of `COLUMNS`."""
+        return float(getattr(self if name == "known_audible" else self.score, name))
 
 
 def summary(results: list[Result]) -> list[dict[str, Any]]:
@@ -77,7 +83,7 @@ def summary(results: list[Result]) -> list[dict[str, Any]]:
             row: dict[str, Any] = {"scene": scene, "condition": condition, "method": method}
             row["seeds"] = [result.case.seed for result in seeds]
             for _, name, _ in COLUMNS:
-                values = np.array([asdict(result.score)[name] for result in seeds])
+                values = np.array([result.figure(name) for result in seeds])
                 row[name], row[f"{name}_std"] = float(values.mean()), float(values.std())
             counts = [result.reliability for result in seeds]
             row["ms_per_ping"] = float(np.mean([result.ms_per_ping for result in seeds]))

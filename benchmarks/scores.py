@@ -4,7 +4,8 @@ Every scene is drawn at random by `scenes`, recorded under a condition, and mapp
 F1, recall, known, leak, lost, escape and log loss are those of `usmap evaluate`; "off" is the
 largest distance from the diagonal of the reliability diagram of all seeds, where a cell counts as
 right if it holds or touches a surface.  Among lone poles those are asked for that are loud enough
-to be heard twice (`audible`).  Means over the seeds, with the standard deviation behind ±.
+to be heard twice, and cells are known "where audible" of those where one would be (`audible`);
+elsewhere that is all that was in sight.  Means over the seeds, with standard deviations behind ±.
 
 python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ... | --targets]
     [--conditions plain ...] [--seeds 901 ... | --report] [--methods ours ...]
@@ -21,7 +22,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from audible import audible_poles
+from audible import audible_poles, known_where_audible
 from kept import KeptResults
 from methods import ABLATIONS, METHODS
 from pages import put, put_with_picture
@@ -126,11 +127,13 @@ def results_of(
             recorded = cones(world, method.parameters().reconstruction, cache, sensor)
             views = views or PingViews.of(cone for _, cone in recorded)
             occupancy, ms_per_ping = timed_map(name, recorded)
-            audible = None
             if sensor == "sonar" and is_lone_poles(truth):
-                audible = audible_poles(world, recorded, truth)
-            scored = score(occupancy, truth, views, audible)
-            judged = scored, reliability(occupancy, truth), ms_per_ping
+                scored = score(occupancy, truth, views, audible_poles(world, recorded, truth))
+                known_audible = known_where_audible(world, recorded, occupancy, truth)
+            else:
+                scored = score(occupancy, truth, views)
+                known_audible = scored.known
+            judged = scored, reliability(occupancy, truth), ms_per_ping, known_audible
             maps[f"{method.shown}\nF1 {scored.f1:.2f}, known {scored.known:.2f}"] = occupancy
             kept.put(world, sensor, method, judged)
         found.append(Result(case, name, *judged))

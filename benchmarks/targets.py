@@ -21,7 +21,7 @@ class Target:
         The scenes in words.
     cases : tuple of (scene, condition)
         Which they are.
-    f1, known : float
+    f1, known, known_audible : float
         At least; 0: whatever it is.
     leak, lost, escape_m2 : float
         At most.
@@ -31,6 +31,7 @@ class Target:
     cases: tuple[Pair, ...]
     f1: float
     known: float = 0.0
+    known_audible: float = 0.0
     leak: float = 0.02
     lost: float = 0.03
     escape_m2: float = 0.1
@@ -51,7 +52,7 @@ class Target:
 
 
 #: Of the bounds, those from below.
-AT_LEAST = ("f1", "known")
+AT_LEAST = ("f1", "known", "known_audible")
 
 
 def _plain(*scenes: str) -> tuple[Pair, ...]:
@@ -59,13 +60,13 @@ def _plain(*scenes: str) -> tuple[Pair, ...]:
 
 
 TARGETS = (
-    Target("poles, 3 × 100 pings", (("poles", "100_pings"),), 0.99, 0.97),
-    Target("poles, 3 × 30 pings", (("poles", "few_pings"),), 0.88, 0.75),
+    Target("poles, 3 × 100 pings", (("poles", "100_pings"),), 0.99, 0.97, 0.97),
+    Target("poles, 3 × 30 pings", (("poles", "few_pings"),), 0.88, 0.75, 0.75),
     Target("poles, noise 0.04", (("poles", "100_noisy"),), 0.98),
     Target("poles, poses off", (("poles", "100_poses_off"),), 0.97),
     Target("poles, floor", (("poles", "100_floor"),), 0.96),
     # As far below those that did not stand as may be.
-    Target("poles, 30 s of standing first", (("poles", "100_parked"),), 0.98, 0.96),
+    Target("poles, 30 s of standing first", (("poles", "100_parked"),), 0.98, 0.96, 0.96),
     Target("flat, rough walls", _plain("flat_rough"), 0.90, 0.92),
     Target("flat, smooth walls", _plain("flat_smooth"), 0.77, 0.63),
     Target("round columns, half smooth", _plain("columns_rough", "columns_smooth"), 0.82, 0.70),

@@ -76,7 +76,9 @@ def test_a_missed_target_stands_out(benchmark: ModuleType) -> None:
     ]
     _, _, round_columns, depot = tables.targets_table(rows).splitlines()
     assert round_columns.startswith("| round columns, half smooth | ours | 0.85 (≥ 0.82) | 0.00 |")
-    assert depot.startswith("| depot | ours | **0.50 (≥ 0.86)** | 0.00 | 1.00 (≥ 0.7) | 0.000 (≤ ")
+    assert depot.startswith(
+        "| depot | ours | **0.50 (≥ 0.86)** | 0.00 | 1.00 (≥ 0.7) | 0.00 | 0.000 (≤"
+    )
 
 
 def test_robots_stand_before_they_drive_the_same_way(scenes: ModuleType) -> None:
@@ -148,6 +150,17 @@ def test_poles_that_are_too_faint_are_not_asked(scenes: ModuleType, methods: Mod
     np.testing.assert_allclose(sorted(places.tolist()), [[1.025, 0.025], [2.025, -0.475]])
     once = audible.audible_poles(world, recorded[:1], truth)
     assert not once.occupied.any()
+    shape = truth.geometry.shape
+    x_m = truth.geometry.cell_centers_m(*np.indices(shape).reshape(2, -1))[:, 0].reshape(shape)
+
+    def known_up_to(farthest_m: float, pings: int = 3) -> float:
+        free = OccupancyMap(truth.geometry, np.full(shape, -3.0, np.float32), x_m < farthest_m, "")
+        return float(audible.known_where_audible(world, recorded[:pings], free, truth))
+
+    # Sound goes from the origin eastwards, and is too faint before the truth ends.
+    assert (known_up_to(-0.1), known_up_to(4.9), known_up_to(9.0)) == (0.0, 1.0, 1.0)
+    assert 0.0 < known_up_to(1.0) < known_up_to(2.0) < 1.0
+    assert known_up_to(9.0, pings=1) == 0.0
 
 
 def test_every_method_has_parameters_that_exist(methods: ModuleType) -> None:

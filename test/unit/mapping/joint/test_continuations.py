@@ -1,7 +1,10 @@
 """Walls go on as far as pings say so, and where they may go on nothing is free."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy.ndimage import label
 
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
@@ -9,8 +12,9 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     behind,
     behind_alone,
     continue_lines,
+    may_go_on,
 )
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, drawn
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -50,6 +54,34 @@ def test_what_is_contradicted_is_no_wall_but_may_be_one() -> None:
 
 def test_what_is_refuted_firmly_may_be_no_wall() -> None:
     assert not followed([ALONG_ROW], 1.1 * ENDS).may_be.any()
+
+
+def test_walls_that_go_on_to_a_corner_end_there() -> None:
+    """Neither was heard near it, and both led through it: a box was drawn as a hash sign."""
+    across = ALONG_COLUMN.copy()
+    across[[DISTANCE, BEGIN, END]] = 36.0, -14.0, 1.0
+    going = followed([ALONG_ROW, across], 0.5)
+    assert going.lines[0, BEGIN] == pytest.approx(-36.0)
+    assert going.lines[1, END] == pytest.approx(10.0)
+    assert going.lines[0, END] == pytest.approx(0.0)
+
+
+def test_a_wall_may_go_on_up_to_what_is_known() -> None:
+    stands, free = drawn(ALONG_ROW[np.newaxis], SHAPE), np.zeros(SHAPE, bool)
+    free[10, 35] = stands[10, 4] = True
+    may = may_go_on(ALONG_ROW[np.newaxis], stands, free, 9.0)
+    assert np.argwhere(may).tolist() == [[10, column] for column in (*range(5, 10), *range(31, 35))]
+    free[10, 31] = True
+    assert not may_go_on(ALONG_ROW[np.newaxis], stands, free, 9.0)[10, 31:].any()
+
+
+def test_no_ray_passes_between_cells_in_which_a_wall_aslant_may_go_on() -> None:
+    aslant = np.array([-math.sqrt(0.5), math.sqrt(0.5), 0.0, -8.0, -2.0])
+    nothing = np.zeros(SHAPE, bool)
+    may = may_go_on(aslant[np.newaxis], drawn(aslant[np.newaxis], SHAPE), nothing, 6.0)
+    _, parts = label(may[6:, 6:])
+    assert may[6:, 6:].sum() > 6
+    assert parts == 1
 
 
 @pytest.mark.parametrize("said", [0.5, -1.0])

@@ -211,3 +211,29 @@ def test_a_short_wall_is_square_to_long_ones(
     along_m = 0.5 * (wall.begin_m + wall.end_m)
     x_m, y_m = wall.distance_m * cosine - along_m * sine, wall.distance_m * sine + along_m * cosine
     assert (x_m, y_m) == pytest.approx((2.5 - 0.02 * 0.24, -1.76), abs=0.01)
+
+
+def test_what_comes_back_from_a_corner_is_no_wall_aslant(
+    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone], mirror_m: float
+) -> None:
+    """An echo that follows closely fitted a wall through the corner, and that led outside."""
+    # Of a corner at (9.576, 1.702), as a public simulator has it.
+    heard = {
+        (7.3427, 1.0824): (2.3216, 2.3309),
+        (6.9662, 1.1709): (2.6647, 2.6742),
+        (6.7471, 1.1709): (2.8865,),
+        (6.5279, 1.1709): (3.0954, 3.1040, 3.1096),
+        (6.2607, 1.1707): (3.3622, 3.3683),
+        (6.4821, 1.2467): (3.1287, 3.1381),
+        (6.3925, 1.2521): (3.2204, 3.2288),
+        (5.8225, 1.1681): (3.7961, 3.8014),
+        (5.8668, 1.2710): (3.7095, 3.7282, 3.7485),
+        (5.7771, 1.2726): (3.7994, 3.8168, 3.8404),
+        (5.6874, 1.2739): (3.8950, 3.9014, 3.9144, 3.9248),
+    }
+    cones = []
+    for number, ((x_m, y_m), ranges_m) in enumerate(heard.items()):
+        echoes = [(range_m, 0.45 / range_m) for range_m in ranges_m]
+        cones.append(make_cone(*echoes, x_m=x_m, y_m=y_m, max_range_m=5.0, stamp_ns=100 + number))
+    walls = mirrors_of([*mirror_pings, *cones])
+    assert [wall.distance_m for wall in walls] == [pytest.approx(mirror_m, abs=0.01)]

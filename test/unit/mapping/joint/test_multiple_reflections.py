@@ -103,8 +103,8 @@ def test_what_stands_in_walls_that_scatter_proves_them_mirrors(
 
 def test_a_wall_of_the_next_room_is_heard_by_nobody_before_this_one() -> None:
     pings = np.arange(50)
-    near = MirrorWall(0.0, 2.0, 0.0, 2.0, pings[:20], pings[:20], 0.0, 0.0, 0.0)
-    far = MirrorWall(0.0, 4.0, 0.0, 5.0, pings, pings, 0.0, 0.0, 0.0)
+    near = MirrorWall(0.0, 2.0, 0.0, 2.0, pings[:20], pings[:20], 0.0, 0.0, 0.0, 9.0)
+    far = MirrorWall(0.0, 4.0, 0.0, 5.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
     # Twenty are before the near wall, and thirty beside it, from where the far one is heard.
     places_m = np.stack([np.ones(50), np.linspace(0.0, 5.0, 50)], axis=1)
     kept = seen_directly([near, far], places_m)

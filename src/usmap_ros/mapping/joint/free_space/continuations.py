@@ -86,7 +86,50 @@ def continue_lines(
             open_end = _leading(is_solid | (said >= ENDS))
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
                 may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
-    return Continuations(longer, may_be & ~occupied)
+    return Continuations(_ending_at_corners(lines, longer), may_be & ~occupied)
+
+
+def _ending_at_corners(lines: FloatArray, longer: FloatArray) -> FloatArray:
+    """Lines as far as they go on before they meet one another, or what continues it."""
+    ended = longer.copy()
+    for number, line in enumerate(lines):
+        crossings = _crossings(line, longer)
+        for end, sign in ((BEGIN, -1.0), (END, 1.0)):
+            ahead = sign * (crossings - line[end])
+            grown = sign * (longer[number, end] - line[end])
+            first = ahead[ahead > 0.0].min(initial=grown)
+            ended[number, end] = line[end] + sign * first
+    return ended
+
+
+def may_go_on(
+    lines: FloatArray, stands: BoolArray, free: BoolArray, most_cells: float
+) -> BoolArray:
+    """Cells in which lines may go on, up to the first one beyond an end that is known.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        Walls.
+    stands, free : (rows, columns) bool arrays
+        What is known to stand, and to be free.
+    most_cells : float
+        How far they may.
+    """
+    may, is_known = np.zeros_like(free), stands | free
+    for line in lines:
+        for end, sign in ((BEGIN, -1.0), (END, 1.0)):
+            rows, columns = _beyond(line, line[end], sign, most_cells, free.shape)
+            if len(rows) == 0:
+                continue
+            ends = is_known[rows, columns]
+            # The first may be that of the end itself.
+            ends[0] = free[rows[0], columns[0]]
+            count = _leading(~ends)
+            may[rows[:count], columns[:count]] = True
+            # No ray gets through between cells that touch by their corners.
+            may[rows[1:count], columns[: max(0, count - 1)]] = True
+    return may & ~is_known
 
 
 def behind(

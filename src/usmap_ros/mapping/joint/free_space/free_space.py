@@ -17,6 +17,7 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     behind,
     behind_alone,
     continue_lines,
+    may_go_on,
 )
 from usmap_ros.mapping.joint.free_space.open_space import (
     BAND,
@@ -52,6 +53,9 @@ SUSPECTED = -0.5
 FREE_ROUNDS, FREE_OPACITY = 4, 2.0
 #: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
 FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
+#: Up to so far beyond the last foot on a mirror, m, it holds sound back with such a belief, as long
+#: as nothing there is free: it ends where robots turned round, and walls seldom do.
+GOING_ON_M, GOING_ON = 1.0, 0.9
 #: How far behind what was heard from one side alone silence must say as much as where walls
 #: may go on, m.
 BEHIND_M = 0.5
@@ -139,7 +143,7 @@ class FreeSpace:
         walls, may_be = self._going_on(walls, alike, proven | stood)
         closed |= may_be
         closed |= self._behind(walls, evidence) & ~proven & (alike >= ENDS)
-        occupied, hides = walls.shown, walls.shown | self._standing
+        occupied = walls.shown
         wanted &= ~occupied
         stood &= ~occupied
         for turn in range(FREE_ROUNDS):
@@ -152,7 +156,7 @@ class FreeSpace:
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
             left_before = left
-            left = self._left(beliefs(hides, free, worst, silence.unknown), ended_m)
+            left = self._left(self._held(walls, free, worst, silence), ended_m)
             changed = _differ(left, left_before)
             self._refute(left, listening, silence, wanted, changed, worst)
             is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
@@ -187,7 +191,7 @@ class FreeSpace:
         listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         proofs = self._proven(walls.shown, left, powers, smooth)
-        left = self._left(beliefs(hides, free, worst, silence.unknown), ended_m)
+        left = self._left(self._held(walls, free, worst, silence), ended_m)
         # How usual surfaces are has been counted with what was heard of them before.
         alike = silence.kinds.copy()
         alike[:ORIENTATIONS, 1] = alike[ROUND, 1] = 0.0
@@ -257,6 +261,17 @@ class FreeSpace:
         backs = behind_alone(alone, heard, east, north, self._field, 0.5 * BEHIND_M)
         backs |= behind(walls.lines, heard, east, north, depth_cells)
         return backs & ~walls.shown
+
+    def _held(
+        self, walls: Walls, free: BoolArray, worst: NDArray[np.float32], silence: Silence
+    ) -> FloatArray:
+        """Belief that each cell holds sound back, by what stands, is free, and was refuted."""
+        hides = walls.shown | self._standing
+        held = beliefs(hides, free, worst, silence.unknown)
+        most_cells = GOING_ON_M / self._field.resolution_m
+        goes_on = may_go_on(walls.mirrors, hides, free, most_cells)
+        held[goes_on] = np.maximum(held[goes_on], GOING_ON)
+        return held
 
     def _left(self, belief: FloatArray, ended_m: FloatArray) -> NDArray[np.uint8]:
         """How much of the sound is left along rays, by what may hold it back.

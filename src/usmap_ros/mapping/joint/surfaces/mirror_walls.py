@@ -91,6 +91,8 @@ class MirrorCriteria(NamedTuple):
     point_share: float
 
 
+#: How far off the line of a wall points are looked for that explain what it does, m.
+POINTS_OFF_M = np.linspace(-0.06, 0.06, 7)
 #: Of any wall, and of one that faces as the others of the place do.
 ANY, USUAL = MirrorCriteria(6, 5.0, 4, 0.3, 3.0, 0.6), MirrorCriteria(4, 3.5, 2, 0.2, 0.0, 1.0)
 
@@ -130,7 +132,7 @@ def mirror_walls(
         return []
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
     search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
-    walls = seen_directly(without_doubles(_found(search, ANY)), places_m)
+    walls = _likelier_than_points(seen_directly(without_doubles(_found(search, ANY)), places_m))
     is_left = is_usable & ~reflected(walls, table, pings, echoes)
     for wall in walls:
         is_left[wall.echoes] = False
@@ -138,6 +140,16 @@ def mirror_walls(
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
     return squared(seen_directly(without_doubles(walls), places_m), places_m, echoes)
+
+
+def _likelier_than_points(walls: list[MirrorWall]) -> list[MirrorWall]:
+    """Walls but for those that points explain as well and that face otherwise than most others."""
+    kept = list[MirrorWall]()
+    for wall in walls:
+        others = [other for other in walls if other is not wall]
+        if wall.over_point > 0.0 or not others or face_usually([wall], others)[0]:
+            kept.append(wall)
+    return kept
 
 
 def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None:
@@ -270,11 +282,13 @@ def _fitted(
         return None
     if wall > max(bar.point_share * point, POSES_SHARE * by_poses):
         return None
+    point = _point_misfit(search.echoes, hits.ping, across_m, feet_m)
+    over_point = 0.5 * len(feet_m) * math.log((point + wandering) / (wall + wandering))
     begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
     following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
     return MirrorWall(
         normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
-        hits.ping, hits.echo, float(following), log_mirror, deviation,
+        hits.ping, hits.echo, float(following), log_mirror, deviation, over_point,
     )  # fmt: skip
 
 
@@ -287,6 +301,25 @@ def _residuals(
     off_points_m -= np.median(off_points_m, axis=1, keepdims=True)
     wall, point = _misfits(ranges_m - across_m), _misfits(off_points_m).min()
     return max(float(wall), 1e-12), max(float(point), 1e-12)
+
+
+def _point_misfit(
+    echoes: Echoes, ping: NDArray[np.int64], across_m: FloatArray, feet_m: FloatArray
+) -> float:
+    """Of the point on a wall, or so near to it, that explains pings best by any of their echoes.
+
+    A wall has the nearest of many echoes, and so has a point to be compared with it: what comes
+    back from a corner is as far away as that, and a wall through it fits some of what follows.
+    """
+    count = echoes.start[ping + 1] - echoes.start[ping]
+    number = np.minimum(np.arange(count.max()), count[:, np.newaxis] - 1)
+    ranges_m = echoes.range_m[echoes.start[ping][:, np.newaxis] + number]
+    along_m, off_m = np.meshgrid(np.linspace(feet_m.min(), feet_m.max(), 25), POINTS_OFF_M)
+    expected_m = np.hypot(across_m + off_m.reshape(-1, 1), feet_m - along_m.reshape(-1, 1))
+    nearest_m = np.full(expected_m.shape, np.inf)
+    for each_m in ranges_m.T:
+        np.minimum(nearest_m, np.abs(each_m - expected_m), out=nearest_m)
+    return max(float(_misfits(nearest_m).min()), 1e-12)
 
 
 def _misfits(residuals_m: FloatArray) -> FloatArray:

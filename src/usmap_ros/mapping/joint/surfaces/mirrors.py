@@ -38,6 +38,9 @@ class MirrorWall:
         Logarithm of its amplitude reflectivity.
     deviation : float
         Median deviation of what its echoes tell of that.
+    over_point : float
+        By how much likelier it is than the point that explains its pings best, by whichever of
+        their echoes: logarithm.
     """
 
     normal_rad: float
@@ -49,6 +52,7 @@ class MirrorWall:
     following: float
     log_mirror: float
     deviation: float
+    over_point: float
 
     def bearing_from(self, x_m: float, y_m: float) -> float:
         """Direction in which a place hears it, rad: the same one everywhere."""

@@ -170,31 +170,41 @@ class SmoothSurfaces:
 
     def recognise(self, known: KnownSurfaces) -> None:
         """Take over the smooth things that other pings found, with these pings' echoes of them."""
-        ranges_m, where = self._echoes.range_m, self._table.numbers[self._pings][self._ping]
         self._suspected = known.suspected
-
-        def heard(expected_m: FloatArray, bearing_rad: FloatArray, may: BoolArray) -> BoolArray:
-            off_rad = wrapped(bearing_rad - where[:, HEADING])
-            is_ahead = np.abs(off_rad) < where[:, HALF_ANGLE]
-            near_m = RECOGNISED_M + where[:, RANGE_STD]
-            there: BoolArray = may & is_ahead & (np.abs(ranges_m - expected_m) < near_m)
-            return there
-
-        x_m, y_m = where[:, X], where[:, Y]
         for wall in known.mirrors:
-            cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
-            along_m = cosine * y_m - sine * x_m
-            may = (along_m > wall.begin_m) & (along_m < wall.end_m)
-            expected_m = wall.distance_m - cosine * x_m - sine * y_m
-            own = np.flatnonzero(heard(expected_m, np.full(len(may), wall.normal_rad), may))
+            own = np.flatnonzero(self._are_of_mirror(wall))
             self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
         # What goes over more mirrors seems to be behind one, where nothing is shown.
         self._reflected = reflected(self.mirrors, self._table, self._pings, self._echoes, most=2)
         for column in known.columns:
-            right_m, up_m = column.x_m - x_m, column.y_m - y_m
-            expected_m = np.hypot(right_m, up_m) - column.radius_m
-            own = np.flatnonzero(heard(expected_m, np.arctan2(up_m, right_m), expected_m > 0.0))
+            own = np.flatnonzero(self._are_of_column(column))
             self.columns.append(replace(column, pings=self._ping[own], echoes=own))
+
+    def _are_of_mirror(self, wall: MirrorWall) -> BoolArray:
+        """Whether each echo is where a mirror's would be, as far as that goes."""
+        x_m, y_m = self._table.numbers[self._pings][self._ping][:, [X, Y]].T
+        cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
+        along_m = cosine * y_m - sine * x_m
+        is_along = (along_m >= wall.begin_m) & (along_m <= wall.end_m)
+        expected_m = wall.distance_m - cosine * x_m - sine * y_m
+        bearing_rad = np.full(len(expected_m), wall.normal_rad)
+        return np.asarray(is_along & self._are_from(expected_m, bearing_rad), bool)
+
+    def _are_of_column(self, column: RoundColumn) -> BoolArray:
+        """Whether each echo is where a column's would be."""
+        x_m, y_m = self._table.numbers[self._pings][self._ping][:, [X, Y]].T
+        right_m, up_m = column.x_m - x_m, column.y_m - y_m
+        expected_m = np.hypot(right_m, up_m) - column.radius_m
+        is_at = self._are_from(expected_m, np.arctan2(up_m, right_m))
+        return np.asarray(is_at & (expected_m > 0.0), bool)
+
+    def _are_from(self, expected_m: FloatArray, bearing_rad: FloatArray) -> BoolArray:
+        """Whether each echo is at a range, of what lies in a direction within the beam."""
+        where = self._table.numbers[self._pings][self._ping]
+        is_ahead = np.abs(wrapped(bearing_rad - where[:, HEADING])) < where[:, HALF_ANGLE]
+        near_m = RECOGNISED_M + where[:, RANGE_STD]
+        there: BoolArray = is_ahead & (np.abs(self._echoes.range_m - expected_m) < near_m)
+        return there
 
     def take_out(self) -> None:
         """Let the echoes of smooth things say nothing of cells."""
@@ -251,8 +261,11 @@ class SmoothSurfaces:
         absorption = self._table.numbers[self._pings[self._ping], ABSORPTION]
         level = 2.0 * self._echoes.amplitude * range_m * np.exp(0.5 * absorption * range_m)
         is_found = self._reflected.copy()
-        for thing in self._things():
-            is_found[thing.echoes] = True
+        # What goes on beyond the feet that it was found by is heard there, too.
+        for wall in self.mirrors:
+            is_found |= self._are_of_mirror(wall)
+        for column in self.columns:
+            is_found |= self._are_of_column(column)
         ends = ~is_found & (level > MIRROR_SHARE * np.exp(usual))
         np.minimum.at(ended_m, self._ping[ends], range_m[ends])
         return ended_m

@@ -39,6 +39,9 @@ _SEARCHES_FIRST_ONLY = (
     (_STRETCHES[0], _POINTS_M, False),
     (_STRETCHES[-1], math.inf, False),
 )
+#: A search by first echoes counts where there is one line for so many points, at the least: among
+#: poles most of what tells is left out, and poses that were right were bent to what is left.
+_POINTS_A_LINE = 3.0
 #: How far walls may seem to be off at the end of a search, m, one after the other; how far lines
 #: are found by, at the least, or a wall would be found twice.
 _TOWARDS_THE_END_M, _FOUND_M = (0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.03, 0.03), 0.03
@@ -111,13 +114,18 @@ def search(start: Smoother) -> FoundPoses | None:
         if not first_only:
             adjusted = _by_noise(one, points_m)
         likely = _likely_by_landmarks(one, finest_m) - left_open
-        if likely > told:
+        if likely > told and not (by_first and _are_mostly_points(adjusted.landmarks)):
             known = one.known_by(adjusted.landmarks, adjusted.sigma_m)
             ends.append((likely, likely / _ALIKE + _first_alike(one), of_pings(one, known)))
     by_chance = _BY_CHANCE * math.sqrt(float(start.echoes.weight.sum())) if first_only else 0.0
     if max((likely for likely, *_ in ends), default=told) <= told + by_chance:
         return None
     return average([(weight, found) for _, weight, found in ends])
+
+
+def _are_mostly_points(landmarks: Landmarks) -> bool:
+    """Whether hardly any of some landmarks are lines."""
+    return len(landmarks.points_m) > _POINTS_A_LINE * len(landmarks.normals_rad)
 
 
 def _first_alike(smoother: Smoother) -> float:

@@ -143,13 +143,9 @@ def mirror_walls(
 
 
 def _likelier_than_points(walls: list[MirrorWall]) -> list[MirrorWall]:
-    """Walls but for those that points explain as well and that face otherwise than most others."""
-    kept = list[MirrorWall]()
-    for wall in walls:
-        others = [other for other in walls if other is not wall]
-        if wall.over_point > 0.0 or not others or face_usually([wall], others)[0]:
-            kept.append(wall)
-    return kept
+    """Walls but for those that points explain as well, unless they face as many do."""
+    pairs = zip(walls, face_usually(walls, walls), strict=True)
+    return [wall for wall, is_usual in pairs if is_usual or wall.over_point > 0.0]
 
 
 def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None:

@@ -24,7 +24,7 @@ from usmap_ros.mapping.joint.surfaces.mirrors import (
     without_doubles,
 )
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import images, reflected, seen_directly
-from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
+from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between, mirror_levels
 from usmap_ros.mapping.ping_table import ABSORPTION, RANGE_STD, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.processes.threads import in_turn
@@ -221,11 +221,9 @@ def _loudness(
     """Amplitude reflectivities that mirrors may have, by what pings' loudest open echoes mean."""
     ping = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
     is_open = is_open & ~first_only[ping]
-    ping, range_m = ping[is_open], echoes.range_m[is_open]
-    level = 2.0 * echoes.amplitude[is_open] * range_m
-    level *= np.exp(0.5 * table.numbers[pings[ping], ABSORPTION] * range_m)
+    level = mirror_levels(echoes, table.numbers[pings[ping], ABSORPTION])
     loudest = np.zeros(len(pings))
-    np.maximum.at(loudest, ping, level)
+    np.maximum.at(loudest, ping[is_open], level[is_open])
     if not loudest.any():
         return OF_RANGES
     loud = float(np.quantile(loudest[loudest > 0.0], 1.0 - LOUD_PINGS))

@@ -20,7 +20,7 @@ from usmap_ros.mapping.joint.surfaces.round_columns import (
     round_columns,
 )
 from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
-from usmap_ros.mapping.joint.visibility.echoes import Echoes
+from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.open_ways import trace_open
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
@@ -104,6 +104,8 @@ class SmoothSurfaces:
         place = np.floor((echoes.range_m - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M])
         self._inside = (place >= 0) & (place < table.bins[pings[index]])
         self._ping, self._bin = index, np.where(self._inside, place, 0).astype(np.int64)
+        # Of each echo's ping.
+        self._numbers = numbers
 
     @property
     def echo_bins(self) -> tuple[NDArray[np.int64], NDArray[np.int64], BoolArray]:
@@ -182,7 +184,7 @@ class SmoothSurfaces:
 
     def _are_of_mirror(self, wall: MirrorWall) -> BoolArray:
         """Whether each echo is where a mirror's would be, as far as that goes."""
-        x_m, y_m = self._table.numbers[self._pings][self._ping][:, [X, Y]].T
+        x_m, y_m = self._numbers[:, X], self._numbers[:, Y]
         cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
         along_m = cosine * y_m - sine * x_m
         is_along = (along_m >= wall.begin_m) & (along_m <= wall.end_m)
@@ -192,7 +194,7 @@ class SmoothSurfaces:
 
     def _are_of_column(self, column: RoundColumn) -> BoolArray:
         """Whether each echo is where a column's would be."""
-        x_m, y_m = self._table.numbers[self._pings][self._ping][:, [X, Y]].T
+        x_m, y_m = self._numbers[:, X], self._numbers[:, Y]
         right_m, up_m = column.x_m - x_m, column.y_m - y_m
         expected_m = np.hypot(right_m, up_m) - column.radius_m
         is_at = self._are_from(expected_m, np.arctan2(up_m, right_m))
@@ -200,9 +202,9 @@ class SmoothSurfaces:
 
     def _are_from(self, expected_m: FloatArray, bearing_rad: FloatArray) -> BoolArray:
         """Whether each echo is at a range, of what lies in a direction within the beam."""
-        where = self._table.numbers[self._pings][self._ping]
-        is_ahead = np.abs(wrapped(bearing_rad - where[:, HEADING])) < where[:, HALF_ANGLE]
-        near_m = RECOGNISED_M + where[:, RANGE_STD]
+        off_rad = wrapped(bearing_rad - self._numbers[:, HEADING])
+        is_ahead = np.abs(off_rad) < self._numbers[:, HALF_ANGLE]
+        near_m = RECOGNISED_M + self._numbers[:, RANGE_STD]
         there: BoolArray = is_ahead & (np.abs(self._echoes.range_m - expected_m) < near_m)
         return there
 
@@ -257,9 +259,7 @@ class SmoothSurfaces:
             return ended_m
         hits = [len(wall.echoes) for wall in self.mirrors]
         usual = float(np.average([wall.log_mirror for wall in self.mirrors], weights=hits))
-        range_m = self._echoes.range_m
-        absorption = self._table.numbers[self._pings[self._ping], ABSORPTION]
-        level = 2.0 * self._echoes.amplitude * range_m * np.exp(0.5 * absorption * range_m)
+        level = mirror_levels(self._echoes, self._numbers[:, ABSORPTION])
         is_found = self._reflected.copy()
         # What goes on beyond the feet that it was found by is heard there, too.
         for wall in self.mirrors:
@@ -267,7 +267,7 @@ class SmoothSurfaces:
         for column in self.columns:
             is_found |= self._are_of_column(column)
         ends = ~is_found & (level > MIRROR_SHARE * np.exp(usual))
-        np.minimum.at(ended_m, self._ping[ends], range_m[ends])
+        np.minimum.at(ended_m, self._ping[ends], self._echoes.range_m[ends])
         return ended_m
 
     def drawn_columns(self) -> BoolArray:

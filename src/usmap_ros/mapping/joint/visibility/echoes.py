@@ -34,3 +34,17 @@ def count_between(
     ranges_m = echoes.range_m[place]
     inside = (ranges_m > near_m[of]) & (ranges_m < far_m[of])
     return np.bincount(of[inside], minlength=len(pings))
+
+
+def mirror_levels(echoes: Echoes, absorption: FloatArray) -> FloatArray:
+    """Amplitude reflectivities of mirrors that would return echoes if they were on the beam's axis.
+
+    Parameters
+    ----------
+    echoes : Echoes
+        Of all pings.
+    absorption : (echoes,) array
+        Of each echo's ping, see `usmap_ros.mapping.ping_table.ABSORPTION`.
+    """
+    level = 2.0 * echoes.amplitude * echoes.range_m
+    return np.asarray(level * np.exp(0.5 * absorption * echoes.range_m))

@@ -2,10 +2,12 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.area_state import AreaState
-from usmap_ros.mapping.joint.drawing import drawn_map
+from usmap_ros.mapping.joint.drawing import copied, drawn_map
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Sensors
 from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.mapping.joint.visibility.field import field_around
@@ -26,6 +28,38 @@ BESIDE = "usmap whole map"
 Numbered = tuple[EchoCone, str, int]
 
 
+class _Known(NamedTuple):
+    """What is known of all areas, which whole batches are added to where it is.
+
+    Parameters
+    ----------
+    areas : list of AreaState
+        Of each.
+    newest : int
+        Number of the newest ping of theirs.
+    sensors : Sensors
+        By all pings that were explained together.
+    earlier : OccupancyMap, optional
+        What was known before any of them.
+    """
+
+    areas: list[AreaState]
+    newest: int
+    sensors: Sensors
+    earlier: OccupancyMap | None
+
+
+class _Drawn(NamedTuple):
+    """The map of what is known, with pings up to one of some number."""
+
+    areas: list[AreaState]
+    newest: int
+    occupancy: OccupancyMap
+
+
+_NOTHING = _Known([], 0, Sensors(set(), {}), None)
+
+
 class LiveMap:
     """What is known of the pings so far, each of which is visited once until all are again.
 
@@ -41,14 +75,13 @@ class LiveMap:
     """
 
     def __init__(self, parameters: MappingParameters) -> None:
-        self._parameters, self._lock = parameters, threading.Lock()
-        self._areas: list[AreaState] = []
-        self._earlier: OccupancyMap | None = None
+        # Of what others ask for at any time, and while a map is made: pings that come do not wait.
+        self._parameters, self._lock, self._making = parameters, threading.Lock(), threading.Lock()
+        self._known = _NOTHING
+        self._drawn: _Drawn | None = None
         self.epoch = 0
-        self._sensors = Sensors(set(), {})
-        # Numbers of the newest ping of the areas, and of those by which they were known at first;
-        # and how many pings that were.
-        self._newest = self._first = self._pings = 0
+        # Number of the newest ping by which areas were known at first, and how many those were.
+        self._first = self._pings = 0
         # Pings after that.
         self._more: list[Numbered] = []
         self._renewal: threading.Thread | None = None
@@ -62,7 +95,7 @@ class LiveMap:
     def forget(self) -> None:
         """Begin with all pings at the next time."""
         with self._lock:
-            self._areas, self._pings, self._more = [], 0, []
+            self._known, self._pings, self._more = self._known._replace(areas=[]), 0, []
             self.epoch += 1
 
     def begin(
@@ -94,11 +127,11 @@ class LiveMap:
                 if number < self._first or epoch != self.epoch:
                     return
                 # Maps are made meanwhile of what was known until now.
-                behind = [ping for ping in self._more if newest < ping[2] <= self._newest]
+                behind = [ping for ping in self._more if newest < ping[2] <= self._known.newest]
                 behind = behind[: _batch_of(len(behind))]
                 if not behind:
-                    self._areas, self._newest, self._first = areas, newest, number
-                    self._pings, self._sensors, self._earlier = len(kept), sensors, earlier
+                    self._known = _Known(areas, newest, sensors, earlier)
+                    self._first, self._pings = number, len(kept)
                     self._more = [ping for ping in self._more if ping[2] > number]
                     return
             if not self._add(areas, behind, sensors):
@@ -157,19 +190,34 @@ class LiveMap:
         newest : int
             Number of the newest ping that is wanted.
         """
+        with self._making:
+            with self._lock:
+                known = self._known
+                wanted = [ping for ping in self._more if known.newest < ping[2] <= newest]
+            areas, last = known.areas, wanted[-1][2] if wanted else known.newest
+            drawn = self._drawn
+            if drawn is None or drawn.areas is not areas or drawn.newest != last:
+                while wanted:
+                    size = _batch_of(len(wanted))
+                    batch, wanted = wanted[:size], wanted[size:]
+                    is_whole = len(batch) >= BATCH
+                    # The others are explained anew with those that come.
+                    areas = areas if is_whole else [area.copy() for area in areas]
+                    if not self._add(areas, batch, known.sensors):
+                        return None
+                    if is_whole:
+                        known = self._took_up(known, batch[-1][2])
+                occupancy = drawn_map(areas, self._parameters, known.earlier, frame_id, stamp_ns)
+                self._drawn = drawn = _Drawn(known.areas, last, occupancy)
+            return replace(copied(drawn.occupancy), frame_id=frame_id, stamp_ns=stamp_ns)
+
+    def _took_up(self, known: _Known, newest: int) -> _Known:
+        """What is known after some more pings were added to it, unless others are known now."""
         with self._lock:
-            wanted = [ping for ping in self._more if self._newest < ping[2] <= newest]
-            areas = self._areas
-            while wanted:
-                size = _batch_of(len(wanted))
-                batch, wanted = wanted[:size], wanted[size:]
-                is_whole = len(batch) >= BATCH
-                # The others are explained anew with those that come.
-                areas = areas if is_whole else [area.copy() for area in areas]
-                if not self._add(areas, batch, self._sensors):
-                    return None
-                self._newest = batch[-1][2] if is_whole else self._newest
-            return drawn_map(areas, self._parameters, self._earlier, frame_id, stamp_ns)
+            more = known._replace(newest=newest)
+            if self._known is known:
+                self._known = more
+            return more
 
     def _add(self, areas: list[AreaState], batch: list[Numbered], sensors: Sensors) -> bool:
         """Add some more pings to what is known, unless any of them is in no area, or in two."""

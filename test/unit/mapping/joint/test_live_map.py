@@ -11,6 +11,7 @@ import pytest
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint import live_map, survey
+from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.more_pings import MorePings, together
@@ -151,6 +152,49 @@ def test_more_pings_are_explained_at_once_while_many_wait(
         fusion.fuse(ping)
     fusion.live_snapshot()()
     assert visits["more"] == [3 * BATCH, BATCH, BATCH]
+
+
+def test_a_map_without_news_takes_no_work(
+    pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    fusion = fused(pings[:10])
+    fusion.live_snapshot()()
+    for ping in pings[10:13]:
+        fusion.fuse(ping)
+    before = fusion.live_snapshot()()
+    visited = len(visits["more"])
+    # From a place that it has been heard from.
+    fusion.fuse(replace(pings[12], stamp_ns=100))
+    after = fusion.live_snapshot()()
+    assert len(visits["more"]) == visited
+    assert after.stamp_ns == 100
+    np.testing.assert_array_equal(after.log_odds, before.log_odds)
+
+
+def test_pings_are_taken_up_while_a_map_is_made(
+    pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fusion = fused(pings[:10])
+    fusion.live_snapshot()()
+    fusion.fuse(pings[10])
+    waiting = pings[11:14]
+
+    class More(MorePings):
+        def add_to(self, known: AreaState) -> AreaState:
+            if waiting:
+                taker = threading.Thread(target=fusion.fuse, args=(waiting.pop(0),))
+                taker.start()
+                taker.join(WAIT_S)
+                assert not taker.is_alive()
+            return super().add_to(known)
+
+    monkeypatch.setattr(live_map, "MorePings", More)
+    fusion.live_snapshot()()
+    assert len(waiting) == 2
+    np.testing.assert_array_equal(
+        fusion.occupancy_map().log_odds, fused(pings[:12]).occupancy_map().log_odds
+    )
 
 
 def test_where_nothing_is_known_all_pings_are_explained_together(

@@ -125,7 +125,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], float | Non
 
     class Stepped:
         def __init__(
-            self, node: Any, step: Callable[[], float | None], *, is_patient: bool = False
+            self, node: Any, step: Callable[[], float | None], *, patience: int = 0
         ) -> None:
             found["publish" if found else "fuse"] = step
 
@@ -143,6 +143,7 @@ def test_what_nobody_listens_to_waits_until_the_map_stands_still(
     live: Any, cones: Cones, nav2_qos: Any, monkeypatch: pytest.MonkeyPatch, steps: Any
 ) -> None:
     made: list[int] = []
+    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_session._QUIET_S", 0.0)
     count = OccupancyMap.ambiguity_percent
     monkeypatch.setattr(
         OccupancyMap, "ambiguity_percent", lambda self: made.append(self.stamp_ns) or count(self)

@@ -237,9 +237,15 @@ class LiveFusion:
         """The map so far, all pings explained together; cones are fused while it is made."""
         return self._made(is_live=False)
 
-    def live_map(self) -> OccupancyMap:
-        """The same while pings come: what is new alone is worked out, all the rest beside it."""
-        return self._made(is_live=True)
+    def live_map(self, is_last: bool = False) -> OccupancyMap:
+        """The same while pings come: what is new alone is worked out, all the rest beside it.
+
+        Parameters
+        ----------
+        is_last : bool
+            Whether no more seem to come: a later map is then that of `occupancy_map`.
+        """
+        return self._made(is_live=True, is_last=is_last)
 
     @property
     def is_whole(self) -> bool:
@@ -255,12 +261,13 @@ class LiveFusion:
         doubted = self.poses.doubted if corrects else self._pipeline.fusion.doubted
         return ", ".join(f"{topic} {share:.0%}" for topic, share in doubted.items())
 
-    def _made(self, is_live: bool) -> OccupancyMap:
+    def _made(self, is_live: bool, is_last: bool = False) -> OccupancyMap:
         with self._map_lock:
             fusion = self._pipeline.fusion
-            make = self.poses.snapshot(is_live) or (
-                fusion.live_snapshot(in_time=True) if is_live else fusion.snapshot()
-            )
+            make = self.poses.snapshot(is_live and not is_last) or (
+                fusion.live_snapshot(in_time=True, is_last=is_last) if is_live
+                else fusion.snapshot()
+            )  # fmt: skip
             generation = self.poses.generation
         occupancy = make()
         with self._map_lock:

@@ -124,13 +124,17 @@ class Fusion(ABC):
         Taking it is quick, so that the map need not stand still while it is made into a rectangle.
         """
 
-    def live_snapshot(self, in_time: bool = False) -> Callable[[], OccupancyMap]:
+    def live_snapshot(
+        self, in_time: bool = False, is_last: bool = False
+    ) -> Callable[[], OccupancyMap]:
         """The same while pings come: it may tell less than `snapshot`, and takes less.
 
         Parameters
         ----------
         in_time : bool
             Whether what takes long goes on beside, in a thread of its own, and is in a later map.
+        is_last : bool
+            Whether no more pings seem to come, so that a later map is to tell all that there is.
         """
         return self.snapshot()
 

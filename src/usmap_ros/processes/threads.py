@@ -17,7 +17,7 @@ Result = TypeVar("Result")
 #: Parts that are worked out ahead in each thread, most of which change nothing.
 AHEAD = 4
 
-#: By how much the priority of what can wait is less, of 19 in all.
+#: By how much the priority of what takes seconds is less.
 PATIENCE = 10
 
 _of_thread = threading.local()
@@ -91,15 +91,20 @@ def alone() -> Iterator[None]:
         _of_thread.is_alone = False
 
 
-def give_way() -> None:
+def give_way(by: int = PATIENCE) -> None:
     """Leave the cores to this process's other threads, and to other programs, while they want them.
 
     So do all threads that this one starts.  Linux alone has priorities of threads.
+
+    Parameters
+    ----------
+    by : int
+        By how much the thread's priority is to be less, of 19 in all.
     """
     if sys.platform == "linux":
         thread = threading.get_native_id()
         now = os.getpriority(os.PRIO_PROCESS, thread)
-        os.setpriority(os.PRIO_PROCESS, thread, now + PATIENCE)
+        os.setpriority(os.PRIO_PROCESS, thread, now + by)
 
 
 @cache

@@ -143,7 +143,9 @@ class JointFusion(Fusion):
         origin = self._origin
         return make if origin is None else lambda: origin.in_frame(make())
 
-    def live_snapshot(self, in_time: bool = False) -> Callable[[], OccupancyMap]:
+    def live_snapshot(
+        self, in_time: bool = False, is_last: bool = False
+    ) -> Callable[[], OccupancyMap]:
         """What makes the map of late: where most is known, new pings alone are visited.
 
         From time to time, by how many pings there are, all are explained together as in `snapshot`.
@@ -155,7 +157,7 @@ class JointFusion(Fusion):
 
         def made() -> OccupancyMap:
             is_waiting = retired is not None and not retired.is_made
-            if not whole.is_made and (is_waiting or live.is_due):
+            if not whole.is_made and (is_last or is_waiting or live.is_due):
                 due = retired if retired is not None and is_waiting else whole
                 if in_time and live.is_begun:
                     live.renew(due.occupancy_map)

@@ -13,7 +13,7 @@ from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.processes.threads import alone
+from usmap_ros.processes.threads import alone, give_way
 
 #: All pings are explained together again when there are such a share more than the last time; and
 #: always as long as there are so few.
@@ -21,8 +21,9 @@ MORE_SHARE, FEW_PINGS = 0.5, 30
 #: Pings that are explained at once beside those before them; and so many times as many while more
 #: than that wait, which takes three fifths of the time.
 BATCH, TOGETHER = 32, 4
-#: Name of the thread in which all pings are explained together while maps go on being made.
-BESIDE = "usmap whole map"
+#: Name of the thread in which all pings are explained together while maps go on being made, and by
+#: how much it gives way to these.
+BESIDE, BESIDE_PATIENCE = "usmap whole map", 5
 
 #: A ping, who heard it, and its number.
 Numbered = tuple[EchoCone, str, int]
@@ -155,6 +156,8 @@ class LiveMap:
 
         def work() -> None:
             try:
+                # It takes the cores for seconds, and nobody waits for it.
+                give_way(BESIDE_PATIENCE)
                 with alone():
                     explain()
             except Exception as error:

@@ -28,6 +28,10 @@ _RETRY_S = 0.02
 #: How many of its periods a map is put off while cones wait to be fused, and how often it is looked
 #: whether they still do.
 _PUT_OFF_PERIODS, _LOOK_S = 2.0, 0.004
+#: By how much maps give way to the pings that come, of the 10 that what takes seconds does.
+_PATIENCE = 5
+#: When nothing has come for so long, all that came is explained together.
+_QUIET_S = 0.5
 #: Why cones are lost, by what they are counted as.
 _LOSSES = {
     "dropped": "cones come faster than they are fused",
@@ -88,6 +92,8 @@ class MapSession:
         self._publisher = MapPublisher(node, now.publish_updates, now.whole_map_period_s)
         self._corrected = CorrectedPoses(node, transforms, health)
         self._published_version = self._generation = 0
+        # When there was a new ping the last time that it was looked.
+        self._changed_s = 0.0
         self._noted = dict.fromkeys(_LOSSES, 0)
         self.fusion.leave_out(now.without)
         self._is_to_be_published = self._is_to_be_kept = False
@@ -95,7 +101,7 @@ class MapSession:
         self._is_unpublished = self._was_reset = False
         self._worker = Worker(node, self._step)
         # A map that comes later has more in it; pings that wait for one would be dropped.
-        self._bringer = Worker(node, self._bring_out, is_patient=True)
+        self._bringer = Worker(node, self._bring_out, patience=_PATIENCE)
         #: Tells which robots contradict the others.
         self.check = RobotCheck(node, self.fusion, parameters, health)
 
@@ -248,16 +254,23 @@ class MapSession:
     def _publish_if_changed(self) -> None:
         version = self.fusion.version
         is_new = version != self._published_version
+        now_s = time.monotonic()
+        if is_new:
+            self._changed_s = now_s
         # When nothing comes any more, all that came is explained together once.
-        has_changed = is_new or self._is_unpublished or not self.fusion.is_whole
-        if not has_changed and self._publisher.is_complete:
+        is_last = not is_new and now_s - self._changed_s >= _QUIET_S
+        has_changed = is_new or self._is_unpublished or (is_last and not self.fusion.is_whole)
+        if not has_changed and (self._publisher.is_complete or not is_last):
             return
-        self._is_unpublished = False
         if self._was_reset or self.fusion.generation != self._generation:
             self._was_reset, self._generation = False, self.fusion.generation
             self._publisher.forget_extent()
         try:
-            occupancy = self.fusion.live_map() if is_new else self.fusion.occupancy_map()
+            occupancy = self.fusion.live_map(is_last)
+            if is_last and not self._is_unpublished and not self.fusion.is_whole:
+                # It is being worked out beside, and published when it is there.
+                return
+            self._is_unpublished = False
             if occupancy.frame_id and has_changed:
                 self._publisher.publish(occupancy)
                 self._corrected.update(self.fusion.poses.latest)

@@ -10,7 +10,7 @@ from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
-from usmap_ros.processes.threads import alone
+from usmap_ros.processes.threads import PATIENCE, alone
 
 #: What the check may take of a core while it runs, and while cones wait to be fused.
 _SHARE_WHILE_RUNNING, _SHARE_WHILE_BEHIND = 0.2, 0.02
@@ -51,7 +51,7 @@ class RobotCheck:
         self._checked_version = -1
         self._is_stopping = False
         self._piece_began_s = 0.0
-        self._worker = Worker(node, self._step, is_patient=True)
+        self._worker = Worker(node, self._step, patience=PATIENCE)
 
     def stop(self) -> None:
         """End the check, though it may be under way."""

@@ -22,8 +22,8 @@ class Worker:
         0 for at once, or None if only when woken.
     interrupt : callable, optional
         Ends a wait within `step`.
-    is_patient : bool
-        Whether it is to leave the cores to all others that want them.
+    patience : int
+        By how much the thread is to give way to all others, as `give_way` has it.
     """
 
     def __init__(
@@ -31,10 +31,10 @@ class Worker:
         node: Node,
         step: Callable[[], float | None],
         interrupt: Callable[[], None] = lambda: None,
-        is_patient: bool = False,
+        patience: int = 0,
     ) -> None:
         self._step = step
-        self._is_patient = is_patient
+        self._patience = patience
         self._interrupt = interrupt
         self._node = node
         self._awake = threading.Event()
@@ -58,8 +58,8 @@ class Worker:
 
     def _run(self) -> None:
         try:
-            if self._is_patient:
-                give_way()
+            if self._patience:
+                give_way(self._patience)
             while not self._is_stopping:
                 self._awake.clear()
                 pause_s = self._step()

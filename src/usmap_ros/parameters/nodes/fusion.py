@@ -99,7 +99,7 @@ class MapFusionParameters(NodeParameters):
         0.25, "How long a cone waits for older ones of other robots.", "s", ge=0.0, le=60.0
     )
     queue_depth: int = quantity(
-        1000, "Cones that wait to be fused; beyond it the oldest is dropped.", ge=1, le=1_000_000
+        10_000, "Cones that wait to be fused; beyond it the oldest is dropped.", ge=1, le=1_000_000
     )
     latency_limit_s: float = latency_limit()
     checkpoint_path: str = quantity("", "Folder that the map is kept in; empty: none.")

@@ -83,7 +83,7 @@ class ConeReconstructorParameters(NodeParameters):
         " and left/cone; an empty name stands for echo and cone.",
     )
     queue_depth: int = quantity(
-        20,
+        100,
         "Traces a transducer that wait to be reconstructed; beyond it the oldest is dropped.",
         ge=1,
         le=10000,

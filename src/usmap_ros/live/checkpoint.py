@@ -89,4 +89,4 @@ class Checkpoint:
                 raise MapFileError(self._path, str(error)) from error
             save_map(self._path, occupancy)
             # One that is better is kept when it is there.
-            self._kept_version = version if fusion.is_whole else -1
+            self._kept_version = -1 if in_time and not fusion.is_whole else version

@@ -1,5 +1,6 @@
 """Joint fusion: the map is what explains all pings together, whatever order they came in."""
 
+import weakref
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -21,6 +22,8 @@ from usmap_ros.pings.cone import EchoCone
 LEAST_VARIANCE = 1e-30
 #: Share of the window that goes at once when it is full; what it said stays in the map.
 RETIRED_SHARE = 4
+#: So many times that may be kept until what it said has been worked out: as much as a window.
+MOST_WAITING = 4
 
 
 class JointFusion(Fusion):
@@ -44,12 +47,16 @@ class JointFusion(Fusion):
         # What those before the window have said.
         self._earlier: Callable[[], OccupancyMap] | None = None
         self._retired: Survey | None = None
+        # The same of all whose map may not be made yet; only who needs them keeps them.
+        self._waiting: list[weakref.ref[Survey]] = []
         self._more_rounds = 0
         self._survey: Survey | None = None
         self._doubted: dict[str, float] = {}
         self._count = 0
         # None as long as nobody asks for the map while pings come.
         self._live: LiveMap | None = None
+        # Whether the latest live map tells less than a whole one would.
+        self._is_live_latest = False
 
     def _take_up(self, cone: EchoCone, source: str) -> None:
         if len(self._kept) >= self.parameters.window:
@@ -68,13 +75,16 @@ class JointFusion(Fusion):
     def _retire(self) -> None:
         """Let the oldest pings go, and what they said stay.
 
-        That is worked out when the next map is; the next time at the latest, so that there are no
-        more pings in memory than two windows hold.
+        That is worked out when the next map is, or beside; here only where there would be more
+        pings in memory than two windows hold, for whoever fuses has to wait for it.
         """
-        if self._retired is not None and not self._retired.is_made:
-            self._retired.occupancy_map()
         self._retired = self._surveyed()
         self._earlier = self._retired.occupancy_map
+        living = [survey for each in self._waiting if (survey := each()) is not None]
+        waiting = [survey for survey in living if not survey.is_made]
+        if len(waiting) >= MOST_WAITING:
+            waiting.pop(0).occupancy_map()
+        self._waiting = [weakref.ref(survey) for survey in (*waiting, self._retired)]
         self._kept.drop_oldest(max(1, self.parameters.window // RETIRED_SHARE))
 
     def _forget_newest(self) -> None:
@@ -114,7 +124,9 @@ class JointFusion(Fusion):
         """Let some sources' pings count for less, of the window; see `KeptPings.believe`."""
         if not self.parameters.weigh_robots or not self._kept.believe(shares):
             return False
-        self._changed()
+        self._survey = None
+        if self._live is not None:
+            self._live.outdate()
         return True
 
     def refine(self, passes: int) -> None:
@@ -163,17 +175,20 @@ class JointFusion(Fusion):
                     live.renew(due.occupancy_map)
                 else:
                     due.occupancy_map()
-            if whole.is_made:
-                return whole.occupancy_map()
-            found = live.occupancy_map(whole.frame_id, whole.stamp_ns, newest)
+            found = None
+            if not whole.is_made:
+                goes_on = in_time and live.is_begun
+                found = live.occupancy_map(whole.frame_id, whole.stamp_ns, newest, goes_on)
+            self._is_live_latest = found is not None
             return whole.occupancy_map() if found is None else found
 
         return self._in_frame(made)
 
     @property
     def is_whole(self) -> bool:
-        """Whether all pings so far were explained together."""
-        return self._survey is not None and self._survey.is_made
+        """Whether all pings so far were explained together, by the latest live map as well."""
+        is_made = self._survey is not None and self._survey.is_made
+        return is_made and not self._is_live_latest
 
     def _surveyed(self) -> Survey:
         """The survey of today's pings, which is worked out when it is asked."""

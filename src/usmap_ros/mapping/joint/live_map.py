@@ -83,6 +83,8 @@ class LiveMap:
         self.epoch = 0
         # Number of the newest ping by which areas were known at first, and how many those were.
         self._first = self._pings = 0
+        # Whether something is known that it does not tell.
+        self._is_outdated = False
         # Pings after that.
         self._more: list[Numbered] = []
         self._renewal: threading.Thread | None = None
@@ -97,6 +99,12 @@ class LiveMap:
         """Begin with all pings at the next time."""
         with self._lock:
             self._known, self._pings, self._more = self._known._replace(areas=[]), 0, []
+            self.epoch += 1
+
+    def outdate(self) -> None:
+        """Have all pings explained together anew, and go on with what was known until they are."""
+        with self._lock:
+            self._is_outdated = True
             self.epoch += 1
 
     def begin(
@@ -120,9 +128,9 @@ class LiveMap:
         number : int
             Of the newest of them.
         epoch : int
-            When they were told: nothing holds that was told before the last `forget`.
+            When they were told: nothing holds that was told before the last `forget` or `outdate`.
         """
-        sensors, newest = kept.sensors(), number
+        sensors, newest, has_all = kept.sensors(), number, True
         while True:
             with self._lock:
                 if number < self._first or epoch != self.epoch:
@@ -132,12 +140,10 @@ class LiveMap:
                 behind = behind[: _batch_of(len(behind))]
                 if not behind:
                     self._known = _Known(areas, newest, sensors, earlier)
-                    self._first, self._pings = number, len(kept)
+                    self._first, self._pings, self._is_outdated = number, len(kept), not has_all
                     self._more = [ping for ping in self._more if ping[2] > number]
                     return
-            if not self._add(areas, behind, sensors):
-                self.forget()
-                return
+            has_all &= self._add(areas, behind, sensors)
             newest = behind[-1][2]
 
     def renew(self, explain: Callable[[], object]) -> None:
@@ -175,7 +181,8 @@ class LiveMap:
     def is_due(self) -> bool:
         """Whether all pings are to be explained together."""
         with self._lock:
-            return self._pings < FEW_PINGS or len(self._more) > MORE_SHARE * self._pings
+            is_grown = len(self._more) > MORE_SHARE * self._pings
+            return self._is_outdated or is_grown or self._pings < FEW_PINGS
 
     @property
     def is_begun(self) -> bool:
@@ -183,7 +190,9 @@ class LiveMap:
         with self._lock:
             return self._pings >= FEW_PINGS
 
-    def occupancy_map(self, frame_id: str, stamp_ns: int, newest: int) -> OccupancyMap | None:
+    def occupancy_map(
+        self, frame_id: str, stamp_ns: int, newest: int, in_time: bool
+    ) -> OccupancyMap | None:
         """The map; None if new pings are where nothing is known.
 
         Parameters
@@ -192,6 +201,8 @@ class LiveMap:
             Of the map.
         newest : int
             Number of the newest ping that is wanted.
+        in_time : bool
+            Whether new pings where nothing is known may be in a later map.
         """
         with self._making:
             with self._lock:
@@ -207,7 +218,10 @@ class LiveMap:
                     # The others are explained anew with those that come.
                     areas = areas if is_whole else [area.copy() for area in areas]
                     if not self._add(areas, batch, known.sensors):
-                        return None
+                        if not in_time:
+                            return None
+                        with self._lock:
+                            self._is_outdated = True
                     if is_whole:
                         known = self._took_up(known, batch[-1][2])
                 occupancy = drawn_map(areas, self._parameters, known.earlier, frame_id, stamp_ns)
@@ -223,24 +237,24 @@ class LiveMap:
             return more
 
     def _add(self, areas: list[AreaState], batch: list[Numbered], sensors: Sensors) -> bool:
-        """Add some more pings to what is known, unless any of them is in no area, or in two."""
+        """Add some more pings to what is known; whether none of them is in no area, or in two."""
         kept = KeptPings(self._parameters)
         for cone, source, _ in batch:
             kept.add(cone, source)
-        known = areas.copy()
+        has_all = True
         for group in kept.islands():
             pings = kept.pings(group, sensors=sensors)
             field = field_around(pings.table, pings.rows, self._parameters.resolution_m)
-            here = [place for place, area in enumerate(known) if area.overlaps(field)]
+            here = [place for place, area in enumerate(areas) if area.overlaps(field)]
             if len(here) != 1:
-                return False
-            believed = [known[here[0]].credit.get(source, 1.0) for source in pings.sources]
+                has_all = False
+                continue
+            believed = [areas[here[0]].credit.get(source, 1.0) for source in pings.sources]
             if min(believed) < 1.0 and max(believed) > 0.0:
-                pings = kept.pings(group, known[here[0]].credit, sensors)
+                pings = kept.pings(group, areas[here[0]].credit, sensors)
             if max(believed) > 0.0:
-                known[here[0]] = MorePings(pings, self._parameters).add_to(known[here[0]])
-        areas[:] = known
-        return True
+                areas[here[0]] = MorePings(pings, self._parameters).add_to(areas[here[0]])
+        return has_all
 
 
 def _batch_of(waiting: int) -> int:

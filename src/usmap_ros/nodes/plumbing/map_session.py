@@ -92,8 +92,9 @@ class MapSession:
         self._publisher = MapPublisher(node, now.publish_updates, now.whole_map_period_s)
         self._corrected = CorrectedPoses(node, transforms, health)
         self._published_version = self._generation = 0
-        # When there was a new ping the last time that it was looked.
-        self._changed_s = 0.0
+        # When there was a new ping the last time that it was looked, and whether the map that was
+        # published then was that of all pings together.
+        self._changed_s, self._is_whole = 0.0, False
         self._noted = dict.fromkeys(_LOSSES, 0)
         self.fusion.leave_out(now.without)
         self._is_to_be_published = self._is_to_be_kept = False
@@ -259,7 +260,7 @@ class MapSession:
             self._changed_s = now_s
         # When nothing comes any more, all that came is explained together once.
         is_last = not is_new and now_s - self._changed_s >= _QUIET_S
-        has_changed = is_new or self._is_unpublished or (is_last and not self.fusion.is_whole)
+        has_changed = is_new or self._is_unpublished or (is_last and not self._is_whole)
         if not has_changed and (self._publisher.is_complete or not is_last):
             return
         if self._was_reset or self.fusion.generation != self._generation:
@@ -267,10 +268,11 @@ class MapSession:
             self._publisher.forget_extent()
         try:
             occupancy = self.fusion.live_map(is_last)
-            if is_last and not self._is_unpublished and not self.fusion.is_whole:
+            is_whole = self.fusion.is_whole
+            if is_last and not self._is_unpublished and not is_whole:
                 # It is being worked out beside, and published when it is there.
                 return
-            self._is_unpublished = False
+            self._is_unpublished, self._is_whole = False, is_whole
             if occupancy.frame_id and has_changed:
                 self._publisher.publish(occupancy)
                 self._corrected.update(self.fusion.poses.latest)

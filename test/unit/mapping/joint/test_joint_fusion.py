@@ -193,6 +193,24 @@ def test_what_pings_said_stays_when_they_leave_the_window(views: list[EchoCone])
         assert np.count_nonzero(is_free[half]) > 200
 
 
+def test_who_fuses_does_not_wait_for_what_leaves_the_window(
+    views: list[EchoCone], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    area = Survey._area
+    monkeypatch.setattr(Survey, "_area", lambda *given: made.append(1) or area(*given))
+    fusion = fused(views[:4], window=4)
+    # Each of them lets the oldest go.
+    for cone in views[4:8]:
+        fusion.fuse(cone)
+    assert not made
+    with monkeypatch.context() as looks:
+        looks.setattr("usmap_ros.mapping.joint.fusion.MOST_WAITING", 1)
+        at_once = fused(views[:8], window=4)
+    assert made
+    assert_same(fusion.occupancy_map(), at_once.occupancy_map())
+
+
 def test_nothing_is_kept_of_what_maps_were_made_from(views: list[EchoCone]) -> None:
     def alive() -> dict[type, int]:
         gc.collect()

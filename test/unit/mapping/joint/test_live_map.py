@@ -120,9 +120,9 @@ def test_the_whole_map_does_not_depend_on_looks(
     looked, alone = fused(pings, ping_bins=True), fused(pings)
     is_whole = [looked.is_whole]
     one, other = looked.occupancy_map(), alone.occupancy_map()
-    assert [*is_whole, looked.is_whole] == [False, True]
     np.testing.assert_array_equal(one.log_odds, other.log_odds)
     np.testing.assert_array_equal(looked.live_snapshot()().log_odds, other.log_odds)
+    assert [*is_whole, looked.is_whole] == [False, True]
 
 
 def test_how_often_one_looks_does_not_matter(
@@ -297,6 +297,49 @@ def test_who_is_left_out_meanwhile_does_not_come_back(
     np.testing.assert_array_equal(
         fusion.live_snapshot(in_time=True)().log_odds, fused(pings[:20:2]).occupancy_map().log_odds
     )
+
+
+def test_who_is_trusted_less_is_so_in_a_later_map(
+    pings: list[EchoCone], held: tuple[threading.Event, threading.Event]
+) -> None:
+    begun, may_go_on = held
+    fusion = JointFusion(MappingParameters())
+    for number, ping in enumerate(pings[:20]):
+        fusion.fuse(ping, "odd" if number % 2 else "sound")
+    before = fusion.live_snapshot()()
+    fusion.trust({"odd": 0.0})
+    fusion.fuse(pings[20], "sound")
+    meanwhile = fusion.live_snapshot(in_time=True)()
+    assert begun.wait(WAIT_S)
+    assert not fusion.is_whole
+    assert np.count_nonzero(meanwhile.observed) >= np.count_nonzero(before.observed)
+    thread = beside()
+    may_go_on.set()
+    thread.join()
+    late = fusion.live_snapshot(in_time=True)()
+    assert fusion.is_whole
+    np.testing.assert_array_equal(late.log_odds, fused(pings[:21:2]).occupancy_map().log_odds)
+
+
+def test_what_is_heard_where_nothing_is_known_is_in_a_later_map(
+    pings: list[EchoCone], held: tuple[threading.Event, threading.Event]
+) -> None:
+    begun, may_go_on = held
+    fusion = fused(pings[:20])
+    before = fusion.live_snapshot()()
+    far = replace(pings[0].pose, position_m=pings[0].pose.position_m + np.array([40.0, 0.0, 0.0]))
+    fusion.fuse(replace(pings[0], pose=far, stamp_ns=100))
+    meanwhile = fusion.live_snapshot(in_time=True)()
+    assert meanwhile.geometry == before.geometry
+    fusion.live_snapshot(in_time=True)()
+    assert begun.wait(WAIT_S)
+    thread = beside()
+    may_go_on.set()
+    thread.join()
+    late = fusion.live_snapshot(in_time=True)()
+    assert fusion.is_whole
+    np.testing.assert_array_equal(late.log_odds, fusion.occupancy_map().log_odds)
+    assert late.geometry.shape[1] * 0.05 > 40.0
 
 
 def test_what_goes_wrong_beside_is_said_the_next_time(

@@ -86,7 +86,11 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         changes.
     """
     size = BLOCK * BLOCK
-    said = np.empty((size, SECTORS, KINDS), np.float32)
+    said, is_said = (
+        np.empty((size, SECTORS, KINDS), np.float32),
+        np.empty((size, SECTORS), np.bool_),
+    )
+    total, most = np.empty(KINDS, np.float32), _most()
     classes, silence, ways = _classes(kinds), _silence(log_silent), _ways(log_silent)
     struck = _struck(classes)
     near, asked, seen = np.empty(len(pings), np.int64), np.empty(size, np.int64), room_for(size)
@@ -101,7 +105,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                 continue
             middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
             middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
-            said[:cells] = 0.0
+            is_said[:cells] = False
             for place in range(around):
                 index = near[place]
                 # From the middle of the block, so that little is lost in single precision.
@@ -111,11 +115,14 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                     table, pings[index], left[index], listening.limit[index], x_m, y_m, open_m,
                     cells, seen,
                 )  # fmt: skip
+                _begin_said(count, seen, is_said, said)
                 _add_said(index, listening, silence, classes, struck, ways, count, seen, said)
             for place in range(cells):
                 up, right = divmod(asked[place], BLOCK)
                 least = worst[bottom + up, start + right]
-                _put_least_refuted(said[place], ways, np.float32(shape), kinds, least)
+                _put_least_refuted(
+                    said[place], is_said[place], ways, np.float32(shape), kinds, most, total, least
+                )
 
 
 @inlined
@@ -214,6 +221,27 @@ def _find_near(
 
 
 @inlined
+def _most() -> NDArray[np.float32]:
+    """The most that echoes from one sector say for each kind."""
+    most = np.full(KINDS, MOST_A_SECTOR, np.float32)
+    most[ORIENTATIONS:ROUND] = MOST_OF_A_MIRROR
+    return most
+
+
+@inlined
+def _begin_said(
+    count: int, seen: SoundedPlaces, is_said: BoolArray, said: NDArray[np.float32]
+) -> None:
+    """Set to nothing what is said of places from sectors from which nobody has sounded them yet."""
+    for place in range(count):
+        cell, sector = seen.which[place], seen.sector[place]
+        if not is_said[cell, sector]:
+            is_said[cell, sector] = True
+            for kind in range(KINDS):
+                said[cell, sector, kind] = 0.0
+
+
+@inlined
 def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     index: int,
     listening: HeardBins,
@@ -259,19 +287,29 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
 @inlined
 def _put_least_refuted(
     said: NDArray[np.float32],
+    is_said: BoolArray,
     ways: int,
     shape: np.float32,
     kinds: FloatArray,
+    most: NDArray[np.float32],
+    total: NDArray[np.float32],
     worst: NDArray[np.float32],
 ) -> None:
     """Set what all sectors together say of the kind of each group that is refuted least."""
     none, one = np.float32(0.0), np.float32(1.0)
+    for kind in range(KINDS):
+        total[kind] = kinds[kind, 1]
+    for sector in range(SECTORS):
+        if not is_said[sector]:
+            continue
+        for way in range(ways, ORIENTATIONS):
+            said[sector, way] = said[sector, 0]
+        # In one row, so that the compiler works out several at once.
+        for kind in range(KINDS):
+            silence = max(none, -said[sector, kind])
+            echoes = max(none, min(most[kind], said[sector, kind]))
+            total[kind] += echoes - shape * log32(one + silence / shape)
     worst[:] = np.float32(-1e9)
     for kind in range(KINDS):
-        total, group = np.float32(kinds[kind, 1]), int(kinds[kind, 2])
-        way = kind if kind >= ORIENTATIONS else min(kind, ways - 1)
-        most = np.float32(MOST_OF_A_MIRROR if ORIENTATIONS <= kind < ROUND else MOST_A_SECTOR)
-        for sector in range(SECTORS):
-            silence = max(none, -said[sector, way])
-            total += max(none, min(most, said[sector, way])) - shape * log32(one + silence / shape)
-        worst[group] = max(worst[group], total)
+        group = int(kinds[kind, 2])
+        worst[group] = max(worst[group], total[kind])

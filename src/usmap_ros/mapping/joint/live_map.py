@@ -259,4 +259,4 @@ class LiveMap:
 
 def _batch_of(waiting: int) -> int:
     """How many of the pings that wait are explained at once."""
-    return BATCH * TOGETHER if waiting >= BATCH * TOGETHER else BATCH
+    return min(waiting, BATCH * TOGETHER)

@@ -151,7 +151,7 @@ def test_more_pings_are_explained_at_once_while_many_wait(
     for ping in pings[10:30]:
         fusion.fuse(ping)
     fusion.live_snapshot()()
-    assert visits["more"] == [3 * BATCH, BATCH, BATCH]
+    assert visits["more"] == [3 * BATCH, 2 * BATCH]
 
 
 def test_a_map_without_news_takes_no_work(
@@ -195,6 +195,19 @@ def test_pings_are_taken_up_while_a_map_is_made(
     np.testing.assert_array_equal(
         fusion.occupancy_map().log_odds, fused(pings[:12]).occupancy_map().log_odds
     )
+
+
+def test_pings_that_strike_no_known_mirror_are_taken_up(
+    mirror_pings: list[EchoCone],
+    make_cone: Callable[..., EchoCone],
+    visits: dict[str, list[int]],
+) -> None:
+    fusion = fused(mirror_pings)
+    before = fusion.live_snapshot()()
+    fusion.fuse(make_cone(stamp_ns=100, x_m=1.0, yaw_rad=-0.5 * np.pi))
+    live = fusion.live_snapshot()()
+    assert visits["more"] == [1]
+    assert np.count_nonzero(live.observed) > np.count_nonzero(before.observed)
 
 
 def test_where_nothing_is_known_all_pings_are_explained_together(

@@ -1,6 +1,5 @@
 """From evidence to log-odds, and to how opaque cells are to sound."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,16 +28,15 @@ MOST_NEIGHBOURS, LEAST_SPREAD, LEAST_HEARD = 4, 0.01, 0.1
 NOTHING = -9.0
 
 
-def over_block(
-    values: NDArray[Any], combine: Callable[..., NDArray[Any]] = np.maximum
-) -> NDArray[Any]:
+def over_block(values: NDArray[Any], combine: np.ufunc = np.maximum) -> NDArray[Any]:
     """Combine each cell with its eight neighbours: their maximum, or with `np.add` their sum."""
-    padded = np.pad(values, 1)
-    columns = values.shape[1]
-    rows_of = combine(combine(padded[:-2], padded[1:-1]), padded[2:])
-    result: NDArray[Any] = combine(
-        combine(rows_of[:, :columns], rows_of[:, 1 : columns + 1]), rows_of[:, 2:]
-    )
+    rows, columns = values.shape
+    padded = np.zeros((rows + 2, columns + 2), values.dtype)
+    padded[1:-1, 1:-1] = values
+    rows_of = combine(padded[:-2], padded[1:-1])
+    combine(rows_of, padded[2:], out=rows_of)
+    result: NDArray[Any] = combine(rows_of[:, :columns], rows_of[:, 1 : columns + 1])
+    combine(result, rows_of[:, 2:], out=result)
     return result
 
 
@@ -53,10 +51,12 @@ def strength_of(own: NDArray[np.float32], block: NDArray[np.float32]) -> NDArray
     return np.where(is_minor, np.minimum(own, block), np.maximum(own, block))
 
 
-def direction_spread(evidence: CellEvidence, shape: tuple[int, int]) -> NDArray[np.float32]:
+def direction_spread(evidence: CellEvidence) -> NDArray[np.float32]:
     """How well a cell's place is known: least eigenvalue of Σ u uᵀ over directions heard from."""
-    turned = np.hypot(evidence.axis_cos, evidence.axis_sin)
-    return (0.5 * (evidence.heard - turned)).reshape(shape)
+    spread: NDArray[np.float32] = 0.5 * (
+        evidence.heard - np.hypot(evidence.axis_cos, evidence.axis_sin)
+    )
+    return spread
 
 
 def cell_log_odds(evidence: CellEvidence, shape: tuple[int, int]) -> FloatArray:
@@ -71,11 +71,15 @@ def cell_log_odds(evidence: CellEvidence, shape: tuple[int, int]) -> FloatArray:
     """
     strength = judged(evidence, shape)
     suspected = strength > SUSPECTED
-    spread = np.log(np.maximum(direction_spread(evidence, shape), 0.0) + LEAST_SPREAD)
-    heard = evidence.heard.reshape(shape)
-    crowd = np.log1p(evidence.crowd.reshape(shape) / np.maximum(heard, 1e-6))
-    neighbours = over_block(suspected.astype(np.int32), np.add) - suspected
-    log_odds = (
+    neighbours = (over_block(suspected.astype(np.int32), np.add) - suspected)[suspected]
+    # Nothing is suspected in most cells, and logarithms take long.
+    strength, cells = strength[suspected], suspected.ravel()
+    evidence = CellEvidence(*(values[cells] for values in evidence))
+    spread = np.log(np.maximum(direction_spread(evidence), 0.0) + LEAST_SPREAD)
+    heard = evidence.heard
+    crowd = np.log1p(evidence.crowd / np.maximum(heard, 1e-6))
+    log_odds = np.full(shape, NOTHING)
+    log_odds[suspected] = (
         INTERCEPT
         + OF_EVIDENCE * np.log(np.maximum(strength, 1.0))
         + OF_SPREAD * spread
@@ -84,8 +88,7 @@ def cell_log_odds(evidence: CellEvidence, shape: tuple[int, int]) -> FloatArray:
         + OF_SPREAD_IN_CROWD * crowd * spread
         + OF_HEARD * np.log(heard + LEAST_HEARD)
     )
-    result: FloatArray = np.where(suspected, log_odds, NOTHING)
-    return result
+    return log_odds
 
 
 def hiding(evidence: CellEvidence, shape: tuple[int, int], walls: BoolArray) -> FloatArray:
@@ -102,11 +105,11 @@ def hiding(evidence: CellEvidence, shape: tuple[int, int], walls: BoolArray) -> 
     """
     own, block = evidence.own.reshape(shape), evidence.block.reshape(shape)
     strength = np.maximum(own, block)
-    logits = np.clip(HIDING_SLOPE * (strength - HIDING_EVIDENCE), -30.0, 30.0)
     hides = (own > HIDING_SHARE * over_block(own)) & (strength > 0.0)
-    belief = np.where(hides, 1.0 / (1.0 + np.exp(-logits)), 0.0)
-    with_walls: FloatArray = np.maximum(belief, 0.97 * walls)
-    return with_walls
+    logits = np.clip(HIDING_SLOPE * (strength[hides] - HIDING_EVIDENCE), -30.0, 30.0)
+    belief: FloatArray = np.where(walls, 0.97, 0.0)
+    belief[hides] = np.maximum(1.0 / (1.0 + np.exp(-logits)), belief[hides])
+    return belief
 
 
 def optical_depth(belief: FloatArray, opacity: float) -> NDArray[np.float32]:
@@ -119,8 +122,9 @@ def optical_depth(belief: FloatArray, opacity: float) -> NDArray[np.float32]:
     opacity : float
         κ.
     """
-    around = over_block(belief, np.add) - belief
-    cover = np.minimum(belief * np.minimum(1.0, LONE_COVER + 0.5 * around), MOST_CERTAIN)
-    depth: NDArray[np.float32] = (-opacity * np.log(1.0 - cover)).astype(np.float32)
+    depth, hides = np.zeros(belief.shape, np.float32), belief > 0.0
+    own, around = belief[hides], over_block(belief, np.add)[hides]
+    cover = np.minimum(own * np.minimum(1.0, LONE_COVER + 0.5 * (around - own)), MOST_CERTAIN)
+    depth[hides] = -opacity * np.log(1.0 - cover)
     depth[depth < 0.01] = 0.0
     return depth

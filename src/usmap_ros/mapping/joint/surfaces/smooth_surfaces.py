@@ -98,6 +98,8 @@ class SmoothSurfaces:
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
         self._suspected: list[RoundColumn] = []
+        # Those that other pings found.
+        self._known_mirrors: list[MirrorWall] = []
         self._reflected = np.zeros(len(echoes.range_m), bool)
         index = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
         numbers = table.numbers[pings[index]]
@@ -172,7 +174,7 @@ class SmoothSurfaces:
 
     def recognise(self, known: KnownSurfaces) -> None:
         """Take over the smooth things that other pings found, with these pings' echoes of them."""
-        self._suspected = known.suspected
+        self._suspected, self._known_mirrors = known.suspected, known.mirrors
         for wall in known.mirrors:
             own = np.flatnonzero(self._are_of_mirror(wall))
             self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
@@ -257,8 +259,10 @@ class SmoothSurfaces:
         ended_m = np.full(len(self._pings), np.inf)
         if not self.mirrors:
             return ended_m
-        hits = [len(wall.echoes) for wall in self.mirrors]
-        usual = float(np.average([wall.log_mirror for wall in self.mirrors], weights=hits))
+        # By those who found them: these pings may have struck none of them.
+        found = self._known_mirrors or self.mirrors
+        hits = [len(wall.echoes) for wall in found]
+        usual = float(np.average([wall.log_mirror for wall in found], weights=hits))
         level = mirror_levels(self._echoes, self._numbers[:, ABSORPTION])
         is_found = self._reflected.copy()
         # What goes on beyond the feet that it was found by is heard there, too.

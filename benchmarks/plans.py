@@ -195,6 +195,21 @@ def warehouse(rng: np.random.Generator) -> Plan:
     return plan
 
 
+def symmetric(rng: np.random.Generator) -> Plan:
+    """A room that is the same after half a turn: two partitions, and a pole on either side."""
+    width_m, height_m = rng.uniform(6.0, 8.5), rng.uniform(4.5, 6.5)
+    cut_m, end_m = rng.uniform(0.3, 0.4) * width_m, rng.uniform(0.5, 0.7) * height_m
+    pole_m = rng.uniform(0.7, 0.8) * width_m, rng.uniform(0.2, 0.3) * height_m
+    plan = Plan([(_box(0.0, 0.0, width_m, height_m), True)], [pole_m])
+    partition = [(cut_m, 0.0), (cut_m, end_m)]
+    turned = [(width_m - x_m, height_m - y_m) for x_m, y_m in partition]
+    plan.walls += [(partition, False), (turned, False)]
+    plan.poles.append((width_m - pole_m[0], height_m - pole_m[1]))
+    for _ in range(3):
+        _start(plan, rng, (0.0, width_m, 0.0, height_m))
+    return plan
+
+
 def swarm_room(rng: np.random.Generator) -> Plan:
     """A small room with crates and columns, for a swarm of small robots."""
     width_m, height_m = rng.uniform(4.0, 5.5), rng.uniform(3.5, 4.5)

@@ -26,6 +26,7 @@ from plans import (
     hall,
     room,
     swarm_room,
+    symmetric,
     warehouse,
 )
 
@@ -128,7 +129,7 @@ def scenario(kind: str, condition: str, seed: int, nav2_map: Path | None = None)
     Parameters
     ----------
     kind : str
-        One of `KINDS`; ignored if a map is given.
+        One of `KINDS` or `UNSCORED`; ignored if a map is given.
     condition : str
         One of `CONDITIONS`.
     seed : int
@@ -138,7 +139,7 @@ def scenario(kind: str, condition: str, seed: int, nav2_map: Path | None = None)
     """
     rng = np.random.default_rng([seed, *kind.encode()])
     if nav2_map is None:
-        world, starts = KINDS[kind](rng)
+        world, starts = (KINDS | UNSCORED)[kind](rng)
     else:
         world, starts = of_map(nav2_map, ROUGH)
     recorded = CONDITIONS[condition]
@@ -277,5 +278,7 @@ KINDS: dict[str, Draw] = {
     "arena": built(arena, ROUGH),
     "swarm": built(swarm_room, ROUGH),
 }
+#: Of robots that are to be joined, and of no score.
+UNSCORED: dict[str, Draw] = {"symmetric": built(symmetric, ROUGH)}
 if SANDBOX.is_file():
     KINDS["sandbox"] = lambda rng: of_map(SANDBOX, ROUGH)

@@ -33,7 +33,7 @@ def methods(benchmark: ModuleType) -> ModuleType:
 
 
 def test_every_kind_of_scene_has_room_for_its_robots(scenes: ModuleType) -> None:
-    for kind in scenes.KINDS:
+    for kind in scenes.KINDS | scenes.UNSCORED:
         for seed in range(3):
             scenario = scenes.scenario(kind, "six_robots", seed)
             assert len(scenario.fleet(scenario.scene())) == 6, (kind, seed)
@@ -387,3 +387,32 @@ def test_every_stage_is_a_function_that_there_is() -> None:
         name for timed in stages.values() for module, name in timed if not hasattr(module, name)
     ]
     assert missing == []
+
+
+def test_a_symmetric_room_is_the_same_after_half_a_turn(scenes: ModuleType) -> None:
+    world = scenes.scenario("symmetric", "plain", 5).world
+    stands_m = [np.array(wall.corners_m) for wall in world.walls]
+    stands_m.append(np.array([[pole.x_m, pole.y_m] for pole in world.points]))
+    places_m = np.concatenate(stands_m)
+    turned_m = 2.0 * places_m.mean(axis=0) - places_m
+    apart_m = np.hypot(*(places_m[:, np.newaxis] - turned_m).T)
+    assert apart_m.min(axis=0).max() < 1e-9
+
+
+@pytest.mark.usefixtures("benchmark")
+def test_where_a_robot_began_is_told_by_its_way() -> None:
+    margins, origin = importlib.import_module("margins"), np.array([3.0, -1.0, 2.0])
+    way = np.random.default_rng(1).uniform(-3.0, 3.0, (30, 3))
+    found = margins.laid_over(way[:, :2], margins.compose(origin, way)[:, :2])
+    np.testing.assert_allclose(found, origin, atol=1e-9)
+
+
+@pytest.mark.usefixtures("benchmark")
+def test_margins_are_counted_by_place() -> None:
+    margins = importlib.import_module("margins")
+    matches = [(True, 3.3, True), (True, 1.2, False), (False, 0.6, False), (True, 4.4, True)]
+    lines = margins.table(matches).splitlines()
+    assert lines[0] == "3 pairs in one place, 1 in different ones"
+    assert "| 0.5 | 2 | 1 | 1 |" in lines
+    assert "| 3.2 | 2 | 0 | 0 |" in lines
+    assert "| 4.0 | 1 | 0 | 0 |" in lines

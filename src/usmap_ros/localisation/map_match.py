@@ -149,9 +149,14 @@ class Match:
         return self.margin - _DOUBT * self.against
 
     @property
+    def has_enough(self) -> bool:
+        """Whether enough pieces speak for it."""
+        return self.pieces >= _LEAST_PIECES
+
+    @property
     def is_sure(self) -> bool:
         """Whether there is enough evidence, and none for another one."""
-        return self.pieces >= _LEAST_PIECES and self.sureness >= _LEAST_SURENESS
+        return self.has_enough and self.sureness >= _LEAST_SURENESS
 
 
 def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:

@@ -1,0 +1,154 @@
+"""How sure matches of two robots' maps are, of one place and of different ones.
+
+What `_LEAST_SURENESS` of `src/usmap_ros/localisation/map_match.py` is chosen by: ``python
+benchmarks/margins.py --kinds flat_rough --seeds 201 202 203``.  Each robot is refined and mapped by
+itself, and each two maps of all scenes are laid over each other.  Scenes of one seed are one place,
+and flats are one whatever the seed; all other pairs share nothing, and whatever match is found of
+them is wrong.  ``symmetric`` are rooms that are the same after half a turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import scenes
+from joining import heard, unknown_starts
+from numpy.typing import NDArray
+from poses import places
+
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.localisation import Match, match_maps, refine_poses
+from usmap_ros.localisation.map_match import Submap
+from usmap_ros.localisation.planar import between, compose
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.simulation import true_paths
+
+FloatArray = NDArray[np.float64]
+#: A match is right that is off by no more, root mean square of what stands, m: poses of either map
+#: may be off by a decimetre.
+RIGHT_M = 0.6
+#: Of surenesses it is said how many matches reach them.
+LEAST = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.2, 3.5, 4.0, 5.0)
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """What one robot makes of where it is.
+
+    Parameters
+    ----------
+    kind, seed, robot : str, int, str
+        Who it is.
+    map : OccupancyMap
+        In its own frame.
+    origin : (3,) array
+        True pose of that frame, as its way tells it: x, y (m) and yaw (rad).
+    """
+
+    kind: str
+    seed: int
+    robot: str
+    map: OccupancyMap
+    origin: FloatArray
+
+    def shares_place_with(self, other: Mapped) -> bool:
+        """Whether both are in one place."""
+        is_one_plan = self.seed == other.seed or self.kind.startswith("flat")
+        return self.kind == other.kind and is_one_plan
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.seed} {self.robot}"
+
+
+def laid_over(found_m: FloatArray, true_m: FloatArray) -> FloatArray:
+    """Pose of a frame in which places are found in the one in which they truly are."""
+    one, other = (places_m - places_m.mean(axis=0) for places_m in (found_m, true_m))
+    turn = np.vdot(one @ [1.0, 1.0j], other @ [1.0, 1.0j])
+    turned = compose(np.array([0.0, 0.0, np.angle(turn)]), np.append(found_m.mean(axis=0), 0.0))
+    return np.append(true_m.mean(axis=0) - turned[:2], np.angle(turn))
+
+
+def mapped(kind: str, seed: int, pings: int, speed_m_s: float) -> list[Mapped]:
+    """Robots of a scene, each by itself."""
+    scene = unknown_starts(kind, seed, pings, speed_m_s)
+    true, pipelines = places(true_paths(scene)), dict[str, Pipeline]()
+    ways: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+    for topic, cone in refine_poses(heard(scene)).pings:
+        robot = topic.split("/")[1]
+        pipelines.setdefault(robot, Pipeline()).fuse(cone, topic)
+        both = cone.pose.position_m[:2], true[topic, cone.stamp_ns].position_m[:2]
+        ways.setdefault(robot, []).append(both)
+    return [
+        Mapped(kind, seed, robot, pipeline.occupancy_map(), laid_over(*np.swapaxes(way, 0, 1)))
+        for robot, pipeline in pipelines.items()
+        for way in [ways[robot]]
+    ]
+
+
+def off_m(match: Match, one: Mapped, other: Mapped) -> float:
+    """How far a match puts what stands in the second map from where it is."""
+    if not one.shares_place_with(other):
+        return math.inf
+    stands_m = Submap.of(other.map).places_m
+    stands = np.column_stack([stands_m, np.zeros(len(stands_m))])
+    true = compose(between(one.origin, other.origin), stands)
+    off = (compose(match.change, stands) - true)[:, :2]
+    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+
+
+def table(matches: list[tuple[bool, float, bool]]) -> str:
+    """How many are right and wrong among those that are so sure.
+
+    Parameters
+    ----------
+    matches : list of (bool, float, bool)
+        Whether the place is one, how sure the match is, and whether it is right.
+    """
+    here = [match for match in matches if match[0]]
+    lines = [
+        f"{len(here)} pairs in one place, {len(matches) - len(here)} in different ones\n",
+        "| sureness from | right | wrong, one place | wrong, different places |",
+        "|---|---|---|---|",
+    ]
+    for least in LEAST:
+        sure = [(is_here, is_right) for is_here, sureness, is_right in matches if sureness >= least]
+        counts = (sure.count(each) for each in ((True, True), (True, False), (False, False)))
+        lines.append(f"| {least:.1f} | " + " | ".join(map(str, counts)) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print a line for each pair, and a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    kinds = [*scenes.KINDS, *scenes.UNSCORED]
+    parser.add_argument("--kinds", nargs="+", choices=kinds, default=["flat_rough"])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[201, 202, 203])
+    parser.add_argument("--pings", type=int, default=400)
+    parser.add_argument("--speed", type=float, default=0.6)
+    arguments = parser.parse_args()
+    robots = [
+        robot
+        for kind in arguments.kinds
+        for seed in arguments.seeds
+        for robot in mapped(kind, seed, arguments.pings, arguments.speed)
+    ]
+    print("| one | other | pieces | margin | against | sureness | off, m |\n" + "|---" * 7 + "|")
+    matches = []
+    for one, other in combinations(robots, 2):
+        match = match_maps(one.map, other.map)
+        if match is None:
+            continue
+        apart_m = off_m(match, one, other)
+        row = f"{one} | {other} | {match.pieces:.0f} | {match.margin:.2f} | {match.against:.3f}"
+        print(f"| {row} | {match.sureness:.2f} | {apart_m:.2f} |", flush=True)
+        sureness = match.sureness if match.has_enough else -math.inf
+        matches.append((one.shares_place_with(other), sureness, apart_m < RIGHT_M))
+    print("\n" + table(matches))
+
+
+if __name__ == "__main__":
+    main()

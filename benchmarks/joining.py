@@ -1,10 +1,11 @@
 """Robots that nobody knows the starts of: who is joined, and whether rightly.
 
 Three robots whose odometry begins at their own starts, in scenes drawn at random: ``python
-benchmarks/joining.py --kinds flat_rough --seeds 61 62 63``.  Where somebody stays alone, it says
-what each two robots share: pieces of 0.3 m that stand, seen from the same side, in both of the maps
-that come of their true poses.  With ``--apart``, robots of one scene and of the scene of the next
-seed, which must not be joined.
+benchmarks/joining.py --kinds flat_rough --seeds 61 62 63``.  Robots wander, and may stay in the
+room where they began; with ``--tours`` they go from place to place all over the scene.  Where
+somebody stays alone, it says what each two robots share: pieces of 0.3 m that stand, seen from the
+same side, in both of the maps that come of their true poses.  With ``--apart``, robots of one scene
+and of the scene of the next seed, which must not be joined; flats are one place for all seeds.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from itertools import combinations
 import numpy as np
 import scenes
 from poses import Ping, places, scenario
+from tours import tours
 
 from usmap_ros.localisation.map_match import Submap, in_common
 from usmap_ros.numerics.geometry import Pose
@@ -26,11 +28,17 @@ from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate, true_paths
 
 
-def unknown_starts(kind: str, seed: int, pings: int, speed_m_s: float) -> Scenario:
-    """A scene in which robots drift from starts of their own."""
-    content = scenario(kind, seed, pings, speed_m_s).model_dump()
+def unknown_starts(
+    kind: str, seed: int, pings: int, speed_m_s: float, is_toured: bool = False
+) -> Scenario:
+    """A scene in which robots drift from starts of their own, and go all over it if wanted."""
+    scene = scenario(kind, seed, pings, speed_m_s)
+    content = scene.model_dump()
     for robot in content["robots"]:
         robot["odometry"] = {"start": "unknown"}
+    if is_toured:
+        for robot, motion in zip(content["robots"], tours(scene, seed), strict=True):
+            robot["motion"] = motion
     return Scenario.from_mapping(content, scenes.FLAT.parent / "drifting.yaml")
 
 
@@ -77,17 +85,19 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=[61, 62, 63])
     parser.add_argument("--pings", type=int, default=400)
     parser.add_argument("--speed", type=float, default=0.6)
+    parser.add_argument("--tours", action="store_true", help="robots go all over the scene")
     parser.add_argument("--apart", action="store_true", help="robots of two scenes")
     arguments = parser.parse_args()
     print("| scene | seed | joined | off, m | shared: 12, 13, 23 | ms a ping |")
     print("|---|---|---|---|---|---|")
     for kind in arguments.kinds:
         for seed in arguments.seeds:
-            scene = unknown_starts(kind, seed, arguments.pings, arguments.speed)
+            how = arguments.pings, arguments.speed, arguments.tours
+            scene = unknown_starts(kind, seed, *how)
             here, true = heard(scene), places(true_paths(scene))
             pings = here
             if arguments.apart:
-                other = unknown_starts(kind, seed + 1, arguments.pings, arguments.speed)
+                other = unknown_starts(kind, seed + 1, *how)
                 pings = sorted(pings + heard(other, "other_"), key=lambda ping: ping[1].stamp_ns)
             started_s = time.process_time()
             done = correct_poses(pings, PipelineParameters())

@@ -416,3 +416,22 @@ def test_margins_are_counted_by_place() -> None:
     assert "| 0.5 | 2 | 1 | 1 |" in lines
     assert "| 3.2 | 2 | 0 | 0 |" in lines
     assert "| 4.0 | 1 | 0 | 0 |" in lines
+
+
+def test_robots_on_tour_come_into_all_rooms(scenes: ModuleType) -> None:
+    tours = importlib.import_module("tours")
+    scenario = scenes.scenario("flat_rough", "many_pings", 1)
+    content = scenario.model_dump()
+    for robot, motion in zip(content["robots"], tours.tours(scenario, 1), strict=True):
+        robot["motion"] = motion
+        places_m = np.array(motion["waypoints_m"])
+        way_m = np.hypot(*np.diff(places_m, axis=0).T).sum()
+        assert way_m >= motion["speed_m_s"] * scenario.duration_s
+    on_tour = type(scenario).from_mapping(content, scenes.FLAT.parent / "on_tour.yaml")
+    assert len(on_tour.fleet(on_tour.scene())) == 3
+    # The flat's small room is in the south-east.
+    for robot in on_tour.robots:
+        x_m, y_m = np.array(robot.motion.waypoints_m).T
+        is_inside = (x_m > 3.3) & (y_m < 2.4)
+        assert is_inside.any()
+        assert not is_inside.all()

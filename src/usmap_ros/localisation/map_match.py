@@ -50,6 +50,8 @@ _FIRST_STEP_M, _LAST_STEP_M = 0.05, 0.01
 #: Of some 500 pairs of robots that share no place, in flats of seeds 61 to 72 and eleven other
 #: kinds of seed 301 of `benchmarks/scenes.py`, the surest one reaches 2.4.
 _LEAST_PIECES, _LEAST_SURENESS, _DOUBT = 12.0, 3.2, 60.0
+#: The margin from which on it is worth while to look again with poses that are refined together.
+_PROMISING = 2.0
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,11 @@ class Match:
     def has_enough(self) -> bool:
         """Whether enough pieces speak for it."""
         return self.pieces >= _LEAST_PIECES
+
+    @property
+    def is_promising(self) -> bool:
+        """Whether there may be enough evidence once both maps' poses are refined together."""
+        return self.has_enough and self.margin >= _PROMISING
 
     @property
     def is_sure(self) -> bool:

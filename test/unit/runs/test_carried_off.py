@@ -79,7 +79,7 @@ def test_it_is_never_joined_wrongly(carried: Carried) -> None:
 def test_it_is_lost_until_then_and_does_not_smear_the_map(
     carried: Carried, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("usmap_ros.runs.joining.match_maps", lambda one, other: None)
+    monkeypatch.setattr("usmap_ros.runs.frame_matches.match_maps", lambda one, other: None)
     corrected = correct_poses(carried[0], PipelineParameters())
     assert {robot: one.state for robot, one in corrected.robots.items()} == {
         "robot1": "alone", "robot1#2": "lost",

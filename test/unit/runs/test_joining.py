@@ -7,13 +7,13 @@ import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.localisation import refine_poses
+from usmap_ros.localisation import Match, refine_poses
 from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.correction import Corrected, correct_poses
-from usmap_ros.runs.joining import moved
+from usmap_ros.runs.frame_matches import moved
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
 from usmap_ros.simulation import Scenario, simulate, true_paths
@@ -235,3 +235,36 @@ def test_a_robot_that_has_lost_itself_joins_nobody() -> None:
     ]
     done = correct_poses(one + lost, PipelineParameters())
     assert {state.state for state in done.robots.values()} == {"alone"}
+
+
+@pytest.mark.parametrize(
+    ("pieces", "again", "state"),
+    [
+        # Once poses are refined together, maps lie there surely; elsewhere; no more surely.
+        (30.0, (0.1, 5.0), "joined"),
+        (30.0, (1.0, 5.0), "alone"),
+        (30.0, (0.1, 2.6), "alone"),
+        # Nobody looks again at what has little in common.
+        (8.0, (0.1, 5.0), "alone"),
+    ],
+)
+def test_a_match_that_is_nearly_sure_is_looked_at_with_poses_refined_together(
+    monkeypatch: pytest.MonkeyPatch, pieces: float, again: tuple[float, float], state: str
+) -> None:
+    change = compose(between(STARTS["robot1"], np.zeros(3)), STARTS["robot2"])
+    about_m = np.array([2.0, 1.0])
+    shift_m, margin = again
+    matches = [
+        Match(change, about_m, pieces, 2.5, 0.1),
+        Match(np.array([shift_m, 0.0, 0.0]), about_m, 40.0, margin, 0.0),
+    ]
+    monkeypatch.setattr(
+        "usmap_ros.runs.frame_matches.match_maps", lambda one, other: matches.pop(0)
+    )
+    pings = [ping for robot in STARTS for ping in going_round(robot)]
+    done = correct_poses(pings, PipelineParameters())
+    assert {one.state for one in done.robots.values()} == {state}
+    if state == "joined":
+        found, true = places(done.pings)[:, :2], np.concatenate([circle(20)] * 2)[:, :2]
+        origin = compose(STARTS["robot1"], np.c_[found, np.zeros(len(found))])[:, :2]
+        assert np.hypot(*(origin - true).T).max() < 0.3

@@ -1,0 +1,206 @@
+"""How frames of robots relate, as far as the maps tell that are made in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from usmap_ros.errors import MalformedMessageError, MapSizeError
+from usmap_ros.grids import OccupancyMap
+from usmap_ros.localisation.linked_frames import Link, links
+from usmap_ros.localisation.map_match import Match, match_maps
+from usmap_ros.localisation.planar import compose
+from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame
+from usmap_ros.localisation.refine import refine_poses
+from usmap_ros.mapping.far_off import FarOff, Ping
+from usmap_ros.numerics.geometry import Pose, on_base
+from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.set_apart import SetApart, in_one_place
+
+#: Of fewer pings nobody asks what they show.
+_LEAST_PINGS = 20
+#: How far a match may be off: x, y (m) and yaw (rad), standard deviations.
+_OFF = np.array([0.1, 0.1, 0.03])
+#: Maps that are made of poses refined together lie where the match has them, up to so much, m, rad.
+_STAYS_M, _STAYS_RAD = 0.4, 0.15
+
+
+@dataclass
+class JoinedRobots:
+    """Robots whose frames are one.
+
+    Parameters
+    ----------
+    rows : list of int
+        Which pings are theirs.
+    robots : set of str
+        Who they are.
+    earlier : OccupancyMap or None
+        What was known there before.
+    map : OccupancyMap or None
+        What they make of it; None: it is not worked out.
+    """
+
+    rows: list[int]
+    robots: set[str]
+    earlier: OccupancyMap | None = None
+    map: OccupancyMap | None = None
+
+
+@dataclass
+class FrameMatches:
+    """Matches of each two frames, worked out once.
+
+    Parameters
+    ----------
+    frames : mapping of str to JoinedRobots
+        By their names.
+    told, refined : sequences of (topic, EchoCone)
+        Pings in these frames, with poses as they were told, and as each frame's were refined.
+    kinds : mapping of str to PoseKind
+        What the poses of each robot are.
+    parameters : PipelineParameters
+        Of the maps.
+    """
+
+    frames: Mapping[str, JoinedRobots]
+    told: Sequence[Ping]
+    refined: Sequence[Ping]
+    kinds: Mapping[str, PoseKind]
+    parameters: PipelineParameters
+    _found: dict[tuple[str, str], Match | None] = field(default_factory=dict)
+
+    def links(self) -> list[Link]:
+        """How frames lie in others of which it is sure how they relate."""
+        # Of frames that several robots share, nobody asks how they relate.
+        enough = [
+            name
+            for name, frame in self.frames.items()
+            if frame.earlier is not None or len(frame.rows) >= _LEAST_PINGS
+        ]
+        ranked = sorted(
+            enough,
+            key=lambda name: (
+                self.frames[name].earlier is None,
+                is_own_frame(name),
+                -len(self.frames[name].rows),
+            ),
+        )
+        sure: dict[tuple[str, str], Match] = {}
+        for pair in combinations(ranked, 2):
+            if not is_own_frame(pair[1]):
+                continue
+            if pair not in self._found:
+                self._found[pair] = self._match(*pair)
+            match = self._found[pair]
+            if match and match.is_sure:
+                sure[pair] = match
+        return links(sure, ranked, is_own_frame)
+
+    def forget(self, changed: Iterable[str]) -> None:
+        """Work matches of some frames out anew."""
+        names = set(changed)
+        self._found = {pair: one for pair, one in self._found.items() if not names & set(pair)}
+
+    def _match(self, target: str, source: str) -> Match | None:
+        one, other = self.frames[target], self.frames[source]
+        # A robot that has lost itself makes a map that is too large, and joins nobody.
+        with suppress(MapSizeError):
+            match = match_maps(self._map_of(one), self._map_of(other))
+            if match and not match.is_sure and match.is_promising and one.earlier is None:
+                link = Link(target, source, match.change, match.about_m)
+                again = self._second_look(link)
+                # What is right gains by it.
+                return again if again and again.margin > match.margin else match
+            return match
+        return None
+
+    def _second_look(self, link: Link) -> Match | None:
+        """A match by maps that are made of poses refined together, as if it were right.
+
+        Poses that are off bend maps, which then contradict each other though they are of one
+        place.  If they are, both are mended by what they have in common; if not, each is bent to
+        what it is not, and less is in common than before.
+        """
+        sides = [self.frames[name].rows for name in (link.target, link.source)]
+        first = [self.told[row] for row in sides[0]]
+        pings = first + [moved_by(self.told[row], link) for row in sides[1]]
+        together = refine_poses(pings, kinds=self.kinds).pings
+        maps = (together[: len(first)], together[len(first) :])
+        match = match_maps(*(map_of(each, self.parameters) for each in maps))
+        if match is None:
+            return None
+        about = np.append(match.about_m, 0.0)
+        off = compose(match.change, about) - about
+        if math.hypot(*off[:2]) > _STAYS_M or abs(off[2]) > _STAYS_RAD:
+            return None
+        change = compose(match.change, link.change)
+        return replace(match, change=change, about_m=link.about_m)
+
+    def _map_of(self, frame: JoinedRobots) -> OccupancyMap:
+        if frame.map is None:
+            pings = [self.refined[row] for row in frame.rows]
+            frame.map = map_of(pings, self.parameters, frame.earlier)
+        return frame.map
+
+
+def map_of(
+    pings: Iterable[Ping], parameters: PipelineParameters, earlier: OccupancyMap | None = None
+) -> OccupancyMap:
+    """The map of some pings of one frame.
+
+    Parameters
+    ----------
+    pings : iterable of (topic, EchoCone)
+        In any order.
+    parameters : PipelineParameters
+        Of the map.
+    earlier : OccupancyMap, optional
+        What was mapped before.
+    """
+    pipeline, far = Pipeline(parameters), FarOff(parameters.mapping)
+    if earlier is not None:
+        pipeline.resume(earlier)
+        far.cover(earlier.geometry)
+    # What is far from all else would make the map too large, whatever it says.
+    for topic, cone in in_one_place(pings, far, SetApart()):
+        # Whoever makes the map says what is wrong with a ping.
+        with suppress(MalformedMessageError):
+            pipeline.fuse(cone, topic)
+    return pipeline.occupancy_map()
+
+
+def moved_by(ping: Ping, link: Link) -> Ping:
+    """A ping of a link's source in its target."""
+    x_m, y_m, yaw_rad = map(float, link.change)
+    change = Pose.planar(x_m, y_m, yaw_rad, planar_covariance=np.diag(_OFF**2))
+    return moved(ping, change, link.about_m, link.target)
+
+
+def moved(ping: Ping, change: Pose, about_m: np.ndarray, frame_id: str) -> Ping:
+    """A ping in another frame.
+
+    Parameters
+    ----------
+    ping : (topic, EchoCone)
+        What was heard.
+    change : Pose
+        Of its frame in the other one; its covariance is that at `about_m`.
+    about_m : (2,) array
+        In the ping's frame.
+    frame_id : str
+        The other frame.
+    """
+    topic, cone = ping
+    centre = Pose.planar(float(about_m[0]), float(about_m[1]), 0.0)
+    base = replace(change.compose(centre), covariance=change.covariance)
+    pose = change.compose(cone.pose)
+    lever = on_base(base, centre.inverse().compose(cone.pose)).covariance
+    pose = Pose(pose.position_m, pose.orientation, pose.covariance + lever)
+    return topic, replace(cone, frame_id=frame_id, pose=pose)

@@ -24,6 +24,8 @@ LEAST_VARIANCE = 1e-30
 RETIRED_SHARE = 4
 #: So many times that may be kept until what it said has been worked out: as much as a window.
 MOST_WAITING = 4
+#: A live map begins with so many pings at the most: those beyond wait for less beside them.
+FIRST_PINGS = 64
 
 
 class JointFusion(Fusion):
@@ -55,6 +57,8 @@ class JointFusion(Fusion):
         self._count = 0
         # None as long as nobody asks for the map while pings come.
         self._live: LiveMap | None = None
+        # The survey that it begins with, as long as it has not.
+        self._first: Survey | None = None
         # Whether the latest live map tells less than a whole one would.
         self._is_live_latest = False
 
@@ -71,6 +75,8 @@ class JointFusion(Fusion):
         if self._live is not None and is_new and self._kept.is_believed(source):
             self._live.add(cone, source, self._count)
         self._survey = None
+        if self._live is not None and len(self._kept) == FIRST_PINGS:
+            self._first = self._surveyed()
 
     def _retire(self) -> None:
         """Let the oldest pings go, and what they said stay.
@@ -93,7 +99,7 @@ class JointFusion(Fusion):
 
     def _changed(self) -> None:
         """Nothing that was worked out holds any more."""
-        self._survey = None
+        self._survey = self._first = None
         if self._live is not None:
             self._live.forget()
 
@@ -166,8 +172,13 @@ class JointFusion(Fusion):
             self._live = LiveMap(self.parameters)
             self._survey = None
         live, whole, retired, newest = self._live, self._surveyed(), self._retired, self._count
+        if live.is_begun:
+            self._first = None
+        first = self._first
 
         def made() -> OccupancyMap:
+            if in_time and first is not None and not live.is_begun:
+                first.occupancy_map()
             is_waiting = retired is not None and not retired.is_made
             if not whole.is_made and (is_last or is_waiting or live.is_due):
                 due = retired if retired is not None and is_waiting else whole

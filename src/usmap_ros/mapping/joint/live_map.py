@@ -18,8 +18,8 @@ from usmap_ros.processes.threads import alone, give_way
 #: All pings are explained together again when there are such a share more than the last time; and
 #: always as long as there are so few.
 MORE_SHARE, FEW_PINGS = 0.5, 30
-#: Pings that are explained at once beside those before them; and so many times as many while more
-#: than that wait, which takes three fifths of the time.
+#: Pings that are explained at once, for good, beside those before them: so many at the least, and
+#: so many times as many at the most, which takes three fifths of the time for each.
 BATCH, TOGETHER = 32, 4
 #: Name of the thread in which all pings are explained together while maps go on being made, and by
 #: how much it gives way to these.

@@ -355,6 +355,33 @@ def test_what_is_heard_where_nothing_is_known_is_in_a_later_map(
     assert late.geometry.shape[1] * 0.05 > 40.0
 
 
+def test_many_that_begin_at_once_wait_for_the_first_of_them_alone(
+    pings: list[EchoCone],
+    held: tuple[threading.Event, threading.Event],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begun, may_go_on = held
+    monkeypatch.setattr("usmap_ros.mapping.joint.fusion.FIRST_PINGS", KNOWN)
+    fusion = fused([])
+    fusion.live_snapshot(in_time=True)()
+    for ping in pings:
+        fusion.fuse(ping)
+    meanwhile = fusion.live_snapshot(in_time=True)()
+    assert begun.wait(WAIT_S)
+    expected = fused(pings[:KNOWN])
+    expected.live_snapshot()()
+    for ping in pings[KNOWN:]:
+        expected.fuse(ping)
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    np.testing.assert_array_equal(meanwhile.log_odds, expected.live_snapshot()().log_odds)
+    thread = beside()
+    may_go_on.set()
+    thread.join()
+    np.testing.assert_array_equal(
+        fusion.live_snapshot(in_time=True)().log_odds, fused(pings).occupancy_map().log_odds
+    )
+
+
 def test_what_goes_wrong_beside_is_said_the_next_time(
     pings: list[EchoCone], monkeypatch: pytest.MonkeyPatch
 ) -> None:

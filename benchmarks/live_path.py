@@ -48,6 +48,8 @@ from usmap_ros.simulation import Scenario, simulate
 ROOT = Path(__file__).parents[1]
 #: What every serialized message begins with: its byte order.
 _HEADER_BYTES = 4
+#: Name of a figure that is a list.
+BY_SECOND = "latency_p95_by_second_ms"
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
 _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
@@ -209,6 +211,7 @@ def _measure(
         "late": observed.total("/map_fusion", "late"),
         "latency_p50_ms": round(1000 * float(np.percentile(latencies_s, 50)), 1),
         "latency_p95_ms": round(1000 * float(np.percentile(latencies_s, 95)), 1),
+        BY_SECOND: _p95_by_second_ms(sent_s, latencies_s),
         "reconstruction_p95_ms": within_ms[0],
         "fusion_p95_ms": within_ms[1],
         "fusion_cores": round(fusion_cores, 2),
@@ -250,6 +253,15 @@ def _latencies(sent_s: list[float], arrivals: list[tuple[float, float]]) -> list
     return [arrivals[i][0] - s for s, i in pairs if i < len(arrivals)] or [math.nan]
 
 
+def _p95_by_second_ms(sent_s: list[float], latencies_s: list[float]) -> list[int]:
+    """The same of what was sent in each second: places are new in the first two of them."""
+    seconds = [int(s - sent_s[0]) for s in sent_s[: len(latencies_s)]]
+    of_each: dict[int, list[float]] = {}
+    for second, latency_s in zip(seconds, latencies_s, strict=True):
+        of_each.setdefault(second, []).append(1000 * latency_s)
+    return [round(np.nan_to_num(np.percentile(some, 95))) for some in of_each.values()]
+
+
 def _settled(observed: Observed) -> int:
     """How many cones are fused once no more are: what waits in a queue is not lost."""
     fused = -1
@@ -274,7 +286,7 @@ def run() -> dict[str, Any]:
         f"{robots}_robots_{name}": value
         for robots in (2, 4)
         for name, value in measure(robots, 15.0, 10.0, 10.0).items()
-        if name != "robots"
+        if name not in ("robots", BY_SECOND)
     }
 
 

@@ -81,7 +81,8 @@ def shared(pings: list[Ping], true: dict[tuple[str, int], Pose]) -> str:
 def main() -> None:
     """Print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kinds", nargs="+", choices=scenes.KINDS, default=["flat_rough"])
+    kinds = [*scenes.KINDS, *scenes.UNSCORED]
+    parser.add_argument("--kinds", nargs="+", choices=kinds, default=["flat_rough"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[61, 62, 63])
     parser.add_argument("--pings", type=int, default=400)
     parser.add_argument("--speed", type=float, default=0.6)

@@ -103,7 +103,8 @@ class Survey:
         if belief is None:
             belief = cell_log_odds(estimate.evidence, field.shape)
             return estimate.known(*estimate.free_space(walls), belief, credit)
-        walls = Walls(belief > SHOWN, np.zeros(field.shape, bool), NO_LINES, NO_LINES)
+        nothing = np.zeros(field.shape, bool)
+        walls = Walls(belief > SHOWN, nothing, nothing, NO_LINES, NO_LINES)
         walls, free = estimate.free_space(walls)
         return estimate.known(walls, free & (belief == NOTHING), belief, credit)
 

@@ -301,3 +301,21 @@ def test_nothing_behind_a_wall_is_called_free(cone_of_objects: MakeCone) -> None
     x_m, y_m = left_m + (columns + 0.5) * step_m, bottom_m + (rows + 0.5) * step_m
     assert np.count_nonzero(y_m < 1.4) > 300
     assert not np.any((y_m > 1.65) & (x_m > 0.2) & (x_m < 2.1))
+
+
+def test_a_gap_between_walls_that_is_silent_when_it_is_faced_is_not_filled(
+    cone_of_objects: MakeCone,
+) -> None:
+    """A line goes through both, and over what lies between them."""
+    gap_m = 0.85, 1.25
+    steps = [0.05 * step + 0.025 for step in range(-30, 70)]
+    wall = [(x_m, 1.525, 0.5) for x_m in steps if not gap_m[0] < x_m < gap_m[1]]
+    cones = []
+    for number in range(40):
+        place = {"x_m": 0.06 * number, "y_m": 0.6 * (number % 3)}
+        place["yaw_rad"] = (0.3 + 0.1 * (number % 5)) * np.pi
+        cones.append(cone_of_objects(*wall[::2], stamp_ns=number, **place))
+    occupancy = fused(cones).occupancy_map()
+    stands = occupancy.predicted().astype(float)
+    assert [at(occupancy, stands, x_m, 1.525) for x_m in (0.4, 0.6, 1.5, 1.7)] == [1.0] * 4
+    assert [at(occupancy, stands, x_m, 1.525) for x_m in (1.0, 1.05, 1.1)] == [0.0] * 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
+    HARDLY,
     behind,
     behind_alone,
     continue_lines,
@@ -135,12 +135,14 @@ class FreeSpace:
         closed |= smooth.suspected()
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         changed = np.ones(len(self._pings), bool)
-        self._refute(left, listening, silence, wanted, changed, worst)
+        self._refute(left, listening, silence, wanted | walls.bridged, changed, worst)
+        alike = over_last(np.maximum, worst[:, :, :MIRRORS])
+        worst[walls.bridged] = 0.0
         is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
-        alike = over_last(np.maximum, worst[:, :, :MIRRORS])
         walls, may_be = self._going_on(walls, alike, proven | stood)
+        walls = walls.without(alike < HARDLY)
         closed |= may_be
         closed |= self._behind(walls, evidence) & ~proven & (alike >= ENDS)
         occupied = walls.shown
@@ -240,8 +242,7 @@ class FreeSpace:
         most_cells = followed_m / self._field.resolution_m
         lines, may_be = continue_lines(walls.lines, walls.shown, said, most_cells)
         _, more = continue_lines(walls.mirrors, walls.shown, said, most_cells)
-        filled = walls.filled | (drawn(lines, self._field.shape) & ~self._stood)
-        return replace(walls, filled=filled, lines=lines), may_be | more
+        return walls.through(lines, self._stood), may_be | more
 
     def _behind(self, walls: Walls, evidence: CellEvidence) -> BoolArray:
         """Cells behind walls, and things, that were heard from one side alone.

@@ -1,6 +1,6 @@
 """Cells that are shown as occupied, and the lines that they are on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,13 +29,16 @@ class Walls:
     Parameters
     ----------
     occupied, filled : (rows, columns) bool arrays
-        Cells by their own evidence, and cells that lines go through.
+        Cells by their own evidence, and cells that lines and columns go through.
+    bridged : (rows, columns) bool array
+        Those of the latter that nothing but a line through believed cells speaks for.
     lines, mirrors : (lines, 5) arrays
         See `usmap_ros.mapping.joint.surfaces.lines`.
     """
 
     occupied: BoolArray
     filled: BoolArray
+    bridged: BoolArray
     lines: FloatArray
     mirrors: FloatArray
 
@@ -43,6 +46,30 @@ class Walls:
     def all_lines(self) -> FloatArray:
         """Lines of both kinds."""
         return np.concatenate([self.lines, self.mirrors])
+
+    def through(self, lines: FloatArray, stood: BoolArray) -> "Walls":
+        """With longer lines of the first kind.
+
+        Parameters
+        ----------
+        lines : (lines, 5) array
+            Instead of those that there are.
+        stood : (rows, columns) bool array
+            Where robots stood, and so nothing else.
+        """
+        added = drawn(lines, self.filled.shape) & ~self.shown & ~stood
+        return replace(self, filled=self.filled | added, bridged=self.bridged | added, lines=lines)
+
+    def without(self, refuted: BoolArray) -> "Walls":
+        """All but some cells that nothing but a line speaks for.
+
+        Parameters
+        ----------
+        refuted : (rows, columns) bool array
+            Cells in which hardly a surface can stand.
+        """
+        gaps = self.bridged & refuted
+        return replace(self, filled=self.filled & ~gaps, bridged=self.bridged & ~gaps)
 
     @property
     def shown(self) -> BoolArray:
@@ -90,5 +117,7 @@ def find_walls(
     is_kept[alone[~smooth.hide(rows[alone], columns[alone])]] = True
     occupied = np.zeros(field.shape, bool)
     occupied[rows[is_kept], columns[is_kept]] = True
-    filled = drawn(lines, field.shape) | drawn(mirrors, field.shape) | smooth.drawn_columns()
-    return Walls(occupied & ~stood, filled & ~stood, lines, mirrors)
+    occupied &= ~stood
+    smoothly = drawn(mirrors, field.shape) | smooth.drawn_columns()
+    filled = (drawn(lines, field.shape) | smoothly) & ~stood
+    return Walls(occupied, filled, filled & ~smoothly & ~occupied, lines, mirrors)

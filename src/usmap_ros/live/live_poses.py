@@ -119,7 +119,7 @@ class LivePoses:
     @property
     def must_correct(self) -> bool:
         """Whether any poses are not right as told."""
-        return self.is_wanted and bool(self._told) and self._watch.drifts
+        return self.is_wanted and bool(self._told) and self._watch.must_correct
 
     def _map(
         self, told: list[Ping], anchors: dict[str, Anchor], version: int, generation: int
@@ -211,7 +211,8 @@ class LivePoses:
         for row in range(first, len(found)):
             (topic, told), (_, one) = self._told[row], found[row]
             robot = robot_of(topic, told)
-            if stays[row] and self._kinds.get(robot) is not PoseKind.ABSOLUTE:
+            kind = self._kinds.get(robot)
+            if stays[row] and (kind is None or kind.drifts):
                 anchors.setdefault(robot, Anchor(told.pose, one.pose, one.frame_id))
         return anchors
 
@@ -231,9 +232,15 @@ class _GoingOn:
 
     def __init__(self, pipeline: Pipeline, told: Sequence[Ping], done: Corrected) -> None:
         self.pipeline, self._count = pipeline, len(told)
+
+        def drifts(robot: str) -> bool:
+            return robot not in done.robots or done.robots[robot].kind.drifts
+
+        # What is off by chance at one ping is not at the next.
         self._anchors = {
-            robot_of(topic, cone): Anchor(cone.pose, found.pose, found.frame_id)
+            robot: Anchor(cone.pose if drifts(robot) else found.pose, found.pose, found.frame_id)
             for (topic, cone), (_, found) in zip(told, done.pings, strict=True)
+            for robot in [robot_of(topic, cone)]
         }
 
     def take_up(self, told: Sequence[Ping]) -> None:

@@ -10,6 +10,9 @@ from usmap_ros.pings.cone import EchoCone
 
 #: Odometry's variances end at least so many times as large as they begin, and at least so large.
 _GROWTH, _LEAST_M, _LEAST_RAD = 4.0, 0.005, 0.002
+#: Absolute places that are off by so much, m, standard deviation, are corrected, each by what it
+#: hears: what is less, ranges are off, too, and what is more leaves open which echo is of what.
+_NOISY_M = (0.01, 0.1)
 #: Share of pings over which a variance that grows may fall, from rounding or from a turn.
 _MAY_FALL = 0.1
 
@@ -19,12 +22,19 @@ class PoseKind(Enum):
 
     #: Of motion capture or a localisation: each is as good as its covariance says.
     ABSOLUTE = "absolute"
+    #: The same, each off by chance and by so much that echoes tell where it was.
+    NOISY = "absolute, off by chance"
     #: Of wheels from a start that is known: the place drifts, changes are good.
     ODOMETRY = "odometry"
     #: The same from a start that nobody has stated.
     ODOMETRY_FROM_ANYWHERE = "odometry from anywhere"
     #: Steady covariances, of which a user knows better that poses drift.
     INSISTED = "odometry, as insisted on"
+
+    @property
+    def drifts(self) -> bool:
+        """Whether changes are known better than places."""
+        return self not in (PoseKind.ABSOLUTE, PoseKind.NOISY)
 
 
 def robot_of(topic: str, cone: EchoCone) -> str:
@@ -48,7 +58,7 @@ def pose_kind(cones: Sequence[EchoCone]) -> PoseKind:
     Returns
     -------
     PoseKind
-        By the frame, and by whether the covariance grows along the way.
+        By the frame, by whether the covariance grows along the way, and by how large it is.
     """
     if cones and is_own_frame(cones[0].frame_id):
         return PoseKind.ODOMETRY_FROM_ANYWHERE
@@ -56,7 +66,9 @@ def pose_kind(cones: Sequence[EchoCone]) -> PoseKind:
     places_m2 = covariances[:, 0, 0] + covariances[:, 1, 1]
     if _grows(places_m2, _LEAST_M**2) or _grows(covariances[:, 2, 2], _LEAST_RAD**2):
         return PoseKind.ODOMETRY
-    return PoseKind.ABSOLUTE
+    least_m, most_m = _NOISY_M
+    is_noisy = len(cones) and least_m <= float(np.sqrt(0.5 * places_m2.mean())) <= most_m
+    return PoseKind.NOISY if is_noisy else PoseKind.ABSOLUTE
 
 
 def _grows(variances: FloatArray, least: float) -> bool:

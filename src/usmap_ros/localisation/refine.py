@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.localisation.echo_table import tabulate
 from usmap_ros.localisation.found import FoundPoses
+from usmap_ros.localisation.noisy_poses import settle
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
 from usmap_ros.localisation.search import search
 from usmap_ros.localisation.smoother import Smoother
@@ -76,16 +77,20 @@ def refine_poses(
     Returns
     -------
     Refinement
-        Robots whose poses are absolute keep them; they help to correct the others.
+        Robots whose poses are absolute keep them, or each is corrected by itself if they are off
+        by chance; they help to correct the others.
     """
     rows = _rows_by_robot(pings)
     found = dict(kinds) if kinds is not None else kinds_of(pings, insists=insists)
     refined = list(pings)
     corrections_m: dict[str, float] = {}
     for robots in _by_frame(pings, rows):
-        drifting = [robot for robot in robots if found[robot] is not PoseKind.ABSOLUTE]
-        if drifting:
-            corrections_m |= _refine_frame(refined, {one: rows[one] for one in robots}, found)
+        if any(found[robot] is PoseKind.NOISY for robot in robots):
+            steady = {one: rows[one] for one in robots if not found[one].drifts}
+            corrections_m |= _settle_frame(refined, steady, found)
+        if any(found[robot].drifts for robot in robots):
+            moved_m = _refine_frame(refined, {one: rows[one] for one in robots}, found)
+            corrections_m |= {one: far_m for one, far_m in moved_m.items() if found[one].drifts}
     return Refinement(refined, {robot: found[robot] for robot in rows}, corrections_m)
 
 
@@ -96,7 +101,7 @@ def kinds_of(pings: Sequence[Ping], *, insists: bool = False) -> dict[str, PoseK
         for robot, own in _rows_by_robot(pings).items()
     }
     if insists:
-        steady = [robot for robot, kind in found.items() if kind is PoseKind.ABSOLUTE]
+        steady = [robot for robot, kind in found.items() if not kind.drifts]
         found |= dict.fromkeys(steady, PoseKind.INSISTED)
     return found
 
@@ -133,7 +138,7 @@ def _refine_frame(
     tracks, first = [], 0
     for robot, own in rows.items():
         here = np.arange(first, first + len(own))
-        is_fixed = kinds[robot] is PoseKind.ABSOLUTE
+        is_fixed = not kinds[robot].drifts
         is_stated = kinds[robot] is not PoseKind.INSISTED
         tracks.append(
             Track(here, told[here], known[here], transducers[here], every, is_fixed, is_stated)
@@ -146,16 +151,41 @@ def _refine_frame(
     found = search(Smoother(tracks, tabulate(things, looks)))
     if found is None:
         return dict.fromkeys(rows, 0.0)
-    moved_m = np.hypot(*(found.poses - told)[:, :2].T)
-    for place, row in enumerate(all_rows):
-        if np.isfinite(found.covariances[place]).all():
-            topic, cone = pings[row]
-            pose = _corrected(cone.pose, told[place], found, place)
-            pings[row] = topic, replace(cone, pose=pose)
-    return {
-        robot: float(np.sqrt(np.mean(moved_m[track.rows] ** 2)))
-        for robot, track in zip(rows, tracks, strict=True)
-    }
+    return _put(pings, rows, told, found)
+
+
+def _settle_frame(
+    pings: list[Ping], rows: dict[str, NDArray[np.intp]], kinds: dict[str, PoseKind]
+) -> dict[str, float]:
+    """Correct poses in one frame that are off by chance; how far each robot's were moved."""
+    all_rows = np.concatenate(list(rows.values()))
+    cones = [pings[row][1] for row in all_rows]
+    told = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
+    found = settle(cones)
+    if found is None:
+        return dict.fromkeys(rows, 0.0)
+    is_noisy = np.repeat(
+        [kinds[robot] is PoseKind.NOISY for robot in rows], [len(own) for own in rows.values()]
+    )
+    found.poses[~is_noisy] = told[~is_noisy]
+    found.covariances[~is_noisy] = np.nan
+    return _put(pings, rows, told, found)
+
+
+def _put(
+    pings: list[Ping], rows: dict[str, NDArray[np.intp]], told: FloatArray, found: FoundPoses
+) -> dict[str, float]:
+    """Let pings of some robots, one behind the other, have their poses; how far these moved."""
+    moved_m, first, corrections_m = np.hypot(*(found.poses - told)[:, :2].T), 0, {}
+    for robot, own in rows.items():
+        for place, row in enumerate(own, first):
+            if np.isfinite(found.covariances[place]).all():
+                topic, cone = pings[row]
+                pose = _corrected(cone.pose, told[place], found, place)
+                pings[row] = topic, replace(cone, pose=pose)
+        corrections_m[robot] = float(np.sqrt(np.mean(moved_m[first : first + len(own)] ** 2)))
+        first += len(own)
+    return corrections_m
 
 
 def _corrected(pose: Pose, told: FloatArray, found: FoundPoses, place: int) -> Pose:

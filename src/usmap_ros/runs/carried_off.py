@@ -68,7 +68,7 @@ def with_lives(
         rows.setdefault(robot_of(topic, cone), []).append(row)
     done, lost, names = list(told), set[str](), set(rows)
     for robot, own in rows.items():
-        if kinds[robot] is PoseKind.ABSOLUTE or len(own) < 2 * _BLOCK:
+        if not kinds[robot].drifts or len(own) < 2 * _BLOCK:
             continue
         own.sort(key=lambda row: told[row][1].stamp_ns)
         begins: list[int] = []

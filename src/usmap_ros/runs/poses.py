@@ -68,13 +68,13 @@ class PoseRun:
         for ping in stream:
             held.append(ping)
             watch.add(ping)
-            if watch.drifts:
+            if watch.must_correct:
                 break
             if watch.is_settled:
                 yield from held
                 done.extend(held)
                 held.clear()
-        if not watch.drifts:
+        if not watch.must_correct:
             yield from held
             return
         held.extend(stream)
@@ -106,12 +106,12 @@ class DriftWatch:
 
     Attributes
     ----------
-    drifts : bool
+    must_correct : bool
         Whether one does.
     """
 
     def __init__(self, is_known: bool = False) -> None:
-        self.drifts = is_known
+        self.must_correct = is_known
         # Robots of which it is not known yet; and those that do not.
         self._watched: dict[str, _Watch] = {}
         self._settled: set[str] = set()
@@ -119,18 +119,18 @@ class DriftWatch:
     @property
     def is_settled(self) -> bool:
         """Whether it is known of every robot so far."""
-        return self.drifts or not self._watched
+        return self.must_correct or not self._watched
 
     def add(self, ping: Ping) -> None:
         """Look at another ping."""
         robot = robot_of(*ping)
-        if self.drifts or robot in self._settled:
+        if self.must_correct or robot in self._settled:
             return
         kind = self._watched.setdefault(robot, _Watch()).add(ping[1])
         if kind is PoseKind.ABSOLUTE:
             self._settled.add(robot)
             del self._watched[robot]
-        self.drifts = kind not in (None, PoseKind.ABSOLUTE)
+        self.must_correct = kind not in (None, PoseKind.ABSOLUTE)
 
 
 class _Watch:

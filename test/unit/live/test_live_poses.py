@@ -73,6 +73,23 @@ def test_the_map_of_a_robot_that_drifts_is_that_of_offline() -> None:
     assert len(fusion.poses.latest.trajectories()["robot1"]) == len(pings)
 
 
+def test_poses_that_are_off_by_chance_are_corrected_as_offline() -> None:
+    rng, pings = np.random.default_rng(3), []
+    for topic, one in drifting(100, 0.0):
+        off_m = rng.normal(0.0, 0.03, 2)
+        known = np.diag([9e-4, 9e-4, 1e-6])
+        place_m = one.pose.position_m[:2] + off_m
+        pose = Pose.planar(*place_m, one.pose.yaw_rad, planar_covariance=known)
+        pings.append((topic, replace(one, pose=pose)))
+    fusion = live(pings)
+    same(fusion.occupancy_map(), offline(pings))
+    found = fusion.poses.latest.trajectories()["robot1"].positions_m
+    told = np.array([one.pose.position_m for _, one in pings])
+    real = circle(100)[:, :2]
+    off_m, told_off_m = (np.hypot(*(each[:, :2] - real).T).mean() for each in (found, told))
+    assert off_m < 0.9 * told_off_m
+
+
 def test_between_two_corrections_robots_go_on_from_where_they_were_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -191,7 +208,7 @@ def test_pings_do_not_grow_without_end(growth: float, looks_every: int) -> None:
     pings = drifting(120, growth)
     fusion = live(pings, window=40, looks_every=looks_every)
     assert not fusion.poses.is_full
-    newest = live(pings[-50:], looks_every=1000).occupancy_map()
+    newest = live(pings[-50:], looks_every=1000, use="told").occupancy_map()
     # Poses being found anew each time, windows do not see quite the same.
     assert fusion.occupancy_map().observed.sum() > 0.8 * newest.observed.sum()
 

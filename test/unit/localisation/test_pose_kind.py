@@ -22,11 +22,14 @@ def pings(variances: list[float], yaw_variances: list[float]) -> list[EchoCone]:
     ("variances", "yaw_variances", "kind"),
     [
         ([0.0] * 5, [0.0] * 5, PoseKind.ABSOLUTE),
-        ([9e-4] * 5, [1e-4] * 5, PoseKind.ABSOLUTE),
+        ([9e-4] * 5, [1e-4] * 5, PoseKind.NOISY),
+        ([4e-5] * 5, [1e-4] * 5, PoseKind.ABSOLUTE),
+        # Nobody knows where such a robot is; echoes would be taken for those of anything.
+        ([0.25] * 5, [1e-4] * 5, PoseKind.ABSOLUTE),
         ([0.0, 1e-4, 2e-4, 4e-4], [0.0] * 4, PoseKind.ODOMETRY),
         ([0.0] * 4, [0.0, 1e-4, 2e-4, 3e-4], PoseKind.ODOMETRY),
         # A filter that is surer now and then.
-        ([1e-3, 9e-3, 1e-3, 8e-3, 5e-3], [1e-4] * 5, PoseKind.ABSOLUTE),
+        ([1e-3, 9e-3, 1e-3, 8e-3, 5e-3], [1e-4] * 5, PoseKind.NOISY),
         # Odometry that turns back towards its start loses a little.
         ([0.0, 4e-4, 9e-4, 8.6e-4, 2e-3], [0.0, 1e-4, 2e-4, 3e-4, 4e-4], PoseKind.ODOMETRY),
         ([], [], PoseKind.ABSOLUTE),

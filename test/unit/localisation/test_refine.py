@@ -82,18 +82,80 @@ def test_the_same_pings_give_the_same_poses(drifting: Drifting) -> None:
         np.testing.assert_array_equal(one.pose.position_m, other.pose.position_m)
 
 
-def test_absolute_poses_stay_as_they_are() -> None:
-    rng = np.random.default_rng(1)
-    known = np.diag([9e-4, 9e-4, 1e-4])
-    pings = []
-    for number, real in enumerate(circle(60)):
-        told = real + rng.standard_normal(3) * [0.03, 0.03, 0.01]
+#: That go round often enough for each pole to be heard well.
+PINGS = 200
+
+
+def noisy(std_m: float, stated_m: float, hears: bool = True) -> list[Ping]:
+    """Pings of a robot on its circle, each pose off by itself."""
+    rng, pings = np.random.default_rng(1), []
+    known = np.diag([stated_m, stated_m, stated_m / 3.0]) ** 2
+    for number, real in enumerate(circle(PINGS)):
+        told = real + rng.standard_normal(3) * [std_m, std_m, std_m / 3.0]
         pose = Pose.planar(told[0], told[1], told[2], planar_covariance=known)
-        ranges_m = heard(Pose.planar(*real), poles())
+        ranges_m = heard(Pose.planar(*real), poles()) if hears else ()
         pings.append(("/robot1/echo", cone(pose, ranges_m, number + 1)))
+    return pings
+
+
+def off_circle_m(pings: list[Ping]) -> np.ndarray:
+    """By how much they are off, (pings, 2)."""
+    return np.array([one.pose.position_m[:2] for _, one in pings]) - circle(len(pings))[:, :2]
+
+
+def ahead_m(off_m: np.ndarray) -> float:
+    """Root mean square of how far they are off the way that they look."""
+    heading_rad = circle(len(off_m))[:, 2]
+    ahead = off_m[:, 0] * np.cos(heading_rad) + off_m[:, 1] * np.sin(heading_rad)
+    return float(np.sqrt(np.mean(ahead**2)))
+
+
+def test_absolute_poses_that_are_well_known_stay_as_they_are() -> None:
+    pings = noisy(0.005, 0.005)
     done = refine_poses(pings)
     assert done.kinds == {"robot1": PoseKind.ABSOLUTE}
     assert all(one is other for one, other in zip(done.pings, pings, strict=True))
+
+
+def test_absolute_poses_that_are_off_by_chance_are_each_corrected() -> None:
+    pings = noisy(0.03, 0.03)
+    done = refine_poses(pings)
+    assert done.kinds == {"robot1": PoseKind.NOISY}
+    before_m, after_m = off_circle_m(pings), off_circle_m(done.pings)
+    # Poles ahead tell how far it is to them, and where one is across that way less well.
+    assert ahead_m(after_m) < 0.65 * ahead_m(before_m)
+    assert rms_m(after_m) < 0.8 * rms_m(before_m)
+    squares = [
+        off_m @ np.linalg.solve(one.pose.planar_covariance[:2, :2], off_m)
+        for off_m, (_, one) in zip(after_m, done.pings, strict=True)
+    ]
+    assert np.mean(squares) < 4.0
+    assert 0.02 < done.corrections_m["robot1"] < 0.06
+
+
+def test_poses_that_are_better_than_stated_are_hardly_moved() -> None:
+    pings = noisy(0.0, 0.03)
+    done = refine_poses(pings)
+    assert done.kinds == {"robot1": PoseKind.NOISY}
+    assert rms_m(off_circle_m(done.pings)) < 0.006
+
+
+def test_where_nothing_is_heard_noisy_poses_stand() -> None:
+    pings = noisy(0.03, 0.03, hears=False)
+    done = refine_poses(pings)
+    assert all(one is other for one, other in zip(done.pings, pings, strict=True))
+
+
+def test_robots_that_are_well_known_keep_their_poses_beside_one_that_is_not() -> None:
+    others = [
+        ("/robot2/echo", replace(one, child_frame_id="robot2/sonar")) for _, one in noisy(0.0, 0.0)
+    ]
+    pings = noisy(0.03, 0.03) + others
+    done = refine_poses(pings)
+    assert done.kinds == {"robot1": PoseKind.NOISY, "robot2": PoseKind.ABSOLUTE}
+    assert all(one is other for one, other in zip(done.pings[PINGS:], others, strict=True))
+    after_m, before_m = (ahead_m(off_circle_m(each[:PINGS])) for each in (done.pings, pings))
+    assert after_m < 0.6 * before_m
 
 
 def test_where_nothing_is_heard_odometry_stands(drifting: Drifting) -> None:

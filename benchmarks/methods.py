@@ -15,6 +15,7 @@ from usmap_ros.io.yaml_files import validated
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.poses import PoseRun
 
 
 @dataclass(frozen=True)
@@ -65,10 +66,10 @@ class Method:
         if self.merges_by_maximum:
             topics = sorted({topic for topic, _ in cones})
             return _max_merged(
-                [_fused([c for t, c in cones if t == topic], parameters) for topic in topics]
+                [_fused([one for one in cones if one[0] == topic], parameters) for topic in topics]
             )
         with left_out(self.instead):
-            return _fused([cone for _, cone in cones], parameters)
+            return _fused(cones, parameters)
 
 
 #: The product with one of its parts left out, to see what each is worth.
@@ -83,7 +84,9 @@ METHODS = {
     "no_covariance": Method("ours, poses' covariance ignored", trusted_axes=(0, 1, 5)),
     "no_heading": Method("ours, headings taken to be exact", trusted_axes=(5,)),
     "additive": Method("additive log-odds", {"mapping.method": "additive"}),
-    "range_only": Method("range only (nav2's model)", {"mapping.method": "range_only"}),
+    "range_only": Method(
+        "range only (nav2's model)", {"mapping.method": "range_only", "poses.use": "told"}
+    ),
     "max_merging": Method("robots' maps merged by maximum", merges_by_maximum=True),
     "paper": Method(
         "the paper's cells, additive",
@@ -100,10 +103,11 @@ def _certain(cone: EchoCone, axes: tuple[int, ...]) -> EchoCone:
     return replace(cone, pose=replace(cone.pose, covariance=covariance))
 
 
-def _fused(cones: list[EchoCone], parameters: PipelineParameters) -> OccupancyMap:
+def _fused(cones: Cones, parameters: PipelineParameters) -> OccupancyMap:
+    """The map as `usmap map` makes it, with poses corrected where they are not right as told."""
     pipeline = Pipeline(parameters)
-    for cone in cones:
-        pipeline.fuse(cone)
+    for topic, cone in PoseRun(parameters).corrected(cones):
+        pipeline.fuse(cone, topic)
     return pipeline.occupancy_map()
 
 

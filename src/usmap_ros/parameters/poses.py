@@ -14,8 +14,9 @@ class PoseParameters(ParameterGroup):
     use: Literal["auto", "told", "refined"] = quantity(
         "auto",
         "Poses as they were told; or refined by the echoes, absolute ones as well; or, by default,"
-        " absolute ones as told, and odometry refined: what is in a robot's own frame, and what has"
-        " a covariance that grows along the way.",
+        " absolute ones as told, or each corrected by itself where a steady covariance says that"
+        " they are off by 1 to 10 cm, and odometry refined: what is in a robot's own frame, and"
+        " what has a covariance that grows along the way.",
     )
     initial_poses: list[str] = quantity(
         [""],

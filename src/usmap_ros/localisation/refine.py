@@ -27,6 +27,9 @@ from usmap_ros.pings.cone import EchoCone
 Ping = tuple[str, EchoCone]
 #: Pings from knot to knot, and knots of all robots together, beyond which they are farther apart.
 _EVERY, _MOST_KNOTS = 8, 1200
+#: Pings at the most whose chance errors are corrected together: memory grows with how many there
+#: are and with the landmarks that they hear.
+_MOST_TOGETHER = 4000
 _PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
 
 
@@ -161,14 +164,17 @@ def _settle_frame(
     all_rows = np.concatenate(list(rows.values()))
     cones = [pings[row][1] for row in all_rows]
     told = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
-    found = settle(cones)
-    if found is None:
-        return dict.fromkeys(rows, 0.0)
+    found = FoundPoses(told.copy(), np.full((len(cones), 3, 3), np.nan))
     is_noisy = np.repeat(
         [kinds[robot] is PoseKind.NOISY for robot in rows], [len(own) for own in rows.values()]
     )
-    found.poses[~is_noisy] = told[~is_noisy]
-    found.covariances[~is_noisy] = np.nan
+    in_time = np.argsort([one.stamp_ns for one in cones], kind="stable")
+    for together in np.array_split(in_time, -(-len(cones) // _MOST_TOGETHER)):
+        settled = settle([cones[row] for row in together])
+        if settled is not None:
+            own = together[is_noisy[together]]
+            found.poses[own] = settled.poses[is_noisy[together]]
+            found.covariances[own] = settled.covariances[is_noisy[together]]
     return _put(pings, rows, told, found)
 
 

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
-from usmap_ros.localisation import PoseKind, Refinement, refine_poses
+from usmap_ros.localisation import PoseKind, Refinement, refine, refine_poses
+from usmap_ros.localisation.noisy_poses import settle
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.trajectory import Trajectory
 
@@ -131,6 +133,16 @@ def test_absolute_poses_that_are_off_by_chance_are_each_corrected() -> None:
     ]
     assert np.mean(squares) < 4.0
     assert 0.02 < done.corrections_m["robot1"] < 0.06
+
+
+def test_many_pings_are_corrected_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refine, "_MOST_TOGETHER", 120)
+    counts: list[int] = []
+    monkeypatch.setattr(refine, "settle", lambda cones: counts.append(len(cones)) or settle(cones))
+    pings = noisy(0.03, 0.03)
+    done = refine_poses(pings)
+    assert counts == [100, 100]
+    assert ahead_m(off_circle_m(done.pings)) < 0.8 * ahead_m(off_circle_m(pings))
 
 
 def test_poses_that_are_better_than_stated_are_hardly_moved() -> None:

@@ -18,7 +18,7 @@ def choosing(use: str) -> PipelineParameters:
 def pings(growth: float = 0.0) -> list[Ping]:
     made = []
     for number, real in enumerate(circle(60)):
-        known = np.diag([1e-4, 1e-4, 1e-5]) + growth * number * np.eye(3)
+        known = np.diag([9e-5, 9e-5, 1e-5]) + growth * number * np.eye(3)
         pose = Pose.planar(real[0], real[1], real[2], planar_covariance=known)
         made.append(("/robot1/echo", cone(pose, heard(pose, poles()), number + 1)))
     return made
@@ -40,6 +40,16 @@ def test_absolute_poses_are_not_held_back() -> None:
     assert taken < 40
     assert len(list(stream)) == 59
     assert run.summary() == {"used": "told", "robots": {}}
+
+
+def test_absolute_poses_that_are_off_by_chance_are_corrected() -> None:
+    run, told = PoseRun(), []
+    for topic, one in pings():
+        pose = replace(one.pose, covariance=10.0 * one.pose.covariance)
+        told.append((topic, replace(one, pose=pose)))
+    assert len(list(run.corrected(told))) == 60
+    assert run.summary()["used"] == "refined"
+    assert run.summary()["robots"]["robot1"]["poses"] == "absolute, off by chance"
 
 
 def test_odometry_is_refined_and_what_was_told_is_kept() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.free_space.connected import connected
+from usmap_ros.mapping.joint.free_space.connected import connected, led_to
 from usmap_ros.mapping.joint.free_space.open_space import (
     GROUPS,
     MIRRORS,
@@ -21,6 +21,7 @@ from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, l
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
+from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.joint.visibility.open_ways import PROVING_SHARE, prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import (
@@ -46,6 +47,18 @@ def test_free_cells_that_nothing_leads_to_are_none() -> None:
     stood = np.zeros_like(free)
     stood[3, 2] = True
     assert np.flatnonzero(connected(free, stood, occupied)[3]).tolist() == [1, 2, 3, 4, 6, 7, 8]
+
+
+@pytest.mark.parametrize("has_walls", [False, True])
+def test_among_walls_sound_that_came_back_leads_nowhere(has_walls: bool) -> None:
+    free, stood, proven = (np.zeros((7, 20), bool) for _ in range(3))
+    free[2:5, 1:5] = free[2:5, 12:16] = True
+    stood[3, 2] = proven[3, 13] = True
+    nothing, wall = np.zeros_like(free), np.array([[0.0, 1.0, 6.0, -19.0, 0.0]])
+    lines = wall if has_walls else NO_LINES
+    walls = Walls(nothing, nothing, nothing, lines, NO_LINES)
+    beyond = [] if has_walls else [12, 13, 14, 15]
+    assert np.flatnonzero(led_to(free, stood, proven, walls)[3]).tolist() == [1, 2, 3, 4, *beyond]
 
 
 @pytest.mark.parametrize("shares", [[0.5], [0.5, 0.25], [0.5, 0.02]])

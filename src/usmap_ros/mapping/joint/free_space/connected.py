@@ -3,8 +3,27 @@
 import numpy as np
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.compiled import compiled
+
+
+def led_to(free: BoolArray, stood: BoolArray, proven: BoolArray, walls: Walls) -> BoolArray:
+    """Free cells that something leads to.
+
+    Among walls that is where robots stood: what comes back from beyond them may be an image, or
+    have come by a way that is not on the map.  Among poles, rings that are not known divide what is
+    open, and sound that came back through a cell is enough.
+
+    Parameters
+    ----------
+    free, stood, proven : (rows, columns) bool arrays
+        Cells that seem to be free, where robots stood, and through which sound came back.
+    walls : Walls
+        What stands.
+    """
+    is_open = stood if len(walls.all_lines) else stood | (free & proven)
+    return connected(free, is_open, walls.shown)
 
 
 def connected(free: BoolArray, is_open: BoolArray, occupied: BoolArray) -> BoolArray:

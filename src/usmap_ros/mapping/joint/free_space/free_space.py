@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth, over_block
 from usmap_ros.mapping.joint.forward_model.powers import Powers
-from usmap_ros.mapping.joint.free_space.connected import connected
+from usmap_ros.mapping.joint.free_space.connected import led_to
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     HARDLY,
@@ -163,7 +163,7 @@ class FreeSpace:
             self._refute(left, listening, silence, wanted, changed, worst)
             is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
         self.heard = Refutations(worst, proofs, closed)
-        return walls, connected(free, stood | (free & proven), occupied)
+        return walls, led_to(free, stood, proven, walls)
 
     def more(
         self,

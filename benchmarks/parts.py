@@ -164,6 +164,6 @@ PARTS = {
         ((free_space, "end_rays", lambda *given: None),),
     ),
     "connected": Part(
-        "free without a way there", ((free_space, "connected", lambda free, *given: free),)
+        "free without a way there", ((free_space, "led_to", lambda free, *given: free),)
     ),
 }

@@ -32,6 +32,8 @@ from usmap_ros.pings.cone import EchoCone
 _SIGMAS_M, _FOUND_M = (0.04, 0.03, 0.03, 0.02, 0.02, 0.015), 0.03
 #: Steps of landmarks and of poses for each of them.
 _STEPS = 3
+#: A line has so many times as many echoes as points have at the median.
+_LINE_OVER_POINT = 1.5
 #: What even the best poses are off, m and rad.
 _FLOOR = 1e-3
 #: How far a landmark's place, m, or direction, rad, may change at a time: its prior.
@@ -88,11 +90,22 @@ class _Resection:
         self.all: BoolArray = np.ones(len(told), bool)
 
     def landmarks(self, sigma_m: float) -> Landmarks:
-        """What stands, by where pings are now."""
+        """What stands, by where pings are now.
+
+        A wall gathers more echoes than points do: lines of fewer are chance, and pings that are
+        bent to one make walls among poles.
+        """
         pings = self.echoes, self.poses, self.all
         lines = find_lines(*pings, sigma_m)
         both = lines._replace(points_m=find_points(*pings, sigma_m))
-        return worth_their_cost(*pings, both, sigma_m)
+        landmarks = worth_their_cost(*pings, both, sigma_m)
+        heard, first_point = self.associate(landmarks, sigma_m), len(landmarks.normals_rad)
+        gathered = np.bincount(heard.landmark, heard.shares, landmarks.total)
+        is_kept = np.ones(landmarks.total, bool)
+        if first_point < landmarks.total:
+            usual = float(np.median(gathered[first_point:]))
+            is_kept[:first_point] = gathered[:first_point] > _LINE_OVER_POINT * usual
+        return landmarks.of(is_kept)
 
     def log_posterior(self) -> float:
         """How likely poses are by what was told and by the landmarks that they show."""

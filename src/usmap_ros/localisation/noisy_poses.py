@@ -63,12 +63,12 @@ def settle(cones: Sequence[EchoCone]) -> FoundPoses | None:
     information = np.asarray(np.linalg.inv(known + _FLOOR**2 * np.eye(3)))
     resection = _Resection(told, information, echoes)
     likely_as_told = resection.log_posterior()
-    covariances = known
+    landmarks = Landmarks(np.zeros(0), np.zeros(0))
     for sigma_m in _SIGMAS_M:
-        covariances = resection.adjust(sigma_m)
+        landmarks = resection.adjust(sigma_m)
     if resection.log_posterior() <= likely_as_told:
         return None
-    return FoundPoses(resection.poses, covariances)
+    return FoundPoses(resection.poses, resection.covariances(landmarks, _SIGMAS_M[-1]))
 
 
 class _Resection:
@@ -119,14 +119,14 @@ class _Resection:
         """Which echoes are whose, from where pings are now."""
         return associate_echoes(self.echoes, self.poses, self.all, landmarks, sigma_m)
 
-    def adjust(self, sigma_m: float) -> FloatArray:
-        """Adjust poses and landmarks in turn; covariances of all poses, (pings, 3, 3)."""
+    def adjust(self, sigma_m: float) -> Landmarks:
+        """Adjust poses and landmarks in turn; where these are then."""
         landmarks = self.landmarks(max(sigma_m, _FOUND_M))
         for _ in range(_STEPS):
             heard = self.associate(landmarks, sigma_m)
             landmarks = _intersected(landmarks, heard, _weights(heard, sigma_m))
             self._correct(landmarks, sigma_m)
-        return self._covariances(landmarks, sigma_m)
+        return landmarks
 
     def _correct(self, landmarks: Landmarks, sigma_m: float) -> None:
         """Move each ping to where what it hears and what was told of it are most likely."""
@@ -140,7 +140,7 @@ class _Resection:
         self.poses += np.linalg.solve(matrix, right[:, :, np.newaxis])[:, :, 0]
         self.poses[:, 2] = wrapped(self.poses[:, 2])
 
-    def _covariances(self, landmarks: Landmarks, sigma_m: float) -> FloatArray:
+    def covariances(self, landmarks: Landmarks, sigma_m: float) -> FloatArray:
         """Of all poses, (pings, 3, 3), as far as it is known which echoes are whose."""
         heard = self.associate(landmarks, sigma_m)
         observed = heard.observed(self.echoes, landmarks.total, sigma_m)

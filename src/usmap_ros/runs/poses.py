@@ -97,7 +97,7 @@ class PoseRun:
 
 
 class DriftWatch:
-    """Whether any robot drifts, as far as the pings so far tell.
+    """Whether any robot's poses are not right as told, as far as the pings so far tell.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class DriftWatch:
     Attributes
     ----------
     must_correct : bool
-        Whether one does.
+        Whether those of one are not: it drifts, or is off by chance.
     """
 
     def __init__(self, is_known: bool = False) -> None:

@@ -75,22 +75,17 @@ class LandmarkEquations:
         weights = heard.shares[kept] * echoes.weight[echo] * weight * heard.precision[kept]
         off_m, along_m = heard.off_m[kept], heard.along_m[kept]
         number, lines = landmarks.total, len(echo)
-        # Walls turn about the middle of their feet.
-        total = np.bincount(wall, weights, number)
-        middle = np.bincount(wall, weights * along_m, number)
-        self._middle_m = middle / np.maximum(total, 1e-12)
+        changes = heard.by_pose[:, kept]
+        turns, self._middle_m = changes_by_landmark(landmarks, wall, along_m, changes, weights)
         is_free = knots.before[ping] >= 0
         before, share = np.maximum(knots.before[ping], 0), knots.share[ping]
-        after, changes = np.minimum(before + 1, count - 1), heard.by_pose[:, kept]
+        after = np.minimum(before + 1, count - 1)
         parts = np.stack([1.0 - share, share]) * is_free
         values = (parts[:, np.newaxis] * changes).reshape(6, -1)
         columns = np.stack([3 * knot + axis for knot in (before, after) for axis in range(3)])
         by_pose = sparse.csr_matrix(
             (values.ravel(), (np.tile(rows, 6), columns.ravel())), (lines, 3 * count)
         )
-        turns = np.stack([along_m - self._middle_m[wall], -np.ones(lines)])
-        is_point = wall >= len(landmarks.normals_rad)
-        turns[:, is_point] = -changes[:2, is_point]
         columns = np.concatenate([2 * wall, 2 * wall + 1])
         by_wall = sparse.csr_matrix(
             (turns.ravel(), (np.tile(rows, 2), columns)), (lines, 2 * number)
@@ -117,11 +112,51 @@ class LandmarkEquations:
 
     def moved(self, change: FloatArray) -> Landmarks:
         """Landmarks after a change of the knots, (knots, 3)."""
-        lines = len(self._landmarks.normals_rad)
         changes = (self._alone - self._to_walls @ change.ravel()).reshape(-1, 2)
-        turn, shift_m = changes[:lines].T
-        return Landmarks(
-            self._landmarks.normals_rad + turn,
-            self._landmarks.distances_m + shift_m + self._middle_m[:lines] * turn,
-            self._landmarks.points_m + changes[lines:],
-        )
+        return with_changes(self._landmarks, changes, self._middle_m)
+
+
+def changes_by_landmark(
+    landmarks: Landmarks,
+    which: NDArray[np.intp],
+    along_m: FloatArray,
+    by_pose: FloatArray,
+    weights: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """How far echoes are behind landmarks as these change.
+
+    Parameters
+    ----------
+    landmarks : Landmarks
+        What stands.
+    which : (n,) int array
+        Of which of them each echo is.
+    along_m, by_pose : (n,) and (3, n) arrays
+        As in `DataAssociation`.
+    weights : (n,) array
+        Of echoes.
+
+    Returns
+    -------
+    changes : (2, n) array
+        As a wall turns and moves outward, or a point moves along x and y.
+    middle_m : (landmarks,) array
+        Where along a wall the middle of its feet is, which it turns about.
+    """
+    total = np.bincount(which, weights, landmarks.total)
+    middle_m = np.bincount(which, weights * along_m, landmarks.total) / np.maximum(total, 1e-12)
+    changes = np.stack([along_m - middle_m[which], -np.ones(len(which))])
+    is_point = which >= len(landmarks.normals_rad)
+    changes[:, is_point] = -by_pose[:2, is_point]
+    return changes, middle_m
+
+
+def with_changes(landmarks: Landmarks, changes: FloatArray, middle_m: FloatArray) -> Landmarks:
+    """Landmarks after changes, (landmarks, 2), as `changes_by_landmark` has them."""
+    lines = len(landmarks.normals_rad)
+    turn_rad, shift_m = changes[:lines].T
+    return Landmarks(
+        landmarks.normals_rad + turn_rad,
+        landmarks.distances_m + shift_m + middle_m[:lines] * turn_rad,
+        landmarks.points_m + changes[lines:],
+    )

@@ -20,6 +20,7 @@ from usmap_ros.localisation.data_association import (
 )
 from usmap_ros.localisation.echo_table import TrackEchoes, tabulate
 from usmap_ros.localisation.found import FoundPoses
+from usmap_ros.localisation.landmark_equations import changes_by_landmark, with_changes
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.votes import find_lines, find_points
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -166,23 +167,13 @@ def _weights(heard: DataAssociation, sigma_m: float) -> FloatArray:
 
 def _intersected(landmarks: Landmarks, heard: DataAssociation, weights: FloatArray) -> Landmarks:
     """Landmarks where echoes have them in the mean."""
-    lines, which = len(landmarks.normals_rad), heard.landmark
-    total = np.maximum(np.bincount(which, weights, landmarks.total), 1e-12)
-    # Walls turn about the middle of their feet.
-    middle_m = np.bincount(which, weights * heard.along_m, landmarks.total) / total
-    changes = np.stack([heard.along_m - middle_m[which], -np.ones(len(which))])
-    is_point = which >= lines
-    changes[:, is_point] = -heard.by_pose[:2, is_point]
+    which = heard.landmark
+    changes, middle_m = changes_by_landmark(landmarks, which, heard.along_m, heard.by_pose, weights)
     matrix = _outer_sums(which, changes, weights, landmarks.total) + _MAY_MOVE**-2 * np.eye(2)
     pulls = weights * heard.off_m * changes
     right = -np.stack([np.bincount(which, pull, landmarks.total) for pull in pulls], axis=1)
-    moved = np.linalg.solve(matrix, right[:, :, np.newaxis])[:, :, 0]
-    turn_rad, shift_m = moved[:lines].T
-    return Landmarks(
-        landmarks.normals_rad + turn_rad,
-        landmarks.distances_m + shift_m + middle_m[:lines] * turn_rad,
-        landmarks.points_m + moved[lines:],
-    )
+    moved = np.asarray(np.linalg.solve(matrix, right[:, :, np.newaxis])[:, :, 0])
+    return with_changes(landmarks, moved, middle_m)
 
 
 def _outer_sums(

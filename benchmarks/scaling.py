@@ -28,9 +28,9 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.processes.cluster import cluster
+from usmap_ros.processes.workers import worker_processes
 from usmap_ros.runs.collection import find_recordings, map_collection
 from usmap_ros.runs.collection.cones import STRETCH
-from usmap_ros.runs.parallel import worker_processes
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"

@@ -22,8 +22,7 @@ def demo(
     """Simulate several robots, record them, map the recording, score it and draw it all."""
     from usmap_ros.runs.demo import run_demo
 
-    console.compile_loops()
-    _report(run_demo(output, console.progress))
+    _report(run_demo(output, console.progress, console.compile_loops))
 
 
 def _report(result: DemoResult) -> None:

@@ -241,8 +241,8 @@ def _map_collection(
     from usmap_ros.io.map_files import map_folder, save_map
     from usmap_ros.processes.cluster import cluster
     from usmap_ros.processes.cores import available_cores
+    from usmap_ros.processes.workers import worker_processes
     from usmap_ros.runs.collection import AreaOptions, map_collection
-    from usmap_ros.runs.parallel import worker_processes
 
     with map_folder(order.output):
         console.compile_loops()

@@ -1,7 +1,6 @@
 """Animation of a map that forms, ping by ping."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
@@ -18,25 +17,15 @@ from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.plotting import style
-from usmap_ros.plotting.map import Extent, draw_legend, figure_size_in, robot_name, shown_extent
+from usmap_ros.plotting.map import draw_legend, figure_size_in, robot_name
 from usmap_ros.plotting.plan import draw_probability, draw_truth
+from usmap_ros.plotting.shown import Extent, MapFrame, shown_extent
 
 _FRAME_MS = 270
 #: The finished map stays in view for a while.
 _LAST_FRAME_MS = 3000
 _DOTS_PER_INCH = 110
 _COLORS = 128
-
-
-@dataclass(frozen=True)
-class MapFrame:
-    """A map while it forms."""
-
-    occupancy: OccupancyMap
-    cones: dict[str, EchoCone]
-    #: How many positions of each topic's path lie behind it.
-    positions: dict[str, int]
-    stamp_ns: int
 
 
 def save_animation(

@@ -1,6 +1,6 @@
 """Picture of a fused map, with the paths of its robots and with what it knows beside its belief."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,13 +14,9 @@ from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trajectory import Trajectory
 from usmap_ros.plotting import style
 from usmap_ros.plotting.plan import draw_plane, draw_probability, draw_truth
+from usmap_ros.plotting.shown import Extent, shown_extent
 
 _LONG_SIDE_IN = 7.0
-#: Around what is shown, in cells.
-_MARGIN_CELLS = 2.0
-
-#: Lowest x, highest x, lowest y, highest y, m.
-Extent = tuple[float, float, float, float]
 #: Length of the tick that shows a normal, in cells.
 _TICK_CELLS = 3.0
 
@@ -85,30 +81,6 @@ def figure_size_in(extent_m: Extent) -> tuple[float, float]:
     x_min, x_max, y_min, y_max = extent_m
     scale = _LONG_SIDE_IN / max(x_max - x_min, y_max - y_min)
     return max((x_max - x_min) * scale, 4.0) + 1.9, max((y_max - y_min) * scale, 3.0) + 1.3
-
-
-def shown_extent(
-    maps: Iterable[OccupancyMap], paths: RobotPaths, truth: TruthMap | None = None
-) -> Extent:
-    """What holds all that maps observed and all paths, which may lead out of them.
-
-    Parameters
-    ----------
-    maps : iterable of OccupancyMap
-        One or more.
-    paths : RobotPaths
-        Where the robots were.
-    truth : TruthMap, optional
-        To be held as well.
-    """
-    geometries = [occupancy.observed_geometry() for occupancy in maps]
-    geometries += [] if truth is None else [truth.geometry]
-    places = [np.reshape(positions, (-1, 2)) for positions in paths.positions_m.values()]
-    places += [np.reshape(geometry.extent_m, (2, 2)).T for geometry in geometries]
-    margin_m = _MARGIN_CELLS * geometries[0].resolution_m
-    x_min, y_min = np.concatenate(places).min(axis=0) - margin_m
-    x_max, y_max = np.concatenate(places).max(axis=0) + margin_m
-    return float(x_min), float(x_max), float(y_min), float(y_max)
 
 
 def draw_paths(axes: Axes, paths: RobotPaths) -> None:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from usmap_ros.bounds import LEAST_PROCESSES, PROCESSES_PER_CORE
 from usmap_ros.calibration.learnt import LearntReception
@@ -21,7 +17,7 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.soundings import soundings
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.processes.cores import available_cores
-from usmap_ros.processes.parent import end_with_parent
+from usmap_ros.processes.workers import worker_processes
 from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
 from usmap_ros.runs.pipeline import Pipeline
 
@@ -167,49 +163,9 @@ def _cones(
 
 @contextmanager
 def reconstructors(pipeline: Pipeline, processes: int) -> Iterator[Reconstructors]:
-    """Start processes that reconstruct as `pipeline` does, and end them.
-
-    They are forked at once: enter this before anything starts a thread, such as a progress bar.
-    One process means none but the caller's, and so does a caller that has threads already:
-    what they hold at the fork, the child would wait for in vain.
-    """
+    """Start processes that reconstruct as `pipeline` does, as `worker_processes` has them."""
     with worker_processes(processes) as executor:
         if executor is None:
             yield Reconstructors(pipeline)
         else:
             yield Reconstructors(pipeline, executor, processes)
-
-
-@contextmanager
-def worker_processes(processes: int) -> Iterator[Executor | None]:
-    """Start processes that work for this one, and end them; None where it has to work alone.
-
-    See `reconstructors` for when that is.
-    """
-    if processes <= 1 or not _can_fork():
-        yield None
-        return
-    context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(
-        processes, mp_context=context, initializer=_begin_worker, initargs=(os.getpid(),)
-    ) as executor:
-        for future in [executor.submit(available_cores) for _ in range(processes)]:
-            future.result()
-        try:
-            yield executor
-        finally:
-            executor.shutdown(wait=True, cancel_futures=True)
-
-
-def _begin_worker(parent: int) -> None:
-    """Leave it to the process that forked this one to answer signals, and end with it."""
-    # A terminal's Ctrl-C comes to all processes; one of them is to speak.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    end_with_parent(parent, signal.SIGKILL)
-
-
-def _can_fork() -> bool:
-    """Whether this process has one thread only, those that Python does not know of included."""
-    threads = Path("/proc/self/task")
-    return threads.is_dir() and len(list(threads.iterdir())) == 1

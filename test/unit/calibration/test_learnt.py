@@ -12,8 +12,9 @@ from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import PipelineParameters, PulseParameters, ReconstructionParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.processes.workers import worker_processes
 from usmap_ros.runs.offline import learn_reception, map_bag
-from usmap_ros.runs.parallel import Reconstructors, worker_processes
+from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
 

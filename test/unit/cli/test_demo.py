@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.runs.demo import FRAMES_AFTER
+from usmap_ros.runs.demo_map import FRAMES_AFTER
 
 
 @pytest.mark.slow

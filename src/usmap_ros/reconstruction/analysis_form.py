@@ -46,17 +46,11 @@ DENSE_COLUMNS = 800
 
 @dataclass(frozen=True)
 class AnalysisOperator:
-    """Ω, and which of its rows belong together.
+    """Ω, and which of its rows belong together."""
 
-    Parameters
-    ----------
-    matrix : (group_size * groups, columns) sparse array
-        Ω.  Row g, row g + groups, … make up group g.
-    group_size : int
-        Rows in a group: 1 for a sum of absolute values, 2 for a sum of lengths of gradients.
-    """
-
+    #: (group_size * groups, columns) sparse array: Ω.  Row g, row g + groups, … make up group g.
     matrix: SparseMatrix
+    #: Rows in a group: 1 for a sum of absolute values, 2 for a sum of lengths of gradients.
     group_size: int = 1
 
     def cost(self, coefficients: FloatArray) -> float:

@@ -40,30 +40,20 @@ RAYLEIGH_SKEWNESS = 0.631
 
 @dataclass(frozen=True)
 class Baseband:
-    """A trace ready for the matched filter.
+    """A trace ready for the matched filter."""
 
-    Parameters
-    ----------
-    signal : (samples,) array
-        Complex for I/Q and raw traces of a carrier, else real.
-    sampling : Sampling
-        When its samples were taken.
-    noise_std : float
-        Standard deviation of the noise in `signal` (of the complex value, where complex), or of
-        white noise as dense as it is within the pulse's band.
-    echo_noise_std : float
-        The same for the part of the noise that is in phase with an echo, within it.
-    templates : tuple of Template
-        What one echo of each pulse in the air looks like in it, in the order of `EchoTrace.sent`.
-    noise_skewness : float
-        Third standardised moment of the noise: 0 unless the trace is an envelope.
-    """
-
+    #: (samples,) array: complex for I/Q and raw traces of a carrier, else real.
     signal: Signal
+    #: When its samples were taken.
     sampling: Sampling
+    #: Standard deviation of the noise in `signal` (of the complex value, where complex), or of
+    #: white noise as dense as it is within the pulse's band.
     noise_std: float
+    #: The same for the part of the noise that is in phase with an echo, within it.
     echo_noise_std: float
+    #: What one echo of each pulse in the air looks like in it, in the order of `EchoTrace.sent`.
     templates: tuple[Template, ...]
+    #: Third standardised moment of the noise: 0 unless the trace is an envelope.
     noise_skewness: float = 0.0
 
     @property

@@ -39,20 +39,13 @@ _STEP_M = 1e-5
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """A transducer that bearings are found for.
+    """A transducer that bearings are found for."""
 
-    Parameters
-    ----------
-    tilt : Pose
-        Of its frame in one that is level, with the x axis above or below its own.
-    beam : BeamPattern
-        Gain of its transducer over the angle off axis.
-    rise_m : float
-        Height of the objects above it.
-    """
-
+    #: Of its frame in one that is level, with the x axis above or below its own.
     tilt: Pose
+    #: Gain of its transducer over the angle off axis.
     beam: BeamPattern
+    #: Height of the objects above it.
     rise_m: float = 0.0
 
     @classmethod
@@ -77,24 +70,16 @@ class Viewpoint:
 
 @dataclass(frozen=True)
 class Sighting:
-    """Echoes that another transducer had a part in, beside those of the transducer itself.
+    """Echoes that another transducer had a part in, beside those of the transducer itself."""
 
-    Parameters
-    ----------
-    mount : Pose
-        Of the other transducer, in the frame of the first.
-    beam : BeamPattern
-        Of the other transducer.
-    shares : bool
-        Whether the first transducer is one end of the paths, so that half their length is
-        (r + s) / 2; otherwise the other is both ends, and it is s.
-    echoes : RecoveredEchoes
-        With half the lengths of the direct paths as ranges.
-    """
-
+    #: Of the other transducer, in the frame of the first.
     mount: Pose
+    #: Of the other transducer.
     beam: BeamPattern
+    #: Whether the first transducer is one end of the paths, so that half their length is
+    #: (r + s) / 2; otherwise the other is both ends, and it is s.
     shares: bool
+    #: With half the lengths of the direct paths as ranges.
     echoes: RecoveredEchoes
 
     def distances_m(self, own_m: FloatArray, halves_m: FloatArray) -> FloatArray:

@@ -31,22 +31,15 @@ from usmap_ros.reconstruction.matrix_operator import MatrixOperator, SparseMatri
 
 @dataclass(frozen=True)
 class CellObjects:
-    """What an object in a cell is taken for, and what it stands among.
+    """What an object in a cell is taken for, and what it stands among."""
 
-    Parameters
-    ----------
-    diameter_m : float
-        Of the objects, which are round and answer from the nearest point of their surface; 0: a
-        point at the centre of the cell.
-    reflectivity : float
-        Of an object that fills a cell, as of a point target: a coefficient is the share of it.
-    mirrors : Mirrors
-        Walls that are known: sound goes to a cell, and comes back, by way of each of them too, and
-        straight to none that is behind one.
-    """
-
+    #: Of the objects, which are round and answer from the nearest point of their surface; 0: a
+    #: point at the centre of the cell.
     diameter_m: float = 0.0
+    #: Of an object that fills a cell, as of a point target: a coefficient is the share of it.
     reflectivity: float = 1.0
+    #: Walls that are known: sound goes to a cell, and comes back, by way of each of them too, and
+    #: straight to none that is behind one.
     mirrors: Mirrors = field(default_factory=Mirrors.none)
 
 
@@ -56,21 +49,14 @@ IDEAL = CellObjects()
 
 @dataclass(frozen=True)
 class CellSound:
-    """A pulse that was in the air, and what cells have to do with it.
+    """A pulse that was in the air, and what cells have to do with it."""
 
-    Parameters
-    ----------
-    pulse : Pulse
-        What was emitted.
-    there, back : Legs
-        From the transducer that sent it to the cells, and from them to the one that listened.
-    mixed_by_hz : float
-        What I/Q was mixed down by: the carrier of the transducer that listened.
-    """
-
+    #: What was emitted.
     pulse: Pulse
+    #: From the transducer that sent it to the cells, and from them to the one that listened.
     there: Legs
     back: Legs
+    #: What I/Q was mixed down by: the carrier of the transducer that listened.
     mixed_by_hz: float
 
     @classmethod

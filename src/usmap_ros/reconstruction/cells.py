@@ -32,31 +32,22 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class CellReconstruction:
-    """A trace explained by the cells of a grid.
+    """A trace explained by the cells of a grid."""
 
-    Parameters
-    ----------
-    dictionary : CellDictionary
-        Φ and its cells.
-    sets : (cells,) integer array
-        Cells with the same number have parallel columns: no trace tells them apart.
-    coefficients : (cells,) array
-        q.  Cells with parallel columns share what their set was given, equal columns equally;
-        whole numbers are in single cells (see `usmap_ros.reconstruction.column_sets`).
-    signal, residual : (samples,) arrays
-        y and r_err = y − A q (section 4).
-    solution : Solution
-        What the solver returned, in terms of the columns that it was given.
-    noise_std : float
-        Standard deviation of the noise of `signal`; of the residual where it is not stated.
-    """
-
+    #: Φ and its cells.
     dictionary: CellDictionary
+    #: (cells,) integer array: cells with the same number have parallel columns: no trace tells them
+    #: apart.
     sets: IndexArray
+    #: (cells,) array: q.  Cells with parallel columns share what their set was given, equal columns
+    #: equally; whole numbers are in single cells (see `usmap_ros.reconstruction.column_sets`).
     coefficients: FloatArray
+    #: (samples,) arrays: y and r_err = y − A q (section 4).
     signal: Signal
     residual: Signal
+    #: What the solver returned, in terms of the columns that it was given.
     solution: Solution
+    #: Standard deviation of the noise of `signal`; of the residual where it is not stated.
     noise_std: float
 
     @property

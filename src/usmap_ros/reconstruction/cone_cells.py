@@ -13,29 +13,20 @@ from usmap_ros.numerics.geometry import Pose, at_height
 
 @dataclass(frozen=True)
 class ConeCells:
-    """Cells of a grid whose centres lie in a sensing cone, by ascending range.
+    """Cells of a grid whose centres lie in a sensing cone, by ascending range."""
 
-    Parameters
-    ----------
-    resolution_m : float
-        Side of a cell; cell (row, column) covers y from ``row * resolution_m`` and x from
-        ``column * resolution_m`` in the world frame.
-    rows, columns : (cells,) integer arrays
-        Which cells they are.
-    ranges_m, bearings_rad : (cells,) arrays
-        Of their centres, from the transducer and off its axis.
-    gains : (cells,) arrays
-        Of the beam.
-    height_m : float
-        At which an object in them is taken to be.
-    """
-
+    #: Side of a cell; cell (row, column) covers y from ``row * resolution_m`` and x from
+    #: ``column * resolution_m`` in the world frame.
     resolution_m: float
+    #: (cells,) integer arrays: which cells they are.
     rows: IndexArray
     columns: IndexArray
+    #: (cells,) arrays: of their centres, from the transducer and off its axis.
     ranges_m: FloatArray
     bearings_rad: FloatArray
+    #: (cells,) arrays: of the beam.
     gains: FloatArray
+    #: At which an object in them is taken to be.
     height_m: float = 0.0
 
     def __len__(self) -> int:

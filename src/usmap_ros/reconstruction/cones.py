@@ -13,18 +13,12 @@ from usmap_ros.pings.trace import EchoTrace
 
 @dataclass(frozen=True)
 class RecoveredEchoes:
-    """Echoes that a dictionary explains a trace by, in any order.
+    """Echoes that a dictionary explains a trace by, in any order."""
 
-    Parameters
-    ----------
-    ranges_m, range_stds_m : (echoes,) arrays
-        Ranges and their standard deviations.
-    amplitudes, amplitude_stds : (echoes,) arrays
-        Of each echo's direct path, in units of the trace's samples.
-    """
-
+    #: (echoes,) arrays: ranges and their standard deviations.
     ranges_m: FloatArray
     range_stds_m: FloatArray
+    #: (echoes,) arrays: of each echo's direct path, in units of the trace's samples.
     amplitudes: FloatArray
     amplitude_stds: FloatArray
 

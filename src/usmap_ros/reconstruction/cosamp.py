@@ -46,26 +46,17 @@ class Halt(enum.Enum):
 
 @dataclass(frozen=True)
 class Solution:
-    """A sparse approximation y ≈ Φ x.
+    """A sparse approximation y ≈ Φ x."""
 
-    Parameters
-    ----------
-    support : (k,) array
-        Ascending indices of the non-zero blocks.
-    coefficients : (k, block_size) array
-        Coefficient of each column of these blocks.
-    residual : (samples,) array
-        y − Φ x.
-    iterations : int
-        Iterations until it stopped.
-    halt : Halt
-        Why no more were.
-    """
-
+    #: (k,) array: ascending indices of the non-zero blocks.
     support: IndexArray
+    #: (k, block_size) array: coefficient of each column of these blocks.
     coefficients: Signal
+    #: (samples,) array: y − Φ x.
     residual: Signal
+    #: Iterations until it stopped.
     iterations: int
+    #: Why no more were.
     halt: Halt
 
     @property

@@ -37,30 +37,20 @@ _TINY = 1e-30
 
 @dataclass(frozen=True)
 class FoundEchoes:
-    """Echoes that were found in a signal.
+    """Echoes that were found in a signal."""
 
-    Parameters
-    ----------
-    support : (k,) array
-        Ascending indices of their blocks.
-    residual : (samples,) array
-        What they leave of the signal.
-    ranges_m, delay_stds_s : (k,) arrays
-        Ranges of its blocks off the grid, and standard deviations of their delays.
-    strengths : (k,) array
-        Scores that its echoes have by themselves.
-    overlaps : (k, k) array
-        Correlation of each two of its direct echoes, 0 of one with itself.
-    thresholds, residual_scores : (blocks,) arrays
-        What a score had to exceed, and the scores of the residual.
-    """
-
+    #: (k,) array: ascending indices of their blocks.
     support: IndexArray
+    #: (samples,) array: what they leave of the signal.
     residual: Signal
+    #: (k,) arrays: ranges of its blocks off the grid, and standard deviations of their delays.
     ranges_m: FloatArray
     delay_stds_s: FloatArray
+    #: (k,) array: scores that its echoes have by themselves.
     strengths: FloatArray
+    #: (k, k) array: correlation of each two of its direct echoes, 0 of one with itself.
     overlaps: FloatArray
+    #: (blocks,) arrays: what a score had to exceed, and the scores of the residual.
     thresholds: FloatArray
     residual_scores: FloatArray
 

@@ -25,27 +25,18 @@ NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class DelayReconstruction:
-    """A trace explained by echoes, with everything that led there.
+    """A trace explained by echoes, with everything that led there."""
 
-    Parameters
-    ----------
-    baseband : Baseband
-        The signal that was explained.
-    dictionary : DelayDictionary
-        The sensing matrix, with its atoms on the grid.
-    residual : (samples,) array
-        What its echoes leave of the signal.
-    cone : EchoCone
-        What fusion is told.
-    echoes : tuple of RecoveredEchoes
-        Of each pulse in the air, in the order of `EchoTrace.sent`; ranges are half the lengths of
-        the paths from its transducer to the one that listened.
-    """
-
+    #: The signal that was explained.
     baseband: Baseband
+    #: The sensing matrix, with its atoms on the grid.
     dictionary: DelayDictionary
+    #: (samples,) array: what its echoes leave of the signal.
     residual: Signal
+    #: What fusion is told.
     cone: EchoCone
+    #: Of each pulse in the air, in the order of `EchoTrace.sent`; ranges are half the lengths of
+    #: the paths from its transducer to the one that listened.
     echoes: tuple[RecoveredEchoes, ...]
 
 

@@ -11,38 +11,27 @@ from usmap_ros.reconstruction.matrix_operator import MatrixOperator
 
 @dataclass(frozen=True)
 class Problem:
-    """What to solve: y ≈ A q with few entries in q.
+    """What to solve: y ≈ A q with few entries in q."""
 
-    Parameters
-    ----------
-    operator : MatrixOperator
-        A, which is Φ because Ψ is the identity.
-    signal : (samples,) array
-        The samples y, real.
-    sparsity : int
-        Most columns in the solution; of whole numbers, most cells.
-    tolerance : float
-        ε, the norm of the noise.
-    threshold : float
-        Contribution that a column must exceed.
-    non_negative : bool
-        Whether coefficients must not be negative.
-    places : (columns, 2) integer array, optional
-        Row and column of the pixel of each column; analysis operators need it.
-    cells : (columns,) integer array, optional
-        Cells that a column stands for, which bounds whole numbers; one each by default.
-    max_iterations : int
-        Most iterations of CoSaMP; other solvers do not count theirs.
-    """
-
+    #: A, which is Φ because Ψ is the identity.
     operator: MatrixOperator
+    #: (samples,) array: the samples y, real.
     signal: FloatArray
+    #: Most columns in the solution; of whole numbers, most cells.
     sparsity: int
+    #: ε, the norm of the noise.
     tolerance: float = 0.0
+    #: Contribution that a column must exceed.
     threshold: float = 0.0
+    #: Whether coefficients must not be negative.
     non_negative: bool = True
+    #: (columns, 2) integer array: row and column of the pixel of each column; analysis operators
+    #: need it.
     places: IndexArray | None = None
+    #: (columns,) integer array: cells that a column stands for, which bounds whole numbers; one
+    #: each by default.
     cells: IndexArray | None = None
+    #: Most iterations of CoSaMP; other solvers do not count theirs.
     max_iterations: int = 20
 
     def fitted(self, support: IndexArray, iterations: int, halt: Halt) -> Solution:

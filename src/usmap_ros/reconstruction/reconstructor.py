@@ -23,30 +23,21 @@ from usmap_ros.reconstruction.delays import DelayReconstruction, reconstruct_del
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A trace explained by echoes.
+    """A trace explained by echoes."""
 
-    Parameters
-    ----------
-    trace : EchoTrace
-        What was explained: with what is known to be off in it set right.
-    cone : EchoCone
-        What fusion is told.
-    received, residual : (samples,) arrays
-        The signal that was explained, and what the echoes leave of it; complex or real.
-    sampling : Sampling
-        When its samples were taken.
-    peak_s : float
-        How long after its delay an echo peaks.
-    noise_std : float
-        Standard deviation of the noise of `received`, of the complex value where it is complex.
-    """
-
+    #: What was explained: with what is known to be off in it set right.
     trace: EchoTrace
+    #: What fusion is told.
     cone: EchoCone
+    #: (samples,) arrays: the signal that was explained, and what the echoes leave of it; complex or
+    #: real.
     received: Signal
     residual: Signal
+    #: When its samples were taken.
     sampling: Sampling
+    #: How long after its delay an echo peaks.
     peak_s: float
+    #: Standard deviation of the noise of `received`, of the complex value where it is complex.
     noise_std: float
 
     @property

@@ -17,33 +17,22 @@ LAGS_PER_CYCLE = 16
 
 @dataclass(frozen=True)
 class Template:
-    """The envelope that an echo has in the baseband, or its filtered form; a chirp's is complex.
+    """The envelope that an echo has in the baseband, or its filtered form; a chirp's is complex."""
 
-    Parameters
-    ----------
-    start_s, duration_s : float
-        The interval on which it is not zero.
-    pulse : Pulse
-        Evaluated where `table` is None.
-    table : (n,) array, optional
-        Values on an even grid over the interval.
-    mixed_by_hz : float, optional
-        Frequency that the signal was mixed down by; None: the pulse's carrier.
-    delay_jitter_s : float
-        Standard deviation of the delay that sampling leaves open, however little noise there is.
-    amplitude_jitter : float
-        The same of the amplitude, relative to it.
-    misfit : float
-        Norm of what the template leaves of an echo without noise, relative to the echo.
-    """
-
+    #: The interval on which it is not zero.
     start_s: float
     duration_s: float
+    #: Evaluated where `table` is None.
     pulse: Pulse
+    #: (n,) array: values on an even grid over the interval.
     table: tuple[complex, ...] | None = None
+    #: Frequency that the signal was mixed down by; None: the pulse's carrier.
     mixed_by_hz: float | None = None
+    #: Standard deviation of the delay that sampling leaves open, however little noise there is.
     delay_jitter_s: float = 0.0
+    #: The same of the amplitude, relative to it.
     amplitude_jitter: float = 0.0
+    #: Norm of what the template leaves of an echo without noise, relative to the echo.
     misfit: float = 0.0
 
     def __hash__(self) -> int:

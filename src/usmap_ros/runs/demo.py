@@ -40,20 +40,13 @@ HELPERS = 2
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What the demo made.
+    """What the demo made."""
 
-    Parameters
-    ----------
-    paths : dict
-        Where it is, by what it is.
-    summary : dict
-        As in ``summary.json``.
-    score, range_score : Score
-        Of the map, and of what a range-only sonar model makes of the same recording.
-    """
-
+    #: Where it is, by what it is.
     paths: dict[str, Path]
+    #: As in ``summary.json``.
     summary: dict[str, Any]
+    #: Of the map, and of what a range-only sonar model makes of the same recording.
     score: Score
     range_score: Score
 

@@ -27,20 +27,13 @@ _STATED = np.array([0.02, 0.02, 0.01])
 
 @dataclass(frozen=True)
 class Joining:
-    """Pings of robots, those in one frame whose frames relate.
+    """Pings of robots, those in one frame whose frames relate."""
 
-    Parameters
-    ----------
-    pings : list of (topic, EchoCone)
-        All pings, in the order they came in.
-    frames : dict
-        The frame of each robot.
-    earlier_frame_id : str
-        That of an earlier map, if there is one.
-    """
-
+    #: List of (topic, EchoCone): all pings, in the order they came in.
     pings: list[Ping]
+    #: The frame of each robot.
     frames: dict[str, str]
+    #: That of an earlier map, if there is one.
     earlier_frame_id: str = ""
 
     def state(self, robot: str) -> str:

@@ -48,36 +48,24 @@ ConeCallback = Callable[[str, EchoCone], None]
 
 @dataclass
 class MappingRun:
-    """What became of the pings of a recording.
+    """What became of the pings of a recording."""
 
-    Parameters
-    ----------
-    pings : int
-        Pings that went into the map.
-    echoes : int
-        Echoes found in them.
-    skipped : dict
-        Number of pings left out, by the field of the message that was to blame.
-    set_apart : dict
-        Number of sound pings that are not of this map, by topic and by why: they are in another
-        frame than most, or far off.
-    robots : dict
-        What is to be said of the robots, by topic, as compared with what all others heard.
-    doubted : dict
-        Topics that others contradict in the map, and what of their trust is left, less than 1.
-    without : list of str
-        Topics that were left out because they should be.
-    poses : PoseRun
-        Which poses were used, and how far they were corrected.
-    """
-
+    #: Pings that went into the map.
     pings: int = 0
+    #: Echoes found in them.
     echoes: int = 0
+    #: Number of pings left out, by the field of the message that was to blame.
     skipped: dict[str, int] = field(default_factory=dict)
+    #: Number of sound pings that are not of this map, by topic and by why: they are in another
+    #: frame than most, or far off.
     set_apart: dict[str, dict[str, int]] = field(default_factory=dict)
+    #: What is to be said of the robots, by topic, as compared with what all others heard.
     robots: dict[str, Finding] = field(default_factory=dict)
+    #: Topics that others contradict in the map, and what of their trust is left, less than 1.
     doubted: dict[str, float] = field(default_factory=dict)
+    #: Topics that were left out because they should be.
     without: list[str] = field(default_factory=list)
+    #: Which poses were used, and how far they were corrected.
     poses: PoseRun = field(default_factory=PoseRun)
 
     def suspects(self) -> dict[str, str]:

@@ -24,26 +24,17 @@ _WAY_M, _PINGS = 1.0, 2000
 
 @dataclass
 class PoseRun:
-    """What became of the poses of a recording.
+    """What became of the poses of a recording."""
 
-    Parameters
-    ----------
-    parameters : PipelineParameters
-        ``poses`` says what a user insists on.
-    frame_id : str
-        The map's frame, if it is stated.
-    earlier : OccupancyMap, optional
-        The map that is resumed.
-    told : RobotPaths
-        Paths as they were told, if they were refined.
-    robots : dict
-        What poses were and how far they were moved, by robot, for ``summary.json``.
-    """
-
+    #: ``poses`` says what a user insists on.
     parameters: PipelineParameters = field(default_factory=PipelineParameters)
+    #: The map's frame, if it is stated.
     frame_id: str = ""
+    #: The map that is resumed.
     earlier: OccupancyMap | None = None
+    #: Paths as they were told, if they were refined.
     told: RobotPaths = field(default_factory=RobotPaths)
+    #: What poses were and how far they were moved, by robot, for ``summary.json``.
     robots: dict[str, Any] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from usmap_ros.importing.files import read_samples
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import load_map, save_map
 from usmap_ros.io.nav2_map import load_nav2_map
-from usmap_ros.io.storage import compression, mcap_file, sqlite_file
+from usmap_ros.io.storage import compression, mcap_scan, sqlite_file
 from usmap_ros.io.storage.mcap_file import McapFile
 from usmap_ros.pings.trace import EchoTrace
 
@@ -34,7 +34,7 @@ WriteBag = Callable[..., Path]
 def _little_is_much(monkeypatch: pytest.MonkeyPatch) -> None:
     """Believe less than by default, so that tests need not unpack gigabytes."""
     monkeypatch.setattr(compression, "LEAST_UNPACKED_BYTES", 16 * MIB)
-    monkeypatch.setattr(mcap_file, "LEAST_RECORDS", 1000)
+    monkeypatch.setattr(mcap_scan, "LEAST_RECORDS", 1000)
 
 
 def chunk(content: bytes) -> bytes:
@@ -47,7 +47,7 @@ def chunk(content: bytes) -> bytes:
 
 def scan(path: Path, *chunks: bytes) -> tuple[str, int]:
     """What is wrong with a file of chunks, and how many bytes of it are read."""
-    path.write_bytes(mcap_file.MAGIC + b"".join(chunks))
+    path.write_bytes(mcap_scan.MAGIC + b"".join(chunks))
     damage = McapFile(path).scan(()).damage
     assert damage is not None
     return damage.cause, damage.kept_bytes

@@ -6,21 +6,31 @@ from usmap_ros.parameters.fields import quantity
 from usmap_ros.parameters.nodes.common import NodeParameters
 
 
-class EchoDriverParameters(NodeParameters):
-    """Of echo_driver."""
+class DriverParameters(NodeParameters):
+    """Of all of them."""
 
     fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | frozenset(
+        {"base_frame", "ping_rate_hz", "pose_source", "pose_timeout_s"}
+    )
+
+    base_frame: str = quantity("", "The robot's base frame on TF; empty: ROBOT/base_link.")
+    pose_timeout_s: float = quantity(
+        0.5, "Age from which on a pose from TF or odometry is too old to ping.", "s", gt=0.0, le=1e6
+    )
+    publish_range: bool = quantity(True, "Whether the first echo goes out as sensor_msgs/Range.")
+
+
+class EchoDriverParameters(DriverParameters):
+    """Of echo_driver."""
+
+    fixed: ClassVar[frozenset[str]] = DriverParameters.fixed | frozenset(
         {
             "scenario",
             "robot",
-            "pose_source",
-            "base_frame",
-            "ping_rate_hz",
             "publish_tf",
             "publish_base_tf",
             "publish_transducer_tf",
             "start_time_s",
-            "pose_timeout_s",
         }
     )
 
@@ -31,7 +41,6 @@ class EchoDriverParameters(NodeParameters):
         "Where the robot is: on the scenario's path, where TF has its base frame, or where the"
         " topic 'odom' says.",
     )
-    base_frame: str = quantity("", "The robot's base frame on TF; empty: ROBOT/base_link.")
     ping_rate_hz: float = quantity(
         0.0, "Pings of each transducer; 0: as the scenario says.", "Hz", ge=0.0, le=1000.0
     )
@@ -43,10 +52,6 @@ class EchoDriverParameters(NodeParameters):
         ge=0.0,
         le=4e9,
     )
-    pose_timeout_s: float = quantity(
-        0.5, "Age from which on a pose from TF or odometry is too old to ping.", "s", gt=0.0, le=1e6
-    )
-    publish_range: bool = quantity(True, "Whether the first echo goes out as sensor_msgs/Range.")
     publish_tf: bool = quantity(
         False, "Whether the robot's frames are broadcast on TF, if it is there."
     )
@@ -62,12 +67,10 @@ class EchoDriverParameters(NodeParameters):
     )
 
 
-class DeviceDriverParameters(NodeParameters):
+class DeviceDriverParameters(DriverParameters):
     """Of drivers of real hardware."""
 
-    fixed: ClassVar[frozenset[str]] = NodeParameters.fixed | frozenset(
-        {"sensor", "ping_rate_hz", "longest_pause_s", "pose_source", "base_frame", "pose_timeout_s"}
-    )
+    fixed: ClassVar[frozenset[str]] = DriverParameters.fixed | {"sensor", "longest_pause_s"}
 
     sensor: str = quantity(
         "", "Description of the sensor, as for `usmap import`; it must be given."
@@ -85,19 +88,16 @@ class DeviceDriverParameters(NodeParameters):
         "odometry",
         "Where the robot is: where the topic 'odom' says, or where TF has its base frame.",
     )
-    base_frame: str = quantity("", "The robot's base frame on TF; empty: ROBOT/base_link.")
-    pose_timeout_s: float = quantity(
-        0.5, "Age from which on a pose from TF or odometry is too old to ping.", "s", gt=0.0, le=1e6
-    )
-    publish_range: bool = quantity(True, "Whether the first echo goes out as sensor_msgs/Range.")
 
 
 class SerialDriverParameters(DeviceDriverParameters):
     """Of serial_driver."""
 
-    fixed: ClassVar[frozenset[str]] = DeviceDriverParameters.fixed | frozenset(
-        {"device", "baud_rate", "answer_timeout_s"}
-    )
+    fixed: ClassVar[frozenset[str]] = DeviceDriverParameters.fixed | {
+        "device",
+        "baud_rate",
+        "answer_timeout_s",
+    }
 
     device: str = quantity(
         "", "Serial port, such as /dev/ttyUSB0, or tcp://HOST:PORT; it must be given."

@@ -21,7 +21,8 @@ from pages import put_with_picture
 from score_tables import Case, seeds_of, summary
 from scores import CHOOSING_SEEDS, all_results
 
-from usmap_ros.plotting import save_figure, style
+from usmap_ros.plotting import style
+from usmap_ros.plotting.style import save_figure
 
 #: Scene and condition of what is mapped if nothing is named: of each kind one.
 CASES = (

@@ -25,8 +25,9 @@ from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
 from usmap_ros.grids import OccupancyMap, TruthMap
-from usmap_ros.plotting import save_figure, style
+from usmap_ros.plotting import style
 from usmap_ros.plotting.map import map_figure
+from usmap_ros.plotting.style import save_figure
 from usmap_ros.runs.trial import Trial, try_scenario
 from usmap_ros.simulation import Scenario
 

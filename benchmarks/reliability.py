@@ -21,7 +21,8 @@ from pages import put_with_picture
 from scores import all_results, cases
 
 from usmap_ros.evaluation.reliability import BINS, LEAST_SHARE, SURELY_FREE, Reliability
-from usmap_ros.plotting import save_figure, style
+from usmap_ros.plotting import style
+from usmap_ros.plotting.style import save_figure
 
 #: Kinds of scenes that are pooled, by what they are called together.
 POOLS = {

@@ -16,8 +16,9 @@ from usmap_ros.evaluation.alignment import align
 from usmap_ros.evaluation.line_of_sight import pings_in_sight
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.pings.fields_of_view import PingViews
-from usmap_ros.plotting import save_figure, style
+from usmap_ros.plotting import style
 from usmap_ros.plotting.plan import draw_probability, draw_truth
+from usmap_ros.plotting.style import save_figure
 
 #: Of cells called free that no beam can have reached.
 LEAKED = "#e58fb1"

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from usmap_ros.pings.cone import EchoCone
     from usmap_ros.pings.fields_of_view import PingViews
     from usmap_ros.pings.trace import EchoTrace, Encoding
-    from usmap_ros.plotting import draw
+    from usmap_ros.plotting.picture import draw
     from usmap_ros.runs.pipeline import Pipeline
     from usmap_ros.runs.trial import try_scenario
     from usmap_ros.simulation import Scenario, hear, simulate
@@ -90,7 +90,7 @@ __getattr__ = offered(
         "evaluation.scoring": ["score"],
         "parameters": ["PipelineParameters"],
         "runs.pipeline": ["Pipeline"],
-        "plotting": ["draw"],
+        "plotting.picture": ["draw"],
         "simulation": ["Scenario", "hear", "simulate"],
         "pings.trace": ["EchoTrace", "Encoding"],
         "runs.trial": ["try_scenario"],

@@ -52,7 +52,7 @@ def plan(
     except ValueError as error:
         raise MapFileError(folder, str(error)) from error
     if output is not None:
-        from usmap_ros.plotting import save_figure
+        from usmap_ros.plotting.style import save_figure
         from usmap_ros.plotting.views import views_figure
 
         save_figure(views_figure(occupancy, views, transducer.beam.half_angle_rad), output)

@@ -59,7 +59,9 @@ def plot(
     """Draw a map, or one ping of a bag: its trace, what was found in it, and its cone."""
     from usmap_ros.errors import MapFileError
     from usmap_ros.io.map_files import GRID_FILE, load_map, load_truth
-    from usmap_ros.plotting import draw, map_figure, save_figure
+    from usmap_ros.plotting.map import map_figure
+    from usmap_ros.plotting.picture import draw
+    from usmap_ros.plotting.style import save_figure
 
     shown = _extent(extent)
     true_cells = load_truth(truth) if truth else None

@@ -189,7 +189,8 @@ def _draw_map(
     layer: str | None,
     path: Path,
 ) -> None:
-    from usmap_ros.plotting import map_figure, save_figure
+    from usmap_ros.plotting.map import map_figure
+    from usmap_ros.plotting.style import save_figure
 
     save_figure(map_figure(occupancy, paths, truth, title, extent_m, layer), path)
 
@@ -202,7 +203,8 @@ def _draw_ping(
     path: Path,
 ) -> None:
     """Draw a ping of the recording, which has few echoes, given by its topic and stamp."""
-    from usmap_ros.plotting import draw, save_figure
+    from usmap_ros.plotting.picture import draw
+    from usmap_ros.plotting.style import save_figure
 
     with BagReader([recording]) as bag:
         trace = next(trace for topic, trace in bag.traces() if (topic, trace.stamp_ns) == clearest)

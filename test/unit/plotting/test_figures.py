@@ -20,10 +20,13 @@ from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.pings.trajectory import Trajectory
-from usmap_ros.plotting import cone_figure, map_figure, overview_figure, save_figure, trace_figure
 from usmap_ros.plotting.animation import save_animation
-from usmap_ros.plotting.map import robot_name
+from usmap_ros.plotting.cone import cone_figure
+from usmap_ros.plotting.map import map_figure, robot_name
+from usmap_ros.plotting.overview import overview_figure
 from usmap_ros.plotting.shown import MapFrame, shown_extent
+from usmap_ros.plotting.style import save_figure
+from usmap_ros.plotting.trace import trace_figure
 from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct
 
 ECHO_RANGE_M = 2.0

@@ -19,8 +19,6 @@ class ShownFrames:
         #: Where each frame is shown.
         self.shown: dict[str, FloatArray] = {}
         self._targets: dict[str, FloatArray] = {}
-        #: How often one had to jump since it was first shown.
-        self.jumps = 0
 
     def aim(self, targets: Mapping[str, FloatArray]) -> list[str]:
         """Say where frames are by now; which of them jump there, since they are too far off.
@@ -37,7 +35,6 @@ class ShownFrames:
             elif np.hypot(off[0], off[1]) > JUMP_M or abs(off[2]) > JUMP_RAD:
                 self.shown[name] = target.copy()
                 jumped.append(name)
-        self.jumps += len(jumped)
         return jumped
 
     def step(self, seconds: float) -> None:

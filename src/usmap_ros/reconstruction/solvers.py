@@ -12,6 +12,7 @@ References
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy import sparse
@@ -124,11 +125,6 @@ def non_negative_least_squares(problem: Problem) -> FloatArray:
     return np.asarray(nnls(unit, problem.signal)[0]) / norms
 
 
-def binary_programme(problem: Problem) -> FloatArray:
-    """`integer_programme` with at most one object in a cell."""
-    return integer_programme(problem, most=1)
-
-
 _SOLVERS: dict[SolverName, Callable[[Problem], FloatArray]] = {
     "omp": orthogonal_matching_pursuit,
     "l1": basis_pursuit,
@@ -136,7 +132,7 @@ _SOLVERS: dict[SolverName, Callable[[Problem], FloatArray]] = {
     "walls": few_walls,
     "nnls": non_negative_least_squares,
     "integer": integer_programme,
-    "binary": binary_programme,
+    "binary": partial(integer_programme, most=1),
 }
 
 

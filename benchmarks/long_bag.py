@@ -28,9 +28,11 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.robot_paths import RobotPaths
-from usmap_ros.runs.offline import learn_reception, map_bag, peak_memory_mb
+from usmap_ros.processes.memory import peak_memory_mb
+from usmap_ros.runs.offline import map_bag
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.recorded import learn_reception
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"

@@ -29,7 +29,7 @@ from usmap_ros.cli import (
 )
 from usmap_ros.errors import UsmapError
 from usmap_ros.processes.cores import keep_linear_algebra_to_one_core
-from usmap_ros.processes.garbage import look_for_garbage_rarely
+from usmap_ros.processes.memory import look_for_garbage_rarely
 
 app = typer.Typer(
     name="usmap",

@@ -25,8 +25,8 @@ def info(
     from usmap_ros.io.bag_info import describe_bag
     from usmap_ros.io.bag_reader import BagReader
     from usmap_ros.pings.trace import EchoTrace
-    from usmap_ros.runs.offline import AmplitudeSurvey
     from usmap_ros.runs.pipeline import Pipeline
+    from usmap_ros.runs.recorded import AmplitudeSurvey
 
     with (
         BagReader(bags) as bag,

@@ -190,9 +190,10 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
     from usmap_ros.io.tum_files import save_trajectories
     from usmap_ros.pings.robot_paths import RobotPaths
     from usmap_ros.processes.cores import available_cores
-    from usmap_ros.runs.offline import learn_reception, map_bag, resume_map
+    from usmap_ros.runs.offline import map_bag, resume_map
     from usmap_ros.runs.parallel import WORTH_A_POOL, reconstructors
     from usmap_ros.runs.pipeline import Pipeline
+    from usmap_ros.runs.recorded import learn_reception
 
     if resume is None:
         pipeline, paths = Pipeline(order.parameters), RobotPaths()

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from usmap_ros.errors import UsmapError
 from usmap_ros.live.requirements import require_ros
 from usmap_ros.live.supervisor import PARENT_VARIABLE
-from usmap_ros.processes.garbage import look_for_garbage_rarely
+from usmap_ros.processes.memory import look_for_garbage_rarely
 from usmap_ros.processes.parent import end_with_parent
 
 #: Each has an executable and a module of its name; here, because their declarations take long.

@@ -1,9 +1,10 @@
-"""What becomes of memory that a program does not use any more."""
+"""How much memory a program takes, and what becomes of what it does not use any more."""
 
 import atexit
 import ctypes
 import gc
 import sys
+from pathlib import Path
 
 #: New objects between one look and the next; Python's own 700 are a look every few modules.
 NEW_OBJECTS = 50_000
@@ -31,3 +32,21 @@ def give_back_memory() -> None:
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
         if trim is not None:
             trim(0)
+
+
+def peak_memory_mb() -> float:
+    """Largest memory that this process ever took, MB."""
+    # On Linux getrusage starts from the memory of the process that started this one.
+    status = Path("/proc/self/status")
+    if status.is_file():
+        for line in status.read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024 / 1e6
+    # Not on Windows, where nothing but this figure would be missing.
+    try:
+        import resource
+    except ImportError:
+        return float("nan")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Bytes on macOS, kilobytes elsewhere.
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

@@ -38,7 +38,7 @@ from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.processes.cores import available_cores
-from usmap_ros.processes.garbage import look_for_garbage_rarely
+from usmap_ros.processes.memory import look_for_garbage_rarely
 from usmap_ros.processes.parent import end_with_parent
 from usmap_ros.runs.pipeline import Pipeline
 

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import heapq
 import logging
-import sys
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from usmap_ros.calibration.receiver_survey import SURVEYED, ReceiverSurvey
 from usmap_ros.errors import BagError, MalformedMessageError, MapFileError, MapSizeError, UsmapError
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import load_map
-from usmap_ros.io.message_types import ECHO_TRACE
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
@@ -29,18 +24,15 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.repeats import SeenPings
 from usmap_ros.pings.robot_paths import RobotPaths
-from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.processes.memory import peak_memory_mb
 from usmap_ros.processes.threads import begun
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
+from usmap_ros.runs.recorded import learn_reception, recorded_cones
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
 
 logger = logging.getLogger(__name__)
-
-#: Of a recording that is only looked into, every so many pings of a topic are reconstructed, and so
-#: many at most: neighbours hear the same.
-SURVEY_EVERY, SURVEY_MOST = 2, 50
 
 #: Called with topic and cone after each ping that was fused.
 ConeCallback = Callable[[str, EchoCone], None]
@@ -135,7 +127,8 @@ def map_bag(
     MapSizeError
         If a single ping makes the map too large.
     """
-    run, seen, apart = MappingRun(poses=_poses(pipeline)), SeenPings(), SetApart()
+    poses = PoseRun(pipeline.parameters, pipeline.fusion.frame_id, pipeline.resumed)
+    run, seen, apart = MappingRun(poses=poses), SeenPings(), SetApart()
     scales = AmplitudeScales()
     if workers is None:
         learn_reception(bag, pipeline)
@@ -172,25 +165,6 @@ def map_bag(
     return run
 
 
-def _poses(pipeline: Pipeline) -> PoseRun:
-    return PoseRun(pipeline.parameters, pipeline.fusion.frame_id, pipeline.resumed)
-
-
-def learn_reception(bag: BagReader, pipeline: Pipeline) -> None:
-    """Let a pipeline know what a recording's receivers are, where they are not as stated."""
-    survey = ReceiverSurvey(pipeline.parameters.reconstruction)
-    waiting = {one.name for one in bag.topics if one.message_type == ECHO_TRACE and one.count}
-    for topic, trace in bag.first_traces(SURVEYED):
-        survey.add(topic, trace)
-        if survey.is_full(topic) and survey.has_moved(topic):
-            waiting.discard(topic)
-            if not waiting:
-                break
-    for topic, problem in survey.problems().items():
-        logger.warning("%s: %s", topic, problem)
-        pipeline.learn_reception(survey, topic)
-
-
 def _wanted(pings: Iterable[Ping], without: Collection[str], left_out: set[str]) -> Iterator[Ping]:
     """Pings of those that are not to be left out; topics of the others go into `left_out`."""
     for topic, cone in pings:
@@ -218,46 +192,6 @@ def nothing_usable(paths: Iterable[str | Path], skipped: Counter[str]) -> BagErr
     )
 
 
-class AmplitudeSurvey:
-    """Judges the amplitudes of a recording by some of its pings, without mapping it.
-
-    Parameters
-    ----------
-    pipeline : Pipeline
-        Reconstructs their traces.
-    """
-
-    def __init__(self, pipeline: Pipeline) -> None:
-        self._pipeline = pipeline
-        self._pings: Counter[str] = Counter()
-        self._scales = AmplitudeScales()
-
-    def add(self, topic: str, ping: EchoTrace | EchoCone) -> None:
-        """Take a ping into account, or leave it out if others before it were enough."""
-        number = self._pings[topic]
-        self._pings[topic] += 1
-        if number % SURVEY_EVERY or number >= SURVEY_EVERY * SURVEY_MOST:
-            return
-        # What cannot be reconstructed says nothing of amplitudes.
-        with suppress(MalformedMessageError):
-            cone = self._pipeline.reconstruct(ping) if isinstance(ping, EchoTrace) else ping
-            self._scales.add(topic, cone)
-
-    def problems(self) -> dict[str, str]:
-        """What is wrong, by topic."""
-        return self._scales.problems()
-
-
-def recorded_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[str, EchoCone]]:
-    """Cones of a recording: reconstructed from traces, or else as recorded.
-
-    Never both, because a recorded cone most often stems from a recorded trace, and evidence must
-    not count twice.  Readings of robots that measure ranges only come in between.
-    """
-    cones = workers.cones(bag) if bag.trace_count else bag.cones()
-    yield from heapq.merge(cones, bag.range_cones(), key=lambda entry: entry[1].stamp_ns)
-
-
 def resume_map(folder: Path, parameters: PipelineParameters) -> tuple[Pipeline, RobotPaths]:
     """Continue the map that was saved in `folder`.
 
@@ -273,21 +207,3 @@ def resume_map(folder: Path, parameters: PipelineParameters) -> tuple[Pipeline, 
     except ValueError as error:
         raise MapFileError(folder, f"cannot be continued: {error}") from error
     return pipeline, paths
-
-
-def peak_memory_mb() -> float:
-    """Largest memory that this process ever took, MB."""
-    # On Linux getrusage starts from the memory of the process that started this one.
-    status = Path("/proc/self/status")
-    if status.is_file():
-        for line in status.read_text(encoding="ascii", errors="replace").splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024 / 1e6
-    # Not on Windows, where nothing but this figure would be missing.
-    try:
-        import resource
-    except ImportError:
-        return float("nan")
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    # Bytes on macOS, kilobytes elsewhere.
-    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

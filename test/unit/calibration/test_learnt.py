@@ -13,9 +13,10 @@ from usmap_ros.parameters import PipelineParameters, PulseParameters, Reconstruc
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.processes.workers import worker_processes
-from usmap_ros.runs.offline import learn_reception, map_bag
+from usmap_ros.runs.offline import map_bag
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.recorded import learn_reception
 from usmap_ros.simulation import Scenario, simulate
 
 #: A bought transducer: its resonances ring for a millisecond behind a burst of 0.3 ms, it is heard

@@ -12,8 +12,8 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import ReconstructionParameters, RingingParameters
 from usmap_ros.pings.trace import EchoTrace
-from usmap_ros.runs.offline import learn_reception
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.recorded import learn_reception
 from usmap_ros.simulation import Scenario, simulate
 
 #: Delays (s) and amplitudes of what the mount returns.

@@ -12,9 +12,9 @@ from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
-from usmap_ros.runs.offline import recorded_cones
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.recorded import recorded_cones
 from usmap_ros.simulation import Scenario, simulate
 
 MEGABYTE = 1e6

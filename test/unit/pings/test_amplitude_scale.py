@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from usmap_ros.pings.amplitude_scale import AmplitudeScale, AmplitudeScales
-from usmap_ros.runs.offline import SURVEY_EVERY, AmplitudeSurvey
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.recorded import SURVEY_EVERY, AmplitudeSurvey
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIOS = Path(__file__).parents[3] / "config/scenarios"

@@ -19,7 +19,7 @@ from usmap_ros.mapping.joint.visibility.field import Field, field_around
 from usmap_ros.mapping.ping_table import ping_in_row
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.processes.garbage import give_back_memory
+from usmap_ros.processes.memory import give_back_memory
 
 Tell = Callable[[list[AreaState], KeptPings, OccupancyMap | None], None]
 

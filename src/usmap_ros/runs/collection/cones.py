@@ -24,9 +24,10 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.runs.collection.code_state import PACKAGE, reconstruction_state
-from usmap_ros.runs.offline import learn_reception, nothing_usable, recorded_cones
+from usmap_ros.runs.offline import nothing_usable
 from usmap_ros.runs.parallel import Reconstructors, stretch_cones
 from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.recorded import learn_reception, recorded_cones
 
 #: Pings that are reconstructed at once: some seconds of work.
 STRETCH = 2000

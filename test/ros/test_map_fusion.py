@@ -135,7 +135,8 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], float | Non
         def stop(self) -> None:
             """Nobody works."""
 
-    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_session.Worker", Stepped)
+    for module in ("map_session", "map_bringer"):
+        monkeypatch.setattr(f"usmap_ros.nodes.plumbing.{module}.Worker", Stepped)
     return found
 
 
@@ -143,7 +144,7 @@ def test_what_nobody_listens_to_waits_until_the_map_stands_still(
     live: Any, cones: Cones, nav2_qos: Any, monkeypatch: pytest.MonkeyPatch, steps: Any
 ) -> None:
     made: list[int] = []
-    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_session._QUIET_S", 0.0)
+    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_bringer._QUIET_S", 0.0)
     count = OccupancyMap.ambiguity_percent
     monkeypatch.setattr(
         OccupancyMap, "ambiguity_percent", lambda self: made.append(self.stamp_ns) or count(self)
@@ -157,12 +158,12 @@ def test_what_nobody_listens_to_waits_until_the_map_stands_still(
     for number, cone in enumerate(own[:5]):
         publisher.publish(cone_to_cdr(cone))
         live.until(lambda n=number: steps["fuse"]() or node.health.total("fused") == n + 1)
-        node.session.publish()
+        node.session.maps.publish()
         steps["publish"]()
         # A listener of depth 1 has room for one map.
         live.until(lambda n=number: len(percents) == n + 1)
     assert made == []
-    node.session.publish()
+    node.session.maps.publish()
     steps["publish"]()
     assert made == [own[4].stamp_ns]
     assert node.health.total("published") == 5
@@ -172,7 +173,7 @@ def test_a_map_is_put_off_while_cones_wait_but_not_for_ever(
     live: Any, cones: Cones, monkeypatch: pytest.MonkeyPatch, steps: Any
 ) -> None:
     clock = SimpleNamespace(monotonic=lambda: clock.now_s, now_s=0.0)
-    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_session.time", clock)
+    monkeypatch.setattr("usmap_ros.nodes.plumbing.map_bringer.time", clock)
     node = live.add(MapFusion)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     publisher.publish(cone_to_cdr(cones[0][1]))
@@ -180,7 +181,7 @@ def test_a_map_is_put_off_while_cones_wait_but_not_for_ever(
     monkeypatch.setattr(LiveFusion, "is_behind", True)
     period_s = 1.0 / node.parameters.value.publish_rate_hz
     for clock.now_s in (0.0, 1.9 * period_s):
-        node.session.publish()
+        node.session.maps.publish()
         assert steps["publish"]() is not None
         assert node.health.total("published") == 0
     clock.now_s = 2.1 * period_s

@@ -97,7 +97,7 @@ class MapFusion(LifecycleNode):
         listed = self.parameters.value.cone_topics
         self._topics = topics = ConeTopics(self, listed, receive, session.settle)
         look = partial(self._look_for_robots, session, topics)
-        callbacks: tuple[Callable[[], None], ...] = (look, session.publish, session.keep)
+        callbacks: tuple[Callable[[], None], ...] = (look, session.maps.publish, session.maps.keep)
         self._timers_of_life = [
             every(self, period_s, callback)
             for period_s, callback in zip(self._periods_s(), callbacks, strict=True)
@@ -105,7 +105,7 @@ class MapFusion(LifecycleNode):
         result = super().on_activate(state)
         look()
         # A map that was resumed is there for everybody at once.
-        session.publish_again()
+        session.maps.publish_again()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -204,7 +204,7 @@ class MapFusion(LifecycleNode):
 
     def _get_map(self, request: Any, response: Any) -> Any:
         """Fill in the map; without one, the response stays empty."""
-        grid = None if self.session is None else self.session.message()
+        grid = None if self.session is None else self.session.maps.message()
         if grid is not None:
             response.map = grid
         return response

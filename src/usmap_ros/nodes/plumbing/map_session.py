@@ -1,11 +1,9 @@
 """All that map_fusion has while it is configured: the map, and who works on it."""
 
-import time
 import traceback
 from typing import Any
 
-from usmap_ros.errors import MalformedMessageError, MapFileError, MapSizeError
-from usmap_ros.grids import OccupancyMap
+from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import cone_from_cdr
 from usmap_ros.live.checkpoint import Checkpoint
 from usmap_ros.live.health import Health
@@ -13,9 +11,8 @@ from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.far_off import FarOffError
 from usmap_ros.mapping.robot_check.consistency import is_of
 from usmap_ros.nodes.plumbing.cone_topics import ForeignCones
-from usmap_ros.nodes.plumbing.corrected_poses import CorrectedPoses
 from usmap_ros.nodes.plumbing.frames import Transforms
-from usmap_ros.nodes.plumbing.map_publisher import MapPublisher
+from usmap_ros.nodes.plumbing.map_bringer import MapBringer
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.robot_check import RobotCheck
 from usmap_ros.nodes.plumbing.worker import Worker
@@ -25,13 +22,6 @@ from usmap_ros.pings.repeats import RepeatedPingError
 
 #: How often it is looked whether a transform has come that a cone waits for.
 _RETRY_S = 0.02
-#: How many of its periods a map is put off while cones wait to be fused, and how often it is looked
-#: whether they still do.
-_PUT_OFF_PERIODS, _LOOK_S = 2.0, 0.004
-#: By how much maps give way to the pings that come, of the 10 that what takes seconds does.
-_PATIENCE = 5
-#: When nothing has come for so long, all that came is explained together.
-_QUIET_S = 0.5
 #: Why cones are lost, by what they are counted as.
 _LOSSES = {
     "dropped": "cones come faster than they are fused",
@@ -80,29 +70,20 @@ class MapSession:
             on_set_apart=lambda count, cause: health.problem("set apart", cause, number=count),
             poses=now.poses,
         )
-        self._checkpoint = Checkpoint(now.checkpoint_path)
-        if now.resume and self._checkpoint.restore(self.fusion):
+        checkpoint = Checkpoint(now.checkpoint_path)
+        if now.resume and checkpoint.restore(self.fusion):
             node.get_logger().info(f"resumed the map in {now.checkpoint_path}")
-        if self._checkpoint.trouble:
-            health.problem("set aside", self._checkpoint.trouble)
+        if checkpoint.trouble:
+            health.problem("set aside", checkpoint.trouble)
         self._node = node
         self._parameters = parameters
         self._health = health
         self._foreign_cones = ForeignCones(transforms, health, self._hand_over, self._hold)
-        self._publisher = MapPublisher(node, now.publish_updates, now.whole_map_period_s)
-        self._corrected = CorrectedPoses(node, transforms, health)
-        self._published_version = self._generation = 0
-        # When there was a new ping the last time that it was looked, and whether the map that was
-        # published then was that of all pings together.
-        self._changed_s, self._is_whole = 0.0, False
         self._noted = dict.fromkeys(_LOSSES, 0)
         self.fusion.leave_out(now.without)
-        self._is_to_be_published = self._is_to_be_kept = False
-        self._asked_s = 0.0
-        self._is_unpublished = self._was_reset = False
         self._worker = Worker(node, self._step)
-        # A map that comes later has more in it; pings that wait for one would be dropped.
-        self._bringer = Worker(node, self._bring_out, patience=_PATIENCE)
+        #: Publishes the map and keeps it on disk.
+        self.maps = MapBringer(node, parameters, health, self.fusion, checkpoint, transforms)
         #: Tells which robots contradict the others.
         self.check = RobotCheck(node, self.fusion, parameters, health)
 
@@ -110,10 +91,7 @@ class MapSession:
         """End the work, keep the map on disk, and take its topics back."""
         self.check.stop()
         self._worker.stop()
-        self._bringer.stop()
-        self._keep()
-        self._corrected.destroy()
-        self._publisher.destroy()
+        self.maps.close()
 
     def take_over_parameters(self) -> None:
         """Obey those that may change while there is a map."""
@@ -123,7 +101,11 @@ class MapSession:
         self._worker.wake()
         self.check.wake()
 
-    # ---- cones
+    def reset(self) -> None:
+        """Forget the map."""
+        self.fusion.reset()
+        self.check.wake()
+        self.maps.forget()
 
     def set_sources(self, present: dict[str, bool]) -> None:
         """Wait for the topics on which somebody publishes."""
@@ -213,97 +195,3 @@ class MapSession:
                     reason = f"{self.fusion.queue.last_late}: {reason}"
                 self._health.problem(what, reason, number=number - self._noted[what])
         self._noted = now
-
-    # ---- maps
-
-    def publish(self) -> None:
-        """Have the map published, if it has changed since the last time."""
-        if not self._is_to_be_published:
-            self._asked_s = time.monotonic()
-        self._is_to_be_published = True
-        self._bringer.wake()
-
-    def publish_again(self) -> None:
-        """Have the map published, whether it has changed or not."""
-        self._is_unpublished = True
-        self.publish()
-
-    def keep(self) -> None:
-        """Have the checkpoint written, if the map has changed since the last time."""
-        self._is_to_be_kept = True
-        self._bringer.wake()
-
-    def _bring_out(self) -> float | None:
-        """Publish and keep the map as asked for; runs in a thread of its own."""
-        # What is promised of the map on disk does not wait until a large map has been sent.
-        if self._is_to_be_kept:
-            self._is_to_be_kept = False
-            self._keep(in_time=True)
-        if not self._is_to_be_published:
-            return None
-        if self._is_better_later():
-            return _LOOK_S
-        self._is_to_be_published = False
-        self._publish_if_changed()
-        return None
-
-    def _is_better_later(self) -> bool:
-        """Whether cones would only wait for longer, and come into a later map, if one was made."""
-        put_off_s = _PUT_OFF_PERIODS / self._parameters.value.publish_rate_hz
-        return self.fusion.is_behind and time.monotonic() < self._asked_s + put_off_s
-
-    def _publish_if_changed(self) -> None:
-        version = self.fusion.version
-        is_new = version != self._published_version
-        now_s = time.monotonic()
-        if is_new:
-            self._changed_s = now_s
-        # When nothing comes any more, all that came is explained together once.
-        is_last = not is_new and now_s - self._changed_s >= _QUIET_S
-        has_changed = is_new or self._is_unpublished or (is_last and not self._is_whole)
-        if not has_changed and (self._publisher.is_complete or not is_last):
-            return
-        if self._was_reset or self.fusion.generation != self._generation:
-            self._was_reset, self._generation = False, self.fusion.generation
-            self._publisher.forget_extent()
-        try:
-            occupancy = self.fusion.live_map(is_last)
-            is_whole = self.fusion.is_whole
-            if is_last and not self._is_unpublished and not is_whole:
-                # It is being worked out beside, and published when it is there.
-                return
-            self._is_unpublished, self._is_whole = False, is_whole
-            if occupancy.frame_id and has_changed:
-                self._publisher.publish(occupancy)
-                self._corrected.update(self.fusion.poses.latest)
-                self._health.count("published")
-            elif occupancy.frame_id:
-                self._publisher.complete(occupancy)
-        except (MalformedMessageError, MapSizeError) as error:
-            self._health.problem("unpublished", f"map: {error}", is_error=True)
-        self._published_version = version
-
-    def message(self) -> Any | None:
-        """``nav_msgs/OccupancyGrid`` of the map as it is now; None while it has no frame."""
-        try:
-            occupancy: OccupancyMap = self.fusion.occupancy_map()
-            if not occupancy.frame_id:
-                return None
-            return self._publisher.message(occupancy)
-        except (MalformedMessageError, MapSizeError) as error:
-            self._health.problem("unpublished", f"map: {error}", is_error=True)
-            return None
-
-    def reset(self) -> None:
-        """Forget the map."""
-        self.fusion.reset()
-        self.check.wake()
-        # And once more before the next map: one of before may just be going out.
-        self._publisher.forget_extent()
-        self._was_reset = self._is_unpublished = True
-
-    def _keep(self, *, in_time: bool = False) -> None:
-        try:
-            self._checkpoint.keep(self.fusion, in_time=in_time)
-        except MapFileError as error:
-            self._health.problem("not kept", str(error), is_error=True)

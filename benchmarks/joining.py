@@ -78,15 +78,21 @@ def shared(pings: list[Ping], true: dict[tuple[str, int], Pose]) -> str:
     return ", ".join(f"{0.5 * in_common(*two)[0]:.0f}" for two in combinations(maps, 2))
 
 
-def main() -> None:
-    """Print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def options(description: str | None, seeds: list[int]) -> argparse.ArgumentParser:
+    """Which scenes of robots with unknown starts are wanted, those of some seeds by default."""
+    parser = argparse.ArgumentParser(description=description)
     kinds = [*scenes.KINDS, *scenes.UNSCORED]
     parser.add_argument("--kinds", nargs="+", choices=kinds, default=["flat_rough"])
-    parser.add_argument("--seeds", nargs="+", type=int, default=[61, 62, 63])
+    parser.add_argument("--seeds", nargs="+", type=int, default=seeds)
     parser.add_argument("--pings", type=int, default=400)
     parser.add_argument("--speed", type=float, default=0.6)
     parser.add_argument("--tours", action="store_true", help="robots go all over the scene")
+    return parser
+
+
+def main() -> None:
+    """Print a table."""
+    parser = options(__doc__, [61, 62, 63])
     parser.add_argument("--apart", action="store_true", help="robots of two scenes")
     arguments = parser.parse_args()
     print("| scene | seed | joined | off, m | shared: 12, 13, 23 | ms a ping |")

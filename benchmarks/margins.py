@@ -9,14 +9,12 @@ them is wrong.  ``symmetric`` are rooms that are the same after half a turn.
 
 from __future__ import annotations
 
-import argparse
 import math
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import scenes
-from joining import heard, unknown_starts
+from joining import heard, options, unknown_starts
 from numpy.typing import NDArray
 from poses import places
 
@@ -25,7 +23,7 @@ from usmap_ros.localisation import Match, match_maps, refine_poses
 from usmap_ros.localisation.map_match import Submap
 from usmap_ros.localisation.planar import between, compose
 from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.simulation import true_paths
+from usmap_ros.simulation import Scenario, true_paths
 
 FloatArray = NDArray[np.float64]
 #: A match is right that is off by no more, root mean square of what stands, m: poses of either map
@@ -72,9 +70,8 @@ def laid_over(found_m: FloatArray, true_m: FloatArray) -> FloatArray:
     return np.append(true_m.mean(axis=0) - turned[:2], np.angle(turn))
 
 
-def mapped(kind: str, seed: int, pings: int, speed_m_s: float) -> list[Mapped]:
+def mapped(scene: Scenario, kind: str, seed: int) -> list[Mapped]:
     """Robots of a scene, each by itself."""
-    scene = unknown_starts(kind, seed, pings, speed_m_s)
     true, pipelines = places(true_paths(scene)), dict[str, Pipeline]()
     ways: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
     for topic, cone in refine_poses(heard(scene)).pings:
@@ -123,18 +120,13 @@ def table(matches: list[tuple[bool, float, bool]]) -> str:
 
 def main() -> None:
     """Print a line for each pair, and a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    kinds = [*scenes.KINDS, *scenes.UNSCORED]
-    parser.add_argument("--kinds", nargs="+", choices=kinds, default=["flat_rough"])
-    parser.add_argument("--seeds", nargs="+", type=int, default=[201, 202, 203])
-    parser.add_argument("--pings", type=int, default=400)
-    parser.add_argument("--speed", type=float, default=0.6)
-    arguments = parser.parse_args()
+    arguments = options(__doc__, [201, 202, 203]).parse_args()
+    how = arguments.pings, arguments.speed, arguments.tours
     robots = [
         robot
         for kind in arguments.kinds
         for seed in arguments.seeds
-        for robot in mapped(kind, seed, arguments.pings, arguments.speed)
+        for robot in mapped(unknown_starts(kind, seed, *how), kind, seed)
     ]
     print("| one | other | pieces | margin | against | sureness | off, m |\n" + "|---" * 7 + "|")
     matches = []

@@ -418,6 +418,19 @@ def test_margins_are_counted_by_place() -> None:
     assert "| 4.0 | 1 | 0 | 0 |" in lines
 
 
+def test_whoever_counts_joined_robots_may_ask_for_every_kind_of_scene(scenes: ModuleType) -> None:
+    joining = importlib.import_module("joining")
+    kinds, parser = [*scenes.KINDS, *scenes.UNSCORED], joining.options(None, [7])
+    assert parser.parse_args(["--kinds", *kinds]).kinds == kinds
+    assert parser.parse_args([]).seeds == [7]
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--kinds", "nothing"])
+    for kind in kinds:
+        scene = joining.unknown_starts(kind, 7, 50, 0.6)
+        assert scene.duration_s == 5.0
+        assert {robot.odometry.start for robot in scene.robots} == {"unknown"}
+
+
 def test_robots_on_tour_come_into_all_rooms(scenes: ModuleType) -> None:
     tours = importlib.import_module("tours")
     scenario = scenes.scenario("flat_rough", "many_pings", 1)

@@ -17,7 +17,7 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.runs.correction import Corrected, correct_poses
 from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.runs.poses import DriftWatch
+from usmap_ros.runs.poses import PoseWatch
 from usmap_ros.runs.restarts import Restarts
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
 
@@ -44,7 +44,7 @@ class LivePoses:
         self._anchors: dict[str, Anchor] = {}
         self._kinds: dict[str, PoseKind] = {}
         self._earlier: OccupancyMap | None = None
-        self._watch = DriftWatch(parameters.poses.use != "auto")
+        self._watch = PoseWatch(parameters.poses.use != "auto")
         # Rises with every ping.
         self._version = 0
         #: Rises when other pings than the newest change.
@@ -193,7 +193,7 @@ class LivePoses:
                 found = made.corrected.pings
                 stays = of_latest_lives(self._told[: len(found)], found)
                 stays += [True] * (len(self._told) - len(found))
-                anchors = self._anchors_from(found, count, stays)
+                anchors = self._anchors_from(made.corrected, count, stays)
                 self._anchors = self._anchors | anchors
                 kept = zip(self._told[count:], stays[count:], strict=True)
                 self._told = [ping for ping, is_kept in kept if is_kept]
@@ -204,15 +204,14 @@ class LivePoses:
             self._lock.release()
 
     def _anchors_from(
-        self, found: list[Ping], first: int, stays: Sequence[bool]
+        self, done: Corrected, first: int, stays: Sequence[bool]
     ) -> dict[str, Anchor]:
         """Where robots that drift were found to be at their first pings that are kept."""
         anchors: dict[str, Anchor] = {}
-        for row in range(first, len(found)):
-            (topic, told), (_, one) = self._told[row], found[row]
+        for row in range(first, len(done.pings)):
+            (topic, told), (_, one) = self._told[row], done.pings[row]
             robot = robot_of(topic, told)
-            kind = self._kinds.get(robot)
-            if stays[row] and (kind is None or kind.drifts):
+            if stays[row] and done.drifts(robot):
                 anchors.setdefault(robot, Anchor(told.pose, one.pose, one.frame_id))
         return anchors
 
@@ -232,13 +231,11 @@ class _GoingOn:
 
     def __init__(self, pipeline: Pipeline, told: Sequence[Ping], done: Corrected) -> None:
         self.pipeline, self._count = pipeline, len(told)
-
-        def drifts(robot: str) -> bool:
-            return robot not in done.robots or done.robots[robot].kind.drifts
-
         # What is off by chance at one ping is not at the next.
         self._anchors = {
-            robot: Anchor(cone.pose if drifts(robot) else found.pose, found.pose, found.frame_id)
+            robot: Anchor(
+                cone.pose if done.drifts(robot) else found.pose, found.pose, found.frame_id
+            )
             for (topic, cone), (_, found) in zip(told, done.pings, strict=True)
             for robot in [robot_of(topic, cone)]
         }

@@ -16,13 +16,13 @@ from usmap_ros.localisation.data_association import (
     DataAssociation,
     associate_echoes,
     cost_of_landmark,
-    worth_their_cost,
 )
 from usmap_ros.localisation.echo_table import TrackEchoes, tabulate
 from usmap_ros.localisation.found import FoundPoses
 from usmap_ros.localisation.landmark_equations import changes_by_landmark, with_changes
 from usmap_ros.localisation.lines_and_points import Landmarks
-from usmap_ros.localisation.votes import find_lines, find_points
+from usmap_ros.localisation.planar import told_poses
+from usmap_ros.localisation.votes import find_landmarks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.pings.clutter import clutter_of, without_clutter
@@ -55,8 +55,7 @@ def settle(cones: Sequence[EchoCone]) -> FoundPoses | None:
         None where poses as told explain what was heard as well.  Pings that hear nothing that
         others hear, too, stay where they were.
     """
-    told = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
-    known = np.array([one.pose.planar_covariance for one in cones])
+    told, known = told_poses(cones)
     clutter = clutter_of(cones)
     echoes = tabulate([without_clutter(cone, clutter) for cone in cones], np.ones(len(cones)))
     if len(echoes.ping) == 0:
@@ -70,6 +69,25 @@ def settle(cones: Sequence[EchoCone]) -> FoundPoses | None:
     if resection.log_posterior() <= likely_as_told:
         return None
     return FoundPoses(resection.poses, resection.covariances(landmarks, _SIGMAS_M[-1]))
+
+
+def without_chance_lines(landmarks: Landmarks, gathered: FloatArray) -> Landmarks:
+    """Points, and those lines that gather clearly more echoes than points do.
+
+    Lines of fewer are chance, and pings that are bent to one make walls among poles.
+
+    Parameters
+    ----------
+    landmarks : Landmarks
+        What seems to stand.
+    gathered : (landmarks,) array
+        How many echoes are of each.
+    """
+    is_kept, lines = np.ones(landmarks.total, bool), len(landmarks.normals_rad)
+    if lines < landmarks.total:
+        usual = float(np.median(gathered[lines:]))
+        is_kept[:lines] = gathered[:lines] > _LINE_OVER_POINT * usual
+    return landmarks.of(is_kept)
 
 
 class _Resection:
@@ -91,22 +109,11 @@ class _Resection:
         self.all: BoolArray = np.ones(len(told), bool)
 
     def landmarks(self, sigma_m: float) -> Landmarks:
-        """What stands, by where pings are now.
-
-        A wall gathers more echoes than points do: lines of fewer are chance, and pings that are
-        bent to one make walls among poles.
-        """
-        pings = self.echoes, self.poses, self.all
-        lines = find_lines(*pings, sigma_m)
-        both = lines._replace(points_m=find_points(*pings, sigma_m))
-        landmarks = worth_their_cost(*pings, both, sigma_m)
-        heard, first_point = self.associate(landmarks, sigma_m), len(landmarks.normals_rad)
+        """What stands, by where pings are now."""
+        landmarks = find_landmarks(self.echoes, self.poses, self.all, sigma_m)
+        heard = self.associate(landmarks, sigma_m)
         gathered = np.bincount(heard.landmark, heard.shares, landmarks.total)
-        is_kept = np.ones(landmarks.total, bool)
-        if first_point < landmarks.total:
-            usual = float(np.median(gathered[first_point:]))
-            is_kept[:first_point] = gathered[:first_point] > _LINE_OVER_POINT * usual
-        return landmarks.of(is_kept)
+        return without_chance_lines(landmarks, np.asarray(gathered))
 
     def log_posterior(self) -> float:
         """How likely poses are by what was told and by the landmarks that they show."""

@@ -1,9 +1,18 @@
 """Poses in the plane as rows of x (m), y (m) and yaw (rad)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import wrapped
+from usmap_ros.pings.cone import EchoCone
+
+
+def told_poses(cones: Sequence[EchoCone]) -> tuple[FloatArray, FloatArray]:
+    """Poses that pings state, (n, 3), and their covariances, (n, 3, 3)."""
+    poses = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
+    return poses, np.array([one.pose.planar_covariance for one in cones])
 
 
 def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:

@@ -32,9 +32,14 @@ class PoseKind(Enum):
     INSISTED = "odometry, as insisted on"
 
     @property
+    def must_correct(self) -> bool:
+        """Whether poses are not right as told: they drift, or are off by chance."""
+        return self is not PoseKind.ABSOLUTE
+
+    @property
     def drifts(self) -> bool:
         """Whether changes are known better than places."""
-        return self not in (PoseKind.ABSOLUTE, PoseKind.NOISY)
+        return self.must_correct and self is not PoseKind.NOISY
 
 
 def robot_of(topic: str, cone: EchoCone) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from usmap_ros.localisation.echo_table import tabulate
 from usmap_ros.localisation.found import FoundPoses
 from usmap_ros.localisation.noisy_poses import settle
+from usmap_ros.localisation.planar import told_poses
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
 from usmap_ros.localisation.search import search
 from usmap_ros.localisation.smoother import Smoother
@@ -135,8 +136,7 @@ def _refine_frame(
     every = max(_EVERY, -(-sum(map(len, rows.values())) // _MOST_KNOTS))
     all_rows = np.concatenate(list(rows.values()))
     cones = [pings[row][1] for row in all_rows]
-    told = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
-    known = np.array([one.pose.planar_covariance for one in cones])
+    told, known = told_poses(cones)
     _, transducers = np.unique([one.child_frame_id for one in cones], return_inverse=True)
     tracks, first = [], 0
     for robot, own in rows.items():
@@ -163,7 +163,7 @@ def _settle_frame(
     """Correct poses in one frame that are off by chance; how far each robot's were moved."""
     all_rows = np.concatenate(list(rows.values()))
     cones = [pings[row][1] for row in all_rows]
-    told = np.array([[*one.pose.position_m[:2], one.pose.yaw_rad] for one in cones])
+    told, _ = told_poses(cones)
     found = FoundPoses(told.copy(), np.full((len(cones), 3, 3), np.nan))
     is_noisy = np.repeat(
         [kinds[robot] is PoseKind.NOISY for robot in rows], [len(own) for own in rows.values()]

@@ -6,12 +6,12 @@ import copy
 import math
 from typing import NamedTuple
 
-from usmap_ros.localisation.data_association import associate_echoes, worth_their_cost
+from usmap_ros.localisation.data_association import associate_echoes
 from usmap_ros.localisation.echo_table import first_of_each_ping
 from usmap_ros.localisation.found import FoundPoses, average, of_pings
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.smoother import Smoother
-from usmap_ros.localisation.votes import find_lines, find_points
+from usmap_ros.localisation.votes import find_landmarks, find_lines
 from usmap_ros.numerics.arrays import FloatArray
 
 #: How far walls may seem to be off, m, one after the other; steps for each before the last one.
@@ -162,12 +162,8 @@ def _landmarks(smoother: Smoother, sigma_m: float, points_m: float) -> Landmarks
 
     Points are looked for where poses are not off by more than `points_m`.
     """
-    heard = smoother.echoes, smoother.poses, smoother.active
-    lines = find_lines(*heard, sigma_m)
-    if sigma_m > points_m:
-        return lines
-    both = lines._replace(points_m=find_points(*heard, sigma_m))
-    return worth_their_cost(*heard, both, sigma_m)
+    find = find_landmarks if sigma_m <= points_m else find_lines
+    return find(smoother.echoes, smoother.poses, smoother.active, sigma_m)
 
 
 def _likely_by_landmarks(smoother: Smoother, sigma_m: float) -> float:

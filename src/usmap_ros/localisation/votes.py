@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.localisation.data_association import worth_their_cost
 from usmap_ros.localisation.echo_table import TrackEchoes, of_rows
 from usmap_ros.localisation.line_fits import (
     LandmarkEchoes,
@@ -60,6 +61,15 @@ def find_points(
     centre_m = poses[:, :2].mean(axis=0)
     bearers = _bearers(echoes, poses, wanted, centre_m)
     return np.asarray(_found(_Points(bearers, max(_STEP_M, sigma_m), sigma_m)) + centre_m)
+
+
+def find_landmarks(
+    echoes: TrackEchoes, poses: FloatArray, wanted: BoolArray, sigma_m: float
+) -> Landmarks:
+    """Lines and points that are worth their cost; parameters are those of `find_lines`."""
+    heard = echoes, poses, wanted
+    both = find_lines(*heard, sigma_m)._replace(points_m=find_points(*heard, sigma_m))
+    return worth_their_cost(*heard, both, sigma_m)
 
 
 def _found(kind: _Lines | _Points) -> FloatArray:

@@ -61,6 +61,10 @@ class Corrected:
     pings: list[Ping]
     robots: dict[str, RobotPoses] = field(default_factory=dict)
 
+    def drifts(self, robot: str) -> bool:
+        """Whether its changes are known better than its places, as of robots that nobody knows."""
+        return robot not in self.robots or self.robots[robot].kind.drifts
+
 
 def correct_poses(
     pings: Sequence[Ping],

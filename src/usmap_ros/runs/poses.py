@@ -44,8 +44,8 @@ class PoseRun:
     def corrected(self, pings: Iterable[Ping]) -> Iterator[Ping]:
         """Pings with the poses that they are to be mapped with.
 
-        Pings are held back until it is known whether their robots drift; and until the last one
-        is there if one does.
+        Pings are held back until it is known whether poses must be corrected; and until the last
+        one is there if any must.
         """
         wanted = self.parameters.poses
         if wanted.use == "told" and not wanted.starts():
@@ -55,7 +55,7 @@ class PoseRun:
         held: list[Ping] = []
         # What is mapped as it was told, and may still help to find where a late robot is.
         done: deque[Ping] = deque(maxlen=self.parameters.mapping.window)
-        watch = DriftWatch(wanted.use != "auto")
+        watch = PoseWatch(wanted.use != "auto")
         for ping in stream:
             held.append(ping)
             watch.add(ping)
@@ -87,7 +87,7 @@ class PoseRun:
         return corrected.pings[len(done) :]
 
 
-class DriftWatch:
+class PoseWatch:
     """Whether any robot's poses are not right as told, as far as the pings so far tell.
 
     Parameters
@@ -103,7 +103,7 @@ class DriftWatch:
 
     def __init__(self, is_known: bool = False) -> None:
         self.must_correct = is_known
-        # Robots of which it is not known yet; and those that do not.
+        # Robots of which it is not known yet; and those of which it is.
         self._watched: dict[str, _Watch] = {}
         self._settled: set[str] = set()
 
@@ -118,14 +118,14 @@ class DriftWatch:
         if self.must_correct or robot in self._settled:
             return
         kind = self._watched.setdefault(robot, _Watch()).add(ping[1])
-        if kind is PoseKind.ABSOLUTE:
+        if kind is not None:
             self._settled.add(robot)
             del self._watched[robot]
-        self.must_correct = kind not in (None, PoseKind.ABSOLUTE)
+            self.must_correct = kind.must_correct
 
 
 class _Watch:
-    """What is known so far of whether a robot drifts."""
+    """What is known so far of a robot's poses."""
 
     def __init__(self) -> None:
         self.cones: list[EchoCone] = []
@@ -141,8 +141,8 @@ class _Watch:
         self._ways_m[transducer], self._last_m[transducer] = way_m, place_m
         self.cones.append(cone)
         kind = pose_kind([self.cones[0], cone])
-        if kind is not PoseKind.ABSOLUTE:
+        if kind.must_correct:
             # Between the two it may have gone up and down; only all of them tell.
             kind = pose_kind(self.cones)
         is_settled = way_m >= _WAY_M or len(self.cones) >= _PINGS
-        return kind if kind is not PoseKind.ABSOLUTE or is_settled else None
+        return kind if kind.must_correct or is_settled else None

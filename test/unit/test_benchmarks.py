@@ -414,7 +414,7 @@ def test_margins_are_counted_by_place() -> None:
     lines = margins.table(matches).splitlines()
     assert lines[0] == "3 pairs in one place, 1 in different ones"
     assert "| 0.5 | 2 | 1 | 1 |" in lines
-    assert "| 3.2 | 2 | 0 | 0 |" in lines
+    assert "| 3.0 | 2 | 0 | 0 |" in lines
     assert "| 4.0 | 1 | 0 | 0 |" in lines
 
 

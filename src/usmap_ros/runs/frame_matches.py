@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,10 @@ _OFF = np.array([0.1, 0.1, 0.03])
 _STAYS_M, _STAYS_RAD = 0.4, 0.15
 
 
+#: Names of two frames, of which the second one may be brought into the first one.
+Pair = tuple[str, str]
+
+
 @dataclass
 class JoinedRobots:
     """Robots whose frames are one.
@@ -51,6 +56,21 @@ class JoinedRobots:
     robots: set[str]
     earlier: OccupancyMap | None = None
     map: OccupancyMap | None = None
+
+
+class SecondLook(NamedTuple):
+    """What was found with poses refined together, as if two frames lay as a match has them.
+
+    Parameters
+    ----------
+    match : Match
+        With that change, and with what counts for it then.
+    pings : list of (topic, EchoCone)
+        Those poses in the first frame, of its pings and then of those of the second one.
+    """
+
+    match: Match
+    pings: list[Ping]
 
 
 @dataclass
@@ -74,7 +94,8 @@ class FrameMatches:
     refined: Sequence[Ping]
     kinds: Mapping[str, PoseKind]
     parameters: PipelineParameters
-    _found: dict[tuple[str, str], Match | None] = field(default_factory=dict)
+    _found: dict[Pair, Match | None] = field(default_factory=dict)
+    _again: dict[Pair, SecondLook | None] = field(default_factory=dict)
 
     def links(self) -> list[Link]:
         """How frames lie in others of which it is sure how they relate."""
@@ -92,62 +113,100 @@ class FrameMatches:
                 -len(self.frames[name].rows),
             ),
         )
-        sure: dict[tuple[str, str], Match] = {}
+        matches: dict[Pair, Match] = {}
         for pair in combinations(ranked, 2):
-            if not is_own_frame(pair[1]):
-                continue
-            if pair not in self._found:
-                self._found[pair] = self._match(*pair)
-            match = self._found[pair]
-            if match and match.is_sure:
-                sure[pair] = match
-        return links(sure, ranked, is_own_frame)
+            if is_own_frame(pair[1]) and (match := self._match(pair)):
+                matches[pair] = match
+        sure = {pair: match for pair, match in matches.items() if match.is_sure}
+        if made := links(sure, ranked, is_own_frame):
+            return made
+        # What is joined tells more of the rest, at less cost than a second look does.
+        return links(self._borne_out(matches), ranked, is_own_frame)
 
     def forget(self, changed: Iterable[str]) -> None:
         """Work matches of some frames out anew."""
         names = set(changed)
-        self._found = {pair: one for pair, one in self._found.items() if not names & set(pair)}
+        for found in (self._found, self._again):
+            for pair in [pair for pair in found if names & set(pair)]:
+                del found[pair]
 
-    def _match(self, target: str, source: str) -> Match | None:
-        one, other = self.frames[target], self.frames[source]
-        # A robot that has lost itself makes a map that is too large, and joins nobody.
-        with suppress(MapSizeError):
-            match = match_maps(self._map_of(one), self._map_of(other))
-            if match and not match.is_sure and match.is_promising and one.earlier is None:
-                link = Link(target, source, match.change, match.about_m)
-                again = self._second_look(link)
-                # What is right gains by it.
-                return again if again and again.margin > match.margin else match
-            return match
-        return None
+    def refined_by(self, made: Sequence[Link]) -> list[Ping] | None:
+        """Pings by the second look that made sure of a link, its target's first; or None."""
+        looks = [self._again.get((link.target, link.source)) for link in made]
+        return looks[0].pings if len(looks) == 1 and looks[0] else None
 
-    def _second_look(self, link: Link) -> Match | None:
-        """A match by maps that are made of poses refined together, as if it were right.
+    def _match(self, pair: Pair) -> Match | None:
+        if pair not in self._found:
+            self._found[pair] = None
+            # A robot that has lost itself makes a map that is too large, and joins nobody.
+            with suppress(MapSizeError):
+                maps = (self._map_of(self.frames[name]) for name in pair)
+                self._found[pair] = match_maps(*maps)
+        return self._found[pair]
 
-        Poses that are off bend maps, which then contradict each other though they are of one
-        place.  If they are, both are mended by what they have in common; if not, each is bent to
-        what it is not, and less is in common than before.
-        """
-        sides = [self.frames[name].rows for name in (link.target, link.source)]
-        first = [self.told[row] for row in sides[0]]
-        pings = first + [moved_by(self.told[row], link) for row in sides[1]]
-        together = refine_poses(pings, kinds=self.kinds).pings
-        maps = (together[: len(first)], together[len(first) :])
-        match = match_maps(*(map_of(each, self.parameters) for each in maps))
-        if match is None:
-            return None
-        about = np.append(match.about_m, 0.0)
-        off = compose(match.change, about) - about
-        if math.hypot(*off[:2]) > _STAYS_M or abs(off[2]) > _STAYS_RAD:
-            return None
-        change = compose(match.change, link.change)
-        return replace(match, change=change, about_m=link.about_m)
+    def _borne_out(self, matches: Mapping[Pair, Match]) -> dict[Pair, Match]:
+        """The first of those that are promising of which a second look makes sure."""
+        for pair, match in sorted(matches.items(), key=lambda each: -each[1].margin):
+            if match.is_sure or not match.is_promising or self.frames[pair[0]].earlier is not None:
+                continue
+            if pair not in self._again:
+                link = Link(*pair, match.change, match.about_m)
+                one, other = ([self.told[row] for row in self.frames[name].rows] for name in pair)
+                self._again[pair] = second_look(one, other, link, self.kinds, self.parameters)
+            again = self._again[pair]
+            if again and again.match.bears_out(match):
+                return {pair: again.match}
+        return {}
 
     def _map_of(self, frame: JoinedRobots) -> OccupancyMap:
         if frame.map is None:
             pings = [self.refined[row] for row in frame.rows]
             frame.map = map_of(pings, self.parameters, frame.earlier)
         return frame.map
+
+
+def second_look(
+    target: Sequence[Ping],
+    source: Sequence[Ping],
+    link: Link,
+    kinds: Mapping[str, PoseKind],
+    parameters: PipelineParameters,
+) -> SecondLook | None:
+    """A match by maps that are made of poses refined together, as if a link were right.
+
+    Poses that are off bend maps, which then contradict each other though they are of one place.  If
+    they are, both are mended by what they have in common; if not, each is bent to what it is not,
+    and less is in common than before.
+
+    Parameters
+    ----------
+    target, source : sequences of (topic, EchoCone)
+        Pings of the two frames, as they were told.
+    link : Link
+        How the frames lie.
+    kinds : mapping of str to PoseKind
+        What the poses of each robot are.
+    parameters : PipelineParameters
+        Of the maps.
+
+    Returns
+    -------
+    SecondLook or None
+        None if maps do not lie where the link has them any more.
+    """
+    pings = [*target, *(moved_by(ping, link) for ping in source)]
+    together = refine_poses(pings, kinds=kinds).pings
+    match: Match | None = None
+    with suppress(MapSizeError):
+        maps = together[: len(target)], together[len(target) :]
+        match = match_maps(*(map_of(each, parameters) for each in maps))
+    if match is None:
+        return None
+    about = np.append(match.about_m, 0.0)
+    off = compose(match.change, about) - about
+    if math.hypot(*off[:2]) > _STAYS_M or abs(off[2]) > _STAYS_RAD:
+        return None
+    return SecondLook(replace(match, change=link.change, about_m=link.about_m), together)
 
 
 def map_of(

@@ -104,18 +104,20 @@ def join_robots(
         frames.setdefault(earlier.frame_id, JoinedRobots([], set())).earlier = earlier
     matches = FrameMatches(frames, base, current, kinds, parameters)
     while made := matches.links():
+        looked_at = matches.refined_by(made)
         for link in made:
             target, source = frames[link.target], frames.pop(link.source)
             for row in source.rows:
                 base[row] = moved_by(base[row], link)
-            rows, robots = sorted(target.rows + source.rows), target.robots | source.robots
+            rows, robots = target.rows + source.rows, target.robots | source.robots
             frames[link.target] = replace(target, rows=rows, robots=robots, map=None)
         changed = {name for link in made for name in (link.target, link.source)}
         for name in sorted(changed & set(frames)):
             rows = frames[name].rows
-            together = refine_poses([base[row] for row in rows], kinds=kinds).pings
+            together = looked_at or refine_poses([base[row] for row in rows], kinds=kinds).pings
             for row, ping in zip(rows, together, strict=True):
                 current[row] = ping
+            rows.sort()
         matches.forget(changed)
     _name(frames, current, world)
     return Joining(

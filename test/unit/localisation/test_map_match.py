@@ -178,17 +178,38 @@ def test_a_few_poles_are_not_enough() -> None:
 
 
 @pytest.mark.parametrize(
-    ("margin", "against", "is_sure"),
+    ("pieces", "margin", "against", "is_sure"),
     [
         # Two robots of one flat, whose poses are off after 1000 pings.
-        (8.8, 0.06, True),
+        (77.0, 8.8, 0.06, True),
         # The two legs of an angled corridor, and corridors of two buildings.
-        (4.1, 0.018, False),
-        (4.4, 0.026, False),
-        (3.3, 0.0, True),
+        (77.0, 4.1, 0.018, False),
+        (77.0, 4.4, 0.026, False),
+        (77.0, 3.8, 0.0, True),
+        # Two rooms that are each the same after half a turn.
+        (45.0, 3.7, 0.0, False),
     ],
 )
-def test_what_contradicts_a_match_is_weighed_against_its_margin(
-    margin: float, against: float, is_sure: bool
+def test_a_match_is_sure_by_its_margin_and_its_lead_less_what_contradicts_it(
+    pieces: float, margin: float, against: float, is_sure: bool
 ) -> None:
-    assert Match(np.zeros(3), np.zeros(2), 77.0, margin, against).is_sure == is_sure
+    assert Match(np.zeros(3), np.zeros(2), pieces, margin, against).is_sure == is_sure
+
+
+@pytest.mark.parametrize(
+    ("pieces", "first", "then", "is_sure"),
+    [
+        # Right ones gain by a second look, in one flat; wrong ones lose, of symmetric rooms.
+        (44.0, 2.0, 4.1, True),
+        (35.0, 3.9, 0.0, False),
+        (24.0, 2.3, 1.9, False),
+        (44.0, 4.2, 4.1, False),
+        (94.0, 6.7, 6.5, True),
+        (11.0, 2.0, 4.1, False),
+    ],
+)
+def test_a_second_look_makes_sure_of_a_match_that_gains_by_it(
+    pieces: float, first: float, then: float, is_sure: bool
+) -> None:
+    one, again = (Match(np.zeros(3), np.zeros(2), pieces, margin, 0.1) for margin in (first, then))
+    assert again.bears_out(one) == is_sure

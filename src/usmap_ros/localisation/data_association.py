@@ -125,27 +125,27 @@ class _Pairs(NamedTuple):
     ) -> _Pairs:  # fmt: skip
         """Parameters are those of `associate_echoes`."""
         count, seen, ping = landmarks.total, view_landmarks(landmarks, echoes, poses), echoes.ping
-        range_m, aslant_rad = echoes.range_m[:, np.newaxis], seen.aslant_rad[ping]
+        # Of most landmarks a ping looks the other way.
+        echo, landmark = np.nonzero(seen.faced[ping])
+        at, range_m = (ping[echo], landmark), echoes.range_m[echo]
+        aslant_rad = seen.aslant_rad[at]
         cosine, per_rad_m = np.cos(aslant_rad), -range_m * np.sin(aslant_rad)
-        off_m = range_m * cosine - seen.far_m[ping]
+        off_m = range_m * cosine - seen.far_m[at]
         std_m = np.hypot(sigma_m * cosine, per_rad_m * _EDGE_RAD)
-        faced = seen.faced[ping]
-        is_its = faced & wanted[ping, np.newaxis]
-        rows = echo, landmark = np.nonzero(is_its & (np.abs(off_m) < _REACH * std_m))
         stretch = np.floor(seen.along_m / _STRETCH_M).astype(np.int64)
         stretch -= stretch.min(initial=0)
         cells = stretch * count + np.arange(count)
-        first_only = echoes.aslant_rad[:, np.newaxis] > 0.0
-        hidden = np.zeros(seen.faced.shape, np.bool_)
-        hidden[ping] = first_only & (off_m < -2.0 * std_m)
-        looks = np.zeros((len(poses), 1))
-        looks[ping, 0] = echoes.weight * wanted[ping]
+        first_only, looked_at = echoes.aslant_rad[echo] > 0.0, seen.faced.copy()
+        looked_at[at] = ~(first_only & (off_m < -2.0 * std_m))
+        looks = np.zeros(len(poses))
+        looks[ping] = echoes.weight * wanted[ping]
         shape = int(stretch.max(initial=0)) + 1, count
-        asked = _by_stretch(cells, (seen.faced & ~hidden) * looks, shape)
-        beyond = np.nonzero(first_only & faced & (off_m > 3.0 * std_m))
+        asked = _by_stretch(cells[looked_at], looks[np.nonzero(looked_at)[0]], shape)
+        beyond = first_only & (off_m > 3.0 * std_m)
+        its = np.flatnonzero(wanted[at[0]] & (np.abs(off_m) < _REACH * std_m))
         return cls(
-            seen, echo, landmark, off_m[rows], std_m[rows], per_rad_m[rows],
-            cosine[rows] / std_m[rows], cells[ping[echo], landmark], cells, asked, *beyond,
+            seen, echo[its], landmark[its], off_m[its], std_m[its], per_rad_m[its],
+            cosine[its] / std_m[its], cells[at][its], cells, asked, echo[beyond], landmark[beyond],
         )  # fmt: skip
 
     def associate_echoes(
@@ -255,7 +255,7 @@ def _shares(echo: np.ndarray, density: FloatArray, count: int) -> tuple[FloatArr
 
 def _by_stretch(cell: np.ndarray, values: FloatArray, shape: tuple[int, int]) -> FloatArray:
     """Sums by stretches of walls, half of the neighbours' among them."""
-    counts = np.bincount(cell.ravel(), values.ravel(), shape[0] * shape[1])
+    counts = np.bincount(cell, values, shape[0] * shape[1])
     own = np.asarray(counts, float).reshape(shape)
     around = np.pad(own, ((1, 1), (0, 0)))
     return np.asarray(own + 0.5 * (around[:-2] + around[2:]))

@@ -19,6 +19,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
+from usmap_ros.mapping.joint.key_pings import key_pings
 from usmap_ros.mapping.joint.surfaces.lone_columns import lone_cells
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls, find_walls
@@ -31,6 +32,8 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 #: Sweeps before anything hides anything, after each of which what has no power goes; rounds of
 #: shadows and sweeps, and sweeps in each.
 FIRST_SWEEPS, ROUNDS, SWEEPS = (4, 4, 5), 6, 4
+#: Key pings settle what hides what if they are such a share of all at the most.
+MOST_KEY_SHARE = 0.5
 #: Rounds in which walls are found, and rounds of shadows in each.
 WALL_ROUNDS, WALL_SHADOWS = 2, 2
 #: Share of a belief in what hides that a round takes over: first, and with walls.
@@ -110,7 +113,7 @@ class JointEstimate:
         self._smooth.take_out()
         for _ in range(WALL_ROUNDS):
             filled = self.walls().filled
-            self._cast_shadows(filled, WALL_DAMPING, WALL_SHADOWS)
+            self._cast_shadows(self._powers, filled, WALL_DAMPING, WALL_SHADOWS)
         walls = self.walls()
         return self.walls() if self._smooth.doubt_columns_on(walls.lines) else walls
 
@@ -124,13 +127,26 @@ class JointEstimate:
         between : callable
             Called between pieces of work.
         """
-        self._powers.start()
+        key = key_pings(self.table, self.pings, self.weights)
+        if len(key) > MOST_KEY_SHARE * len(self.pings):
+            self._settle(self._powers, rounds, between)
+            return
+        few = Powers(self.table, self.pings[key], self.weights[key], self.field)
+        self._settle(few, rounds, between)
+        self._powers.take_up(few)
+        self._powers.renew_shadows(self.depth)
+        self._powers.sweep(SWEEPS)
+        self._weigh(self._powers)
+
+    def _settle(self, powers: Powers, rounds: int, between: Callable[[], None]) -> None:
+        """Find powers by some pings, or all, and beliefs with them; as in `estimate_powers`."""
+        powers.start()
         for sweeps in FIRST_SWEEPS:
-            self._powers.sweep(sweeps)
-            self._powers.renew_shadows(self.depth)
+            powers.sweep(sweeps)
+            powers.renew_shadows(self.depth)
         no_walls = np.zeros(self.field.shape, bool)
-        self._weigh()
-        self._cast_shadows(no_walls, FIRST_DAMPING, rounds, between)
+        self._weigh(powers)
+        self._cast_shadows(powers, no_walls, FIRST_DAMPING, rounds, between)
 
     def ratios_by_source(
         self, sources: Sequence[str], names: Sequence[str]
@@ -169,12 +185,13 @@ class JointEstimate:
         """λ of each range bin of each ping."""
         return self._powers.expected
 
-    def _weigh(self) -> None:
+    def _weigh(self, powers: Powers) -> None:
         """Gather the evidence of all cells."""
-        self.evidence = self._powers.weigh(self._forgetting)
+        self.evidence = powers.weigh(self._forgetting)
 
     def _cast_shadows(
         self,
+        powers: Powers,
         walls: BoolArray,
         damping: float,
         rounds: int,
@@ -184,6 +201,8 @@ class JointEstimate:
 
         Parameters
         ----------
+        powers : Powers
+            By the pings that tell.
         walls : (rows, columns) bool array
             Cells on lines.
         damping : float
@@ -199,9 +218,9 @@ class JointEstimate:
             belief = hiding(self.evidence, self.field.shape, walls | self._standing)
             self._hiding = (1.0 - damping) * before + damping * belief
             self.depth = optical_depth(self._hiding, self._opacity)
-            self._powers.renew_shadows(self.depth)
-            self._powers.sweep(SWEEPS)
-            self._weigh()
+            powers.renew_shadows(self.depth)
+            powers.sweep(SWEEPS)
+            self._weigh(powers)
             if np.abs(self._hiding - before).sum() <= SETTLED * self._hiding.sum():
                 break
 

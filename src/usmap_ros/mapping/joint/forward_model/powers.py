@@ -4,6 +4,8 @@ Pings are divided into groups, by their number alone, which as many threads work
 cores.  Groups are added up in their order, so that the map does not depend on the threads.
 """
 
+from __future__ import annotations
+
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -137,6 +139,13 @@ class Powers:
         self._begin(Scatterers(cell.astype(np.int32), part.astype(np.uint8)))
         self._power = power.ravel()[places]
         self._before = Settled(self._power.copy(), before.known[places])
+
+    def take_up(self, other: Powers) -> None:
+        """Begin with what scatters by other pings."""
+        alive = other._power > 0.0
+        cell, part = other._scatterers
+        self._begin(Scatterers(cell[alive], part[alive]))
+        self._power = other._power[alive]
 
     @property
     def power(self) -> NDArray[np.float32]:
@@ -301,6 +310,7 @@ class Powers:
         """Project scatterers, all of one power, without shadows."""
         self._scatterers = scatterers
         self._power = np.full(len(scatterers.cell), FIRST_POWER, np.float32)
+        self._gradients = np.zeros((0, len(scatterers.cell), 2), np.float32)
 
         def projected(which: slice) -> _Group:
             rows = project(self._table, self._pings[which], self._field, scatterers)

@@ -1,0 +1,73 @@
+"""Key pings: so few that each place is still looked at often enough from each side.
+
+Where robots go round and round, most pings say again what others said.  Until it is settled what
+hides what, those that add looks are enough; then all count.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.ping_table import GREATEST_RANGE, HALF_ANGLE, HEADING, PingTable, X, Y
+from usmap_ros.numerics.arrays import FloatArray
+
+#: Side of the squares in which looks are counted, and sectors of direction to look from.
+SQUARE_M, SECTORS = 0.5, 8
+#: Looks that are enough for a square from one sector, and the share of what a ping looks at that
+#: must still lack some, for it to be a key ping.
+ENOUGH_LOOKS, LACKING_SHARE = 4.0, 0.1
+#: Rays across a beam on which squares are counted.
+RAYS = 5
+
+
+def key_pings(
+    table: PingTable, pings: NDArray[np.int64], weights: NDArray[np.float32]
+) -> NDArray[np.int64]:
+    """Places of pings that together look at everything often enough.
+
+    Parameters
+    ----------
+    table : PingTable
+        Pings.
+    pings : (pings,) integer array
+        Rows of those that count.
+    weights : (pings,) float32 array
+        How much each counts.
+
+    Returns
+    -------
+    chosen : (key pings,) integer array
+        Which of them, in their order.
+    """
+    looks = _looks(table.numbers[pings])
+    counts = np.zeros(1 + max((int(own.max()) for own in looks if len(own)), default=0))
+    chosen = []
+    for index in _spread(len(pings)):
+        own = looks[index]
+        if np.count_nonzero(counts[own] < ENOUGH_LOOKS) > LACKING_SHARE * len(own):
+            counts[own] += weights[index]
+            chosen.append(index)
+    return np.sort(np.array(chosen, np.int64))
+
+
+def _looks(numbers: FloatArray) -> list[NDArray[np.int64]]:
+    """Numbers of squares, each with a sector, that each ping looks at."""
+    reach_m = numbers[:, GREATEST_RANGE]
+    ranges_m = SQUARE_M * np.arange(1, 1 + max(1, int(reach_m.max() / SQUARE_M)))
+    across = np.linspace(-1.0, 1.0, RAYS) * numbers[:, HALF_ANGLE, np.newaxis]
+    bearings = numbers[:, HEADING, np.newaxis] + across
+    x, y = (
+        np.floor((numbers[:, at, np.newaxis, np.newaxis] + part[:, :, np.newaxis] * ranges_m) / SQUARE_M)
+        for at, part in ((X, np.cos(bearings)), (Y, np.sin(bearings)))
+    )  # fmt: skip
+    sector = np.floor(bearings * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
+    column, row = (x - x.min()).astype(np.int64), (y - y.min()).astype(np.int64)
+    places = (row * (column.max() + 1) + column) * SECTORS + sector[:, :, np.newaxis]
+    inside = ranges_m <= np.maximum(reach_m, SQUARE_M)[:, np.newaxis]
+    return [np.unique(own[:, heard]) for own, heard in zip(places, inside, strict=True)]
+
+
+def _spread(count: int) -> list[int]:
+    """Numbers up to a count, such that the first ones are spread evenly over all."""
+    bits = max(1, (count - 1).bit_length())
+    turned = [int(f"{number:0{bits}b}"[::-1], 2) for number in range(1 << bits)]
+    return [number for number in turned if number < count]

@@ -15,6 +15,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint import estimate
 from usmap_ros.mapping.joint.free_space import (
     free_space,
     refutation,
@@ -115,6 +116,7 @@ def _none(*given: Any) -> list[Any]:
 PARTS = {
     "occlusion": Part("nothing hides anything", settings={"mapping.occlusion": False}),
     "forgetting": Part("nothing is forgotten", settings={"mapping.forgetting": 0.0}),
+    "key_pings": Part("all pings settle what hides what", ((estimate, "MOST_KEY_SHARE", 0.0),)),
     "lines": Part("no lines through believed cells", settings={"mapping.wall_gap_m": 0.0}),
     "doubles": Part(
         "ghosts beside lines stay",

@@ -32,8 +32,9 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 #: Sweeps before anything hides anything, after each of which what has no power goes; rounds of
 #: shadows and sweeps, and sweeps in each.
 FIRST_SWEEPS, ROUNDS, SWEEPS = (4, 4, 5), 6, 4
-#: Key pings settle what hides what if they are such a share of all at the most.
-MOST_KEY_SHARE = 0.5
+#: Key pings settle what hides what if they are such a share of all at the most; then so many rounds
+#: of all pings let go what only few of them spoke for.
+MOST_KEY_SHARE, ALL_ROUNDS = 0.4, 2
 #: Rounds in which walls are found, and rounds of shadows in each.
 WALL_ROUNDS, WALL_SHADOWS = 2, 2
 #: Share of a belief in what hides that a round takes over: first, and with walls.
@@ -100,6 +101,7 @@ class JointEstimate:
         self.evidence: CellEvidence = no_evidence(field)
         self.depth = np.zeros(field.shape, np.float32)
         self._hiding: FloatArray = np.zeros(field.shape)
+        self._no_walls = np.zeros(field.shape, bool)
         self._smooth = SmoothSurfaces(table, pings, echoes, field)
 
     # ------------------------------------------------------------------ powers and belief
@@ -137,6 +139,7 @@ class JointEstimate:
         self._powers.renew_shadows(self.depth)
         self._powers.sweep(SWEEPS)
         self._weigh(self._powers)
+        self._cast_shadows(self._powers, self._no_walls, FIRST_DAMPING, ALL_ROUNDS, between)
 
     def _settle(self, powers: Powers, rounds: int, between: Callable[[], None]) -> None:
         """Find powers by some pings, or all, and beliefs with them; as in `estimate_powers`."""
@@ -144,9 +147,8 @@ class JointEstimate:
         for sweeps in FIRST_SWEEPS:
             powers.sweep(sweeps)
             powers.renew_shadows(self.depth)
-        no_walls = np.zeros(self.field.shape, bool)
         self._weigh(powers)
-        self._cast_shadows(powers, no_walls, FIRST_DAMPING, rounds, between)
+        self._cast_shadows(powers, self._no_walls, FIRST_DAMPING, rounds, between)
 
     def ratios_by_source(
         self, sources: Sequence[str], names: Sequence[str]

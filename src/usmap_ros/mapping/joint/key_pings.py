@@ -14,7 +14,7 @@ from usmap_ros.numerics.arrays import FloatArray
 SQUARE_M, SECTORS = 0.5, 8
 #: Looks that are enough for a square from one sector, and the share of what a ping looks at that
 #: must still lack some, for it to be a key ping.
-ENOUGH_LOOKS, LACKING_SHARE = 4.0, 0.1
+ENOUGH_LOOKS, LACKING_SHARE = 6.0, 0.2
 #: Rays across a beam on which squares are counted.
 RAYS = 5
 
@@ -54,14 +54,13 @@ def _looks(numbers: FloatArray) -> list[NDArray[np.int64]]:
     reach_m = numbers[:, GREATEST_RANGE]
     ranges_m = SQUARE_M * np.arange(1, 1 + max(1, int(reach_m.max() / SQUARE_M)))
     across = np.linspace(-1.0, 1.0, RAYS) * numbers[:, HALF_ANGLE, np.newaxis]
-    bearings = numbers[:, HEADING, np.newaxis] + across
-    x, y = (
-        np.floor((numbers[:, at, np.newaxis, np.newaxis] + part[:, :, np.newaxis] * ranges_m) / SQUARE_M)
-        for at, part in ((X, np.cos(bearings)), (Y, np.sin(bearings)))
-    )  # fmt: skip
+    bearings = (numbers[:, HEADING, np.newaxis] + across)[:, :, np.newaxis]
+    x_m, y_m = (numbers[:, at, np.newaxis, np.newaxis] for at in (X, Y))
+    column = np.floor((x_m + ranges_m * np.cos(bearings)) / SQUARE_M).astype(np.int64)
+    row = np.floor((y_m + ranges_m * np.sin(bearings)) / SQUARE_M).astype(np.int64)
     sector = np.floor(bearings * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
-    column, row = (x - x.min()).astype(np.int64), (y - y.min()).astype(np.int64)
-    places = (row * (column.max() + 1) + column) * SECTORS + sector[:, :, np.newaxis]
+    columns = int(np.ptp(column)) + 1
+    places = ((row - row.min()) * columns + column - column.min()) * SECTORS + sector
     inside = ranges_m <= np.maximum(reach_m, SQUARE_M)[:, np.newaxis]
     return [np.unique(own[:, heard]) for own, heard in zip(places, inside, strict=True)]
 

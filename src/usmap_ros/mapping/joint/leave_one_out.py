@@ -13,14 +13,9 @@ from usmap_ros.mapping.joint.forward_model.log_odds import hiding, judged, optic
 from usmap_ros.mapping.joint.forward_model.power_estimation import expect_powers
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, field_around
-from usmap_ros.mapping.joint.visibility.projection import (
-    Scatterers,
-    cast_shadows,
-    empty_rows,
-    faintest_weights,
-    project,
-)
+from usmap_ros.mapping.joint.visibility.projection import Scatterers, empty_rows, project
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_rays
+from usmap_ros.mapping.joint.visibility.shadows import cast_shadows, faintest_weights
 from usmap_ros.mapping.joint.witnesses import HALVES, MutualEvidence, mutual_evidence
 from usmap_ros.mapping.ping_bins import PingBins
 from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y, ping_in_row

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.forward_model.candidates import candidates, count_all_hits
 from usmap_ros.mapping.joint.forward_model.power_estimation import (
     FIRST_POWER,
-    candidates,
-    count_all_hits,
     expect_powers,
     gather_gradients,
     update_powers,

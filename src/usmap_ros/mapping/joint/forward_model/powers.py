@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.forward_model.candidates import candidates, count_all_hits
 from usmap_ros.mapping.joint.forward_model.cell_evidence import (
     CellEvidence,
     add_ratios,
@@ -22,8 +23,6 @@ from usmap_ros.mapping.joint.forward_model.likelihood_ratios import LikelihoodRa
 from usmap_ros.mapping.joint.forward_model.power_estimation import (
     FIRST_POWER,
     LEAST_POWER,
-    candidates,
-    count_all_hits,
     expect_powers,
     gather_gradients,
     update_powers,
@@ -33,12 +32,11 @@ from usmap_ros.mapping.joint.visibility.projection import (
     ALL_OF_IT,
     Projection,
     Scatterers,
-    cast_shadows,
     empty_rows,
-    faintest_weights,
     project,
 )
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, cast_rays
+from usmap_ros.mapping.joint.visibility.shadows import cast_shadows, faintest_weights
 from usmap_ros.mapping.ping_table import PingTable
 from usmap_ros.numerics.arrays import BoolArray, over_last
 from usmap_ros.processes.threads import for_each

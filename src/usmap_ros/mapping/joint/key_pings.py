@@ -31,7 +31,7 @@ def key_pings(
     pings : (pings,) integer array
         Rows of those that count.
     weights : (pings,) float32 array
-        How much each counts.
+        How many looks each is.
 
     Returns
     -------

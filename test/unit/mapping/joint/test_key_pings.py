@@ -41,6 +41,7 @@ def test_they_are_spread_over_the_time(make_cone: MakeCone) -> None:
 
 def test_pings_that_hardly_count_are_hardly_looks(make_cone: MakeCone) -> None:
     assert len(chosen(beside(make_cone, 40), weight=0.2)) == 5 * ENOUGH_LOOKS
+    assert len(chosen(beside(make_cone, 40), weight=0.0)) == 40
 
 
 def test_who_looks_another_way_adds_looks(make_cone: MakeCone) -> None:

@@ -76,6 +76,8 @@ def file_errors(kind: type[FileError], path: str | Path, action: str = "written"
     try:
         yield
     except OSError as error:
+        if action == "read" and isinstance(error, FileNotFoundError):
+            raise kind(path, "does not exist") from error
         raise kind(path, f"cannot be {action}: {error.strerror or error}") from error
 
 

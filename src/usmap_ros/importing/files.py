@@ -1,7 +1,8 @@
 """Arrays from files: samples with a row a ping, and poses by name."""
 
 import csv
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import wavfile
 
-from usmap_ros.errors import FileError
+from usmap_ros.errors import FileError, file_errors
 from usmap_ros.io.array_archive import array_names, load_arrays
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -70,14 +71,21 @@ def read_poses(folder: Path, path: str, samples_path: str) -> dict[str, FloatArr
     return poses_of(file, _arrays_of(file, COLUMNS) if file.suffix.lower() == ".npz" else {})
 
 
-def _loaded(file: Path) -> Any:
+@contextmanager
+def _is_read(file: Path, otherwise: str) -> Iterator[None]:
+    """Say in one line why a file cannot be used: there is none, or `otherwise`."""
     try:
-        # Not read before it is used: a header can promise terabytes.
-        return np.load(file, mmap_mode="r", allow_pickle=False)
+        yield
     except FileNotFoundError as error:
         raise FileError(file, "does not exist") from error
-    except (OSError, ValueError, EOFError, OverflowError) as error:
-        raise FileError(file, "is not a NumPy file, or damaged") from error
+    except (OSError, ValueError, EOFError, OverflowError, csv.Error) as error:
+        raise FileError(file, otherwise) from error
+
+
+def _loaded(file: Path) -> Any:
+    with _is_read(file, "is not a NumPy file, or damaged"):
+        # Not read before it is used: a header can promise terabytes.
+        return np.load(file, mmap_mode="r", allow_pickle=False)
 
 
 def _array_of(file: Path, name: str) -> Any:
@@ -89,22 +97,15 @@ def _array_of(file: Path, name: str) -> Any:
 
 def _arrays_of(file: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
     try:
-        return load_arrays(file, names)
-    except FileNotFoundError as error:
-        raise FileError(file, "does not exist") from error
-    except OSError as error:
-        raise FileError(file, f"cannot be read: {error.strerror}") from error
+        with file_errors(FileError, file, "read"):
+            return load_arrays(file, names)
     except ValueError as error:
         raise FileError(file, f"is not a readable NumPy file: {error}") from error
 
 
 def _read_table(file: Path) -> FloatArray:
-    try:
+    with _is_read(file, "is not a table of numbers with as many in each row"):
         return np.loadtxt(file, delimiter=",", ndmin=2)
-    except FileNotFoundError as error:
-        raise FileError(file, "does not exist") from error
-    except (OSError, ValueError) as error:
-        raise FileError(file, "is not a table of numbers with as many in each row") from error
 
 
 def read_cells(file: Path, known: Collection[str]) -> dict[str, list[str]]:
@@ -115,13 +116,11 @@ def read_cells(file: Path, known: Collection[str]) -> dict[str, list[str]]:
     FileError
         If it cannot be read, or holds something else.
     """
-    try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            header, *rows = list(csv.reader(stream)) or [[]]
-    except FileNotFoundError as error:
-        raise FileError(file, "does not exist") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileError(file, "is not a text file with columns") from error
+    with (
+        _is_read(file, "is not a text file with columns"),
+        file.open(newline="", encoding="utf-8") as stream,
+    ):
+        header, *rows = list(csv.reader(stream)) or [[]]
     names = [name.strip() for name in header]
     unknown = [name for name in names if name not in known]
     if unknown:
@@ -169,10 +168,8 @@ def _read_waves(folder: Path, path: str) -> ReadSamples:
         raise FileError(folder / path, "does not exist")
     rows, rates = [], set()
     for file in files:
-        try:
+        with _is_read(file, "is not a WAV file, or damaged"):
             rate_hz, values = wavfile.read(file)
-        except (OSError, ValueError) as error:
-            raise FileError(file, "is not a WAV file, or damaged") from error
         if values.ndim > 1:
             # Two channels are I and Q; of a mono recording on two, either would do.
             values = values[:, 0] + 1j * values[:, 1]

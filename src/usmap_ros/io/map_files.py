@@ -146,9 +146,8 @@ def load_map(folder: str | Path) -> tuple[OccupancyMap, RobotPaths]:
     if not path.exists():
         raise MapFileError(path, "does not exist; 'usmap map' writes it")
     try:
-        arrays = load_arrays(path, _ARRAYS)
-    except OSError as error:
-        raise MapFileError(path, f"cannot be read: {error.strerror}") from error
+        with file_errors(MapFileError, path, "read"):
+            arrays = load_arrays(path, _ARRAYS)
     except ValueError as error:
         raise MapFileError(path, f"is not a readable map.npz: {error}") from error
     try:

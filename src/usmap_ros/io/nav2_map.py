@@ -162,9 +162,10 @@ def _load_image(path: Path) -> Image.Image:
     except Image.DecompressionBombError as error:
         raise MapFileError(path, f"has more than {MAX_PIXELS} pixels") from error
     # A damaged image fails in as many ways as there are formats.
-    except (ArithmeticError, AttributeError, LookupError, OSError, SyntaxError, TypeError) as error:
-        raise MapFileError(path, "is not a readable image") from error
-    except (ValueError, RuntimeError, struct.error) as error:
+    except (
+        ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, SyntaxError, TypeError,
+        ValueError, struct.error,
+    ) as error:  # fmt: skip
         raise MapFileError(path, "is not a readable image") from error
 
 

@@ -58,11 +58,10 @@ def load_trajectory(path: Path) -> Trajectory:
         If there is none, or a line of it is no pose.
     """
     try:
-        if path.stat().st_size > _LARGEST:
-            raise TrajectoryFileError(path, f"has more than {_LARGEST} bytes")
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise TrajectoryFileError(path, f"cannot be read: {error.strerror}") from error
+        with file_errors(TrajectoryFileError, path, "read"):
+            if path.stat().st_size > _LARGEST:
+                raise TrajectoryFileError(path, f"has more than {_LARGEST} bytes")
+            text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise TrajectoryFileError(path, "is no text") from error
     stamps_ns, rows = [], []

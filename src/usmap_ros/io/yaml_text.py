@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from usmap_ros.errors import FileError, shortened
+from usmap_ros.errors import FileError, file_errors, shortened
 
 #: Largest file: some ten thousand walls.
 MAX_BYTES = 2**20
@@ -66,13 +66,9 @@ def read_yaml(path: Path, error_class: type[FileError]) -> Any:
     content = b""
     try:
         # One byte more than is taken shows that there are too many.
-        with path.open("rb") as file:
+        with file_errors(error_class, path, "read"), path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
         return parse_yaml(content.decode("utf-8"))
-    except FileNotFoundError as error:
-        raise error_class(path, "does not exist") from error
-    except OSError as error:
-        raise error_class(path, f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         if len(content) > MAX_BYTES:
             raise error_class(path, f"is larger than {MAX_BYTES // 2**20} MiB") from error

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from usmap_ros.errors import MapFileError, MapSizeError
+from usmap_ros.errors import MapFileError, MapSizeError, file_errors
 from usmap_ros.io.map_files import GRID_FILE, load_map, map_folder, save_map
 from usmap_ros.live.live_fusion import LiveFusion
 
@@ -60,10 +60,8 @@ class Checkpoint:
         number = 1
         while (target := folder / f"{GRID_FILE}.damaged-{number}").exists():
             number += 1
-        try:
+        with file_errors(MapFileError, folder):
             (folder / GRID_FILE).rename(target)
-        except OSError as error:
-            raise MapFileError(folder, f"cannot be written: {error.strerror}") from error
         return target
 
     def keep(self, fusion: LiveFusion, *, in_time: bool = False) -> None:

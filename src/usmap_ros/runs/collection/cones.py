@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from usmap_ros.calibration.learnt import LearntReception
-from usmap_ros.errors import BagError
+from usmap_ros.errors import BagError, file_errors
 from usmap_ros.io.atomic import write_atomically
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
@@ -186,11 +186,9 @@ def joined(name: Path, parts: Sequence[Cones]) -> Cones:
 def keep(name: Path, cones: Cones) -> Cones:
     """Note what cones there are, once they are complete."""
     told = _note(name)
-    try:
+    with file_errors(BagError, told):
         told.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(told, json.dumps(asdict(cones)).encode())
-    except OSError as error:
-        raise BagError(told, f"cannot be written: {error.strerror}") from error
     return cones
 
 

@@ -1,27 +1,24 @@
-"""The fusion of cones as they come: ordering, counting, and a map that can be looked at.
+"""The fusion of cones as they come: which of them are of this map, and in what order.
 
 No rclpy here: the node `map_fusion` runs it in a worker's thread.
 """
 
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.live.cone_queue import ConeQueue
-from usmap_ros.live.live_poses import LivePoses
+from usmap_ros.live.shared_map import SharedMap
 from usmap_ros.mapping.common_frame import CommonFrame
 from usmap_ros.mapping.far_off import FarOff, FarOffError, Ping
-from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
-from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.mapping.robot_check.consistency import is_of
 from usmap_ros.parameters import MappingParameters, PipelineParameters, PoseParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.repeats import SeenPings
-from usmap_ros.runs.pipeline import Pipeline
 
 #: Longest range that is believed, as a share of half the greatest map: 82 m at 5 cm.
 _LONGEST_REACH = 0.1
@@ -37,7 +34,7 @@ class FusionOutcome:
     latency_s: float
 
 
-class LiveFusion:
+class LiveFusion(SharedMap):
     """Fuses cones in the order of their stamps; safe to use from several threads.
 
     Parameters
@@ -56,13 +53,6 @@ class LiveFusion:
         Told how many pings were set apart, and why, when that is known only after they came.
     poses : PoseParameters
         Which poses are mapped with.
-
-    Attributes
-    ----------
-    version : int
-        Rises with every change of the map.
-    generation : int
-        Rises when the map begins anew.
     """
 
     def __init__(
@@ -75,28 +65,15 @@ class LiveFusion:
         on_set_apart: Callable[[int, str], None] = lambda count, cause: None,
         poses: PoseParameters = PoseParameters(),  # noqa: B008 - it cannot be changed
     ) -> None:
-        self._parameters = PipelineParameters(mapping=parameters, poses=poses)
-        #: What corrects poses that drift.
-        self.poses = LivePoses(self._parameters, frame_id)
-        self._stated_frame = frame_id
-        self._pipeline = Pipeline(self._parameters)
-        self._frame, self._far = CommonFrame(frame_id), FarOff(parameters)
+        super().__init__(PipelineParameters(mapping=parameters, poses=poses), frame_id)
+        self._far = FarOff(parameters)
         self._clock, self._on_set_apart = clock, on_set_apart
         # It has a lock of its own, so that cones go on being received while one is fused.
         #: The cones that wait.
         self.queue = ConeQueue(order_wait_s, capacity, clock)
-        self._map_lock = threading.Lock()
-        self._consistency = Consistency(parameters)
         self._seen = SeenPings()
         # What is to be fused next, since its place is known now.
         self._ready: deque[Ping] = deque()
-        self._left_out = frozenset[str]()
-        self.version = self.generation = self._pings = 0
-
-    @property
-    def frame_id(self) -> str:
-        """The map's frame, or the one that stands in for it; empty before the first cone."""
-        return self._frame.frame_id
 
     @property
     def is_frame_decided(self) -> bool:
@@ -194,15 +171,6 @@ class LiveFusion:
         self.queue.spend(topic, cone)
         return FusionOutcome(topic, self._clock() - came_s)
 
-    def _fuse(self, topic: str, cone: EchoCone) -> None:
-        """Put a cone into the map, under its lock."""
-        if cone.frame_id == self.frame_id:
-            self._pipeline.fuse(cone, topic)
-            self._consistency.add(topic, cone)
-        self.poses.add(topic, cone)
-        self.version += 1
-        self._pings += 1
-
     def _sort_out(self, topic: str, cone: EchoCone) -> None:
         """Find what is to be fused now that there is this cone, under the map's lock.
 
@@ -233,106 +201,6 @@ class LiveFusion:
             return 0.0
         return self.queue.due_in_s()
 
-    def occupancy_map(self) -> OccupancyMap:
-        """The map so far, all pings explained together; cones are fused while it is made."""
-        return self._made(is_live=False)
-
-    def live_map(self, is_last: bool = False) -> OccupancyMap:
-        """The same while pings come: what is new alone is worked out, all the rest beside it.
-
-        Parameters
-        ----------
-        is_last : bool
-            Whether no more seem to come: a later map is then that of `occupancy_map`.
-        """
-        return self._made(is_live=True, is_last=is_last)
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether the newest map of either kind is that of `occupancy_map`."""
-        with self._map_lock:
-            poses = self.poses
-            return poses.is_whole if poses.must_correct else self._pipeline.fusion.is_whole
-
-    @property
-    def doubted(self) -> str:
-        """Robots whom others contradict in the newest map, and for how much of it they count."""
-        corrects = self.poses.must_correct
-        doubted = self.poses.doubted if corrects else self._pipeline.fusion.doubted
-        return ", ".join(f"{topic} {share:.0%}" for topic, share in doubted.items())
-
-    def _made(self, is_live: bool, is_last: bool = False) -> OccupancyMap:
-        with self._map_lock:
-            fusion = self._pipeline.fusion
-            make = self.poses.snapshot(is_live and not is_last) or (
-                fusion.live_snapshot(in_time=True, is_last=is_last) if is_live
-                else fusion.snapshot()
-            )  # fmt: skip
-            generation = self.poses.generation
-        occupancy = make()
-        with self._map_lock:
-            self.poses.retire(occupancy, generation)
-        return occupancy
-
-    def findings(self, between: Callable[[], None]) -> dict[str, Finding]:
-        """Judge the robots by the pings of late, and let suspects count for nothing.
-
-        Cones are fused meanwhile.
-
-        Parameters
-        ----------
-        between : callable
-            As in `Consistency.findings`.
-        """
-        with self._map_lock:
-            consistency, left_out = self._consistency.copy(), self._left_out
-        found = consistency.findings(between)
-        with self._map_lock:
-            if self._left_out != left_out:
-                # What was found beside a robot that is gone does not hold any more.
-                return found
-            shares = {topic: finding.trust for topic, finding in found.items()}
-            if self._pipeline.fusion.trust(shares):
-                self.version += 1
-        return found
-
-    def leave_out(self, names: Collection[str]) -> None:
-        """Leave some robots, or topics, out from now on, and nobody else.
-
-        What they have said is taken back, as far as it is still known, and what was found of others
-        beside them.
-        """
-        new = set(names) - self._left_out
-        with self._map_lock:
-            self._left_out = frozenset(names)
-            if not new:
-                return
-            self._consistency.forget(new)
-            self.poses.leave_out(lambda topic: is_of(topic, new))
-            if self._pipeline.fusion.leave_out(lambda topic: is_of(topic, new)):
-                self._pipeline.fusion.trust({})
-                self.version += 1
-
-    def resume(self, occupancy: OccupancyMap) -> None:
-        """Start from an earlier map.
-
-        Raises
-        ------
-        ValueError
-            If its resolution, origin or frame does not fit.
-        MapSizeError
-            If it is larger than a map may be.
-        """
-        if self.frame_id and occupancy.frame_id and occupancy.frame_id != self.frame_id:
-            raise ValueError(f"its frame is '{occupancy.frame_id}' and not '{self.frame_id}'")
-        with self._map_lock:
-            self._pipeline.resume(occupancy)
-            self.poses.resume(occupancy)
-            self._frame = CommonFrame(self._pipeline.fusion.frame_id or self.frame_id)
-            if self._pipeline.resumed is not None:
-                self._far.cover(self._pipeline.resumed.geometry)
-            self.version += 1
-
     def _check_reach(self, cone: EchoCone) -> None:
         """Refuse what a map of a size that nav2 takes has no room for."""
         limit_m = 0.5 * MAX_MAP_SIDE * self._parameters.mapping.resolution_m
@@ -353,13 +221,13 @@ class LiveFusion:
             self._far = FarOff(self._parameters.mapping)
             self._seen = SeenPings()
 
+    def resume(self, occupancy: OccupancyMap) -> None:
+        """Start from an earlier map, as `SharedMap.resume` does."""
+        super().resume(occupancy)
+        if occupancy.observed.any():
+            self._far.cover(occupancy.geometry)
+
     def _begin_anew(self) -> None:
-        """Forget the map, under its lock."""
-        self._pipeline = Pipeline(self._parameters)
-        self._pipeline.fusion.frame_id = self.frame_id
-        self.poses = LivePoses(self._parameters, self._stated_frame)
-        self._consistency = Consistency(self._parameters.mapping)
+        """Forget the map, under its lock, and what would be fused next."""
+        super()._begin_anew()
         self._ready.clear()
-        self._pings = 0
-        self.version += 1
-        self.generation += 1

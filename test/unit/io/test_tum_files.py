@@ -63,7 +63,7 @@ def test_what_is_no_trajectory_is_refused(tmp_path: Path, text: str, cause: str)
 
 
 def test_what_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(TrajectoryFileError, match=r"no\.tum: cannot be read"):
+    with pytest.raises(TrajectoryFileError, match=r"no\.tum: does not exist"):
         load_trajectories(tmp_path / "no.tum")
     with pytest.raises(TrajectoryFileError, match=r"holds no file \*\.tum"):
         load_trajectories(tmp_path)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.robot_paths import RobotPaths
@@ -40,9 +40,7 @@ def run() -> dict[str, Any]:
     results |= whole_map(cones)
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
-        with new_bag(bag) as writer:
-            for topic, trace in pings:
-                writer.write_trace(topic, trace)
+        write_bag(bag, pings)
         results |= end_to_end(bag)
         results["process_memory_mb"] = process_memory_mb(bag, Path(folder) / "map")
     return results

@@ -11,7 +11,7 @@ from rangings import first_echoes, range_cones, range_traces
 
 import usmap_ros
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.reconstructor import reconstruct
@@ -49,9 +49,7 @@ def cones(
     if not path.exists():
         # Under another name until it is whole, since others may look for it.
         unfinished = path.with_suffix(".part")
-        with new_bag(unfinished, replace=True) as writer:
-            for topic, cone in _simulated(scenario, parameters, sensor):
-                writer.write_cone(topic, cone)
+        write_bag(unfinished, _simulated(scenario, parameters, sensor), replace=True)
         unfinished.rename(path)
     with BagReader([path]) as bag:
         return list(bag.cones())

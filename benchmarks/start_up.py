@@ -17,7 +17,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[1] / "config/scenarios/poles.yaml"
@@ -28,9 +28,7 @@ def run() -> dict[str, Any]:
     """Measure."""
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
-        with new_bag(bag) as writer:
-            for topic, trace in islice(simulate(Scenario.load(SCENARIO)), 10):
-                writer.write_trace(topic, trace)
+        write_bag(bag, islice(simulate(Scenario.load(SCENARIO)), 10))
         programs = {
             "python": [sys.executable, "-c", ""],
             "numpy": [sys.executable, "-c", "import numpy"],

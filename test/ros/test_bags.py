@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Reader
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.io.conversions import trace_from_cdr, trace_to_cdr
 from usmap_ros.live.attendance import LISTENERS
 from usmap_ros.live.backlog import ROOM, WAITING
@@ -37,9 +37,7 @@ Traces = list[tuple[str, EchoTrace]]
 @pytest.fixture
 def bag(traces: Traces, tmp_path: Path) -> Path:
     """Give a recording of 30 pings in a second."""
-    with new_bag(tmp_path / "bag") as writer:
-        for topic, trace in traces:
-            writer.write_trace(topic, trace)
+    write_bag(tmp_path / "bag", traces)
     return tmp_path / "bag"
 
 
@@ -65,9 +63,7 @@ def test_everything_is_published_in_order_with_its_clock(
 def test_a_replay_leaves_room_in_the_queue_of_who_fuses(
     live: Any, cones: list[tuple[str, EchoCone]], tmp_path: Path
 ) -> None:
-    with new_bag(tmp_path / "cones") as writer:
-        for topic, cone in cones:
-            writer.write_cone(topic, cone)
+    write_bag(tmp_path / "cones", cones)
     fusion = live.add(MapFusion, queue_depth=10, diagnostics_period_s=0.1)
     live.add(BagReplay, bag=str(tmp_path / "cones"), rate=1000.0, wait_s=300.0)
     live.until(lambda: fusion.health.total("received") == len(cones))
@@ -79,9 +75,7 @@ def test_a_replay_waits_until_reconstructors_know_who_listens(
     live: Any, traces: Traces, tmp_path: Path
 ) -> None:
     """That it sees a fusion itself is not enough: first cones went to nobody on a busy machine."""
-    with new_bag(tmp_path / "bag") as writer:
-        for _, trace in traces[:5]:
-            writer.write_trace("/robot1/echo", trace)
+    write_bag(tmp_path / "bag", [("/robot1/echo", trace) for _, trace in traces[:5]])
     # The peer is a reconstructor, which knows of one listener at first, and fusion, the other.
     live.listen(ECHO, "/robot1/echo")
     live.listen(CONE, "/robot1/cone")
@@ -101,9 +95,7 @@ def test_a_replay_waits_until_it_knows_who_reads_its_traces(
     live: Any, traces: Traces, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A reconstructor is matched before its name or its cones are known; it was left behind."""
-    with new_bag(tmp_path / "bag") as writer:
-        for _, trace in traces[:5]:
-            writer.write_trace("/robot1/echo", trace)
+    write_bag(tmp_path / "bag", [("/robot1/echo", trace) for _, trace in traces[:5]])
     known: list[TopicEndpointInfo] = []
     monkeypatch.setattr(BagReplay, "get_subscriptions_info_by_topic", lambda *_: known)
     live.listen(ECHO, "/robot1/echo")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from played_devices import SENSOR
 
-from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.live.interfaces import NODES, NodeInterface
 from usmap_ros.nodes.bag_recorder import BagRecorder
 from usmap_ros.nodes.bag_replay import BagReplay
@@ -58,9 +58,7 @@ def start(live: Any, tmp_path: Path, traces: list[tuple[str, EchoTrace]]) -> Any
         if interface.name == "bag_replay":
             needed |= {"bag": str(tmp_path / "bag"), "topic_pattern": "/robot1/.*"}
             needed["start_paused"] = True
-            with new_bag(tmp_path / "bag") as writer:
-                for topic, trace in itertools.islice(traces, 3):
-                    writer.write_trace(topic, trace)
+            write_bag(tmp_path / "bag", itertools.islice(traces, 3))
         if interface.name == "map_fusion":
             needed["cone_topics"] = ["cone"]
         return live.add(CLASSES[interface.name], **needed)

@@ -16,7 +16,7 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.evaluation.scoring import Score, score
 from usmap_ros.grids import TruthMap
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.fields_of_view import PingViews
@@ -213,9 +213,7 @@ def _outcome(
     bag: Path, cones: list[tuple[str, EchoCone]], truth: TruthMap, views: PingViews
 ) -> Outcome:
     """Map as `usmap map` does; what the two healthy robots looked at is what is scored."""
-    with new_bag(bag, replace=True) as writer:
-        for topic, cone in sorted(cones, key=lambda each: each[1].stamp_ns):
-            writer.write_cone(topic, cone)
+    write_bag(bag, sorted(cones, key=lambda each: each[1].stamp_ns), replace=True)
     pipeline, run = Pipeline(), MappingRun()
     try:
         with BagReader([bag]) as reader:

@@ -8,7 +8,7 @@ import pytest
 from usmap_ros.calibration.learnt import LearntReception
 from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.io.bag_reader import BagReader
-from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.parameters import PipelineParameters, PulseParameters, ReconstructionParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
@@ -60,9 +60,7 @@ def traces(tmp_path_factory: pytest.TempPathFactory) -> Traces:
 
 @pytest.fixture
 def bag(traces: Traces, tmp_path: Path) -> Path:
-    with new_bag(tmp_path / "bag") as writer:
-        for topic, trace in traces:
-            writer.write_trace(topic, trace)
+    write_bag(tmp_path / "bag", traces)
     return tmp_path / "bag"
 
 

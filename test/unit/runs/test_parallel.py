@@ -13,6 +13,7 @@ import pytest
 
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
+from usmap_ros.io.bags import write_bag
 from usmap_ros.io.stretch import TraceStretch
 from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.processes.cores import available_cores
@@ -80,9 +81,7 @@ def simultaneous(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Pings of transducers that belong together."""
     bag = tmp_path_factory.mktemp("simultaneous") / "bag"
     scenario = Scenario.load(SCENARIOS / "two_transducers.yaml")
-    with new_bag(bag) as writer:
-        for topic, trace in islice(simulate(scenario), 90):
-            writer.write_trace(topic, trace)
+    write_bag(bag, islice(simulate(scenario), 90))
     return bag
 
 

@@ -11,6 +11,8 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone, encode_limits
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate
 
 LIMIT_STEP_M = 0.03125
 
@@ -90,3 +92,10 @@ def cone_of_objects(make_cone: MakeCone) -> MakeCone:
 def views(cone_of_objects: MakeCone) -> list[EchoCone]:
     """Give what is heard of two objects."""
     return [cone_of_objects(*OBJECTS, stamp_ns=number, **view) for number, view in enumerate(VIEWS)]
+
+
+@pytest.fixture(scope="session")
+def cone(request: pytest.FixtureRequest) -> EchoCone:
+    """Give any cone."""
+    scenario = Scenario.load(request.config.rootpath / "config/scenarios/poles.yaml")
+    return Pipeline().reconstruct(next(simulate(scenario))[1])

@@ -2,19 +2,8 @@
 
 from dataclasses import replace
 
-import pytest
-
 from usmap_ros.mapping.common_frame import ENOUGH_PINGS, ENOUGH_S, CommonFrame
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.simulation import Scenario, simulate
-
-
-@pytest.fixture(scope="module")
-def cone(request: pytest.FixtureRequest) -> EchoCone:
-    """Give any cone."""
-    scenario = Scenario.load(request.config.rootpath / "config/scenarios/poles.yaml")
-    return Pipeline().reconstruct(next(simulate(scenario))[1])
 
 
 def ping(cone: EchoCone, number: int, frame_id: str) -> EchoCone:

@@ -9,15 +9,6 @@ from usmap_ros.mapping.common_frame import ENOUGH_PINGS
 from usmap_ros.mapping.far_off import FarOff, FarOffError, Ping
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.simulation import Scenario, simulate
-
-
-@pytest.fixture(scope="module")
-def cone(request: pytest.FixtureRequest) -> EchoCone:
-    """Give any cone."""
-    scenario = Scenario.load(request.config.rootpath / "config/scenarios/poles.yaml")
-    return Pipeline().reconstruct(next(simulate(scenario))[1])
 
 
 def ping(cone: EchoCone, number: int, x_m: float, y_m: float = 0.0) -> EchoCone:

@@ -39,11 +39,16 @@ def pings(cone_of_objects: Callable[..., EchoCone]) -> list[EchoCone]:
 
 
 @pytest.fixture
-def visits(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
-    """Give how many pings were explained together, and how many beside others, at each time."""
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let few pings be many."""
     monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
     monkeypatch.setattr(live_map, "BATCH", BATCH)
     monkeypatch.setattr(live_map, "TOGETHER", 1)
+
+
+@pytest.fixture
+def visits(few: None, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
+    """Give how many pings were explained together, and how many beside others, at each time."""
     counts: dict[str, list[int]] = {"all": [], "more": []}
 
     class Whole(JointEstimate):
@@ -61,14 +66,30 @@ def visits(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
     return counts
 
 
-def fused(pings: list[EchoCone], ping_bins: bool = False) -> JointFusion:
-    """All pings, with a look at the map after each."""
+def fuse(fusion: JointFusion, pings: list[EchoCone]) -> None:
+    for ping in pings:
+        fusion.fuse(ping)
+
+
+def fused(pings: list[EchoCone], is_looked_at: bool = False) -> JointFusion:
+    """All pings, perhaps with a look at the map after each."""
     fusion = JointFusion(MappingParameters())
     for ping in pings:
         fusion.fuse(ping)
-        if ping_bins:
+        if is_looked_at:
             fusion.live_snapshot()()
     return fusion
+
+
+def known(pings: list[EchoCone]) -> JointFusion:
+    """All pings, explained together."""
+    fusion = fused(pings)
+    fusion.live_snapshot()()
+    return fusion
+
+
+def assert_same(one: OccupancyMap, other: OccupancyMap) -> None:
+    np.testing.assert_array_equal(one.log_odds, other.log_odds)
 
 
 def is_there(occupancy: OccupancyMap, x_m: float, y_m: float) -> bool:
@@ -84,7 +105,7 @@ def is_free(occupancy: OccupancyMap, x_m: float, y_m: float) -> bool:
 
 
 def test_new_pings_alone_are_visited(pings: list[EchoCone], visits: dict[str, list[int]]) -> None:
-    fused(pings, ping_bins=True)
+    fused(pings, is_looked_at=True)
     # All of them at counts that grow by half at least each time, beyond the first few.
     late = [count for count in visits["all"] if count >= KNOWN]
     assert len(late) >= 3
@@ -96,13 +117,12 @@ def test_new_pings_alone_are_visited(pings: list[EchoCone], visits: dict[str, li
 def test_it_tells_what_new_pings_say(
     pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fusion = fused(pings[:20], ping_bins=True)
+    fusion = fused(pings[:20], is_looked_at=True)
     fusion.live_snapshot()()
     monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
     assert not is_there(fusion.live_snapshot()(), *LATE[:2])
     before = len(visits["all"])
-    for ping in pings[20:]:
-        fusion.fuse(ping)
+    fuse(fusion, pings[20:])
     late = fusion.live_snapshot()()
     assert len(visits["all"]) == before
     whole = fused(pings).occupancy_map()
@@ -117,11 +137,11 @@ def test_it_tells_what_new_pings_say(
 def test_the_whole_map_does_not_depend_on_looks(
     pings: list[EchoCone], visits: dict[str, list[int]]
 ) -> None:
-    looked, alone = fused(pings, ping_bins=True), fused(pings)
+    looked, alone = fused(pings, is_looked_at=True), fused(pings)
     is_whole = [looked.is_whole]
     one, other = looked.occupancy_map(), alone.occupancy_map()
-    np.testing.assert_array_equal(one.log_odds, other.log_odds)
-    np.testing.assert_array_equal(looked.live_snapshot()().log_odds, other.log_odds)
+    assert_same(one, other)
+    assert_same(looked.live_snapshot()(), other)
     assert [*is_whole, looked.is_whole] == [False, True]
 
 
@@ -129,16 +149,12 @@ def test_how_often_one_looks_does_not_matter(
     pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
-    often, seldom = fused(pings[:10]), fused(pings[:10])
-    for fusion in (often, seldom):
-        fusion.live_snapshot()()
+    often, seldom = known(pings[:10]), known(pings[:10])
     for ping in pings[10:]:
         often.fuse(ping)
         seldom.fuse(ping)
         often.live_snapshot()()
-    np.testing.assert_array_equal(
-        often.live_snapshot()().log_odds, seldom.live_snapshot()().log_odds
-    )
+    assert_same(often.live_snapshot()(), seldom.live_snapshot()())
 
 
 def test_more_pings_are_explained_at_once_while_many_wait(
@@ -146,10 +162,8 @@ def test_more_pings_are_explained_at_once_while_many_wait(
 ) -> None:
     monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
     monkeypatch.setattr(live_map, "TOGETHER", 3)
-    fusion = fused(pings[:10])
-    fusion.live_snapshot()()
-    for ping in pings[10:30]:
-        fusion.fuse(ping)
+    fusion = known(pings[:10])
+    fuse(fusion, pings[10:30])
     fusion.live_snapshot()()
     assert visits["more"] == [3 * BATCH, 2 * BATCH]
 
@@ -158,10 +172,8 @@ def test_a_map_without_news_takes_no_work(
     pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
-    fusion = fused(pings[:10])
-    fusion.live_snapshot()()
-    for ping in pings[10:13]:
-        fusion.fuse(ping)
+    fusion = known(pings[:10])
+    fuse(fusion, pings[10:13])
     before = fusion.live_snapshot()()
     visited = len(visits["more"])
     # From a place that it has been heard from.
@@ -169,14 +181,13 @@ def test_a_map_without_news_takes_no_work(
     after = fusion.live_snapshot()()
     assert len(visits["more"]) == visited
     assert after.stamp_ns == 100
-    np.testing.assert_array_equal(after.log_odds, before.log_odds)
+    assert_same(after, before)
 
 
 def test_pings_are_taken_up_while_a_map_is_made(
     pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fusion = fused(pings[:10])
-    fusion.live_snapshot()()
+    fusion = known(pings[:10])
     fusion.fuse(pings[10])
     waiting = pings[11:14]
 
@@ -192,9 +203,7 @@ def test_pings_are_taken_up_while_a_map_is_made(
     monkeypatch.setattr(live_map, "MorePings", More)
     fusion.live_snapshot()()
     assert len(waiting) == 2
-    np.testing.assert_array_equal(
-        fusion.occupancy_map().log_odds, fused(pings[:12]).occupancy_map().log_odds
-    )
+    assert_same(fusion.occupancy_map(), fused(pings[:12]).occupancy_map())
 
 
 def test_pings_that_strike_no_known_mirror_are_taken_up(
@@ -213,12 +222,12 @@ def test_pings_that_strike_no_known_mirror_are_taken_up(
 def test_where_nothing_is_known_all_pings_are_explained_together(
     pings: list[EchoCone], visits: dict[str, list[int]]
 ) -> None:
-    fusion = fused(pings, ping_bins=True)
+    fusion = fused(pings, is_looked_at=True)
     fusion.occupancy_map()
     far = replace(pings[0].pose, position_m=pings[0].pose.position_m + np.array([40.0, 0.0, 0.0]))
     fusion.fuse(replace(pings[0], pose=far, stamp_ns=100))
     live = fusion.live_snapshot()()
-    np.testing.assert_array_equal(live.log_odds, fusion.occupancy_map().log_odds)
+    assert_same(live, fusion.occupancy_map())
 
 
 def test_who_is_left_out_is_in_no_later_map(
@@ -229,93 +238,81 @@ def test_who_is_left_out_is_in_no_later_map(
         fusion.fuse(ping, "odd" if number >= 20 else "sound")
         fusion.live_snapshot()()
     fusion.leave_out(lambda source: source == "odd")
-    np.testing.assert_array_equal(
-        fusion.live_snapshot()().log_odds, fused(pings[:20]).occupancy_map().log_odds
-    )
+    assert_same(fusion.live_snapshot()(), fused(pings[:20]).occupancy_map())
+
+
+class Held:
+    """A thread beside, which explains all pings together and waits before it is done."""
+
+    def __init__(self) -> None:
+        self.begun, self.may_go_on = threading.Event(), threading.Event()
+
+    def wait(self) -> threading.Thread:
+        """Wait until it has begun."""
+        assert self.begun.wait(WAIT_S)
+        return next(one for one in threading.enumerate() if one.name == live_map.BESIDE)
+
+    def finish(self) -> None:
+        """Let it go on to its end."""
+        thread = self.wait()
+        self.may_go_on.set()
+        thread.join()
 
 
 @pytest.fixture
-def held(monkeypatch: pytest.MonkeyPatch) -> tuple[threading.Event, threading.Event]:
-    """Give what tells that a thread beside explains all pings, and what lets it go on."""
-    monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
-    monkeypatch.setattr(live_map, "BATCH", BATCH)
-    monkeypatch.setattr(live_map, "TOGETHER", 1)
-    begun, may_go_on = threading.Event(), threading.Event()
+def held(few: None, monkeypatch: pytest.MonkeyPatch) -> Held:
+    """Give the thread beside, which is held up."""
+    thread = Held()
 
     class Whole(JointEstimate):
         def __init__(self, *given: Any, **named: Any) -> None:
             super().__init__(*given, **named)
             if threading.current_thread() is not threading.main_thread():
-                begun.set()
-                may_go_on.wait(WAIT_S)
+                thread.begun.set()
+                thread.may_go_on.wait(WAIT_S)
 
     monkeypatch.setattr(survey, "JointEstimate", Whole)
-    return begun, may_go_on
-
-
-def beside() -> threading.Thread:
-    """The thread that explains all pings together."""
-    return next(one for one in threading.enumerate() if one.name == live_map.BESIDE)
+    return thread
 
 
 def test_maps_are_made_in_time_while_all_pings_are_explained_together(
-    pings: list[EchoCone],
-    held: tuple[threading.Event, threading.Event],
-    monkeypatch: pytest.MonkeyPatch,
+    pings: list[EchoCone], held: Held, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun, may_go_on = held
     fusion = fused(pings[:KNOWN])
     fusion.live_snapshot(in_time=True)()
-    for ping in pings[KNOWN:20]:
-        fusion.fuse(ping)
+    fuse(fusion, pings[KNOWN:20])
     before = fusion.live_snapshot(in_time=True)()
-    assert begun.wait(WAIT_S)
-    thread = beside()
+    thread = held.wait()
     for ping in pings[20:]:
         fusion.fuse(ping)
         fusion.live_snapshot(in_time=True)()
     meanwhile = fusion.live_snapshot(in_time=True)()
     assert thread.is_alive()
     assert np.count_nonzero(meanwhile.observed) > np.count_nonzero(before.observed)
-    may_go_on.set()
-    thread.join()
+    held.finish()
     # What has come meanwhile is taken up before, and what all say together is in the next map.
-    expected = fused(pings[:20])
-    expected.live_snapshot()()
-    for ping in pings[20:]:
-        expected.fuse(ping)
+    expected = known(pings[:20])
+    fuse(expected, pings[20:])
     monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
-    late, known = fusion.live_snapshot(in_time=True)(), expected.live_snapshot()()
-    np.testing.assert_array_equal(late.log_odds, known.log_odds)
-    np.testing.assert_array_equal(
-        fusion.occupancy_map().log_odds, fused(pings).occupancy_map().log_odds
-    )
+    late, same = fusion.live_snapshot(in_time=True)(), expected.live_snapshot()()
+    assert_same(late, same)
+    assert_same(fusion.occupancy_map(), fused(pings).occupancy_map())
 
 
-def test_who_is_left_out_meanwhile_does_not_come_back(
-    pings: list[EchoCone], held: tuple[threading.Event, threading.Event]
-) -> None:
-    begun, may_go_on = held
+def test_who_is_left_out_meanwhile_does_not_come_back(pings: list[EchoCone], held: Held) -> None:
     fusion = JointFusion(MappingParameters())
     for number, ping in enumerate(pings[:20]):
         fusion.fuse(ping, "odd" if number % 2 else "sound")
         if number == KNOWN:
             fusion.live_snapshot(in_time=True)()
     fusion.live_snapshot(in_time=True)()
-    assert begun.wait(WAIT_S)
-    thread = beside()
+    held.wait()
     fusion.leave_out(lambda source: source == "odd")
-    may_go_on.set()
-    thread.join()
-    np.testing.assert_array_equal(
-        fusion.live_snapshot(in_time=True)().log_odds, fused(pings[:20:2]).occupancy_map().log_odds
-    )
+    held.finish()
+    assert_same(fusion.live_snapshot(in_time=True)(), fused(pings[:20:2]).occupancy_map())
 
 
-def test_who_is_trusted_less_is_so_in_a_later_map(
-    pings: list[EchoCone], held: tuple[threading.Event, threading.Event]
-) -> None:
-    begun, may_go_on = held
+def test_who_is_trusted_less_is_so_in_a_later_map(pings: list[EchoCone], held: Held) -> None:
     fusion = JointFusion(MappingParameters())
     for number, ping in enumerate(pings[:20]):
         fusion.fuse(ping, "odd" if number % 2 else "sound")
@@ -323,21 +320,18 @@ def test_who_is_trusted_less_is_so_in_a_later_map(
     fusion.trust({"odd": 0.0})
     fusion.fuse(pings[20], "sound")
     meanwhile = fusion.live_snapshot(in_time=True)()
-    assert begun.wait(WAIT_S)
+    held.wait()
     assert not fusion.is_whole
     assert np.count_nonzero(meanwhile.observed) >= np.count_nonzero(before.observed)
-    thread = beside()
-    may_go_on.set()
-    thread.join()
+    held.finish()
     late = fusion.live_snapshot(in_time=True)()
     assert fusion.is_whole
-    np.testing.assert_array_equal(late.log_odds, fused(pings[:21:2]).occupancy_map().log_odds)
+    assert_same(late, fused(pings[:21:2]).occupancy_map())
 
 
 def test_what_is_heard_where_nothing_is_known_is_in_a_later_map(
-    pings: list[EchoCone], held: tuple[threading.Event, threading.Event]
+    pings: list[EchoCone], held: Held
 ) -> None:
-    begun, may_go_on = held
     fusion = fused(pings[:20])
     before = fusion.live_snapshot()()
     far = replace(pings[0].pose, position_m=pings[0].pose.position_m + np.array([40.0, 0.0, 0.0]))
@@ -345,41 +339,28 @@ def test_what_is_heard_where_nothing_is_known_is_in_a_later_map(
     meanwhile = fusion.live_snapshot(in_time=True)()
     assert meanwhile.geometry == before.geometry
     fusion.live_snapshot(in_time=True)()
-    assert begun.wait(WAIT_S)
-    thread = beside()
-    may_go_on.set()
-    thread.join()
+    held.finish()
     late = fusion.live_snapshot(in_time=True)()
     assert fusion.is_whole
-    np.testing.assert_array_equal(late.log_odds, fusion.occupancy_map().log_odds)
+    assert_same(late, fusion.occupancy_map())
     assert late.geometry.shape[1] * 0.05 > 40.0
 
 
 def test_many_that_begin_at_once_wait_for_the_first_of_them_alone(
-    pings: list[EchoCone],
-    held: tuple[threading.Event, threading.Event],
-    monkeypatch: pytest.MonkeyPatch,
+    pings: list[EchoCone], held: Held, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun, may_go_on = held
     monkeypatch.setattr("usmap_ros.mapping.joint.fusion.FIRST_PINGS", KNOWN)
     fusion = fused([])
     fusion.live_snapshot(in_time=True)()
-    for ping in pings:
-        fusion.fuse(ping)
+    fuse(fusion, pings)
     meanwhile = fusion.live_snapshot(in_time=True)()
-    assert begun.wait(WAIT_S)
-    expected = fused(pings[:KNOWN])
-    expected.live_snapshot()()
-    for ping in pings[KNOWN:]:
-        expected.fuse(ping)
+    held.wait()
+    expected = known(pings[:KNOWN])
+    fuse(expected, pings[KNOWN:])
     monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
-    np.testing.assert_array_equal(meanwhile.log_odds, expected.live_snapshot()().log_odds)
-    thread = beside()
-    may_go_on.set()
-    thread.join()
-    np.testing.assert_array_equal(
-        fusion.live_snapshot(in_time=True)().log_odds, fused(pings).occupancy_map().log_odds
-    )
+    assert_same(meanwhile, expected.live_snapshot()())
+    held.finish()
+    assert_same(fusion.live_snapshot(in_time=True)(), fused(pings).occupancy_map())
 
 
 def test_what_goes_wrong_beside_is_said_the_next_time(
@@ -388,8 +369,7 @@ def test_what_goes_wrong_beside_is_said_the_next_time(
     monkeypatch.setattr(live_map, "FEW_PINGS", KNOWN)
     fusion = fused(pings[:KNOWN])
     fusion.live_snapshot(in_time=True)()
-    for ping in pings[KNOWN:]:
-        fusion.fuse(ping)
+    fuse(fusion, pings[KNOWN:])
 
     def wrong(*given: Any, **named: Any) -> None:
         raise ZeroDivisionError

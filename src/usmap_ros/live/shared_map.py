@@ -22,13 +22,6 @@ class SharedMap:
         Of the map, and which poses it is made with.
     frame_id : str
         The map's frame; empty: the one that most robots share in the first seconds.
-
-    Attributes
-    ----------
-    version : int
-        Rises with every change of the map.
-    generation : int
-        Rises when the map begins anew.
     """
 
     def __init__(self, parameters: PipelineParameters, frame_id: str) -> None:
@@ -40,7 +33,9 @@ class SharedMap:
         self._map_lock = threading.Lock()
         self._consistency = Consistency(parameters.mapping)
         self._left_out = frozenset[str]()
-        self.version = self.generation = self._pings = 0
+        #: Rise with every change of the map, and when it begins anew.
+        self.version, self.generation = 0, 0
+        self._pings = 0
 
     @property
     def frame_id(self) -> str:

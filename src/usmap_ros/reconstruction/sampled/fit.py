@@ -14,35 +14,23 @@ RIDGE = 1e-10
 
 
 class Fit(NamedTuple):
-    """Echoes of a support that come closest to a signal.
+    """Echoes of a support that come closest to a signal."""
 
-    Attributes
-    ----------
-    support : (k,) integer array
-        Their blocks, ascending.
-    columns : Columns
-        Of all their paths.
-    begins : (columns,) integer array
-        First column that each overlaps with.
-    factor : (columns, columns) array
-        Cholesky factor of the columns' Gram matrix.
-    fitted : (columns,) array
-        Coefficients in the order of the columns.
-    coefficients : (k, paths) array
-        The same in the order of the blocks.
-    residual : (samples,) array
-        What is left of the signal, between margins.
-    power : float
-        Squared norm of the residual.
-    """
-
+    #: (k,) integer array: their blocks, ascending.
     support: IndexArray
+    #: Of all their paths.
     columns: Columns
+    #: (columns,) integer array: first column that each overlaps with.
     begins: IndexArray
+    #: (columns, columns) array: Cholesky factor of the columns' Gram matrix.
     factor: Signal
+    #: (columns,) array: coefficients in the order of the columns.
     fitted: Signal
+    #: (k, paths) array: the same in the order of the blocks.
     coefficients: Signal
+    #: (samples,) array: what is left of the signal, between margins.
     residual: Signal
+    #: Squared norm of the residual.
     power: float
 
 

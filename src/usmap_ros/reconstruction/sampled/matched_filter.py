@@ -14,24 +14,17 @@ from usmap_ros.reconstruction.sampled.matrix import SampledMatrix, margin, with_
 
 
 class MatchedFilter(NamedTuple):
-    """A signal, its residual, and the matched filter's output for the residual.
+    """A signal, its residual, and the matched filter's output for the residual."""
 
-    Attributes
-    ----------
-    signal, residual : (samples,) arrays
-        The signal between its margins, and what is left of it.
-    output : (pulses * oversampling, windows) array
-        The matched filter's output for what is left.
-    magnitudes : (pulses * oversampling * windows,) array
-        Its magnitudes, or its positive parts where coefficients must not be negative.
-    scores : (blocks,) array
-        How well each block, on the grid and by itself, explains what is left.
-    """
-
+    #: (samples,) arrays: the signal between its margins, and what is left of it.
     signal: Signal
     residual: Signal
+    #: (pulses * oversampling, windows) array: the matched filter's output for what is left.
     output: Signal
+    #: (pulses * oversampling * windows,) array: its magnitudes, or its positive parts where
+    #: coefficients must not be negative.
     magnitudes: FloatArray
+    #: (blocks,) array: how well each block, on the grid and by itself, explains what is left.
     scores: FloatArray
 
 

@@ -19,88 +19,61 @@ class SampledMatrix(NamedTuple):
 
     It has a block for every pulse in the air and every range, those of the first pulse before
     those of the second: block b is of pulse b // ranges at range number b % ranges.
-
-    Attributes
-    ----------
-    polyphase : (pulses * oversampling, taps) array
-        Every pulse at every delay between two samples.
-    delays_s : (ranges, paths) array
-        Where each path of an object at a range is on the grid of delays.
-    places : (blocks, paths) integer array
-        Where that is in the matched filter's output, which has all windows of one delay between
-        samples together.
-    weights : (2, blocks, paths) array
-        What a block's score has of each path's product with a signal, and of its coefficient.
-    pulses : (pulses, 2, points) array
-        Each pulse and its derivative (1/s), from its start to its end.
-    durations_s : (pulses,) array
-        Their lengths.
-    sample_rate_hz, start_delay_s : float
-        When samples are taken.
-    sample_count : int
-        How many they are.
-    grid_start_s, delay_step_s : float
-        First delay of the grid, and from one to the next.
-    bands : (pulses,) integer array
-        Blocks to either side of a chosen one in which no other of its pulse is chosen.
-    sound_speed_m_s, floor_detour_m2 : float
-        Of the channel: the square of a leg over the floor is longer than that of the straight one
-        by the latter.
-    floor_legs : int
-        How many more legs over the floor each path has than the one before it.
     """
 
+    #: (pulses * oversampling, taps) array: every pulse at every delay between two samples.
     polyphase: Signal
+    #: (ranges, paths) array: where each path of an object at a range is on the grid of delays.
     delays_s: FloatArray
+    #: (blocks, paths) integer array: where that is in the matched filter's output, which has all
+    #: windows of one delay between samples together.
     places: IndexArray
+    #: (2, blocks, paths) array: what a block's score has of each path's product with a signal, and
+    #: of its coefficient.
     weights: FloatArray
+    #: (pulses, 2, points) array: each pulse and its derivative (1/s), from its start to its end.
     pulses: Signal
+    #: (pulses,) array: their lengths.
     durations_s: FloatArray
+    #: When samples are taken.
     sample_rate_hz: float
     start_delay_s: float
+    #: How many they are.
     sample_count: int
+    #: First delay of the grid, and from one to the next.
     grid_start_s: float
     delay_step_s: float
+    #: (pulses,) integer array: blocks to either side of a chosen one in which no other of its pulse
+    #: is chosen.
     bands: IndexArray
+    #: Of the channel: the square of a leg over the floor is longer than that of the straight one by
+    #: the latter.
     sound_speed_m_s: float
     floor_detour_m2: float
+    #: How many more legs over the floor each path has than the one before it.
     floor_legs: int
 
 
 class Places(NamedTuple):
-    """Where the blocks are that are not on the grid any more.
+    """Where the blocks are that are not on the grid any more."""
 
-    Attributes
-    ----------
-    blocks : (n,) integer array
-        Which they are, ascending.
-    ranges_m : (all blocks,) array
-        Their ranges; 0 of blocks on the grid.
-    """
-
+    #: (n,) integer array: which they are, ascending.
     blocks: IndexArray
+    #: (all blocks,) array: their ranges; 0 of blocks on the grid.
     ranges_m: FloatArray
 
 
 class Columns(NamedTuple):
-    """Some columns of Φ in the order of their delays, of each the samples that it touches.
+    """Some columns of Φ in the order of their delays, of each the samples that it touches."""
 
-    Attributes
-    ----------
-    blocks, paths : (columns,) integer arrays
-        Which path of which block of the support each is of.
-    first : (columns,) integer array
-        First sample of each in a signal with a margin.
-    values : (columns, taps) array
-        What each has there.
-    ages_s : (columns,) array
-        How long after the start of its pulse the first sample is taken.
-    """
-
+    #: (columns,) integer arrays: which path of which block of the support each is of.
     blocks: IndexArray
     paths: IndexArray
+    #: (columns,) integer array: first sample of each in a signal with a margin.
     first: IndexArray
+    #: (columns, taps) array: what each has there.
     values: Signal
+    #: (columns,) array: how long after the start of its pulse the first sample is taken.
     ages_s: FloatArray
 
 

@@ -27,59 +27,39 @@ from usmap_ros.reconstruction.sampled.steps import delay_step
 
 
 class SearchSettings(NamedTuple):
-    """How to search.
+    """How to search."""
 
-    Attributes
-    ----------
-    sparsity : int
-        Most blocks in the support, k of CoSaMP.
-    max_iterations : int
-        Of CoSaMP in one round.
-    non_negative : bool
-        Whether coefficients must be real and not negative.
-    model_error : float
-        Amplitude near an echo, relative to it, that may be due to an imperfect pulse.
-    refinements : int
-        Rounds of moving delays off the grid; below 0 where pulses have edges.
-    settled, small : float
-        Shares of a grid step: below the one no step is taken any more, below the other none needs
-        another after it.
-    """
-
+    #: Most blocks in the support, k of CoSaMP.
     sparsity: int
+    #: Of CoSaMP in one round.
     max_iterations: int
+    #: Whether coefficients must be real and not negative.
     non_negative: bool
+    #: Amplitude near an echo, relative to it, that may be due to an imperfect pulse.
     model_error: float
+    #: Rounds of moving delays off the grid; below 0 where pulses have edges.
     refinements: int
+    #: Shares of a grid step: below the one no step is taken any more, below the other none needs
+    #: another after it.
     settled: float
     small: float
 
 
 class SearchResult(NamedTuple):
-    """What a search found.
+    """What a search found."""
 
-    Attributes
-    ----------
-    support : (k,) integer array
-        Indices of the blocks that were found, ascending.
-    coefficients : (k, paths) array
-        Of their paths.
-    residual : (samples,) array
-        What they leave of the signal.
-    ranges_m, unit_stds_s : (k,) arrays
-        Ranges off the grid, and standard deviations of the delays for noise of 1.
-    strengths : (k,) array
-        Scores that the echoes have by themselves.
-    thresholds, scores : (blocks,) arrays
-        What a score had to exceed, and the scores of the residual.
-    """
-
+    #: (k,) integer array: indices of the blocks that were found, ascending.
     support: IndexArray
+    #: (k, paths) array: of their paths.
     coefficients: Signal
+    #: (samples,) array: what they leave of the signal.
     residual: Signal
+    #: (k,) arrays: ranges off the grid, and standard deviations of the delays for noise of 1.
     ranges_m: FloatArray
     unit_stds_s: FloatArray
+    #: (k,) array: scores that the echoes have by themselves.
     strengths: FloatArray
+    #: (blocks,) arrays: what a score had to exceed, and the scores of the residual.
     thresholds: FloatArray
     scores: FloatArray
 

@@ -517,10 +517,7 @@ def later(cones: Cones, count: int) -> Cones:
 
 def test_cones_that_cannot_wait_any_longer_are_dropped_and_counted(live: Any, cones: Cones) -> None:
     node = live.add(MapFusion, queue_depth=5, order_wait_s=60.0)
-    silent = live.peer.create_publisher(
-        interface_class("usmap_msgs/msg/EchoCone"), "/silent/cone", 50
-    )
-    live.until(silent.get_subscription_count)
+    live.publisher(CONE, "/silent/cone", 50)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     for _, cone in cones[:12]:
         publisher.publish(cone_to_cdr(cone))
@@ -533,10 +530,7 @@ def test_cones_that_cannot_wait_any_longer_are_dropped_and_counted(live: Any, co
 
 def test_a_silent_robot_does_not_stop_the_others(live: Any, cones: Cones) -> None:
     node = live.add(MapFusion, order_wait_s=0.1)
-    silent = live.peer.create_publisher(
-        interface_class("usmap_msgs/msg/EchoCone"), "/silent/cone", 50
-    )
-    live.until(silent.get_subscription_count)
+    live.publisher(CONE, "/silent/cone", 50)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     for number, cone in enumerate((cones[0][1], cones[3][1])):
         publisher.publish(cone_to_cdr(cone))

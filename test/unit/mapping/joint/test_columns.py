@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.free_space.response import MOST_EXPLAINED, listen
-from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.column_fits import (
     CROWD_M,
     Circle,
@@ -58,10 +58,7 @@ def pings_around(
 
 def heard(cones: list[EchoCone]) -> tuple[PingSet, Field]:
     """What some pings heard, where nothing holds sound back, and cells around."""
-    kept = KeptPings(MappingParameters())
-    for cone in cones:
-        kept.add(cone, "robot")
-    table, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept_pings({"robot": cones}, MappingParameters()).pings()[:4]
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
     return PingSet(table, rows, echoes, left), field_around(table, rows, 0.05)
 
@@ -174,9 +171,7 @@ def test_echoes_that_scatter_are_no_column(make_cone: Callable[..., EchoCone]) -
 
 
 def test_a_column_covers_its_disc(views: list[EchoCone]) -> None:
-    kept = KeptPings(MappingParameters())
-    kept.add(views[0], "robot")
-    table, rows = kept.pings()[:2]
+    table, rows = kept_pings({"robot": [views[0]]}, MappingParameters()).pings()[:2]
     none = np.zeros(0, np.int64)
     field = field_around(table, rows, 0.05)
     mask = discs([RoundColumn(X_M, Y_M, RADIUS_M, none, none, False)], field)
@@ -217,9 +212,7 @@ def test_a_column_on_a_wall_is_not_shown_but_nothing_is_free_there(views: list[E
 
 
 def test_an_explained_echo_was_to_be_heard(views: list[EchoCone]) -> None:
-    kept = KeptPings(MappingParameters())
-    kept.add(views[0], "robot")
-    table, rows = kept.pings()[:2]
+    table, rows = kept_pings({"robot": [views[0]]}, MappingParameters()).pings()[:2]
     noise = np.full(table.kind[rows].shape, table.numbers[rows[0], NOISE], np.float32)
     is_echo = table.kind[rows] == ECHO
     explained = np.where(is_echo, noise + table.power[rows], noise)

@@ -8,7 +8,7 @@ import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.fusion import JointFusion
-from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.ping_table import RANGE_STD
@@ -17,10 +17,7 @@ from usmap_ros.pings.cone import EchoCone
 
 
 def mirrors_of(cones: list[EchoCone]) -> list[MirrorWall]:
-    kept = KeptPings(MappingParameters())
-    for cone in cones:
-        kept.add(cone, "robot")
-    table, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept_pings({"robot": cones}, MappingParameters()).pings()[:4]
     explained = np.zeros(len(echoes.range_m), bool)
     return mirror_walls(table, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
 
@@ -141,20 +138,14 @@ def test_a_mirror_is_found_though_ranges_are_said_to_be_off_by_metres(
     mirror_pings: list[EchoCone],
 ) -> None:
     """Odometry says so that is good: an office lost the walls that told how it answers."""
-    kept = KeptPings(MappingParameters())
-    for cone in mirror_pings:
-        kept.add(cone, "robot")
-    table, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept_pings({"robot": mirror_pings}, MappingParameters()).pings()[:4]
     table.numbers[:, RANGE_STD] = 2.0
     none = np.zeros(len(echoes.range_m), bool)
     assert len(mirror_walls(table, rows, echoes, none, ~none, np.zeros(len(rows), bool))) == 1
 
 
 def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> None:
-    kept = KeptPings(MappingParameters())
-    for cone in mirror_pings:
-        kept.add(cone, "robot")
-    table, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept_pings({"robot": mirror_pings}, MappingParameters()).pings()[:4]
     explained = np.ones(len(echoes.range_m), bool)
     assert mirror_walls(table, rows, echoes, explained, explained, np.zeros(len(rows), bool)) == []
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.acoustics.beam import BeamPattern
-from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected, seen_directly
@@ -35,10 +35,7 @@ def corridor_pings(make_cone: Callable[..., EchoCone], heard: Heard) -> list[Ech
 
 def walls_and_reflected(cones: list[EchoCone]) -> tuple[list[float], np.ndarray, np.ndarray]:
     """Distances of the mirrors that are found, ranges, and whether each echo went by several."""
-    kept = KeptPings(MappingParameters())
-    for cone in cones:
-        kept.add(cone, "robot")
-    table, rows, _, echoes = kept.pings()[:4]
+    table, rows, _, echoes = kept_pings({"robot": cones}, MappingParameters()).pings()[:4]
     explained = np.zeros(len(echoes.range_m), bool)
     walls = mirror_walls(table, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
     several = reflected(walls, table, rows, echoes)

@@ -1,5 +1,8 @@
 """Multi-robot occupancy mapping from in-air ultrasound.
 
+Imports go one way: numerics → acoustics → pings → io → reconstruction → runs → live → nodes → cli.
+``simulation``, ``mapping`` and ``evaluation`` stand beside reconstruction.
+
 What programs need most can be had from here; docs/python.md shows how.  Nothing is imported
 before it is asked for, and nothing of it needs ROS.
 

@@ -69,50 +69,41 @@ class Files:
         self._open = []
 
 
+@dataclass(frozen=True, eq=False)
 class Stretch:
     """Messages of one type that follow one another in the order of stamps.
 
     A cut of it can be sent to another process, which then reads these messages and no others.
-
-    Parameters
-    ----------
-    message_type : str
-        Such as ``usmap_msgs/msg/EchoTrace``.
-    files : Files
-        Those that the messages lie in.
-    topics : sequence of str
-        Names of topics.
-    places : (n,) array of PLACE
-        Where each message lies.
     """
 
-    def __init__(
-        self, message_type: str, files: Files, topics: Sequence[str], places: NDArray[Any]
-    ) -> None:
-        self.topics = topics
-        self._type = message_type
-        self._files = files
-        self._places = places
+    #: Such as ``usmap_msgs/msg/EchoTrace``.
+    message_type: str
+    #: Those that the messages lie in.
+    files: Files
+    #: Names of topics.
+    topics: Sequence[str]
+    #: (n,) array of PLACE: where each message lies.
+    places: NDArray[Any]
 
     def __len__(self) -> int:
         """Count the messages."""
-        return len(self._places)
+        return len(self.places)
 
     def topic_counts(self) -> dict[str, int]:
         """Number of messages of each topic that has any."""
-        counts = np.bincount(self._places["topic"], minlength=len(self.topics))
+        counts = np.bincount(self.places["topic"], minlength=len(self.topics))
         return {topic: int(n) for topic, n in zip(self.topics, counts, strict=True) if n}
 
     def first_of_each(self, count: int) -> Stretch:
         """The first messages of each topic, `count` at most."""
-        numbers = self._places["topic"]
+        numbers = self.places["topic"]
         first = [np.flatnonzero(numbers == topic)[:count] for topic in range(len(self.topics))]
         chosen = np.sort(np.concatenate([np.zeros(0, np.int64), *first]))
-        return Stretch(self._type, self._files, self.topics, self._places[chosen])
+        return Stretch(self.message_type, self.files, self.topics, self.places[chosen])
 
     def ends(self, length: int) -> list[int]:
         """Where stretches of about a length end, so that no stamp is in two of them."""
-        stamps_ns, ends = self._places["stamp_ns"], [0]
+        stamps_ns, ends = self.places["stamp_ns"], [0]
         while ends[-1] < len(self):
             last_ns = stamps_ns[min(ends[-1] + length, len(self)) - 1]
             ends.append(int(np.searchsorted(stamps_ns, last_ns, side="right")))
@@ -120,12 +111,12 @@ class Stretch:
 
     def cut(self, first: int, stop: int) -> Stretch:
         """Messages from `first` to before `stop`, with files of their own."""
-        places = self._places[first:stop].copy()
+        places = self.places[first:stop].copy()
         used, numbers = np.unique(places["storage"], return_inverse=True)
         blocks = [set(places["block"][numbers == number].tolist()) for number in range(len(used))]
-        storages = [self._files[int(n)].part(own) for n, own in zip(used, blocks, strict=True)]
+        storages = [self.files[int(n)].part(own) for n, own in zip(used, blocks, strict=True)]
         places["storage"] = numbers
-        return Stretch(self._type, Files(storages), self.topics, places)
+        return Stretch(self.message_type, Files(storages), self.topics, places)
 
     def contents(
         self, convert: Callable[[memoryview], _Content], skip: Skip
@@ -140,16 +131,16 @@ class Stretch:
             Told of malformed messages.
         """
         for first in range(0, len(self), _AT_ONCE):
-            for number, topic, stamp_ns, *place in self._places[first : first + _AT_ONCE].tolist():
+            for number, topic, stamp_ns, *place in self.places[first : first + _AT_ONCE].tolist():
                 name = self.topics[topic]
                 try:
-                    yield name, convert(self._files[number].payload(*place))
+                    yield name, convert(self.files[number].payload(*place))
                 except MalformedMessageError as error:
-                    skip(f"{self._files[number].path}: {name} at {stamp_ns / 1e9:.6f} s", error)
+                    skip(f"{self.files[number].path}: {name} at {stamp_ns / 1e9:.6f} s", error)
 
     def close(self) -> None:
         """Close its files."""
-        self._files.close()
+        self.files.close()
 
 
 @dataclass(frozen=True)

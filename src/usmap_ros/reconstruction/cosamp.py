@@ -177,21 +177,16 @@ def _sample_update(fit: LeastSquares, estimate: Solution, pruned: IndexArray) ->
     return fit.on(pruned, estimate.iterations, estimate.halt)
 
 
+@dataclass(frozen=True)
 class LeastSquares:
-    """Signal estimation by least squares: b|_T ← Φ_T† u, of one signal u on any support T.
+    """Signal estimation by least squares: b|_T ← Φ_T† u, of one signal u on any support T."""
 
-    Parameters
-    ----------
-    operator : MatrixOperator
-        Has the columns.
-    signal : (samples,) array
-        What they are fitted to.
-    non_negative : bool
-        Whether coefficients must be real and not negative.
-    """
-
-    def __init__(self, operator: MatrixOperator, signal: Signal, non_negative: bool) -> None:
-        self.operator, self.signal, self.non_negative = operator, signal, non_negative
+    #: Has the columns.
+    operator: MatrixOperator
+    #: (samples,) array: what they are fitted to.
+    signal: Signal
+    #: Whether coefficients must be real and not negative.
+    non_negative: bool
 
     def on(self, support: IndexArray, iterations: int, halt: Halt) -> Solution:
         """Fit the columns of `support`; `iterations` and `halt` are put into the solution."""

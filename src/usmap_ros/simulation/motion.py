@@ -1,6 +1,7 @@
 """How robots move: along waypoints, or at random, and never through anything that stands."""
 
 from bisect import bisect_right
+from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
@@ -34,24 +35,18 @@ class Motion(Protocol):
         ...
 
 
+@dataclass(frozen=True)
 class DelayedMotion:
-    """A robot that stands where it starts, and moves later.
+    """A robot that stands where it starts, and moves later."""
 
-    Parameters
-    ----------
-    motion : Motion
-        How it moves then.
-    starts_after_s : float
-        How long it stands.
-    """
-
-    def __init__(self, motion: Motion, starts_after_s: float) -> None:
-        self._motion = motion
-        self._starts_after_s = starts_after_s
+    #: How it moves then.
+    motion: Motion
+    #: How long it stands.
+    starts_after_s: float
 
     def pose(self, time_s: float) -> Pose:
         """True pose of the robot's base at a time after the scene's start."""
-        return self._motion.pose(max(time_s - self._starts_after_s, 0.0))
+        return self.motion.pose(max(time_s - self.starts_after_s, 0.0))
 
 
 class CarriedOff:

@@ -75,26 +75,20 @@ class Intruder:
     delay_s: float
 
 
+@dataclass(frozen=True)
 class EchoSimulator:
     """Simulates pings in a scene.
 
     Each ping is heard alone, unless pulses of others are named: the next one comes when it has
     faded.
-
-    Parameters
-    ----------
-    scene : Scene
-        Discs, walls and facets that return sound.
-    frame_id : str
-        World frame of all poses.
-    start_ns : int
-        Stamp at which the moving objects start.
     """
 
-    def __init__(self, scene: Scene, frame_id: str = "map", start_ns: int = 0) -> None:
-        self._scene = scene
-        self._frame_id = frame_id
-        self._start_ns = start_ns
+    #: Discs, walls and facets that return sound.
+    scene: Scene
+    #: World frame of all poses.
+    frame_id: str = "map"
+    #: Stamp at which the moving objects start.
+    start_ns: int = 0
 
     def ping(
         self,
@@ -139,7 +133,7 @@ class EchoSimulator:
         receiver = sonar.receiver
         trace = EchoTrace(
             stamp_ns=stamp_ns,
-            frame_id=self._frame_id,
+            frame_id=self.frame_id,
             child_frame_id=sonar.child_frame_id,
             pose=true_pose,
             transducer=sonar.transducer,
@@ -152,7 +146,7 @@ class EchoSimulator:
         )
         if array is not None:
             trace = trace.in_array(array)
-        time_s = (stamp_ns - self._start_ns) / NANOSECONDS
+        time_s = (stamp_ns - self.start_ns) / NANOSECONDS
         heard_at = true_pose
         if np.any(sonar.receiver_offset_m):
             heard_at = true_pose.compose(Pose(sonar.receiver_offset_m, NO_TURN))
@@ -201,7 +195,7 @@ class EchoSimulator:
             time_s,
             velocity_m_s,
         )
-        lengths_m, amplitudes = echo_paths(self._scene, sounding)
+        lengths_m, amplitudes = echo_paths(self.scene, sounding)
         return Arrivals(emission.transducer.pulse, lengths_m / channel.sound_speed_m_s, amplitudes)
 
     def _intrusion(
@@ -212,8 +206,8 @@ class EchoSimulator:
         sender = PathEnd(intruder.pose, other.transducer.beam)
         reach_m = (sonar.listening_s - intruder.delay_s) * channel.sound_speed_m_s / 2.0
         sounding = Sounding(sender, listener, np.pi, reach_m, channel, time_s)
-        straight = direct_path(self._scene, sender, listener, channel, time_s)
-        echoes = echo_paths(self._scene, sounding)
+        straight = direct_path(self.scene, sender, listener, channel, time_s)
+        echoes = echo_paths(self.scene, sounding)
         lengths_m, amplitudes = (
             np.concatenate(column) for column in zip(straight, echoes, strict=True)
         )

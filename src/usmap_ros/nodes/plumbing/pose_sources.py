@@ -1,5 +1,6 @@
 """Where a simulated robot is: on its own path, or where another program moves it."""
 
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from rclpy.node import Node
@@ -102,34 +103,25 @@ class OdometryPose:
             self._health.problem("malformed", f"odom: {error}")
 
 
+@dataclass(frozen=True)
 class TransformPose:
-    """A robot that TF knows.
+    """A robot that TF knows."""
 
-    Parameters
-    ----------
-    transforms : Transforms
-        The node's buffer of TF.
-    base_frame, world : str
-        The robot's frame, and that of the scenario.
-    timeout_s : float
-        Age from which on a pose is too old.
-    """
-
-    def __init__(
-        self, transforms: Transforms, base_frame: str, world: str, timeout_s: float
-    ) -> None:
-        self._transforms = transforms
-        self._base_frame = base_frame
-        self._world = world
-        self._timeout_s = timeout_s
+    #: The node's buffer of TF.
+    transforms: Transforms
+    #: The robot's frame, and that of the scenario.
+    base_frame: str
+    world: str
+    #: Age from which on a pose is too old.
+    timeout_s: float
 
     def sample(self, now_ns: int, elapsed_s: float) -> tuple[Pose, int]:
         """Latest pose."""
         try:
-            latest = self._transforms.pose_of(self._base_frame, self._world)
+            latest = self.transforms.pose_of(self.base_frame, self.world)
         except (NoTransformError, MalformedMessageError) as error:
-            raise NoPoseError(f"{self._base_frame} in {self._world}: {error}") from error
-        return _young_enough(latest, now_ns, self._timeout_s)
+            raise NoPoseError(f"{self.base_frame} in {self.world}: {error}") from error
+        return _young_enough(latest, now_ns, self.timeout_s)
 
 
 def _young_enough(latest: tuple[Pose, int], now_ns: int, timeout_s: float) -> tuple[Pose, int]:

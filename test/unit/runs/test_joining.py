@@ -268,3 +268,27 @@ def test_a_match_that_is_nearly_sure_is_looked_at_with_poses_refined_together(
         found, true = places(done.pings)[:, :2], np.concatenate([circle(20)] * 2)[:, :2]
         origin = compose(STARTS["robot1"], np.c_[found, np.zeros(len(found))])[:, :2]
         assert np.hypot(*(origin - true).T).max() < 0.3
+
+
+def test_nobody_looks_again_while_others_are_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once two are joined, their map tells more of the third than it does of either."""
+    starts = STARTS | {"robot3": np.array([0.5, -1.0, -1.0])}
+    monkeypatch.setitem(STARTS, "robot3", starts["robot3"])
+    lies = {name: between(starts["robot1"], start) for name, start in starts.items()}
+    from_2 = compose(between(starts["robot2"], np.zeros(3)), starts["robot3"])
+    matches = [
+        Match(lies["robot2"], np.zeros(2), 60.0, 6.0, 0.0),
+        Match(lies["robot3"], np.zeros(2), 30.0, 2.5, 0.1),
+        Match(from_2, np.zeros(2), 30.0, 2.5, 0.1),
+        Match(lies["robot3"], np.zeros(2), 60.0, 6.0, 0.0),
+    ]
+    monkeypatch.setattr(
+        "usmap_ros.runs.frame_matches.match_maps", lambda one, other: matches.pop(0)
+    )
+    looks: list[object] = []
+    monkeypatch.setattr("usmap_ros.runs.frame_matches.second_look", lambda *of: looks.append(of))
+    done = correct_poses(
+        [ping for one in starts for ping in going_round(one)], PipelineParameters()
+    )
+    assert {one.state for one in done.robots.values()} == {"joined"}
+    assert (len(matches), looks) == (0, [])

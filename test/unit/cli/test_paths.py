@@ -69,7 +69,7 @@ def test_a_true_path_that_cannot_be_read_is_one_line(
 ) -> None:
     done = usmap("evaluate", "map", "--paths", "nothing.tum", cwd=drifted)
     assert done.returncode == 1
-    assert done.stderr.startswith("usmap: error: nothing.tum: cannot be read")
+    assert done.stderr.startswith("usmap: error: nothing.tum: does not exist")
 
 
 def test_odometry_is_refined_unless_told_poses_are_wanted(

@@ -127,6 +127,7 @@ PARTS = {
         "smooth walls all need as many hits",
         ((mirror_walls, "face_usually", lambda found, among: np.zeros(len(found), bool)),),
     ),
+    "fainter": Part("smooth walls are as loud as most", ((mirror_walls, "FAINTER", 0.4),)),
     "wall_ends": Part("smooth walls end at their feet", ((smooth_surfaces, "WallEnds", _AsFound),)),
     "columns": Part("no round columns", ((smooth_surfaces, "round_columns", _none),)),
     "taken_out": Part(

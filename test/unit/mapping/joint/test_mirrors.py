@@ -101,6 +101,24 @@ def test_rough_walls_beside_a_steady_mirror_do_not_speak_against_it(
     assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
 
 
+@pytest.mark.parametrize(("is_first", "walls"), [(True, 2), (False, 1)])
+def test_a_fainter_wall_is_one_if_nothing_is_heard_before_it(
+    make_cone: Callable[..., EchoCone],
+    mirror_pings: list[EchoCone],
+    is_first: bool,
+    walls: int,
+) -> None:
+    """A box in the middle of a room was called free; what came by way of others is as faint."""
+    beam, cones, chance = BeamPattern.linear(), [], np.random.default_rng(8)
+    for number in range(20):
+        off_rad = 0.2 * math.sin(1.3 * number)
+        other_m = float(chance.uniform(1.2, 2.8) if is_first else chance.uniform(0.3, 0.7))
+        echoes = sorted([(0.8, 0.25 * float(beam.gain(off_rad)) / 1.6), (other_m, 0.05)])
+        pose = {"x_m": 20.0 + 0.05 * number, "yaw_rad": 0.5 * math.pi + off_rad}
+        cones.append(make_cone(*echoes, stamp_ns=10**9 + number, **pose))
+    assert len(mirrors_of([*mirror_pings, *cones])) == walls
+
+
 @pytest.mark.parametrize(("told_std_m", "walls"), [(0.015, 1), (0.0, 0)])
 def test_a_mirror_is_found_though_poses_are_as_far_off_as_they_say(
     make_cone: Callable[..., EchoCone], mirror_m: float, told_std_m: float, walls: int

@@ -10,12 +10,12 @@ follow: a mirror is followed by few.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates, fit
+from usmap_ros.mapping.joint.surfaces.mirror_criteria import ANY, USUAL, MirrorCriteria, fitted
+from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
     are_square,
@@ -24,8 +24,8 @@ from usmap_ros.mapping.joint.surfaces.mirrors import (
     without_doubles,
 )
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import images, reflected, seen_directly
-from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between, mirror_levels
-from usmap_ros.mapping.ping_table import ABSORPTION, RANGE_STD, PingTable, X, Y
+from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
+from usmap_ros.mapping.ping_table import ABSORPTION, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.processes.threads import in_turn
 
@@ -34,11 +34,8 @@ from usmap_ros.processes.threads import in_turn
 LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
 #: Mirrors that are found at the most.
 MOST_WALLS = 60
-#: Largest median deviation of the logarithm of one's reflectivity from its median.
-MOST_DEVIATION = 0.45
-#: Stretch behind an echo in which others of a rough wall would follow, m, and how many on the
-#: mean a mirror may have there.
-FOLLOWING_M, MOST_FOLLOWING = (0.05, 0.6), 3.2
+#: Echoes that follow a mirror's own at the most, on the mean.
+MOST_FOLLOWING = 3.2
 #: One whose loudness varies less than this, as a median deviation of its logarithm, is a mirror
 #: whatever follows, for a wall that mirrors most may scatter the rest: sums of what many places of
 #: a rough wall return vary by 0.25 as a rule, and by less than this along few lines only.
@@ -57,44 +54,9 @@ LEAST_SHARE = 0.6
 ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE = 0.1, 0.33, 15
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
 BAND = 0.4
-#: Sum of squares of what errors of poses explain, over that of their standard deviations; and of
-#: what they are off from one ping of a wall to the next, for they wander slowly; whatever is
-#: stated, odometry does not jump by more than a share of so much, m.
-POSES_SHARE, WANDERING_SHARE, MOST_WANDERING_M = 2.25, 0.05, 0.1
-
-
-class MirrorCriteria(NamedTuple):
-    """What a wall must have.
-
-    Parameters
-    ----------
-    hits : int
-        Pings that heard it.
-    score : float
-        Hits less loud misses.
-    places : int
-        A decimetre apart, that feet have.
-    stretch_m : float
-        In which they are.
-    over_point : float
-        By how much likelier its ranges are than by the point that explains them best: logarithm,
-        with residuals as large as they are.
-    point_share : float
-        Its residuals over those of that point, at the most, where errors of poses explain less.
-    """
-
-    hits: int
-    score: float
-    places: int
-    stretch_m: float
-    over_point: float
-    point_share: float
-
-
-#: How far off the line of a wall points are looked for that explain what it does, m.
-POINTS_OFF_M = np.linspace(-0.06, 0.06, 7)
-#: Of any wall, and of one that faces as the others of the place do.
-ANY, USUAL = MirrorCriteria(6, 5.0, 4, 0.3, 3.0, 0.6), MirrorCriteria(4, 3.5, 2, 0.2, 0.0, 1.0)
+#: What comes first came by way of no other mirror: if it is nearly steady, and few follow, it may
+#: be of a wall that is by so much fainter; how far behind the first others came with it, m.
+FAINTER, FIRST_M = 1.6, 0.05
 
 
 def mirror_walls(
@@ -139,13 +101,32 @@ def mirror_walls(
     more = _found(search._replace(is_open=is_left), USUAL)
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
+    is_left &= ~is_explained & _are_first(echoes)
+    for wall in walls:
+        is_left[wall.echoes] = False
+    search = search._replace(is_open=is_left, faintest=math.exp(usual - FAINTER), loudest=faintest)
+    fainter = _likelier_than_points(_found(search, ANY))
+    walls += [each for each in fainter if each.deviation < NEARLY_STEADY and _is_bare(each)]
     return squared(seen_directly(without_doubles(walls), places_m), places_m, echoes)
+
+
+def _are_first(echoes: Echoes) -> BoolArray:
+    """Whether each echo comes with the first of its ping, and so by way of nothing else."""
+    count = np.diff(echoes.start)
+    first_m = echoes.range_m[np.minimum(echoes.start[:-1], len(echoes.range_m) - 1)]
+    are_first: BoolArray = echoes.range_m <= np.repeat(first_m, count) + FIRST_M
+    return are_first
 
 
 def _likelier_than_points(walls: list[MirrorWall]) -> list[MirrorWall]:
     """Walls but for those that points explain as well, unless they face as many do."""
     pairs = zip(walls, face_usually(walls, walls), strict=True)
     return [wall for wall, is_usual in pairs if is_usual or wall.over_point > 0.0]
+
+
+def _is_bare(wall: MirrorWall) -> bool:
+    """Whether as few echoes follow a wall's own as follow a mirror's."""
+    return wall.following < MOST_FOLLOWING
 
 
 def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None:
@@ -161,7 +142,7 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None
     logs = np.array([wall.log_mirror for wall in found])
     are_alike = np.abs(logs - logs[:, np.newaxis]) < ALIKE
     is_steady = np.array([wall.deviation < STEADY for wall in found])
-    are_mirrors = is_steady | np.array([wall.following < MOST_FOLLOWING for wall in found])
+    are_mirrors = is_steady | np.array([_is_bare(wall) for wall in found])
     # One that was heard steadily by many is a mirror, whatever stands beside it.
     are_certain, is_image = is_steady & (hits >= CERTAIN_HITS), images(found, places_m)
     are_direct = ~is_image.any(axis=1)
@@ -241,82 +222,8 @@ def _found(search: MirrorSearch, bar: MirrorCriteria) -> list[MirrorWall]:
             found.append(wall)
             search.is_open[wall.echoes] = False
             # Farther along the same line there may be more of it.
-            wall = _fitted(search, bar, wall.normal_rad, wall.distance_m)
+            wall = fitted(search, bar, wall.normal_rad, wall.distance_m)
         return is_found
 
-    in_turn(lambda line: _fitted(search, bar, *line), candidates(search, bar.hits), take)
+    in_turn(lambda line: fitted(search, bar, *line), candidates(search, bar.hits), take)
     return found
-
-
-def _fitted(
-    search: MirrorSearch, bar: MirrorCriteria, normal_rad: float, distance_m: float
-) -> MirrorWall | None:
-    """The wall near a candidate, if it is one."""
-    normal_rad, distance_m, score, hits = fit(search, normal_rad, distance_m)
-    if score < bar.score or len(hits.echo) < bar.hits:
-        return None
-    log_mirror = float(np.median(hits.log_mirror))
-    deviation = float(np.median(np.abs(hits.log_mirror - log_mirror)))
-    if deviation > MOST_DEVIATION:
-        return None
-    feet_m = hits.along_m
-    low_m, high_m = np.percentile(feet_m, [5, 95])
-    if high_m - low_m < bar.stretch_m or len(np.unique(np.round(feet_m / 0.1))) < bar.places:
-        return None
-    numbers = search.table.numbers[search.pings[hits.ping]]
-    across_m = distance_m - (
-        numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)
-    )
-    ranges_m = search.echoes.range_m[hits.echo]
-    wall, point = _residuals(feet_m, across_m, ranges_m)
-    stds_m = numbers[:, RANGE_STD]
-    by_poses = float((stds_m**2).sum())
-    wandering = WANDERING_SHARE * float((np.minimum(stds_m, MOST_WANDERING_M) ** 2).sum())
-    if 0.5 * len(feet_m) * math.log((point + wandering) / (wall + wandering)) < bar.over_point:
-        return None
-    if wall > max(bar.point_share * point, POSES_SHARE * by_poses):
-        return None
-    point = _point_misfit(search.echoes, hits.ping, across_m, feet_m)
-    over_point = 0.5 * len(feet_m) * math.log((point + wandering) / (wall + wandering))
-    begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
-    following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
-    return MirrorWall(
-        normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
-        hits.ping, hits.echo, float(following), log_mirror, deviation, over_point,
-    )  # fmt: skip
-
-
-def _residuals(
-    feet_m: FloatArray, across_m: FloatArray, ranges_m: FloatArray
-) -> tuple[float, float]:
-    """Of a wall, and of the point on it that explains its ranges best."""
-    points_m = np.linspace(feet_m.min(), feet_m.max(), 25)[:, np.newaxis]
-    off_points_m = ranges_m - np.hypot(across_m, feet_m - points_m)
-    off_points_m -= np.median(off_points_m, axis=1, keepdims=True)
-    wall, point = _misfits(ranges_m - across_m), _misfits(off_points_m).min()
-    return max(float(wall), 1e-12), max(float(point), 1e-12)
-
-
-def _point_misfit(
-    echoes: Echoes, ping: NDArray[np.int64], across_m: FloatArray, feet_m: FloatArray
-) -> float:
-    """Of the point on a wall, or so near to it, that explains pings best by any of their echoes.
-
-    A wall has the nearest of many echoes, and so has a point to be compared with it: what comes
-    back from a corner is as far away as that, and a wall through it fits some of what follows.
-    """
-    count = echoes.start[ping + 1] - echoes.start[ping]
-    number = np.minimum(np.arange(count.max()), count[:, np.newaxis] - 1)
-    ranges_m = echoes.range_m[echoes.start[ping][:, np.newaxis] + number]
-    along_m, off_m = np.meshgrid(np.linspace(feet_m.min(), feet_m.max(), 25), POINTS_OFF_M)
-    expected_m = np.hypot(across_m + off_m.reshape(-1, 1), feet_m - along_m.reshape(-1, 1))
-    nearest_m = np.full(expected_m.shape, np.inf)
-    for each_m in ranges_m.T:
-        np.minimum(nearest_m, np.abs(each_m - expected_m), out=nearest_m)
-    return max(float(_misfits(nearest_m).min()), 1e-12)
-
-
-def _misfits(residuals_m: FloatArray) -> FloatArray:
-    """Sum of squares, each no more than that of 2 cm, over the last axis."""
-    sums: FloatArray = np.minimum(residuals_m**2, 4e-4).sum(axis=-1)
-    return sums

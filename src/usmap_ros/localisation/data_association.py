@@ -38,33 +38,22 @@ _PARTS, _LEAST_LEFT = 3, 1e-9
 
 
 class DataAssociation(NamedTuple):
-    """Which echoes are whose: a row for each echo and each landmark that it may well be of.
+    """Which echoes are whose: a row for each echo and each landmark that it may well be of."""
 
-    Parameters
-    ----------
-    echo, landmark : (n,) int arrays
-        Which.
-    shares : (n,) array
-        Of the landmark in the echo.
-    off_m : (n,) array
-        By how much the place that the echo would be from is behind the landmark.
-    along_m : (n,) array
-        Where that is along a wall.
-    by_pose : (3, n) array
-        By how much it goes behind it as the robot moves along x and y, and turns.
-    precision : (n,) array
-        Of `off_m`, in units of that of an echo from the foot of the perpendicular.
-    log_likelihood : float
-        Of all echoes, relative to none of them being a landmark's.
-    """
-
+    #: (n,) int arrays: which.
     echo: NDArray[np.intp]
     landmark: NDArray[np.intp]
+    #: (n,) array: of the landmark in the echo.
     shares: FloatArray
+    #: (n,) array: by how much the place that the echo would be from is behind the landmark.
     off_m: FloatArray
+    #: (n,) array: where that is along a wall.
     along_m: FloatArray
+    #: (3, n) array: by how much it goes behind it as the robot moves along x and y, and turns.
     by_pose: FloatArray
+    #: (n,) array: of `off_m`, in units of that of an echo from the foot of the perpendicular.
     precision: FloatArray
+    #: Of all echoes, relative to none of them being a landmark's.
     log_likelihood: float
 
     def observed(self, echoes: TrackEchoes, count: int, sigma_m: float) -> DataAssociation:
@@ -83,38 +72,27 @@ class DataAssociation(NamedTuple):
 
 
 class _Pairs(NamedTuple):
-    """Echoes and landmarks that they may be of, a row each; and how they are looked at.
+    """Echoes and landmarks that they may be of, a row each; and how they are looked at."""
 
-    Parameters
-    ----------
-    seen : LandmarkViews
-        Of all pings and landmarks.
-    echo, landmark : (n,) int arrays
-        Which.
-    off_m, std_m : (n,) arrays
-        As `DataAssociation.off_m`, and its standard deviation.
-    per_rad_m, facing : (n,) arrays
-        How `off_m` changes as the robot turns, and with range over the standard deviation.
-    cell : (n,) int array
-        Which stretch of the landmark.
-    cells : (pings, landmarks) int array
-        The same for each ping.
-    asked : (stretches, landmarks) array
-        Looks at each stretch.
-    beyond, past : (k,) int arrays
-        Echoes of the first thing only, and what stands before it.
-    """
-
+    #: Of all pings and landmarks.
     seen: LandmarkViews
+    #: (n,) int arrays: which.
     echo: NDArray[np.intp]
     landmark: NDArray[np.intp]
+    #: (n,) arrays: as `DataAssociation.off_m`, and its standard deviation.
     off_m: FloatArray
     std_m: FloatArray
+    #: (n,) arrays: how `off_m` changes as the robot turns, and with range over the standard
+    #: deviation.
     per_rad_m: FloatArray
     facing: FloatArray
+    #: (n,) int array: which stretch of the landmark.
     cell: NDArray[np.intp]
+    #: (pings, landmarks) int array: the same for each ping.
     cells: NDArray[np.int64]
+    #: (stretches, landmarks) array: looks at each stretch.
     asked: FloatArray
+    #: (k,) int arrays: echoes of the first thing only, and what stands before it.
     beyond: NDArray[np.intp]
     past: NDArray[np.intp]
 

@@ -21,30 +21,20 @@ _ASLANT_RAD = 1.0
 
 
 class TrackEchoes(NamedTuple):
-    """Echoes of all pings, one behind the other.
+    """Echoes of all pings, one behind the other."""
 
-    Parameters
-    ----------
-    ping : (n,) int array
-        Whose they are.
-    range_m : (n,) array
-        How far their objects are.
-    half_angle_rad : (n,) array
-        Of the beam.
-    bearing_rad, bearing_std_rad : (n,) arrays
-        Off the beam axis, where it is known.
-    weight : (n,) array
-        How much each counts.
-    aslant_rad : (n,) array
-        By how much the perpendicular to a wall may miss the beam.
-    """
-
+    #: (n,) int array: whose they are.
     ping: NDArray[np.int64]
+    #: (n,) array: how far their objects are.
     range_m: FloatArray
+    #: (n,) array: of the beam.
     half_angle_rad: FloatArray
+    #: (n,) arrays: off the beam axis, where it is known.
     bearing_rad: FloatArray
     bearing_std_rad: FloatArray
+    #: (n,) array: how much each counts.
     weight: FloatArray
+    #: (n,) array: by how much the perpendicular to a wall may miss the beam.
     aslant_rad: FloatArray
 
     @property

@@ -47,17 +47,11 @@ def log_information(track: Track) -> float:
 
 
 class ScaleEquation(NamedTuple):
-    """What the scale of a track's odometry depends on.
+    """What the scale of a track's odometry depends on."""
 
-    Parameters
-    ----------
-    coupling : (knots, 3) array
-        With each knot.
-    information, right : float
-        Its own, and the right-hand side.
-    """
-
+    #: (knots, 3) array: with each knot.
     coupling: FloatArray
+    #: Its own, and the right-hand side.
     information: float
     right: float
 

@@ -11,17 +11,11 @@ from usmap_ros.numerics.geometry import wrapped
 
 @dataclass(frozen=True)
 class FoundPoses:
-    """Poses that were found.
+    """Poses that were found."""
 
-    Parameters
-    ----------
-    poses : (n, 3) array
-        x, y (m) and yaw (rad).
-    covariances : (n, 3, 3) array
-        Of these; NaN of poses that were not looked for.
-    """
-
+    #: (n, 3) array: x, y (m) and yaw (rad).
     poses: FloatArray
+    #: (n, 3, 3) array: of these; NaN of poses that were not looked for.
     covariances: FloatArray
 
 

@@ -19,17 +19,11 @@ _MAY_TURN_RAD, _MAY_MOVE_M = 0.2, 0.3
 
 
 class Knots(NamedTuple):
-    """Between which knots pings are.
+    """Between which knots pings are."""
 
-    Parameters
-    ----------
-    before : (pings,) int array
-        The knot before each ping; -1: its pose is fixed.
-    share : (pings,) array
-        How far it is on the way to the next one, 0 to 1.
-    """
-
+    #: (pings,) int array: the knot before each ping; -1: its pose is fixed.
     before: NDArray[np.int64]
+    #: (pings,) array: how far it is on the way to the next one, 0 to 1.
     share: FloatArray
 
 

@@ -17,26 +17,18 @@ _NOT_ITS_M = 1e9
 
 
 class LandmarkEchoes(NamedTuple):
-    """Echoes that may be walls', and where they were heard from: (echoes,) arrays.
+    """Echoes that may be walls', and where they were heard from: (echoes,) arrays."""
 
-    Parameters
-    ----------
-    x_m, y_m, yaw_rad : arrays
-        The poses.
-    range_m : array
-        How far their objects are.
-    reach_rad, aslant_rad : arrays
-        How far off the axis the foot of a perpendicular may be, and by how much it may miss that.
-    weight : array
-        How much each counts.
-    """
-
+    #: The poses.
     x_m: FloatArray
     y_m: FloatArray
     yaw_rad: FloatArray
+    #: How far their objects are.
     range_m: FloatArray
+    #: How far off the axis the foot of a perpendicular may be, and by how much it may miss that.
     reach_rad: FloatArray
     aslant_rad: FloatArray
+    #: How much each counts.
     weight: FloatArray
 
 

@@ -20,20 +20,13 @@ WITHIN = 0.95
 
 
 class Landmarks(NamedTuple):
-    """Lines of walls, and points.
+    """Lines of walls, and points."""
 
-    Parameters
-    ----------
-    normals_rad : (n,) array
-        Direction of each line's normal, from robots towards the wall.
-    distances_m : (n,) array
-        From the origin along it.
-    points_m : (k, 2) array
-        x, y of points.
-    """
-
+    #: (n,) array: direction of each line's normal, from robots towards the wall.
     normals_rad: FloatArray
+    #: (n,) array: from the origin along it.
     distances_m: FloatArray
+    #: (k, 2) array: x, y of points.
     points_m: FloatArray = np.zeros((0, 2))
 
     @property
@@ -52,27 +45,18 @@ class Landmarks(NamedTuple):
 
 
 class LandmarkViews(NamedTuple):
-    """How pings would hear landmarks, (pings, landmarks) each.
+    """How pings would hear landmarks, (pings, landmarks) each."""
 
-    Parameters
-    ----------
-    faced : bool array
-        Whether the ping may hear the landmark at all.
-    far_m : array
-        Distance to the point, or along the perpendicular.
-    toward_x, toward_y : array
-        Unit vector that way.
-    aslant_rad : array
-        From the perpendicular to where a wall is heard from, positive to the left.
-    along_m : array
-        Where that is along the wall.
-    """
-
+    #: Whether the ping may hear the landmark at all.
     faced: BoolArray
+    #: Distance to the point, or along the perpendicular.
     far_m: FloatArray
+    #: Unit vector that way.
     toward_x: FloatArray
     toward_y: FloatArray
+    #: From the perpendicular to where a wall is heard from, positive to the left.
     aslant_rad: FloatArray
+    #: Where that is along the wall.
     along_m: FloatArray
 
 

@@ -17,21 +17,14 @@ _APART_M, _APART_RAD = 1.0, math.radians(20.0)
 
 @dataclass(frozen=True)
 class Link:
-    """How one frame lies in another one.
+    """How one frame lies in another one."""
 
-    Parameters
-    ----------
-    target, source : str
-        The frame that stays, and the one that is brought into it.
-    change : (3,) array
-        x, y (m) and yaw (rad) of the source in the target.
-    about_m : (2,) array
-        In the source: what the match is off, it is off there.
-    """
-
+    #: The frame that stays, and the one that is brought into it.
     target: str
     source: str
+    #: (3,) array: x, y (m) and yaw (rad) of the source in the target.
     change: FloatArray
+    #: (2,) array: in the source: what the match is off, it is off there.
     about_m: FloatArray
 
 

@@ -59,28 +59,20 @@ _PROMISING, _BORNE_OUT, _IS_ENOUGH = 2.0, 3.2, 4.5
 
 @dataclass(frozen=True)
 class Submap:
-    """What a match looks at.
+    """What a match looks at."""
 
-    Parameters
-    ----------
-    places_m : (n, 2) array
-        Centres of occupied cells.
-    weights : (n,) array
-        Pieces that each is worth.
-    sides : (n, 2) array
-        Towards the side that is free, of length 1 for walls that were heard from one side, 0 for
-        poles.
-    worth : (3, rows, columns) array
-        What an occupied cell of another map counts here: 1 where something stands, less than 0
-        where it is free, 0 where nothing is known; and the sides of what stands, times that.
-    geometry : GridGeometry
-        Of `worth`.
-    """
-
+    #: (n, 2) array: centres of occupied cells.
     places_m: FloatArray
+    #: (n,) array: pieces that each is worth.
     weights: FloatArray
+    #: (n, 2) array: towards the side that is free, of length 1 for walls that were heard from one
+    #: side, 0 for poles.
     sides: FloatArray
+    #: (3, rows, columns) array: what an occupied cell of another map counts here: 1 where something
+    #: stands, less than 0 where it is free, 0 where nothing is known; and the sides of what stands,
+    #: times that.
     worth: FloatArray
+    #: Of `worth`.
     geometry: GridGeometry
 
     @classmethod
@@ -127,26 +119,17 @@ class Submap:
 
 @dataclass(frozen=True)
 class Match:
-    """How one map lies over another.
+    """How one map lies over another."""
 
-    Parameters
-    ----------
-    change : (3,) array
-        x, y (m) and yaw (rad) of the second map's frame in the first one's.
-    about_m : (2,) array
-        Centre of the second map, in its frame: what the match is off, it is off there.
-    pieces : float
-        What it counts.
-    margin : float
-        How much less the next best counts, in units of the root of `pieces`.
-    against : float
-        Pieces that stand in the other map's free space, as a share of those that stand in both.
-    """
-
+    #: (3,) array: x, y (m) and yaw (rad) of the second map's frame in the first one's.
     change: FloatArray
+    #: (2,) array: centre of the second map, in its frame: what the match is off, it is off there.
     about_m: FloatArray
+    #: What it counts.
     pieces: float
+    #: How much less the next best counts, in units of the root of `pieces`.
     margin: float
+    #: Pieces that stand in the other map's free space, as a share of those that stand in both.
     against: float
 
     @property

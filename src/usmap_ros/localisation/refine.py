@@ -36,20 +36,14 @@ _PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
 
 @dataclass(frozen=True)
 class Refinement:
-    """What became of the poses of a recording.
+    """What became of the poses of a recording."""
 
-    Parameters
-    ----------
-    pings : list of (topic, EchoCone)
-        All pings, in the order they came in, with poses that are corrected.
-    kinds : dict
-        What the poses of each robot are.
-    corrections_m : dict
-        Root mean square of how far the places of each robot's pings were moved.
-    """
-
+    #: List of (topic, EchoCone): all pings, in the order they came in, with poses that are
+    #: corrected.
     pings: list[Ping]
+    #: What the poses of each robot are.
     kinds: dict[str, PoseKind]
+    #: Root mean square of how far the places of each robot's pings were moved.
     corrections_m: dict[str, float]
 
     def summary(self) -> dict[str, dict[str, object]]:

@@ -65,20 +65,13 @@ _MOST_STRETCHES = 40
 
 
 class Adjusted(NamedTuple):
-    """What poses were adjusted to.
+    """What poses were adjusted to."""
 
-    Parameters
-    ----------
-    landmarks : Landmarks
-        What stands.
-    factor : (array, bool)
-        Decomposition of the equations of the knots, for `covariances`.
-    sigma_m : float
-        How far echoes were taken to be off landmarks.
-    """
-
+    #: What stands.
     landmarks: Landmarks
+    #: (array, bool): decomposition of the equations of the knots, for `covariances`.
     factor: tuple[FloatArray, bool]
+    #: How far echoes were taken to be off landmarks.
     sigma_m: float
 
 

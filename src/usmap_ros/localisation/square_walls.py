@@ -25,23 +25,15 @@ _LEAST_GAIN = 6.0
 
 
 class Squareness(NamedTuple):
-    """How lines keep to one direction.
+    """How lines keep to one direction."""
 
-    Parameters
-    ----------
-    shares : (n,) array
-        How likely each does.
-    off_rad : (n,) array
-        By how much each is off it, to the nearest quarter turn.
-    std_rad : float
-        How far those that do are off it.
-    gain : float
-        Log-likelihood of all directions over that of lines that face anywhere.
-    """
-
+    #: (n,) array: how likely each does.
     shares: FloatArray
+    #: (n,) array: by how much each is off it, to the nearest quarter turn.
     off_rad: FloatArray
+    #: How far those that do are off it.
     std_rad: float
+    #: Log-likelihood of all directions over that of lines that face anywhere.
     gain: float
 
     def information(self) -> FloatArray:

@@ -31,38 +31,27 @@ _FLOOR_M_PER_M, _FLOOR_RAD_PER_M = 0.005, 0.003
 
 @dataclass
 class Track:
-    """Odometry of a robot, and what was found out of it since: its scale, and how well it is known.
+    """Odometry of a robot, with what was found out since: its scale, and how well it is known."""
 
-    Parameters
-    ----------
-    rows : (n,) int array
-        Which pings of the recording are its, in the order of their stamps.
-    told : (n, 3) array
-        Poses as they were reported.
-    covariances : (n, 3, 3) array
-        Of these.
-    transducers : (n,) int array
-        Which of the robot's transducers each ping is of: each is somewhere else on it.
-    every : int
-        Pings from knot to knot.
-    is_fixed : bool
-        Whether poses are right as they are reported.
-    is_stated : bool
-        Whether the covariances say how odometry drifts; otherwise it does as wheels usually do.
-    scale : float
-        Ways that the robot has gone over those that odometry tells.
-    spread : (3,) array
-        Standard deviations of odometry's errors along, across and in heading, over those stated.
-    """
-
+    #: (n,) int array: which pings of the recording are its, in the order of their stamps.
     rows: NDArray[np.intp]
+    #: (n, 3) array: poses as they were reported.
     told: FloatArray
+    #: (n, 3, 3) array: of these.
     covariances: FloatArray
+    #: (n,) int array: which of the robot's transducers each ping is of: each is somewhere else on
+    #: it.
     transducers: NDArray[np.intp]
+    #: Pings from knot to knot.
     every: int
+    #: Whether poses are right as they are reported.
     is_fixed: bool = False
+    #: Whether the covariances say how odometry drifts; otherwise it does as wheels usually do.
     is_stated: bool = True
+    #: Ways that the robot has gone over those that odometry tells.
     scale: float = 1.0
+    #: (3,) array: standard deviations of odometry's errors along, across and in heading, over those
+    #: stated.
     spread: FloatArray = field(default_factory=lambda: np.ones(3))
     along_m: FloatArray = field(init=False)
     knots: NDArray[np.intp] = field(init=False)

@@ -16,24 +16,16 @@ LEAST_LIKELIHOOD = 0.01
 
 @dataclass(frozen=True)
 class CandidateCells:
-    """Cells that may have returned an echo, each array of shape (cells,).
+    """Cells that may have returned an echo, each array of shape (cells,)."""
 
-    Parameters
-    ----------
-    rows, columns : integer arrays
-        Of the cells, counted from the world's origin.
-    likelihood : array
-        How well the cell fits range and strength of an echo, 1 for the cell that fits best.
-    coefficient : array
-        Reflectivity that an object in the cell would need to return that echo.
-    resolution_m : float
-        Side of a cell.
-    """
-
+    #: Of the cells, counted from the world's origin.
     rows: IndexArray
     columns: IndexArray
+    #: How well the cell fits range and strength of an echo, 1 for the cell that fits best.
     likelihood: RealArray
+    #: Reflectivity that an object in the cell would need to return that echo.
     coefficient: RealArray
+    #: Side of a cell.
     resolution_m: float
 
     @property

@@ -14,34 +14,23 @@ LEAST_GAIN = 1e-6
 
 @dataclass(frozen=True)
 class Footprint:
-    """Cells inside a cone, each array of shape (cells,).
+    """Cells inside a cone, each array of shape (cells,)."""
 
-    Parameters
-    ----------
-    rows, columns : integer arrays
-        Of the cells.
-    range_m : array
-        From the transducer to the cell's centre.
-    bearing_rad : array
-        Of the centre off the beam axis.
-    half_depth_m : array
-        How far from the centre, along the ray, an object in the cell can stand.
-    taper_m : array
-        Length over which, at either end of that depth, the likelihood of a range falls off: a
-        square seen along its side has none, one seen across a corner tapers all the way.
-    range_std_m : array
-        Standard deviation of the range that the pose's covariance causes.
-    log_unit_amplitude : array
-        ln of the amplitude of the direct echo of an object of reflectivity 1 in the cell.
-    """
-
+    #: Of the cells.
     rows: IndexArray
     columns: IndexArray
+    #: From the transducer to the cell's centre.
     range_m: RealArray
+    #: Of the centre off the beam axis.
     bearing_rad: RealArray
+    #: How far from the centre, along the ray, an object in the cell can stand.
     half_depth_m: RealArray
+    #: Length over which, at either end of that depth, the likelihood of a range falls off: a square
+    #: seen along its side has none, one seen across a corner tapers all the way.
     taper_m: RealArray
+    #: Standard deviation of the range that the pose's covariance causes.
     range_std_m: RealArray
+    #: ln of the amplitude of the direct echo of an object of reflectivity 1 in the cell.
     log_unit_amplitude: RealArray
 
 

@@ -15,17 +15,11 @@ CAUTION = 3.0
 
 
 class FreeScan(NamedTuple):
-    """Rays of a ping.
+    """Rays of a ping."""
 
-    Parameters
-    ----------
-    angles_rad : (rays,) array
-        Off the beam axis, ascending by equal steps, positive to the left.
-    ranges_m : (rays,) array
-        Up to where nothing stands; 0 where nothing is known.
-    """
-
+    #: (rays,) array: off the beam axis, ascending by equal steps, positive to the left.
     angles_rad: FloatArray
+    #: (rays,) array: up to where nothing stands; 0 where nothing is known.
     ranges_m: FloatArray
 
 

@@ -22,21 +22,14 @@ _LEAST_AMBIGUITY = 0.01
 
 @dataclass(frozen=True)
 class NextView:
-    """A pose from which to ping.
+    """A pose from which to ping."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Of the transducer.
-    yaw_rad : float
-        Of its beam axis.
-    score : float
-        Undecided cells that a ping is expected to settle.
-    """
-
+    #: Of the transducer.
     x_m: float
     y_m: float
+    #: Of its beam axis.
     yaw_rad: float
+    #: Undecided cells that a ping is expected to settle.
     score: float
 
 

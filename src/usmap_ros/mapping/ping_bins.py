@@ -38,66 +38,47 @@ LEAST_NOISE = 1e-12
 
 
 class PingBins(NamedTuple):
-    """A ping in the window, in the form that compiled functions take.
+    """A ping in the window, in the form that compiled functions take."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Of the transducer.
-    axis_x, axis_y, axis_z : float
-        Beam axis, a unit vector.
-    rise_m : float
-        Of what stands on the map above the transducer.
-    heading_rad : float
-        Of the axis on the plane.
-    half_angle_rad, cos_half_angle : float
-        Of the cone, as wide as the uncertainty of its heading makes it.
-    least_range_m, greatest_range_m : float
-        Where echoes are looked for.
-    absorption_per_m : float
-        Share of the power lost there and back, as a rate of the range: exp(−rate · r).
-    range_std_m : float
-        Of where things are seen, from the pose's covariance and what nobody states.
-    bin_m : float
-        Width of a range bin.
-    noise : float
-        Power of the receiver's noise in a bin.
-    power_gain : (GAIN_STEPS + 1,) float32 array
-        Two-way power gain over (1 − cos θ) / (1 − cos half angle): its mean over the headings that
-        the pose's covariance allows.
-    kind : (bins,) uint8 array
-        UNJUDGED, ECHO or SILENCE.
-    power : (bins,) float32 array
-        Of the echoes in each bin.
-    next_echo : (bins + 1,) int32 array
-        First range bin from each on that has an echo; `NEVER` if there is none.
-    limit : (bins,) float32 array
-        Power below which an echo may have gone unreported.
-    bearing, bearing_weight : (bins,) float32 arrays
-        Measured direction of the echo in each bin, rad off the heading, and 1 / (2 σ²) of it; 0
-        where it is not known.
-    """
-
+    #: Of the transducer.
     x_m: float
     y_m: float
+    #: Beam axis, a unit vector.
     axis_x: float
     axis_y: float
     axis_z: float
+    #: Of what stands on the map above the transducer.
     rise_m: float
+    #: Of the axis on the plane.
     heading_rad: float
+    #: Of the cone, as wide as the uncertainty of its heading makes it.
     half_angle_rad: float
     cos_half_angle: float
+    #: Where echoes are looked for.
     least_range_m: float
     greatest_range_m: float
+    #: Share of the power lost there and back, as a rate of the range: exp(−rate · r).
     absorption_per_m: float
+    #: Of where things are seen, from the pose's covariance and what nobody states.
     range_std_m: float
+    #: Width of a range bin.
     bin_m: float
+    #: Power of the receiver's noise in a bin.
     noise: float
+    #: (GAIN_STEPS + 1,) float32 array: two-way power gain over (1 − cos θ) / (1 − cos half angle):
+    #: its mean over the headings that the pose's covariance allows.
     power_gain: NDArray[np.float32]
+    #: (bins,) uint8 array: UNJUDGED, ECHO or SILENCE.
     kind: NDArray[np.uint8]
+    #: (bins,) float32 array: of the echoes in each bin.
     power: NDArray[np.float32]
+    #: (bins + 1,) int32 array: first range bin from each on that has an echo; `NEVER` if there is
+    #: none.
     next_echo: NDArray[np.int32]
+    #: (bins,) float32 array: power below which an echo may have gone unreported.
     limit: NDArray[np.float32]
+    #: (bins,) float32 arrays: measured direction of the echo in each bin, rad off the heading, and
+    #: 1 / (2 σ²) of it; 0 where it is not known.
     bearing: NDArray[np.float32]
     bearing_weight: NDArray[np.float32]
 

@@ -30,20 +30,14 @@ NOISE = NUMBERS.index("noise")
 
 
 class PingTable(NamedTuple):
-    """Several pings, one a row: to hand over one at a time would take longer than to use it.
+    """Several pings, one a row: to hand over one at a time would take longer than to use it."""
 
-    Parameters
-    ----------
-    numbers : (rows, NUMBERS) float64 array
-        What is a number of its own.
-    bins : (rows,) int64 array
-        How many range bins each has; what its rows below hold after those is of no meaning.
-    power_gain, kind, power, next_echo, limit, bearing, bearing_weight : (rows, …) arrays
-        See `usmap_ros.mapping.ping_bins.PingBins`.
-    """
-
+    #: (rows, NUMBERS) float64 array: what is a number of its own.
     numbers: NDArray[np.float64]
+    #: (rows,) int64 array: how many range bins each has; what its rows below hold after those is of
+    #: no meaning.
     bins: NDArray[np.int64]
+    #: (rows, …) arrays: see `usmap_ros.mapping.ping_bins.PingBins`.
     power_gain: NDArray[np.float32]
     kind: NDArray[np.uint8]
     power: NDArray[np.float32]

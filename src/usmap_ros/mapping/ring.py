@@ -19,30 +19,21 @@ FAINTEST = 1e-30
 
 @dataclass(frozen=True)
 class Ring:
-    """Pairs of an echo and a cell that may have returned it.
+    """Pairs of an echo and a cell that may have returned it."""
 
-    Parameters
-    ----------
-    cells : (ring cells,) integer array
-        Cells of the footprint that are on any ring.
-    cell, echo : (pairs,) integer arrays
-        Of each pair: its cell, as an index into `cells`, and its echo.
-    range_fit : (pairs,) array
-        Probability that the echo's range lies inside the cell.
-    log_reflectivity : (pairs,) array
-        ln s that the echo's amplitude would mean, had it come from the cell.
-    variance : (pairs,) array
-        Of `log_reflectivity`: noise of the amplitude and fluctuation from look to look.
-    echo_count : int
-        Echoes in the cone.
-    """
-
+    #: (ring cells,) integer array: cells of the footprint that are on any ring.
     cells: IndexArray
+    #: (pairs,) integer arrays: of each pair: its cell, as an index into `cells`, and its echo.
     cell: IndexArray
     echo: IndexArray
+    #: (pairs,) array: probability that the echo's range lies inside the cell.
     range_fit: RealArray
+    #: (pairs,) array: ln s that the echo's amplitude would mean, had it come from the cell.
     log_reflectivity: RealArray
+    #: (pairs,) array: of `log_reflectivity`: noise of the amplitude and fluctuation from look to
+    #: look.
     variance: RealArray
+    #: Echoes in the cone.
     echo_count: int
 
 

@@ -17,23 +17,15 @@ from usmap_ros.runs.joining import WORLD, join_robots, with_starts
 
 @dataclass(frozen=True)
 class RobotPoses:
-    """What became of the poses of a robot.
+    """What became of the poses of a robot."""
 
-    Parameters
-    ----------
-    kind : PoseKind
-        What they were.
-    frame_id : str
-        The frame that they are in now.
-    state : str
-        ``joined`` with others in this frame, ``alone``, or ``lost``: carried off, and not joined.
-    correction_m : float
-        Root mean square of how far places were moved within their frame.
-    """
-
+    #: What they were.
     kind: PoseKind
+    #: The frame that they are in now.
     frame_id: str
+    #: ``joined`` with others in this frame, ``alone``, or ``lost``: carried off, and not joined.
     state: str
+    #: Root mean square of how far places were moved within their frame.
     correction_m: float
 
     def summary(self) -> dict[str, object]:
@@ -48,17 +40,11 @@ class RobotPoses:
 
 @dataclass(frozen=True)
 class Corrected:
-    """Pings with corrected poses.
+    """Pings with corrected poses."""
 
-    Parameters
-    ----------
-    pings : list of (topic, EchoCone)
-        In the order they came in.
-    robots : dict
-        What became of each robot's poses.
-    """
-
+    #: List of (topic, EchoCone): in the order they came in.
     pings: list[Ping]
+    #: What became of each robot's poses.
     robots: dict[str, RobotPoses] = field(default_factory=dict)
 
     def drifts(self, robot: str) -> bool:

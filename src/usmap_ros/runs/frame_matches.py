@@ -38,61 +38,40 @@ Pair = tuple[str, str]
 
 @dataclass
 class JoinedRobots:
-    """Robots whose frames are one.
+    """Robots whose frames are one."""
 
-    Parameters
-    ----------
-    rows : list of int
-        Which pings are theirs.
-    robots : set of str
-        Who they are.
-    earlier : OccupancyMap or None
-        What was known there before.
-    map : OccupancyMap or None
-        What they make of it; None: it is not worked out.
-    """
-
+    #: Which pings are theirs.
     rows: list[int]
+    #: Who they are.
     robots: set[str]
+    #: What was known there before.
     earlier: OccupancyMap | None = None
+    #: What they make of it; None: it is not worked out.
     map: OccupancyMap | None = None
 
 
 class SecondLook(NamedTuple):
-    """What was found with poses refined together, as if two frames lay as a match has them.
+    """What was found with poses refined together, as if two frames lay as a match has them."""
 
-    Parameters
-    ----------
-    match : Match
-        With that change, and with what counts for it then.
-    pings : list of (topic, EchoCone)
-        Those poses in the first frame, of its pings and then of those of the second one.
-    """
-
+    #: With that change, and with what counts for it then.
     match: Match
+    #: List of (topic, EchoCone): those poses in the first frame, of its pings and then of those of
+    #: the second one.
     pings: list[Ping]
 
 
 @dataclass
 class FrameMatches:
-    """Matches of each two frames, worked out once.
+    """Matches of each two frames, worked out once."""
 
-    Parameters
-    ----------
-    frames : mapping of str to JoinedRobots
-        By their names.
-    told, refined : sequences of (topic, EchoCone)
-        Pings in these frames, with poses as they were told, and as each frame's were refined.
-    kinds : mapping of str to PoseKind
-        What the poses of each robot are.
-    parameters : PipelineParameters
-        Of the maps.
-    """
-
+    #: By their names.
     frames: Mapping[str, JoinedRobots]
+    #: Pings in these frames, with poses as they were told, and as each frame's were refined.
     told: Sequence[Ping]
     refined: Sequence[Ping]
+    #: What the poses of each robot are.
     kinds: Mapping[str, PoseKind]
+    #: Of the maps.
     parameters: PipelineParameters
     _found: dict[Pair, Match | None] = field(default_factory=dict)
     _again: dict[Pair, SecondLook | None] = field(default_factory=dict)

@@ -20,30 +20,12 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 
 class CellStates(NamedTuple):
-    """What is known of cells; (rows, columns, …) arrays.
+    """What is known of cells; (rows, columns, …) arrays."""
 
-    Parameters
-    ----------
-    power, firmness : float32 arrays
-        Of their quarters, as in `usmap_ros.mapping.joint.forward_model.powers.Settled`.
-    own, block, heard, axis_cos, axis_sin, from_x, from_y, crowd, asked : float32 arrays
-        As in `usmap_ros.mapping.joint.forward_model.cell_evidence.CellEvidence`.
-    hiding : float64 array
-        Belief that each hides what is behind it.
-    worst, proven, closed
-        As in `usmap_ros.mapping.joint.free_space.free_space.Heard`.
-    free : bool array
-        What is free.
-    occupied, filled : bool arrays
-        What is shown, as in `usmap_ros.mapping.joint.surfaces.walls.Walls`.
-    standing : bool array
-        What was occupied before any of the pings.
-    belief : float64 array
-        Log-odds that each holds or touches a surface.
-    """
-
+    #: Of their quarters, as in `usmap_ros.mapping.joint.forward_model.powers.Settled`.
     power: NDArray[np.float32]
     firmness: NDArray[np.float32]
+    #: As in `usmap_ros.mapping.joint.forward_model.cell_evidence.CellEvidence`.
     own: NDArray[np.float32]
     block: NDArray[np.float32]
     heard: NDArray[np.float32]
@@ -53,14 +35,20 @@ class CellStates(NamedTuple):
     from_y: NDArray[np.float32]
     crowd: NDArray[np.float32]
     asked: NDArray[np.float32]
+    #: Belief that each hides what is behind it.
     hiding: FloatArray
+    #: As in `usmap_ros.mapping.joint.free_space.free_space.Heard`.
     worst: NDArray[np.float32]
     proven: NDArray[np.float32]
     closed: BoolArray
+    #: What is free.
     free: BoolArray
+    #: What is shown, as in `usmap_ros.mapping.joint.surfaces.walls.Walls`.
     occupied: BoolArray
     filled: BoolArray
+    #: What was occupied before any of the pings.
     standing: BoolArray
+    #: Log-odds that each holds or touches a surface.
     belief: FloatArray
 
     @property
@@ -81,26 +69,17 @@ class CellStates(NamedTuple):
 
 @dataclass(frozen=True)
 class AreaState:
-    """What is known of an area.
+    """What is known of an area."""
 
-    Parameters
-    ----------
-    field : Field
-        Its cells.
-    cells : CellStates
-        Of each of them.
-    smooth : KnownSurfaces
-        Its mirrors and columns.
-    silence : Silence
-        What silence says there.
-    credit : mapping of str to float
-        How much of the trust in each source is left there.
-    """
-
+    #: Its cells.
     field: Field
+    #: Of each of them.
     cells: CellStates
+    #: Its mirrors and columns.
     smooth: KnownSurfaces
+    #: What silence says there.
     silence: Silence
+    #: How much of the trust in each source is left there.
     credit: Mapping[str, float]
 
     def overlaps(self, field: Field) -> bool:

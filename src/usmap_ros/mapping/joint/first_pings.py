@@ -47,29 +47,19 @@ LEAST_LOG_DENSITY, LEAST_SILENCE = -12.0, 0.0025
 
 
 class PlaceReadings(NamedTuple):
-    """What each ping has of places that may have returned an echo; (pings, places) arrays.
+    """What each ping has of places that may have returned an echo; (pings, places) arrays."""
 
-    Parameters
-    ----------
-    kind : uint8 array
-        ECHO, SILENCE or UNJUDGED.
-    bin : int64 array
-        Range bin of the echo, or of the middle of the place.
-    level : float64 array
-        Power of the echo, or below which one may have gone unreported.
-    variance : float64 array
-        Of the logarithm of the echo's power.
-    weight : float64 array
-        Power that would return if the place scattered with power 1.
-    fit : float64 array
-        How well it fits a measured bearing.
-    """
-
+    #: ECHO, SILENCE or UNJUDGED.
     kind: NDArray[np.uint8]
+    #: Range bin of the echo, or of the middle of the place.
     bin: IndexArray
+    #: Power of the echo, or below which one may have gone unreported.
     level: FloatArray
+    #: Of the logarithm of the echo's power.
     variance: FloatArray
+    #: Power that would return if the place scattered with power 1.
     weight: FloatArray
+    #: How well it fits a measured bearing.
     fit: FloatArray
 
     def of(self, places: IndexArray) -> PlaceReadings:

@@ -35,20 +35,13 @@ _ALL_BELIEVED: Mapping[str, float] = MappingProxyType({})
 
 
 class Sensors(NamedTuple):
-    """What pings together tell of the sensors that heard them.
+    """What pings together tell of the sensors that heard them."""
 
-    Parameters
-    ----------
-    first_only : set of str
-        Frames of those that report the first thing only.
-    steps : mapping of str to int
-        See `usmap_ros.mapping.joint.loudness.steps_to_scale`.
-    clutter : mapping
-        See `usmap_ros.pings.clutter.clutter_of`.
-    """
-
+    #: Frames of those that report the first thing only.
     first_only: set[str]
+    #: See `usmap_ros.mapping.joint.loudness.steps_to_scale`.
     steps: Mapping[str, int]
+    #: See `usmap_ros.pings.clutter.clutter_of`.
     clutter: Mapping[Kind, FloatArray] = MappingProxyType({})
 
     def heard(self, cone: EchoCone, source: str) -> EchoCone:
@@ -60,29 +53,21 @@ class Sensors(NamedTuple):
 
 
 class Pings(NamedTuple):
-    """Pings as an estimate takes them, in the order of their stamps.
+    """Pings as an estimate takes them, in the order of their stamps."""
 
-    Parameters
-    ----------
-    table : PingTable
-        In range bins.
-    rows : (pings,) integer array
-        Which of its rows.
-    weights : (pings,) float32 array
-        How much each counts: those from one place count as one, of those who are trusted.
-    echoes : Echoes
-        Of each.
-    first_only : (pings,) bool array
-        Whether their sensors report the first thing only, from whichever side it is looked at.
-    sources : list of str
-        Who heard each.
-    """
-
+    #: In range bins.
     table: PingTable
+    #: (pings,) integer array: which of its rows.
     rows: NDArray[np.int64]
+    #: (pings,) float32 array: how much each counts: those from one place count as one, of those who
+    #: are trusted.
     weights: NDArray[np.float32]
+    #: Of each.
     echoes: Echoes
+    #: (pings,) bool array: whether their sensors report the first thing only, from whichever side
+    #: it is looked at.
     first_only: BoolArray
+    #: Who heard each.
     sources: list[str]
 
 

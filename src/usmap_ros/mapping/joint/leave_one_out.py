@@ -30,17 +30,11 @@ ROUNDS = 3
 
 
 class Expected(NamedTuple):
-    """A ping, and what the map that the others made expects of it.
+    """A ping, and what the map that the others made expects of it."""
 
-    Parameters
-    ----------
-    ping_bins : PingBins
-        The ping in bins of range.
-    power : (bins,) array
-        Expected power of each range bin, the receiver's noise included.
-    """
-
+    #: The ping in bins of range.
     ping_bins: PingBins
+    #: (bins,) array: expected power of each range bin, the receiver's noise included.
     power: FloatArray
 
 

@@ -30,23 +30,15 @@ Numbered = tuple[EchoCone, str, int]
 
 
 class _Known(NamedTuple):
-    """What is known of all areas, which whole batches are added to where it is.
+    """What is known of all areas, which whole batches are added to where it is."""
 
-    Parameters
-    ----------
-    areas : list of AreaState
-        Of each.
-    newest : int
-        Number of the newest ping of theirs.
-    sensors : Sensors
-        By all pings that were explained together.
-    earlier : OccupancyMap, optional
-        What was known before any of them.
-    """
-
+    #: Of each.
     areas: list[AreaState]
+    #: Number of the newest ping of theirs.
     newest: int
+    #: By all pings that were explained together.
     sensors: Sensors
+    #: What was known before any of them.
     earlier: OccupancyMap | None
 
 

@@ -20,18 +20,12 @@ SIDE_M = 1000.0
 
 
 class LocalOrigin(NamedTuple):
-    """Where it lies in the frame: whole cells, so that cells stay what they are.
+    """Where it lies in the frame: whole cells, so that cells stay what they are."""
 
-    Parameters
-    ----------
-    columns, rows : int
-        From the origin of the frame.
-    resolution_m : float
-        Side of a cell.
-    """
-
+    #: From the origin of the frame.
     columns: int
     rows: int
+    #: Side of a cell.
     resolution_m: float
 
     @classmethod

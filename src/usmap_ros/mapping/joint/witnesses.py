@@ -39,14 +39,9 @@ TINY = 1e-9
 
 
 class MutualEvidence(NamedTuple):
-    """What robots say of cells that others speak of, in units of evidence.
+    """What robots say of cells that others speak of, in units of evidence."""
 
-    Parameters
-    ----------
-    agreed, contradicted : (robots, robots) arrays
-        Of two of them; of one and itself what its halves say of the same.
-    """
-
+    #: (robots, robots) arrays: of two of them; of one and itself what its halves say of the same.
     agreed: FloatArray
     contradicted: FloatArray
 

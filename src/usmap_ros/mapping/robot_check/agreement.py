@@ -30,31 +30,21 @@ LEAST_PINGS = 8
 
 @dataclass(frozen=True)
 class Agreement:
-    """Of one robot's pings with the map that the others made.
+    """Of one robot's pings with the map that the others made."""
 
-    Parameters
-    ----------
-    pings : int
-        Of which the others' map expects anything.
-    echoes : float
-        Mean number of echoes in a ping.
-    audible, heard : int
-        Echoes that are certain to be expected, and how many of them were heard.
-    matches : int
-        Echoes where the map expects them; those that `loudness_db` is from.
-    loudness_db : float, optional
-        Median of the amplitudes of echoes over what the map expects.
-    fit : float, optional
-        By how much the pings are likelier with what is expected of them than with the same
-        shifted in range: log-likelihood for a range bin, the median of the pings.
-    """
-
+    #: Of which the others' map expects anything.
     pings: int
+    #: Mean number of echoes in a ping.
     echoes: float
+    #: Echoes that are certain to be expected, and how many of them were heard.
     audible: int
     heard: int
+    #: Echoes where the map expects them; those that `loudness_db` is from.
     matches: int
+    #: Median of the amplitudes of echoes over what the map expects.
     loudness_db: float | None
+    #: By how much the pings are likelier with what is expected of them than with the same shifted
+    #: in range: log-likelihood for a range bin, the median of the pings.
     fit: float | None
 
 

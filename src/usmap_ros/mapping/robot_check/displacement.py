@@ -56,24 +56,16 @@ LEAST_GAIN_OF_ALL = 30.0
 
 @dataclass(frozen=True)
 class Displacement:
-    """What would make a robot's echoes meet.
+    """What would make a robot's echoes meet."""
 
-    Parameters
-    ----------
-    kind : str
-        ``turned``, ``late``, ``scaled`` or ``moved``.
-    error : tuple of float
-        Of heading (rad), of stamps (s), of ranges (a share of them), or of place (m, east and
-        north).
-    gain : float
-        By how much likelier its echoes are without it.
-    told : float
-        By how much likelier they are by landmarks as they are told.
-    """
-
+    #: ``turned``, ``late``, ``scaled`` or ``moved``.
     kind: Literal["turned", "late", "scaled", "moved"]
+    #: Of heading (rad), of stamps (s), of ranges (a share of them), or of place (m, east and
+    #: north).
     error: tuple[float, ...]
+    #: By how much likelier its echoes are without it.
     gain: float
+    #: By how much likelier they are by landmarks as they are told.
     told: float
 
     def finding(self) -> Finding:

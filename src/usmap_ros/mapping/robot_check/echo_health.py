@@ -33,27 +33,18 @@ FADING_DB = 40.0 / math.log(10.0)
 
 @dataclass(frozen=True)
 class EchoHealth:
-    """Of one robot, one ping from each place.
+    """Of one robot, one ping from each place."""
 
-    Parameters
-    ----------
-    places : int
-        From which it looked.
-    silent : float
-        Share of pings without an echo.
-    echoes : float
-        Median number of echoes in a ping.
-    loudest_db, spread_db : float, optional
-        A quantile of each ping's loudest echo, dB, and by how much it is above another.
-    faded_db : float, optional
-        By how much the ranges of those echoes let expect that they differ.
-    """
-
+    #: From which it looked.
     places: int
+    #: Share of pings without an echo.
     silent: float
+    #: Median number of echoes in a ping.
     echoes: float
+    #: A quantile of each ping's loudest echo, dB, and by how much it is above another.
     loudest_db: float | None = None
     spread_db: float | None = None
+    #: By how much the ranges of those echoes let expect that they differ.
     faded_db: float | None = None
 
 

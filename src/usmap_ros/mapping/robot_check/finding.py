@@ -10,23 +10,15 @@ Verdict = Literal[
 
 @dataclass(frozen=True)
 class Finding:
-    """What is to be said of a robot.
+    """What is to be said of a robot."""
 
-    Parameters
-    ----------
-    verdict : str
-        ``unknown`` where too little of what it looked at was seen by others; ``contradicted``
-        where it and another one contradict each other, and nobody can tell which is wrong.
-    evidence : dict
-        Numbers that the verdict is from: of an `Agreement`, of a `ReceiverHealth` or an
-        `EchoHealth`, or the share of
-        pings that repeat the one before though the robot has moved.
-    reason : str
-        In words; empty for the healthy.
-    """
-
+    #: ``unknown`` where too little of what it looked at was seen by others; ``contradicted`` where
+    #: it and another one contradict each other, and nobody can tell which is wrong.
     verdict: Verdict
+    #: Numbers that the verdict is from: of an `Agreement`, of a `ReceiverHealth` or an
+    #: `EchoHealth`, or the share of pings that repeat the one before though the robot has moved.
     evidence: dict[str, float | int | None]
+    #: In words; empty for the healthy.
     reason: str = ""
 
     @property

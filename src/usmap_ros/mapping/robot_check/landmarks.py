@@ -61,18 +61,12 @@ def level_of(mark: FloatArray, heard: Sightings, far_m: float, off: float) -> fl
 
 
 class LandmarkMatches(NamedTuple):
-    """Echoes that may be from a landmark; arrays with room for all of them.
+    """Echoes that may be from a landmark; arrays with room for all of them."""
 
-    Parameters
-    ----------
-    echo : int array
-        Which.
-    miss, angle_rad, off : arrays
-        By how many standard deviations it is farther, in which direction the landmark is, and how
-        far off the axis of the beam, in half angles.
-    """
-
+    #: Which.
     echo: NDArray[np.int64]
+    #: By how many standard deviations it is farther, in which direction the landmark is, and how
+    #: far off the axis of the beam, in half angles.
     miss: FloatArray
     angle_rad: FloatArray
     off: FloatArray

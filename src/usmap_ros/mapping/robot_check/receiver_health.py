@@ -21,23 +21,15 @@ FULL_SHARE = 0.8
 
 @dataclass(frozen=True)
 class ReceiverHealth:
-    """Of one robot.
+    """Of one robot."""
 
-    Parameters
-    ----------
-    echoes : float
-        Mean number of echoes in a ping.
-    full : float
-        Share of its pings with as many echoes as the fullest.
-    limit_db : float
-        Median detection limit, dB re amplitude 1.
-    loudness_db : float, optional
-        Median amplitude of its echoes, dB; None without any.
-    """
-
+    #: Mean number of echoes in a ping.
     echoes: float
+    #: Share of its pings with as many echoes as the fullest.
     full: float
+    #: Median detection limit, dB re amplitude 1.
     limit_db: float
+    #: Median amplitude of its echoes, dB; None without any.
     loudness_db: float | None
 
 

@@ -20,41 +20,28 @@ UNEXPLAINED = 0.3
 
 
 class Sightings(NamedTuple):
-    """Pings and their echoes.
+    """Pings and their echoes."""
 
-    Parameters
-    ----------
-    x_m, y_m, yaw_rad : (pings,) arrays
-        Poses of the transducer.
-    half_rad : (pings,) array
-        Of its beam.
-    limit_db : (pings,) array
-        Of what it hears, dB re amplitude 1.
-    reach_m : (pings,) array
-        How far it hears.
-    first : (pings + 1,) int array
-        Of each ping's echoes, and the end.
-    ping : (echoes,) int array
-        Whose they are.
-    range_m, level_db : (echoes,) arrays
-        How far, and how loud but for the absorption of air.
-    gains_db : (ANGLES,) array
-        Of the beam, from its axis to its edge.
-    background : float
-        Echoes per metre that nothing known explains.
-    """
-
+    #: (pings,) arrays: poses of the transducer.
     x_m: FloatArray
     y_m: FloatArray
     yaw_rad: FloatArray
+    #: (pings,) array: of its beam.
     half_rad: FloatArray
+    #: (pings,) array: of what it hears, dB re amplitude 1.
     limit_db: FloatArray
+    #: (pings,) array: how far it hears.
     reach_m: FloatArray
+    #: (pings + 1,) int array: of each ping's echoes, and the end.
     first: NDArray[np.int64]
+    #: (echoes,) int array: whose they are.
     ping: NDArray[np.int64]
+    #: (echoes,) arrays: how far, and how loud but for the absorption of air.
     range_m: FloatArray
     level_db: FloatArray
+    #: (ANGLES,) array: of the beam, from its axis to its edge.
     gains_db: FloatArray
+    #: Echoes per metre that nothing known explains.
     background: float
 
 

@@ -40,24 +40,18 @@ HITS_BAND = 64
 
 
 class _Row(NamedTuple):
-    """Cells of a row as one ping sees them, by column.
+    """Cells of a row as one ping sees them, by column."""
 
-    Parameters
-    ----------
-    early, middle : (columns,) int32 arrays
-        Range bins: the first in which an echo may be the cell's, and that of its middle.
-    late : (columns,) float32 array
-        The last in which one may be, with its fraction.
-    entry : (columns,) int32 array
-        Place in the table of power gains.
-    loudness : (columns,) float32 array
-        Power that a usual object returns, but for the beam; 0: the cell is not in the cone.
-    """
-
+    #: (columns,) int32 arrays: range bins: the first in which an echo may be the cell's, and that
+    #: of its middle.
     early: NDArray[np.int32]
     middle: NDArray[np.int32]
+    #: (columns,) float32 array: the last in which one may be, with its fraction.
     late: NDArray[np.float32]
+    #: (columns,) int32 array: place in the table of power gains.
     entry: NDArray[np.int32]
+    #: (columns,) float32 array: power that a usual object returns, but for the beam; 0: the cell is
+    #: not in the cone.
     loudness: NDArray[np.float32]
 
 

@@ -22,32 +22,22 @@ CONTRADICTION = 0.5
 
 
 class CellEvidence(NamedTuple):
-    """Sums over all pings; (cells,) float32 arrays.
+    """Sums over all pings; (cells,) float32 arrays."""
 
-    Parameters
-    ----------
-    own, block : float32 array
-        Log-likelihood ratio with the cell to without it, and with its eight neighbours.
-    heard : float32 array
-        Echoes that the block explains, by its share in each.
-    axis_cos, axis_sin : float32 array
-        The same times cosine and sine of twice the direction that the cell was heard from.
-    from_x, from_y : float32 array
-        The same times the unit vector from the cell to who heard it.
-    crowd : float32 array
-        The same times the number of echoes that crowd around each.
-    asked : float32 array
-        Pings with an echo that may be the block's.
-    """
-
+    #: Log-likelihood ratio with the cell to without it, and with its eight neighbours.
     own: NDArray[np.float32]
     block: NDArray[np.float32]
+    #: Echoes that the block explains, by its share in each.
     heard: NDArray[np.float32]
+    #: The same times cosine and sine of twice the direction that the cell was heard from.
     axis_cos: NDArray[np.float32]
     axis_sin: NDArray[np.float32]
+    #: The same times the unit vector from the cell to who heard it.
     from_x: NDArray[np.float32]
     from_y: NDArray[np.float32]
+    #: The same times the number of echoes that crowd around each.
     crowd: NDArray[np.float32]
+    #: Pings with an echo that may be the block's.
     asked: NDArray[np.float32]
 
 

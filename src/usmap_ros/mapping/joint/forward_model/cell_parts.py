@@ -28,75 +28,53 @@ NEVER = 1e30
 
 
 class Cells(NamedTuple):
-    """Cells that scatterers belong to.
+    """Cells that scatterers belong to."""
 
-    Parameters
-    ----------
-    number : (cells,) int32 array
-        Of each in the field.
-    of : (scatterers,) int32 array
-        Which of them each scatterer belongs to.
-    block : (cells, 9) int32 array
-        Which of them are each and its eight neighbours; -1: none.
-    """
-
+    #: (cells,) int32 array: of each in the field.
     number: NDArray[np.int32]
+    #: (scatterers,) int32 array: which of them each scatterer belongs to.
     of: NDArray[np.int32]
+    #: (cells, 9) int32 array: which of them are each and its eight neighbours; -1: none.
     block: NDArray[np.int32]
 
 
 class Parts(NamedTuple):
-    """What each cell returns of one ping.
+    """What each cell returns of one ping."""
 
-    Parameters
-    ----------
-    place : (all cells + 1,) int32 array
-        Where in the others each cell is; -1 if it returns nothing, and for what is no cell.
-    cell, begin, length : (cells,) int32 arrays
-        Which cell, the first range bin of what it returns, and how many bins follow.
-    power : (cells, CELL_BINS) float32 array
-        Expected in each bin from that one on; 0 beyond.
-    largest : (cells,) float32 array
-        The largest of them, in units of what says anything in its bin.
-    echoes : (cells,) float32 array
-        Sum of those in bins with an echo.
-    """
-
+    #: (all cells + 1,) int32 array: where in the others each cell is; -1 if it returns nothing, and
+    #: for what is no cell.
     place: NDArray[np.int32]
+    #: (cells,) int32 arrays: which cell, the first range bin of what it returns, and how many bins
+    #: follow.
     cell: NDArray[np.int32]
     begin: NDArray[np.int32]
     length: NDArray[np.int32]
+    #: (cells, CELL_BINS) float32 array: expected in each bin from that one on; 0 beyond.
     power: NDArray[np.float32]
+    #: (cells,) float32 array: the largest of them, in units of what says anything in its bin.
     largest: NDArray[np.float32]
+    #: (cells,) float32 array: sum of those in bins with an echo.
     echoes: NDArray[np.float32]
 
 
 class Levels(NamedTuple):
-    """What is known of each range bin of one ping, and of `BEYOND` bins of which nothing is.
+    """What is known of each range bin of one ping, and of `BEYOND` bins of which nothing is."""
 
-    Parameters
-    ----------
-    level, power, limit : (bins + BEYOND,) float32 arrays
-        Power that is expected, that came back, and that would have been reported.
-    least : (bins + BEYOND,) float32 array
-        Least contribution that says anything.
-    per_least : (bins + BEYOND,) float32 array
-        1 over it; 0 where nothing does.
-    silent : (bins + BEYOND,) float32 array
-        Logarithm of the probability of silence, by all that is expected.
-    is_echo : (bins + BEYOND,) float32 array
-        1 if there is an echo, else 0.
-    echoes : (bins + 1,) int32 array
-        Echoes before each.
-    """
-
+    #: (bins + BEYOND,) float32 arrays: power that is expected, that came back, and that would have
+    #: been reported.
     level: NDArray[np.float32]
     power: NDArray[np.float32]
     limit: NDArray[np.float32]
+    #: (bins + BEYOND,) float32 array: least contribution that says anything.
     least: NDArray[np.float32]
+    #: (bins + BEYOND,) float32 array: 1 over it; 0 where nothing does.
     per_least: NDArray[np.float32]
+    #: (bins + BEYOND,) float32 array: logarithm of the probability of silence, by all that is
+    #: expected.
     silent: NDArray[np.float32]
+    #: (bins + BEYOND,) float32 array: 1 if there is an echo, else 0.
     is_echo: NDArray[np.float32]
+    #: (bins + 1,) int32 array: echoes before each.
     echoes: NDArray[np.int32]
 
 

@@ -42,30 +42,22 @@ CROWD_M = 0.5
 
 
 class LikelihoodRatios(NamedTuple):
-    """What some pings say of cells, a row for each pair; rows of a ping lie one behind the other.
+    """What some pings say of cells, a row for each pair; a ping's rows lie one behind the other."""
 
-    Parameters
-    ----------
-    cell : (rows,) int32 array
-        Which of the `Cells`.
-    own, block : (rows,) float32 array
-        Log-likelihood ratio with the cell to without it, and with its eight neighbours.
-    share : (rows,) float32 array
-        Largest share of the block's in what is expected of a bin with an echo.
-    asked : (rows,) float32 array
-        1 if there is such a bin.
-    crowd : (rows,) float32 array
-        Echoes around the cell's range.
-    start : (pings + 1,) int64 array
-        First row of each ping, and the end.
-    """
-
+    #: (rows,) int32 array: which of the `Cells`.
     cell: NDArray[np.int32]
+    #: (rows,) float32 array: log-likelihood ratio with the cell to without it, and with its eight
+    #: neighbours.
     own: NDArray[np.float32]
     block: NDArray[np.float32]
+    #: (rows,) float32 array: largest share of the block's in what is expected of a bin with an
+    #: echo.
     share: NDArray[np.float32]
+    #: (rows,) float32 array: 1 if there is such a bin.
     asked: NDArray[np.float32]
+    #: (rows,) float32 array: echoes around the cell's range.
     crowd: NDArray[np.float32]
+    #: (pings + 1,) int64 array: first row of each ping, and the end.
     start: NDArray[np.int64]
 
 

@@ -48,34 +48,22 @@ COARSE_SWEEPS = 5
 
 
 class _Group(NamedTuple):
-    """Pings that one thread works on at a time.
+    """Pings that one thread works on at a time."""
 
-    Parameters
-    ----------
-    which : slice
-        Of all pings.
-    rows, heard : Projection
-        Of all scatterers, and what is heard of them past what is in the way: all of it, until
-        rays are cast.
-    """
-
+    #: Of all pings.
     which: slice
+    #: Of all scatterers, and what is heard of them past what is in the way: all of it, until rays
+    #: are cast.
     rows: Projection
     heard: Projection
 
 
 class Settled(NamedTuple):
-    """What some pings say of powers, for more pings to be explained beside them.
+    """What some pings say of powers, for more pings to be explained beside them."""
 
-    Parameters
-    ----------
-    power : (quarters,) float32 array
-        Where powers are likeliest.
-    known : (quarters,) float32 array
-        Σ w/λ of those pings there: how firmly they hold it.
-    """
-
+    #: (quarters,) float32 array: where powers are likeliest.
     power: NDArray[np.float32]
+    #: (quarters,) float32 array: σ w/λ of those pings there: how firmly they hold it.
     known: NDArray[np.float32]
 
 

@@ -35,17 +35,11 @@ ALONE_ONE_SIDED = 0.7
 
 
 class Continuations(NamedTuple):
-    """How lines go on.
+    """How lines go on."""
 
-    Parameters
-    ----------
-    lines : (lines, 5) array
-        With what continues them, see `usmap_ros.mapping.joint.surfaces.lines`.
-    may_be : (rows, columns) bool array
-        Cells in which they may go on.
-    """
-
+    #: (lines, 5) array: with what continues them, see `usmap_ros.mapping.joint.surfaces.lines`.
     lines: FloatArray
+    #: (rows, columns) bool array: cells in which they may go on.
     may_be: BoolArray
 
 

@@ -22,20 +22,14 @@ OCCUPIED = 0.97
 
 
 class Refutations(NamedTuple):
-    """What pings heard of each cell.
+    """What pings heard of each cell."""
 
-    Parameters
-    ----------
-    worst : (rows, columns, GROUPS) float32 array
-        By `usmap_ros.mapping.joint.free_space.open_space.refute_surfaces`.
-    proven : (rows, columns) float32 array
-        Pings whose sound is known to have passed it.
-    closed : (rows, columns) bool array
-        Whether it may not be free.
-    """
-
+    #: (rows, columns, GROUPS) float32 array: by
+    #: `usmap_ros.mapping.joint.free_space.open_space.refute_surfaces`.
     worst: NDArray[np.float32]
+    #: (rows, columns) float32 array: pings whose sound is known to have passed it.
     proven: NDArray[np.float32]
+    #: (rows, columns) bool array: whether it may not be free.
     closed: BoolArray
 
 

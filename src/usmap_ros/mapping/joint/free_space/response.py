@@ -57,42 +57,28 @@ NO_NORMAL = -9.0
 
 
 class SurfaceViews(NamedTuple):
-    """Looks of pings at surfaces, one behind the other.
+    """Looks of pings at surfaces, one behind the other."""
 
-    Parameters
-    ----------
-    surface, loud, incidence, sector : (views,) int32 arrays
-        Which surface, and classes of loudness, of the angle of incidence (0 for what faces
-        nowhere), and of the direction of view.
-    heard : (views,) uint8 array
-        Whether there was an echo.
-    beside : (views,) float32 array
-        Share of silence where `BESIDE_M` before and behind.
-    """
-
+    #: (views,) int32 arrays: which surface, and classes of loudness, of the angle of incidence (0
+    #: for what faces nowhere), and of the direction of view.
     surface: NDArray[np.int32]
     loud: NDArray[np.int32]
     incidence: NDArray[np.int32]
     sector: NDArray[np.int32]
+    #: (views,) uint8 array: whether there was an echo.
     heard: NDArray[np.uint8]
+    #: (views,) float32 array: share of silence where `BESIDE_M` before and behind.
     beside: NDArray[np.float32]
 
 
 class HeardBins(NamedTuple):
-    """What was heard of each range bin, for silence: (pings, bins) arrays.
+    """What was heard of each range bin, for silence: (pings, bins) arrays."""
 
-    Parameters
-    ----------
-    heard : uint8 array
-        1 if there was an echo within three quarters of a cell.
-    chance : float32 array
-        Probability that one would be there by what is known to stand at that range.
-    limit : float32 array
-        Power that would have been reported.
-    """
-
+    #: 1 if there was an echo within three quarters of a cell.
     heard: NDArray[np.uint8]
+    #: Probability that one would be there by what is known to stand at that range.
     chance: NDArray[np.float32]
+    #: Power that would have been reported.
     limit: NDArray[np.float32]
 
 

@@ -40,26 +40,18 @@ WALLED_SHARE = 0.3
 
 
 class Silence(NamedTuple):
-    """What silence says of an area, by what was learnt of it.
+    """What silence says of an area, by what was learnt of it."""
 
-    Parameters
-    ----------
-    log_silent : (LOUDNESSES, INCIDENCES) array
-        By `usmap_ros.mapping.joint.free_space.response.learn_response`.
-    shape : float
-        How far looks from one side repeat each other.
-    kinds : (KINDS, 3) array
-        By `usmap_ros.mapping.joint.free_space.usual_directions.log_priors`.
-    long_and_short : array
-        By `usmap_ros.mapping.joint.free_space.usual_directions.lengths`.
-    refuted, unknown : float
-        Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide.
-    """
-
+    #: (LOUDNESSES, INCIDENCES) array: by
+    #: `usmap_ros.mapping.joint.free_space.response.learn_response`.
     log_silent: FloatArray
+    #: How far looks from one side repeat each other.
     shape: float
+    #: (KINDS, 3) array: by `usmap_ros.mapping.joint.free_space.usual_directions.log_priors`.
     kinds: FloatArray
+    #: By `usmap_ros.mapping.joint.free_space.usual_directions.lengths`.
     long_and_short: FloatArray
+    #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide.
     refuted: float
     unknown: float
 

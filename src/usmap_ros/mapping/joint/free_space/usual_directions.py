@@ -41,19 +41,13 @@ SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
 
 
 class WallDirections(NamedTuple):
-    """Walls by which way they face.
+    """Walls by which way they face."""
 
-    Parameters
-    ----------
-    normals_rad, lengths_m : (walls,) arrays
-        Direction of the normal, and length: how often a wall was heard depends on where robots
-        went.
-    weights : (walls,) array
-        How much each says of the usual direction.
-    """
-
+    #: (walls,) arrays: direction of the normal, and length: how often a wall was heard depends on
+    #: where robots went.
     normals_rad: FloatArray
     lengths_m: FloatArray
+    #: (walls,) array: how much each says of the usual direction.
     weights: FloatArray
 
 

@@ -37,77 +37,51 @@ CLEARANCE_M = 0.05
 
 
 class PingSet(NamedTuple):
-    """Pings that may have heard columns.
+    """Pings that may have heard columns."""
 
-    Parameters
-    ----------
-    table : PingTable
-        Pings.
-    pings : (pings,) integer array
-        Their rows.
-    echoes : Echoes
-        Theirs.
-    left : (pings, RAYS, STEPS) uint8 array
-        By `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
-    """
-
+    #: Pings.
     table: PingTable
+    #: (pings,) integer array: their rows.
     pings: NDArray[np.int64]
+    #: Theirs.
     echoes: Echoes
+    #: (pings, RAYS, STEPS) uint8 array: by
+    #: `usmap_ros.mapping.joint.visibility.ray_casting.cast_rays`.
     left: NDArray[np.uint8]
 
 
 class LevenbergMarquardt(NamedTuple):
-    """How the circle that fits best is gone to, after Gauss, Newton and Levenberg.
+    """How the circle that fits best is gone to, after Gauss, Newton and Levenberg."""
 
-    Parameters
-    ----------
-    steps : int
-        How many.
-    damping : (3,) array
-        Of the middle and the radius, over the variance of a range.
-    usual_radius_m : float, optional
-        What radii are pulled to by their damping.
-    radii_m : (float, float)
-        What they are held between.
-    """
-
+    #: How many.
     steps: int
+    #: (3,) array: of the middle and the radius, over the variance of a range.
     damping: FloatArray
+    #: What radii are pulled to by their damping.
     usual_radius_m: float | None = None
+    #: What they are held between.
     radii_m: tuple[float, float] = (0.04, 0.48)
 
 
 class Circle(NamedTuple):
-    """A circle that fits echoes.
+    """A circle that fits echoes."""
 
-    Parameters
-    ----------
-    x_m, y_m, radius_m : float
-        Its middle and radius.
-    pings, echoes : (hits,) integer arrays
-        That heard it, and their echoes of it.
-    misses : int
-        Pings that should have heard it but did not.
-    spread : float
-        Of the directions that it was heard from: least eigenvalue of the mean of u uᵀ.
-    log_ratio : float
-        Log-likelihood ratio to echoes by chance.
-    is_corner : bool
-        Whether most is heard before it: two walls are heard before their corner.
-    nearest_m : float
-        How near to its middle a robot went.
-    """
-
+    #: Its middle and radius.
     x_m: float
     y_m: float
     radius_m: float
+    #: (hits,) integer arrays: that heard it, and their echoes of it.
     pings: NDArray[np.int64]
     echoes: NDArray[np.int64]
+    #: Pings that should have heard it but did not.
     misses: int
+    #: Of the directions that it was heard from: least eigenvalue of the mean of u uᵀ.
     spread: float
+    #: Log-likelihood ratio to echoes by chance.
     log_ratio: float
+    #: Whether most is heard before it: two walls are heard before their corner.
     is_corner: bool
+    #: How near to its middle a robot went.
     nearest_m: float
 
     @property

@@ -25,30 +25,20 @@ POSES_SHARE, WANDERING_SHARE, MOST_WANDERING_M = 2.25, 0.05, 0.1
 
 
 class MirrorCriteria(NamedTuple):
-    """What a wall must have.
+    """What a wall must have."""
 
-    Parameters
-    ----------
-    hits : int
-        Pings that heard it.
-    score : float
-        Hits less loud misses.
-    places : int
-        A decimetre apart, that feet have.
-    stretch_m : float
-        In which they are.
-    over_point : float
-        By how much likelier its ranges are than by the point that explains them best: logarithm,
-        with residuals as large as they are.
-    point_share : float
-        Its residuals over those of that point, at the most, where errors of poses explain less.
-    """
-
+    #: Pings that heard it.
     hits: int
+    #: Hits less loud misses.
     score: float
+    #: A decimetre apart, that feet have.
     places: int
+    #: In which they are.
     stretch_m: float
+    #: By how much likelier its ranges are than by the point that explains them best: logarithm,
+    #: with residuals as large as they are.
     over_point: float
+    #: Its residuals over those of that point, at the most, where errors of poses explain less.
     point_share: float
 
 

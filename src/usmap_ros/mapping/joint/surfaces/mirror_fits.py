@@ -46,46 +46,30 @@ MOST_TURN, LEAST_FEET = 0.05, 3
 
 
 class MirrorSearch(NamedTuple):
-    """Where mirrors are looked for.
+    """Where mirrors are looked for."""
 
-    Parameters
-    ----------
-    table : PingTable
-        Pings.
-    pings : (pings,) integer array
-        Their rows.
-    echoes : Echoes
-        Theirs.
-    is_open : (echoes,) bool array
-        Whether a mirror may explain an echo.
-    faintest, loudest : float
-        Amplitude reflectivities that a mirror may have.
-    """
-
+    #: Pings.
     table: PingTable
+    #: (pings,) integer array: their rows.
     pings: NDArray[np.int64]
+    #: Theirs.
     echoes: Echoes
+    #: (echoes,) bool array: whether a mirror may explain an echo.
     is_open: BoolArray
+    #: Amplitude reflectivities that a mirror may have.
     faintest: float
     loudest: float
 
 
 class Feet(NamedTuple):
-    """Feet on a line of pings that looked at it squarely, in their order: (feet,) arrays.
+    """Feet on a line of pings that looked at it squarely, in their order: (feet,) arrays."""
 
-    Parameters
-    ----------
-    along_m : float64 array
-        Where along the line each is.
-    ping, echo : int64 arrays
-        The ping, and its echo of the line; -1: there should be one, but is none.
-    log_mirror : float64 array
-        Logarithm of the reflectivity that the echo tells.
-    """
-
+    #: Where along the line each is.
     along_m: FloatArray
+    #: The ping, and its echo of the line; -1: there should be one, but is none.
     ping: NDArray[np.int64]
     echo: NDArray[np.int64]
+    #: Logarithm of the reflectivity that the echo tells.
     log_mirror: FloatArray
 
 

@@ -22,36 +22,25 @@ SHORT_M, UNSURE_RAD = 2.0, 0.03
 
 @dataclass(frozen=True)
 class MirrorWall:
-    """A mirror.
+    """A mirror."""
 
-    Parameters
-    ----------
-    normal_rad, distance_m : float
-        Direction of the normal, towards the wall, and distance of the wall from the origin.
-    begin_m, end_m : float
-        Where along the tangent (-sin, cos) its feet begin and end.
-    pings, echoes : (hits,) integer arrays
-        That heard it, and their echoes of it.
-    following : float
-        Echoes that follow behind one of its own, on the mean.
-    log_mirror : float
-        Logarithm of its amplitude reflectivity.
-    deviation : float
-        Median deviation of what its echoes tell of that.
-    over_point : float
-        By how much likelier it is than the point that explains its pings best, by whichever of
-        their echoes: logarithm.
-    """
-
+    #: Direction of the normal, towards the wall, and distance of the wall from the origin.
     normal_rad: float
     distance_m: float
+    #: Where along the tangent (-sin, cos) its feet begin and end.
     begin_m: float
     end_m: float
+    #: (hits,) integer arrays: that heard it, and their echoes of it.
     pings: NDArray[np.int64]
     echoes: NDArray[np.int64]
+    #: Echoes that follow behind one of its own, on the mean.
     following: float
+    #: Logarithm of its amplitude reflectivity.
     log_mirror: float
+    #: Median deviation of what its echoes tell of that.
     deviation: float
+    #: By how much likelier it is than the point that explains its pings best, by whichever of their
+    #: echoes: logarithm.
     over_point: float
 
     def bearing_from(self, x_m: float, y_m: float) -> float:

@@ -60,23 +60,16 @@ FROM_VOTES = LevenbergMarquardt(3, np.full(3, 0.16))
 
 @dataclass(frozen=True)
 class RoundColumn:
-    """A column.
+    """A column."""
 
-    Parameters
-    ----------
-    x_m, y_m, radius_m : float
-        Its middle and radius.
-    pings, echoes : (hits,) integer arrays
-        That heard it, and their echoes of it.
-    is_certain : bool
-        Whether it was heard often enough, and from enough directions, to be shown.
-    """
-
+    #: Its middle and radius.
     x_m: float
     y_m: float
     radius_m: float
+    #: (hits,) integer arrays: that heard it, and their echoes of it.
     pings: NDArray[np.int64]
     echoes: NDArray[np.int64]
+    #: Whether it was heard often enough, and from enough directions, to be shown.
     is_certain: bool
 
     @classmethod

@@ -61,18 +61,12 @@ RECOGNISED_M = 0.03
 
 
 class KnownSurfaces(NamedTuple):
-    """Smooth things that are known.
+    """Smooth things that are known."""
 
-    Parameters
-    ----------
-    mirrors, columns : list
-        Those that are certain.
-    suspected : list of RoundColumn
-        Columns that are not.
-    """
-
+    #: Those that are certain.
     mirrors: list[MirrorWall]
     columns: list[RoundColumn]
+    #: Columns that are not.
     suspected: list[RoundColumn]
 
 

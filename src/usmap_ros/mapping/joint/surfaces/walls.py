@@ -24,21 +24,16 @@ POINT_CELLS, POINT_MARGIN = 2, 0.3
 
 @dataclass(frozen=True)
 class Walls:
-    """Cells that are shown as occupied, and the lines that they are on.
+    """Cells that are shown as occupied, and the lines that they are on."""
 
-    Parameters
-    ----------
-    occupied, filled : (rows, columns) bool arrays
-        Cells by their own evidence, and cells that lines and columns go through.
-    bridged : (rows, columns) bool array
-        Those of the latter that nothing but a line through believed cells speaks for.
-    lines, mirrors : (lines, 5) arrays
-        See `usmap_ros.mapping.joint.surfaces.lines`.
-    """
-
+    #: (rows, columns) bool arrays: cells by their own evidence, and cells that lines and columns go
+    #: through.
     occupied: BoolArray
     filled: BoolArray
+    #: (rows, columns) bool array: those of the latter that nothing but a line through believed
+    #: cells speaks for.
     bridged: BoolArray
+    #: (lines, 5) arrays: see `usmap_ros.mapping.joint.surfaces.lines`.
     lines: FloatArray
     mirrors: FloatArray
 

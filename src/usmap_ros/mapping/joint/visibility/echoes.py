@@ -9,17 +9,11 @@ from usmap_ros.numerics.arrays import FloatArray
 
 
 class Echoes(NamedTuple):
-    """Echoes of all pings.
+    """Echoes of all pings."""
 
-    Parameters
-    ----------
-    start : (pings + 1,) int64 array
-        First of each ping, and the end.
-    range_m, amplitude : (echoes,) float64 arrays
-        Of each.
-    """
-
+    #: (pings + 1,) int64 array: first of each ping, and the end.
     start: NDArray[np.int64]
+    #: (echoes,) float64 arrays: of each.
     range_m: FloatArray
     amplitude: FloatArray
 

@@ -20,21 +20,15 @@ class Field(NamedTuple):
 
     Quarter q of a cell lies to its right if q & 1, and above if q & 2; quarters of all cells lie
     one behind the other.
-
-    Parameters
-    ----------
-    first_row, first_column : int
-        Of its lowest left cell, counted from y = 0 and x = 0.
-    rows, columns : int
-        Its size.
-    resolution_m : float
-        Side of a cell.
     """
 
+    #: Of its lowest left cell, counted from y = 0 and x = 0.
     first_row: int
     first_column: int
+    #: Its size.
     rows: int
     columns: int
+    #: Side of a cell.
     resolution_m: float
 
     @property

@@ -53,47 +53,33 @@ FIRST_ROWS = 1024
 
 
 class Scatterers(NamedTuple):
-    """What may return echoes, in the order of their cells.
+    """What may return echoes, in the order of their cells."""
 
-    Parameters
-    ----------
-    cell : (scatterers,) int32 array
-        Of which each is a part.
-    part : (scatterers,) uint8 array
-        Which quarter of it, or `ALL_OF_IT`.
-    """
-
+    #: (scatterers,) int32 array: of which each is a part.
     cell: NDArray[np.int32]
+    #: (scatterers,) uint8 array: which quarter of it, or `ALL_OF_IT`.
     part: NDArray[np.uint8]
 
 
 class Projection(NamedTuple):
-    """Rows of some pings.
+    """Rows of some pings."""
 
-    Parameters
-    ----------
-    scatterer : (rows,) int32 array
-        Which one.
-    weight : (rows,) float32 array
-        Power in a whole bin, if it scatters with power 1.
-    low, high : (rows,) float32 arrays
-        Range bins, with fractions, between which its power lies; within those of the ping.
-    heard : (rows,) uint8 array
-        1 if there is an echo between: silence in the other bins says nothing then, because what
-        scatters echoes at once.
-    ray, step : (rows,) uint8 arrays
-        Where in the tables of `cast_rays` it is seen what is left of the sound.
-    start : (pings + 1,) int64 array
-        First row of each ping, and the end.
-    """
-
+    #: (rows,) int32 array: which one.
     scatterer: NDArray[np.int32]
+    #: (rows,) float32 array: power in a whole bin, if it scatters with power 1.
     weight: NDArray[np.float32]
+    #: (rows,) float32 arrays: range bins, with fractions, between which its power lies; within
+    #: those of the ping.
     low: NDArray[np.float32]
     high: NDArray[np.float32]
+    #: (rows,) uint8 array: 1 if there is an echo between: silence in the other bins says nothing
+    #: then, because what scatters echoes at once.
     heard: NDArray[np.uint8]
+    #: (rows,) uint8 arrays: where in the tables of `cast_rays` it is seen what is left of the
+    #: sound.
     ray: NDArray[np.uint8]
     step: NDArray[np.uint8]
+    #: (pings + 1,) int64 array: first row of each ping, and the end.
     start: NDArray[np.int64]
 
 

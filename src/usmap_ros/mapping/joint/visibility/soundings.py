@@ -37,31 +37,24 @@ LEAST_SOUND, LEAST_LOUDNESS = 0.03, 0.005
 
 
 class SoundedPlaces(NamedTuple):
-    """Places that are asked for, and those of them that one ping sounds.
+    """Places that are asked for, and those of them that one ping sounds."""
 
-    Parameters
-    ----------
-    right, up : (places,) float32 arrays
-        Where each is, from a place in common, m.
-    which : (places,) int64 array
-        Those that the ping sounds, of the former.
-    x, y, distance, ahead, loudness, sound : (places,) float32 arrays
-        Where the place is from it, how far, and the cosine of its angle off the axis; power that an
-        object of power 1 would return, over a limit; share of the sound that gets there.
-    bin, entry, ray, step, loud, sector, degrees : (places,) int32 arrays
-        Range bin; places in the tables of gains and of rays; class of loudness; sector and
-        direction of view.
-    """
-
+    #: (places,) float32 arrays: where each is, from a place in common, m.
     right: NDArray[np.float32]
     up: NDArray[np.float32]
+    #: (places,) int64 array: those that the ping sounds, of the former.
     which: NDArray[np.int64]
+    #: (places,) float32 arrays: where the place is from it, how far, and the cosine of its angle
+    #: off the axis; power that an object of power 1 would return, over a limit; share of the sound
+    #: that gets there.
     x: NDArray[np.float32]
     y: NDArray[np.float32]
     distance: NDArray[np.float32]
     ahead: NDArray[np.float32]
     loudness: NDArray[np.float32]
     sound: NDArray[np.float32]
+    #: (places,) int32 arrays: range bin; places in the tables of gains and of rays; class of
+    #: loudness; sector and direction of view.
     bin: NDArray[np.int32]
     entry: NDArray[np.int32]
     ray: NDArray[np.int32]

@@ -126,7 +126,8 @@ def test_the_picture_of_a_ping_shows_what_its_settings_find(
 ) -> None:
     """As 'usmap plot' draws it."""
     figures = []
-    monkeypatch.setattr("usmap_ros.plotting.save_figure", lambda figure, _: figures.append(figure))
+    where = "usmap_ros.plotting.style.save_figure"
+    monkeypatch.setattr(where, lambda figure, _: figures.append(figure))
     found = {}
     for method in (("delay", "cosamp"), ("cells", "cosamp")):
         arguments = ["plot", str(bag), "-o", str(tmp_path / "ping.png")]

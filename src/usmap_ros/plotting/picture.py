@@ -31,7 +31,7 @@ def draw(
     Returns
     -------
     matplotlib.figure.Figure
-        `usmap_ros.plotting.save_figure` writes it, and so does its own ``savefig``.
+        `usmap_ros.plotting.style.save_figure` writes it, and so does its own ``savefig``.
     """
     if isinstance(what, OccupancyMap):
         return map_figure(what, truth=truth)

@@ -15,8 +15,8 @@ SQUARE_M, SECTORS = 0.5, 8
 #: Looks that are enough for a square from one sector, and the share of what a ping looks at that
 #: must still lack some, for it to be a key ping.
 ENOUGH_LOOKS, LACKING_SHARE = 6.0, 0.2
-#: Rays across a beam on which squares are counted.
-RAYS = 5
+#: Rays across a beam on which squares are counted, and pings whose squares are worked out at once.
+RAYS, BATCH = 5, 256
 
 
 def key_pings(
@@ -38,7 +38,9 @@ def key_pings(
     chosen : (key pings,) integer array
         Which of them, in their order.
     """
-    looks = _looks(table.numbers[pings])
+    numbers = table.numbers[pings]
+    batches = range(0, len(pings), BATCH)
+    looks = [own for first in batches for own in _looks(numbers[first : first + BATCH], numbers)]
     counts = np.zeros(1 + max((int(own.max()) for own in looks if len(own)), default=0))
     chosen = []
     for index in _spread(len(pings)):
@@ -49,8 +51,19 @@ def key_pings(
     return np.sort(np.array(chosen, np.int64))
 
 
-def _looks(numbers: FloatArray) -> list[NDArray[np.int64]]:
-    """Numbers of squares, each with a sector, that each ping looks at."""
+def _looks(numbers: FloatArray, every: FloatArray) -> list[NDArray[np.int64]]:
+    """Numbers of squares, each with a sector, that each of some pings looks at.
+
+    Parameters
+    ----------
+    numbers, every : (pings, numbers) arrays
+        Of these pings, and of all, whose squares are numbered from the lowest one on.
+    """
+    farthest_m = every[:, GREATEST_RANGE].max() + SQUARE_M
+    low, high = (
+        np.floor((every[:, [X, Y]].min(axis=0) - farthest_m) / SQUARE_M).astype(np.int64),
+        np.floor((every[:, [X, Y]].max(axis=0) + farthest_m) / SQUARE_M).astype(np.int64),
+    )
     reach_m = numbers[:, GREATEST_RANGE]
     ranges_m = SQUARE_M * np.arange(1, 1 + max(1, int(reach_m.max() / SQUARE_M)))
     across = np.linspace(-1.0, 1.0, RAYS) * numbers[:, HALF_ANGLE, np.newaxis]
@@ -59,8 +72,8 @@ def _looks(numbers: FloatArray) -> list[NDArray[np.int64]]:
     column = np.floor((x_m + ranges_m * np.cos(bearings)) / SQUARE_M).astype(np.int64)
     row = np.floor((y_m + ranges_m * np.sin(bearings)) / SQUARE_M).astype(np.int64)
     sector = np.floor(bearings * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
-    columns = int(np.ptp(column)) + 1
-    places = ((row - row.min()) * columns + column - column.min()) * SECTORS + sector
+    columns = int(high[0] - low[0]) + 1
+    places = ((row - low[1]) * columns + column - low[0]) * SECTORS + sector
     inside = ranges_m <= np.maximum(reach_m, SQUARE_M)[:, np.newaxis]
     return [np.unique(own[:, heard]) for own, heard in zip(places, inside, strict=True)]
 

@@ -50,6 +50,8 @@ ROOT = Path(__file__).parents[1]
 _HEADER_BYTES = 4
 #: Name of a figure that is a list.
 BY_SECOND = "latency_p95_by_second_ms"
+#: Nothing more is fused if nothing was for so long: the last pings wait 5 s for earlier ones.
+SETTLES_S = 6.0
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
 _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
@@ -267,7 +269,7 @@ def _settled(observed: Observed) -> int:
     fused = -1
     while fused != (now := observed.total("/map_fusion", "fused")):
         fused = now
-        time.sleep(3.0)
+        time.sleep(SETTLES_S)
     return fused
 
 

@@ -39,8 +39,16 @@ def key_pings(
         Which of them, in their order.
     """
     numbers = table.numbers[pings]
-    batches = range(0, len(pings), BATCH)
-    looks = [own for first in batches for own in _looks(numbers[first : first + BATCH], numbers)]
+    # Squares are numbered from the lowest that any of them may look at.
+    places_m, farthest_m = numbers[:, [X, Y]], numbers[:, GREATEST_RANGE].max() + SQUARE_M
+    low = np.floor((places_m.min(axis=0) - farthest_m) / SQUARE_M).astype(np.int64)
+    high = np.floor((places_m.max(axis=0) + farthest_m) / SQUARE_M).astype(np.int64)
+    columns = int(high[0] - low[0]) + 1
+    looks = [
+        own
+        for first in range(0, len(pings), BATCH)
+        for own in _looks(numbers[first : first + BATCH], low, columns)
+    ]
     counts = np.zeros(1 + max((int(own.max()) for own in looks if len(own)), default=0))
     chosen = []
     for index in _spread(len(pings)):
@@ -51,19 +59,18 @@ def key_pings(
     return np.sort(np.array(chosen, np.int64))
 
 
-def _looks(numbers: FloatArray, every: FloatArray) -> list[NDArray[np.int64]]:
+def _looks(numbers: FloatArray, low: NDArray[np.int64], columns: int) -> list[NDArray[np.int64]]:
     """Numbers of squares, each with a sector, that each of some pings looks at.
 
     Parameters
     ----------
-    numbers, every : (pings, numbers) arrays
-        Of these pings, and of all, whose squares are numbered from the lowest one on.
+    numbers : (pings, numbers) array
+        Of these pings.
+    low : (2,) int64 array
+        Column and row of the square from which on they are numbered.
+    columns : int
+        Squares of a row.
     """
-    farthest_m = every[:, GREATEST_RANGE].max() + SQUARE_M
-    low, high = (
-        np.floor((every[:, [X, Y]].min(axis=0) - farthest_m) / SQUARE_M).astype(np.int64),
-        np.floor((every[:, [X, Y]].max(axis=0) + farthest_m) / SQUARE_M).astype(np.int64),
-    )
     reach_m = numbers[:, GREATEST_RANGE]
     ranges_m = SQUARE_M * np.arange(1, 1 + max(1, int(reach_m.max() / SQUARE_M)))
     across = np.linspace(-1.0, 1.0, RAYS) * numbers[:, HALF_ANGLE, np.newaxis]
@@ -72,7 +79,6 @@ def _looks(numbers: FloatArray, every: FloatArray) -> list[NDArray[np.int64]]:
     column = np.floor((x_m + ranges_m * np.cos(bearings)) / SQUARE_M).astype(np.int64)
     row = np.floor((y_m + ranges_m * np.sin(bearings)) / SQUARE_M).astype(np.int64)
     sector = np.floor(bearings * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
-    columns = int(high[0] - low[0]) + 1
     places = ((row - low[1]) * columns + column - low[0]) * SECTORS + sector
     inside = ranges_m <= np.maximum(reach_m, SQUARE_M)[:, np.newaxis]
     return [np.unique(own[:, heard]) for own, heard in zip(places, inside, strict=True)]

@@ -95,19 +95,23 @@ def mirror_walls(
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
     search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
     walls = _likelier_than_points(seen_directly(without_doubles(_found(search, ANY)), places_m))
-    is_left = is_usable & ~reflected(walls, table, pings, echoes)
-    for wall in walls:
-        is_left[wall.echoes] = False
+    is_left = _left_of(is_usable & ~reflected(walls, table, pings, echoes), walls)
     more = _found(search._replace(is_open=is_left), USUAL)
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
-    is_left &= ~is_explained & _are_first(echoes)
-    for wall in walls:
-        is_left[wall.echoes] = False
+    is_left = _left_of(is_left & ~is_explained & _are_first(echoes), walls)
     search = search._replace(is_open=is_left, faintest=math.exp(usual - FAINTER), loudest=faintest)
     fainter = _likelier_than_points(_found(search, ANY))
     walls += [each for each in fainter if each.deviation < NEARLY_STEADY and _is_bare(each)]
     return squared(seen_directly(without_doubles(walls), places_m), places_m, echoes)
+
+
+def _left_of(is_open: BoolArray, walls: list[MirrorWall]) -> BoolArray:
+    """Which of some echoes are of none of some walls."""
+    is_left = is_open.copy()
+    for wall in walls:
+        is_left[wall.echoes] = False
+    return is_left
 
 
 def _are_first(echoes: Echoes) -> BoolArray:

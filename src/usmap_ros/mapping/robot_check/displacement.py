@@ -106,6 +106,7 @@ class Robot:
         self, cones: Sequence[EchoCone], heard: Sightings, between: Callable[[], None]
     ) -> None:
         self.heard, self._way, self._between = heard, RobotTrack(cones, heard), between
+        self._every = np.ones(len(heard.ping), np.bool_)
         self.told, self.landmarks = self._explained(heard)
 
     def displacement(self) -> Displacement | None:
@@ -148,7 +149,7 @@ class Robot:
         return Displacement("turned", (-best,), gain, self.told)
 
     def _gain_of_turn(self, by_rad: float) -> float:
-        return self._explained(self._turned(by_rad))[0] - self.told
+        return self._explained(self._turned(by_rad), least=self.told)[0] - self.told
 
     def _gain_in_parts(self, turned: Displacement) -> float:
         """What landmarks that each part of its way shows by itself gain by a turn, in sum."""
@@ -172,7 +173,12 @@ class Robot:
     def _gain_of_delay(self, by_s: float) -> float:
         later, known = self._way.later(by_s)
         wanted = known[self.heard.ping]
-        return self._explained(later, wanted)[0] - self._explained(self.heard, wanted)[0]
+        told = explained_by(self.landmarks, self.heard, wanted)
+        gain = self._explained(later, wanted, told)[0] - told
+        if gain < LEAST_GAIN:
+            return gain
+        # Without the pings that are left out, other landmarks may explain more.
+        return gain + told - self._explained(self.heard, wanted)[0]
 
     def scaling(self, robots: Iterable[Robot]) -> Displacement | None:
         """What is wrong with its ranges by its own echoes and by what others hear.
@@ -180,7 +186,7 @@ class Robot:
         What landmarks are found varies by chance: those found at each scale are tried at all.
         """
         others = [robot for robot in robots if robot is not self]
-        scaled = {scale: self._scaled(scale) for scale in SCALES}
+        scaled, every = {scale: self._scaled(scale) for scale in SCALES}, self._every
         found = {
             scale: self.landmarks if scale == 1.0 else self._explained(heard)[1]
             for scale, heard in scaled.items()
@@ -188,7 +194,7 @@ class Robot:
         own, theirs = dict[float, float](), dict.fromkeys(SCALES, 0.0)
         for scale, heard in scaled.items():
             sets = [self._spread(marks, scale / other) for other, marks in found.items()]
-            own[scale] = max(explained_by(marks, heard) for marks in sets)
+            own[scale] = max(explained_by(marks, heard, every) for marks in sets)
             for other in others:
                 theirs[scale] += _agreement(other.landmarks, heard)
                 theirs[scale] += max(_agreement(marks, other.heard) for marks in sets)
@@ -218,13 +224,12 @@ class Robot:
         return spread
 
     def _explained(
-        self, heard: Sightings, wanted: BoolArray | None = None
+        self, heard: Sightings, wanted: BoolArray | None = None, least: float = -math.inf
     ) -> tuple[float, FloatArray]:
-        """Log-likelihood ratio of echoes by landmarks, and these."""
+        """Log-likelihood ratio of echoes by landmarks, and these; it may be given up as `least`."""
         self._between()
         found = np.zeros((MOST, COLUMNS))
-        every = np.ones(len(heard.ping), np.bool_)
-        gain, count = explain(heard, every if wanted is None else wanted, found)
+        gain, count = explain(heard, self._every if wanted is None else wanted, found, least)
         return gain, found[:count]
 
 

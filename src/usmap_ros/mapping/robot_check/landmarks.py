@@ -35,21 +35,14 @@ WITHIN, SURELY_WITHIN = 3.0, 2.0
 #: Steps of a fit, how well each unknown is known beforehand, and candidates that are fitted.
 STEPS, KNOWN, FITTED = 4, 0.3, 6
 TINY, FAR_M = 1e-9, 1e9
+#: Candidates of which the best is kept in mind.
+BLOCK = 64
 
 
 @compiled_within
 def wrap(angle: float) -> float:
     """Between -π and π."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
-
-
-@compiled_within
-def seen_from(mark: FloatArray, x_m: float, y_m: float) -> tuple[float, float]:
-    """How far a landmark is, and in which direction."""
-    if mark[KIND] == POINT:
-        to_x, to_y = mark[A] - x_m, mark[B] - y_m
-        return math.sqrt(to_x * to_x + to_y * to_y) + TINY, math.atan2(to_y, to_x)
-    return mark[B] - math.cos(mark[A]) * x_m - math.sin(mark[A]) * y_m, mark[A]
 
 
 @compiled_within
@@ -61,8 +54,13 @@ def level_of(mark: FloatArray, heard: Sightings, far_m: float, off: float) -> fl
 
 
 class LandmarkMatches(NamedTuple):
-    """Echoes that may be from a landmark; arrays with room for all of them."""
+    """Echoes that may be from a landmark, arrays with room for all of them; and beams."""
 
+    #: (pings,) arrays: which way beams look, and the cosine of their half angles, less rounding:
+    #: what is farther off their axes they do not hear, which is found out fastest.
+    ahead_x: FloatArray
+    ahead_y: FloatArray
+    edge: FloatArray
     #: Which.
     echo: NDArray[np.int64]
     #: By how many standard deviations it is farther, in which direction the landmark is, and how
@@ -73,11 +71,13 @@ class LandmarkMatches(NamedTuple):
 
 
 @compiled_within
-def room_for(echoes: int) -> LandmarkMatches:
-    """Matches of so many."""
+def room_for(heard: Sightings) -> LandmarkMatches:
+    """Matches of all echoes, and one that may not be."""
+    room = len(heard.ping) + 1
     return LandmarkMatches(
-        np.zeros(echoes, np.int64), np.zeros(echoes), np.zeros(echoes), np.zeros(echoes)
-    )
+        np.cos(heard.yaw_rad), np.sin(heard.yaw_rad), np.cos(heard.half_rad) - TINY,
+        np.zeros(room, np.int64), np.zeros(room), np.zeros(room), np.zeros(room),
+    )  # fmt: skip
 
 
 @compiled_within
@@ -86,10 +86,17 @@ def match(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatc
     count, angle, is_point = 0, mark[A], mark[KIND] == POINT
     along_x, along_y = math.cos(angle), math.sin(angle)
     for ping in range(len(heard.x_m)):
-        to_x, to_y = mark[A] - heard.x_m[ping], mark[B] - heard.y_m[ping]
-        far_m = mark[B] - along_x * heard.x_m[ping] - along_y * heard.y_m[ping]
+        ahead_x, ahead_y, edge = its.ahead_x[ping], its.ahead_y[ping], its.edge[ping]
         if is_point:
+            to_x, to_y = mark[A] - heard.x_m[ping], mark[B] - heard.y_m[ping]
             far_m = math.sqrt(to_x * to_x + to_y * to_y) + TINY
+            is_outside = ahead_x * to_x + ahead_y * to_y < edge * far_m - TINY
+        else:
+            to_x, to_y = along_x, along_y
+            far_m = mark[B] - along_x * heard.x_m[ping] - along_y * heard.y_m[ping]
+            is_outside = ahead_x * along_x + ahead_y * along_y < edge
+        if is_outside:
+            continue
         for echo in range(heard.first[ping], heard.first[ping + 1]):
             miss = (heard.range_m[echo] - far_m) / RANGE_STD_M
             if abs(miss) >= WITHIN or not left[echo]:
@@ -181,9 +188,10 @@ def fits_level(apart_db: float) -> float:
 
 
 @compiled_within
-def pairs(heard: Sightings, wanted: BoolArray) -> FloatArray:
+def pairs(heard: Sightings, wanted: BoolArray, its: LandmarkMatches) -> FloatArray:
     """Landmarks that two echoes have in common, (landmarks, B + 1)."""
     found, out = 0, np.zeros((MOST_PAIRS, B + 1))
+    ahead_x, ahead_y, edge = its.ahead_x, its.ahead_y, its.edge
     for one in range(len(wanted)):
         ping, near_m = heard.ping[one], heard.range_m[one]
         for other in range(ping + 1 if wanted[one] else len(heard.x_m), len(heard.x_m)):
@@ -191,35 +199,40 @@ def pairs(heard: Sightings, wanted: BoolArray) -> FloatArray:
             base_m = math.hypot(to_x, to_y)
             if base_m < POINT_BASE_M:
                 continue
-            towards = math.atan2(to_y, to_x)
             for two in range(heard.first[other], heard.first[other + 1]):
+                far_m = heard.range_m[two]
                 for kind in (POINT, WALL):
-                    cosine = cosine_between(base_m, near_m, heard.range_m[two], kind)
+                    cosine = cosine_between(base_m, near_m, far_m, kind)
                     if not wanted[two] or abs(cosine) >= 1.0:
                         continue
-                    apart = math.acos(cosine)
-                    for angle in (wrap(towards - apart), wrap(towards + apart)):
-                        if abs(wrap(angle - heard.yaw_rad[ping])) > heard.half_rad[ping]:
+                    sine = math.sqrt(1.0 - cosine * cosine)
+                    for side in (-sine, sine):
+                        by_x = (to_x * cosine - to_y * side) / base_m
+                        by_y = (to_y * cosine + to_x * side) / base_m
+                        if by_x * ahead_x[ping] + by_y * ahead_y[ping] < edge[ping]:
+                            continue
+                        there_x, there_y = by_x, by_y
+                        if kind == POINT:
+                            there_x = (by_x * near_m - to_x) / far_m
+                            there_y = (by_y * near_m - to_y) / far_m
+                        if there_x * ahead_x[other] + there_y * ahead_y[other] < edge[other]:
                             continue
                         if found == len(out):
                             out = np.concatenate((out, np.zeros_like(out)))
-                        mark = out[found]
-                        place(mark, kind, heard, ping, near_m, angle)
-                        there = seen_from(mark, heard.x_m[other], heard.y_m[other])[1]
-                        found += abs(wrap(there - heard.yaw_rad[other])) <= heard.half_rad[other]
+                        place(out[found], kind, heard, ping, near_m, by_x, by_y)
+                        found += 1
     return out[:found]
 
 
 @compiled_within
 def place(
-    mark: FloatArray, kind: float, heard: Sightings, ping: int, far_m: float, angle: float
+    mark: FloatArray, kind: float, heard: Sightings, ping: int, far_m: float, x: float, y: float
 ) -> None:
     """Set a landmark to where a ping would have it, so far away in some direction."""
-    x_m = heard.x_m[ping] + far_m * math.cos(angle)
-    y_m = heard.y_m[ping] + far_m * math.sin(angle)
+    x_m, y_m = heard.x_m[ping] + far_m * x, heard.y_m[ping] + far_m * y
     mark[KIND], mark[A], mark[B] = kind, x_m, y_m
     if kind == WALL:
-        mark[A], mark[B] = angle, math.cos(angle) * x_m + math.sin(angle) * y_m
+        mark[A], mark[B] = math.atan2(y, x), x * x_m + y * y_m
 
 
 @compiled_within
@@ -234,6 +247,19 @@ def cosine_between(base_m: float, near_m: float, far_m: float, kind: float) -> f
     return (near_m - far_m) / base_m if base_m >= WALL_BASE_M else FAR_M
 
 
+@compiled_within
+def set_top(said: FloatArray, block: int, tops: FloatArray) -> None:
+    """Keep the greatest value of a block of many."""
+    tops[block] = said[block * BLOCK : (block + 1) * BLOCK].max()
+
+
+@compiled_within
+def top_of(said: FloatArray, tops: FloatArray) -> int:
+    """Which of many is the greatest, the first of several, by the greatest of each block."""
+    begin = int(tops.argmax()) * BLOCK
+    return begin + int(said[begin : begin + BLOCK].argmax())
+
+
 @inlined
 def put(values: FloatArray, where: FloatArray) -> None:
     """Copy values one by one: to assign a slice, Numba compiles texts on shapes that do not fit."""
@@ -242,7 +268,9 @@ def put(values: FloatArray, where: FloatArray) -> None:
 
 
 @compiled
-def explain(heard: Sightings, wanted: BoolArray, found: FloatArray) -> tuple[float, int]:
+def explain(
+    heard: Sightings, wanted: BoolArray, found: FloatArray, least: float
+) -> tuple[float, int]:
     """Find landmarks that explain echoes, those first that explain most.
 
     Parameters
@@ -253,34 +281,40 @@ def explain(heard: Sightings, wanted: BoolArray, found: FloatArray) -> tuple[flo
         Those that count.
     found : (MOST, COLUMNS) array
         Set to the landmarks.
+    least : float
+        What cannot come to so much is given up.
 
     Returns
     -------
     gain : float
-        Log-likelihood ratio of the echoes, less what the landmarks cost.
+        Log-likelihood ratio of the echoes, less what the landmarks cost; or less than `least`.
     count : int
         How many landmarks there are.
     """
-    tried = pairs(heard, wanted)
+    left, its = wanted.copy(), room_for(heard)
+    tried = pairs(heard, wanted, its)
     every = len(tried) // MOST_PAIRS + 1
     tried = tried[every - 1 :: every]
-    left, its = wanted.copy(), room_for(len(wanted) + 1)
     said, best, mark = np.zeros(len(tried)), np.zeros(COLUMNS), np.zeros(COLUMNS)
     for one in range(len(tried)):
         said[one] = votes(tried[one], heard, left, its)
+    tops = np.zeros((len(tried) + BLOCK - 1) // BLOCK)
+    for block in range(len(tops)):
+        set_top(said, block, tops)
     total, count = 0.0, 0
     while count < len(found):
         best[GAIN], fitted = 0.0, 0
         while fitted < FITTED and len(tried):
-            one = int(said.argmax())
+            one = top_of(said, tops)
             if said[one] < LEAST_ECHOES - 1:
                 break
             now = votes(tried[one], heard, left, its)
-            if now < said[one] - 0.5:
-                said[one] = now
-                continue
+            is_less = now < said[one] - 0.5
             # The same again is tried later, if at all.
-            said[one] *= 0.8
+            said[one] = now if is_less else 0.8 * said[one]
+            set_top(said, one // BLOCK, tops)
+            if is_less:
+                continue
             put(tried[one], mark)
             fit(mark, heard, left, its)
             judge(mark, heard, left, its)
@@ -292,14 +326,17 @@ def explain(heard: Sightings, wanted: BoolArray, found: FloatArray) -> tuple[flo
         take(judge(best, heard, left, its), its, left)
         put(best, found[count])
         total, count = total + best[GAIN] - COST, count + 1
+        # Those that follow explain hardly more, each.
+        more = min(len(found) - count, int(left.sum()) // LEAST_ECHOES)
+        if total + more * (best[GAIN] - COST) < least:
+            return total + more * (best[GAIN] - COST), count
     return total, count
 
 
 @compiled
-def explained_by(marks: FloatArray, heard: Sightings) -> float:
+def explained_by(marks: FloatArray, heard: Sightings, wanted: BoolArray) -> float:
     """What landmarks that were found elsewhere explain, each moved to where its echoes have it."""
-    left, its = np.ones(len(heard.ping), np.bool_), room_for(len(heard.ping) + 1)
-    total = 0.0
+    left, its, total = wanted.copy(), room_for(heard), 0.0
     for row in range(len(marks)):
         mark = marks[row].copy()
         fit(mark, heard, left, its)

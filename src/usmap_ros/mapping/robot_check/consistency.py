@@ -26,7 +26,7 @@ from usmap_ros.mapping.robot_check.displacement import Robot, displaced
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
-from usmap_ros.mapping.robot_check.shifts import RobotPairs, shifted
+from usmap_ros.mapping.robot_check.shifts import HERE, RobotPairs, shifted
 from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
@@ -42,9 +42,6 @@ MOVED_M, MOVED_RAD = 0.01, 0.01
 #: Pings with echoes from a robot that moves that are needed to say that it repeats itself, and the
 #: share of them that must be repetitions to the last digit, which noise never makes.
 LEAST_REPEATS, REPEATED_SHARE = 10, 0.5
-#: Share of what others bear out of a robot elsewhere that they do where it says it is, for it to be
-#: there.
-HERE = 0.5
 
 
 class _Robot:
@@ -126,9 +123,12 @@ class Consistency:
             sources |= {name: cones for name, cones in earlier.items() if cones}
         found = self._stuck()
         found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
-        robots = self._heard(found, between)
+        latest = {t: robot.latest() for t, robot in self._robots.items() if t not in found}
+        robots = _heard(latest, between)
         found |= displaced(robots)
-        pairs = RobotPairs({t: own for t, own in robots.items() if t not in found}, between)
+        judged = {topic: own for topic, own in robots.items() if topic not in found}
+        before = {topic: sources.get(topic + EARLIER_PINGS, []) for topic in judged}
+        pairs = RobotPairs(judged, _heard(before, between), between)
         moved = shifted(pairs)
         found |= {topic: finding for topic, finding in moved.items() if finding.is_suspect}
         while True:
@@ -161,18 +161,18 @@ class Consistency:
                 found[topic] = Finding("stuck", {"repeated": share}, f"stuck: {reason}")
         return found
 
-    def _heard(self, found: Collection[str], between: Callable[[], None]) -> dict[str, Robot]:
-        """The latest of those of whom nothing is found yet, if anybody is to be compared."""
-        latest = {t: robot.latest() for t, robot in self._robots.items() if t not in found}
-        if len(latest) < LEAST_ROBOTS_LEFT:
-            return {}
-        heard = {t: own for t, cones in latest.items() if (own := sightings_of(cones)) is not None}
-        robots = for_each(lambda topic: Robot(latest[topic], heard[topic], between), heard)
-        return dict(zip(heard, robots, strict=True))
-
     def _of_robots(self, found: Mapping[str, Finding]) -> dict[str, Finding]:
         """What is to be said of robots, and not of their earlier pings."""
         return {topic: found[topic] for topic in sorted(self._robots)}
+
+
+def _heard(sources: Mapping[str, list[EchoCone]], between: Callable[[], None]) -> dict[str, Robot]:
+    """Landmarks of those who heard any, if they are to be compared with anybody."""
+    if len(sources) < LEAST_ROBOTS_LEFT:
+        return {}
+    heard = {t: own for t, cones in sources.items() if (own := sightings_of(cones)) is not None}
+    robots = for_each(lambda topic: Robot(sources[topic], heard[topic], between), heard)
+    return dict(zip(heard, robots, strict=True))
 
 
 def _by_themselves(sources: Mapping[str, list[EchoCone]]) -> dict[str, Finding]:

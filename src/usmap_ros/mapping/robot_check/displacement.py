@@ -16,16 +16,8 @@ import numpy as np
 
 from usmap_ros.mapping.robot_check.borne_out import borne_out
 from usmap_ros.mapping.robot_check.finding import Finding
-from usmap_ros.mapping.robot_check.landmarks import (
-    COLUMNS,
-    KIND,
-    MOST,
-    POINT,
-    A,
-    B,
-    explain,
-    explained_by,
-)
+from usmap_ros.mapping.robot_check.landmark_search import MOST, explain, explained_by
+from usmap_ros.mapping.robot_check.landmarks import COLUMNS, KIND, POINT, A, B
 from usmap_ros.mapping.robot_check.sightings import RobotTrack, Sightings
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
@@ -43,12 +35,13 @@ CLOSER_RAD, CLOSER_S = math.radians(5.0), 0.1
 ELSEWHERE_RAD = math.radians(60.0)
 PARTS, LEAST_IN_PARTS = 3, 8.0
 #: Gain of log-likelihood from which on it is that which is wrong, and a share of what the echoes
-#: as told gain that must be exceeded as well; for ranges less, but more where more echoes a metre
-#: are unexplained than so many, and fit anything, and so many times if they are too short; and
-#: the least errors that are told of.
-LEAST_GAIN, LEAST_SHARE, LEAST_GAIN_OF_SCALE, DENSE = 20.0, 0.05, 12.0, 0.6
-TIMES_IF_SHORT = 3.0
+#: as told gain that must be exceeded as well; and the least errors that are told of.
+LEAST_GAIN, LEAST_SHARE = 20.0, 0.05
 LEAST_TURN_RAD, LEAST_LATE_S = math.radians(12.0), 0.2
+#: For ranges less, if all that are shorter gain so much in sum over all that are longer: any one
+#: may fit by chance.  More of both where more echoes a metre are unexplained than so many, and fit
+#: anything, and so many times if they are too short.
+LEAST_GAIN_OF_SCALE, LEAST_LEAN, DENSE, TIMES_IF_SHORT = 4.0, 55.0, 0.6, 3.0
 #: The same for turns and delays with what others hear of it, which may speak against them: more
 #: where more is unexplained, of which chance makes as much as the root of it.
 LEAST_GAIN_OF_ALL = 30.0
@@ -198,15 +191,8 @@ class Robot:
             for other in others:
                 theirs[scale] += _agreement(other.landmarks, heard)
                 theirs[scale] += max(_agreement(marks, other.heard) for marks in sets)
-        gains = {scale: own[scale] + theirs[scale] - own[1.0] - theirs[1.0] for scale in SCALES}
-        best = max(gains, key=gains.__getitem__)
-        least = LEAST_GAIN_OF_SCALE * max(1.0, self.heard.background / DENSE)
-        # Round columns answer from in front of the point that they seem to be.
-        least *= TIMES_IF_SHORT if best > 1.0 else 1.0
-        is_sure = gains[best] >= least and own[best] >= own[1.0]
-        return (
-            Displacement("scaled", (1.0 / best - 1.0,), gains[best], self.told) if is_sure else None
-        )
+        error = scale_error(own, theirs, self.heard.background)
+        return error and Displacement("scaled", error[:1], error[1], self.told)
 
     def _scaled(self, factor: float) -> Sightings:
         return self.heard._replace(range_m=factor * self.heard.range_m)
@@ -231,6 +217,31 @@ class Robot:
         found = np.zeros((MOST, COLUMNS))
         gain, count = explain(heard, self._every if wanted is None else wanted, found, least)
         return gain, found[:count]
+
+
+def scale_error(
+    own: Mapping[float, float], theirs: Mapping[float, float], background: float
+) -> tuple[float, float] | None:
+    """By what share ranges are too long, and what is gained without it, if that is sure.
+
+    Parameters
+    ----------
+    own, theirs : mapping of float to float
+        Log-likelihood of a robot's echoes, and with others' landmarks, by what its ranges are
+        multiplied with.
+    background : float
+        Echoes a metre that nothing known explains.
+    """
+    total = {scale: own[scale] + theirs[scale] for scale in own}
+    best = max(total, key=total.__getitem__)
+    gain = total[best] - total[1.0]
+    lean = sum(said * np.sign(1.0 - scale) for scale, said in total.items())
+    times = max(1.0, background / DENSE)
+    if best > 1.0:
+        # Round columns answer from in front of the point that they seem to be.
+        lean, times = -lean, TIMES_IF_SHORT * times
+    is_sure = gain >= LEAST_GAIN_OF_SCALE * times and lean >= LEAST_LEAN * times
+    return (1.0 / best - 1.0, gain) if is_sure and own[best] >= own[1.0] else None
 
 
 def _agreement(marks: FloatArray, heard: Sightings) -> float:

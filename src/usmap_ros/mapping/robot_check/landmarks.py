@@ -1,9 +1,6 @@
-"""Points and walls that a robot's echoes show: compiled.
+"""Points and walls that echoes may be from: which are, where they have them, how loud: compiled.
 
-An echo is from a point if points of several pings' arcs meet there, and from a wall if several arcs
-have a tangent in common: either is found from two echoes, and tried on all others (RANSAC, Fischler
-& Bolles 1981, with all pairs).  Those that explain most are taken first, by how well ranges fit and
-by how loud the echoes are, which tells how far off the axis of the beam the landmark is.
+How loud echoes are tells how far off the axis of the beam a landmark is.
 """
 
 import math
@@ -14,29 +11,24 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.robot_check.sightings import ANGLES, Sightings
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
+from usmap_ros.numerics.compiled import compiled_within
 
 #: Kinds of landmarks; columns of one: its kind, x and y or direction of the normal and distance,
 #: the log-likelihood ratio of its echoes, their level at one metre on the axis, dB, and between
 #: which places along it they were heard.
 POINT, WALL = 0.0, 1.0
 KIND, A, B, GAIN, LEVEL, LOW, HIGH, COLUMNS = range(8)
-#: Landmarks at the most, and pairs of echoes that are tried for one.
-MOST, MOST_PAIRS = 20, 2000
-#: How far apart, m, pings must be that show a point, or a wall; and standard deviations of ranges
-#: (with those of poses), m, and of levels, dB.
-POINT_BASE_M, WALL_BASE_M, RANGE_STD_M, LEVEL_STD_DB = 0.15, 0.25, 0.03, 4.0
-#: Echoes that a landmark needs, and what its unknowns cost of log-likelihood.
-LEAST_ECHOES, COST = 4, 9.0
+#: Standard deviations of ranges (with those of poses), m, and of levels, dB.
+RANGE_STD_M, LEVEL_STD_DB = 0.03, 4.0
+#: Echoes that a landmark needs.
+LEAST_ECHOES = 4
 #: Probability of hearing it, share of echoes whose level is any, and between which levels, dB.
 HEARD, ANY_LEVEL, LEVELS_DB = 0.5, 0.1, 30.0
 #: Standard deviations within which an echo may be a landmark's, and within which it is.
 WITHIN, SURELY_WITHIN = 3.0, 2.0
-#: Steps of a fit, how well each unknown is known beforehand, and candidates that are fitted.
-STEPS, KNOWN, FITTED = 4, 0.3, 6
+#: Steps of a fit, and how well each unknown is known beforehand.
+STEPS, KNOWN = 4, 0.3
 TINY, FAR_M = 1e-9, 1e9
-#: Candidates of which the best is kept in mind.
-BLOCK = 64
 
 
 @compiled_within
@@ -185,163 +177,3 @@ def fits_level(apart_db: float) -> float:
     share = LEVELS_DB / (math.sqrt(2.0 * math.pi) * LEVEL_STD_DB)
     fits = share * math.exp(-0.5 * (apart_db / LEVEL_STD_DB) ** 2)
     return ANY_LEVEL + (1.0 - ANY_LEVEL) * fits
-
-
-@compiled_within
-def pairs(heard: Sightings, wanted: BoolArray, its: LandmarkMatches) -> FloatArray:
-    """Landmarks that two echoes have in common, (landmarks, B + 1)."""
-    found, out = 0, np.zeros((MOST_PAIRS, B + 1))
-    ahead_x, ahead_y, edge = its.ahead_x, its.ahead_y, its.edge
-    for one in range(len(wanted)):
-        ping, near_m = heard.ping[one], heard.range_m[one]
-        for other in range(ping + 1 if wanted[one] else len(heard.x_m), len(heard.x_m)):
-            to_x, to_y = heard.x_m[other] - heard.x_m[ping], heard.y_m[other] - heard.y_m[ping]
-            base_m = math.hypot(to_x, to_y)
-            if base_m < POINT_BASE_M:
-                continue
-            for two in range(heard.first[other], heard.first[other + 1]):
-                far_m = heard.range_m[two]
-                for kind in (POINT, WALL):
-                    cosine = cosine_between(base_m, near_m, far_m, kind)
-                    if not wanted[two] or abs(cosine) >= 1.0:
-                        continue
-                    sine = math.sqrt(1.0 - cosine * cosine)
-                    for side in (-sine, sine):
-                        by_x = (to_x * cosine - to_y * side) / base_m
-                        by_y = (to_y * cosine + to_x * side) / base_m
-                        if by_x * ahead_x[ping] + by_y * ahead_y[ping] < edge[ping]:
-                            continue
-                        there_x, there_y = by_x, by_y
-                        if kind == POINT:
-                            there_x = (by_x * near_m - to_x) / far_m
-                            there_y = (by_y * near_m - to_y) / far_m
-                        if there_x * ahead_x[other] + there_y * ahead_y[other] < edge[other]:
-                            continue
-                        if found == len(out):
-                            out = np.concatenate((out, np.zeros_like(out)))
-                        place(out[found], kind, heard, ping, near_m, by_x, by_y)
-                        found += 1
-    return out[:found]
-
-
-@compiled_within
-def place(
-    mark: FloatArray, kind: float, heard: Sightings, ping: int, far_m: float, x: float, y: float
-) -> None:
-    """Set a landmark to where a ping would have it, so far away in some direction."""
-    x_m, y_m = heard.x_m[ping] + far_m * x, heard.y_m[ping] + far_m * y
-    mark[KIND], mark[A], mark[B] = kind, x_m, y_m
-    if kind == WALL:
-        mark[A], mark[B] = math.atan2(y, x), x * x_m + y * y_m
-
-
-@compiled_within
-def cosine_between(base_m: float, near_m: float, far_m: float, kind: float) -> float:
-    """Of the angle from one ping towards another to a landmark of an echo of each, if there is.
-
-    Otherwise it is no cosine.
-    """
-    if kind == POINT:
-        squares = near_m * near_m + base_m * base_m - far_m * far_m
-        return squares / (2.0 * near_m * base_m)
-    return (near_m - far_m) / base_m if base_m >= WALL_BASE_M else FAR_M
-
-
-@compiled_within
-def set_top(said: FloatArray, block: int, tops: FloatArray) -> None:
-    """Keep the greatest value of a block of many."""
-    tops[block] = said[block * BLOCK : (block + 1) * BLOCK].max()
-
-
-@compiled_within
-def top_of(said: FloatArray, tops: FloatArray) -> int:
-    """Which of many is the greatest, the first of several, by the greatest of each block."""
-    begin = int(tops.argmax()) * BLOCK
-    return begin + int(said[begin : begin + BLOCK].argmax())
-
-
-@inlined
-def put(values: FloatArray, where: FloatArray) -> None:
-    """Copy values one by one: to assign a slice, Numba compiles texts on shapes that do not fit."""
-    for column in range(len(values)):
-        where[column] = values[column]
-
-
-@compiled
-def explain(
-    heard: Sightings, wanted: BoolArray, found: FloatArray, least: float
-) -> tuple[float, int]:
-    """Find landmarks that explain echoes, those first that explain most.
-
-    Parameters
-    ----------
-    heard : Sightings
-        Of one robot.
-    wanted : (echoes,) bool array
-        Those that count.
-    found : (MOST, COLUMNS) array
-        Set to the landmarks.
-    least : float
-        What cannot come to so much is given up.
-
-    Returns
-    -------
-    gain : float
-        Log-likelihood ratio of the echoes, less what the landmarks cost; or less than `least`.
-    count : int
-        How many landmarks there are.
-    """
-    left, its = wanted.copy(), room_for(heard)
-    tried = pairs(heard, wanted, its)
-    every = len(tried) // MOST_PAIRS + 1
-    tried = tried[every - 1 :: every]
-    said, best, mark = np.zeros(len(tried)), np.zeros(COLUMNS), np.zeros(COLUMNS)
-    for one in range(len(tried)):
-        said[one] = votes(tried[one], heard, left, its)
-    tops = np.zeros((len(tried) + BLOCK - 1) // BLOCK)
-    for block in range(len(tops)):
-        set_top(said, block, tops)
-    total, count = 0.0, 0
-    while count < len(found):
-        best[GAIN], fitted = 0.0, 0
-        while fitted < FITTED and len(tried):
-            one = top_of(said, tops)
-            if said[one] < LEAST_ECHOES - 1:
-                break
-            now = votes(tried[one], heard, left, its)
-            is_less = now < said[one] - 0.5
-            # The same again is tried later, if at all.
-            said[one] = now if is_less else 0.8 * said[one]
-            set_top(said, one // BLOCK, tops)
-            if is_less:
-                continue
-            put(tried[one], mark)
-            fit(mark, heard, left, its)
-            judge(mark, heard, left, its)
-            fitted += 1
-            if mark[GAIN] > best[GAIN]:
-                put(mark, best)
-        if best[GAIN] <= COST:
-            break
-        take(judge(best, heard, left, its), its, left)
-        put(best, found[count])
-        total, count = total + best[GAIN] - COST, count + 1
-        # Those that follow explain hardly more, each.
-        more = min(len(found) - count, int(left.sum()) // LEAST_ECHOES)
-        if total + more * (best[GAIN] - COST) < least:
-            return total + more * (best[GAIN] - COST), count
-    return total, count
-
-
-@compiled
-def explained_by(marks: FloatArray, heard: Sightings, wanted: BoolArray) -> float:
-    """What landmarks that were found elsewhere explain, each moved to where its echoes have it."""
-    left, its, total = wanted.copy(), room_for(heard), 0.0
-    for row in range(len(marks)):
-        mark = marks[row].copy()
-        fit(mark, heard, left, its)
-        count = judge(mark, heard, left, its)
-        if mark[GAIN] > COST:
-            total += mark[GAIN] - COST
-            take(count, its, left)
-    return total

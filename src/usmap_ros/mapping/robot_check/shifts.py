@@ -1,7 +1,7 @@
 """Who is elsewhere than it says, by whether others hear the landmarks that it hears.
 
 A robot that is shifted as a whole hears landmarks that agree with one another.  Others, who look at
-the same, hear them elsewhere, all of them shifted alike.
+the same, or did before, hear them elsewhere, all of them shifted alike.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,6 +26,9 @@ LEAST_THERE = 8.0
 #: How much others must contradict one where it says it is, and gain that does if they do not: of
 #: one who is alone there nobody knows anything, and its walls fit others' somewhere (up to 58).
 LEAST_AGAINST, GAIN_ALONE = 6.0, 70.0
+#: Share of what others bear out of a robot elsewhere that they do where it says it is, for it to be
+#: there; and of the gain of a shift, from which on one other robot alone makes it.
+HERE, MOSTLY = 0.5, 0.7
 
 
 class RobotPairs:
@@ -34,7 +37,10 @@ class RobotPairs:
     Parameters
     ----------
     robots : mapping of str to Robot
-        All of them.
+        All of them, by their latest pings.
+    earlier : mapping of str to Robot
+        The same by pings before these, of those who have enough: they count where the latest ones
+        of the others do not show that a robot is where it says it is.
     between : callable
         Called between pieces of work.
 
@@ -44,19 +50,26 @@ class RobotPairs:
         Theirs.
     """
 
-    def __init__(self, robots: Mapping[str, Robot], between: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        robots: Mapping[str, Robot],
+        earlier: Mapping[str, Robot],
+        between: Callable[[], None],
+    ) -> None:
         self.names = sorted(robots)
         self._said: dict[tuple[str, str], FloatArray] = {}
         for number, one in enumerate(self.names):
             for other in self.names[:number]:
                 between()
-                said, back = np.zeros((2, len(SHIFTS_M)))
-                borne_out(robots[one].landmarks, robots[other].heard, SHIFTS_M, said)
-                borne_out(robots[other].landmarks, robots[one].heard, -SHIFTS_M, said)
-                self._said[one, other] = said
+                self._said[one, other] = said = _borne_out(robots[one], robots[other])
                 # The places are the same the other way around, but for where it is told.
-                back[0], back[1:] = said[0], said[:0:-1]
-                self._said[other, one] = back
+                self._said[other, one] = np.append(said[0], said[:0:-1])
+        for one in [name for name in self.names if not self.is_borne_out(name, share=HERE)]:
+            for other in earlier.keys() & robots.keys() - {one}:
+                between()
+                self._said[one, other] = self._said[one, other] + _borne_out(
+                    robots[one], earlier[other]
+                )
 
     def shift(self, name: str) -> Displacement | None:
         """How a robot is shifted by what others hear, if they hear it."""
@@ -75,6 +88,16 @@ class RobotPairs:
             return None
         x_m, y_m = (-SHIFTS_M[best]).tolist()
         return Displacement("moved", (x_m, y_m), gain, told)
+
+    def made_by(self, shift: Displacement, name: str) -> list[str]:
+        """Who alone makes most of the gain of a robot's shift."""
+        there = int(np.argmin(np.hypot(*(SHIFTS_M + np.array(shift.error)).T)))
+        return [
+            other
+            for other in self.names
+            if other != name
+            and self._said[name, other][there] - self._said[name, other][0] > MOSTLY * shift.gain
+        ]
 
     def is_borne_out(self, name: str, but_by: str = "", share: float = 0.0) -> bool:
         """Whether anybody but one bears a robot out where it says it is.
@@ -100,13 +123,31 @@ def shifted(pairs: RobotPairs) -> dict[str, Finding]:
     worst = max(suspects, key=lambda name: suspects[name].gain)
     if pairs.is_borne_out(worst, share=MOST_SHARE):
         return {}
-    rivals = [n for n in suspects if n != worst and not pairs.is_borne_out(n, but_by=worst)]
+    # Either of two is elsewhere, by what they alone say of each other.
+    accusers = {*suspects, *pairs.made_by(suspects[worst], worst)} - {worst}
+    rivals = sorted(name for name in accusers if not pairs.is_borne_out(name, worst, MOST_SHARE))
     if not rivals:
         return {worst: suspects[worst].finding()}
     return {
-        name: _or_another(suspects[name].finding(), sorted({worst, *rivals} - {name}))
+        name: _or_another(
+            suspects.get(name, _opposite(suspects[worst])).finding(),
+            sorted({worst, *rivals} - {name}),
+        )
         for name in (worst, *rivals)
     }
+
+
+def _borne_out(one: Robot, other: Robot) -> FloatArray:
+    """What two robots bear out of each other, were the first one elsewhere."""
+    said = np.zeros(len(SHIFTS_M))
+    borne_out(one.landmarks, other.heard, SHIFTS_M, said)
+    borne_out(other.landmarks, one.heard, -SHIFTS_M, said)
+    return said
+
+
+def _opposite(shift: Displacement) -> Displacement:
+    """That of one who is right if somebody else is not shifted."""
+    return replace(shift, error=tuple(-by_m for by_m in shift.error))
 
 
 def _or_another(finding: Finding, others: list[str]) -> Finding:

@@ -37,6 +37,8 @@ PARTS, LEAST_IN_PARTS = 3, 8.0
 #: Gain of log-likelihood from which on it is that which is wrong, and a share of what the echoes
 #: as told gain that must be exceeded as well; and the least errors that are told of.
 LEAST_GAIN, LEAST_SHARE = 20.0, 0.05
+#: Share of the former from which on a delay's gain is worked out with landmarks of its own.
+WORTH_A_LOOK = 0.5
 LEAST_TURN_RAD, LEAST_LATE_S = math.radians(12.0), 0.2
 #: For ranges less, if all that are shorter gain so much in sum over all that are longer: any one
 #: may fit by chance.  More of both where more echoes a metre are unexplained than so many, and fit
@@ -168,9 +170,9 @@ class Robot:
         wanted = known[self.heard.ping]
         told = explained_by(self.landmarks, self.heard, wanted)
         gain = self._explained(later, wanted, told)[0] - told
-        if gain < LEAST_GAIN:
+        if gain < WORTH_A_LOOK * LEAST_GAIN:
             return gain
-        # Without the pings that are left out, other landmarks may explain more.
+        # Without the pings that are left out other landmarks are found, and explain more or less.
         return gain + told - self._explained(self.heard, wanted)[0]
 
     def scaling(self, robots: Iterable[Robot]) -> Displacement | None:

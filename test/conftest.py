@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import os
 import signal
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -30,13 +34,59 @@ settings.load_profile("steady")
 SHARED = Path(os.environ.get("USMAP_SHARED", Path(__file__).parents[2] / "shared"))
 
 
-@pytest.fixture(autouse=True)
-def _untouched_logging() -> Iterator[None]:
+@contextlib.contextmanager
+def untouched_logging() -> Iterator[None]:
     """Leave the package's logger as it was: the command line takes it for itself."""
     logger = logging.getLogger("usmap_ros")
     before = logger.level, logger.propagate, logger.handlers
     yield
     logger.level, logger.propagate, logger.handlers = before
+
+
+@pytest.fixture(autouse=True)
+def _untouched_logging() -> Iterator[None]:
+    """Leave the package's logger as it was in every test."""
+    with untouched_logging():
+        yield
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a run of the program ended."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture(scope="session")
+def usmap() -> Callable[..., Done]:
+    """Give a function that runs the program, in this process because that is much faster."""
+    # Not above, where NumPy is not to be imported yet.
+    from usmap_ros.cli import main
+    from usmap_ros.runs.compilation import compile_if_needed
+
+    # Or the first command would, and say so.
+    compile_if_needed(lambda line: None)
+
+    def run(*arguments: str, cwd: Path) -> Done:
+        output, errors = io.StringIO(), io.StringIO()
+        status = 0
+        with (
+            pytest.MonkeyPatch.context() as patch,
+            contextlib.redirect_stdout(output),
+            contextlib.redirect_stderr(errors),
+            untouched_logging(),
+        ):
+            patch.setattr(sys, "argv", ["usmap", *arguments])
+            patch.chdir(cwd)
+            try:
+                main()
+            except SystemExit as end:
+                status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        return Done(status, output.getvalue(), errors.getvalue())
+
+    return run
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

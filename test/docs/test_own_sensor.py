@@ -2,9 +2,9 @@
 
 import re
 import shlex
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,15 +62,14 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_arrays_become_a_recording_that_maps(
-    workplace: Path, monkeypatch: pytest.MonkeyPatch
+    workplace: Path, usmap: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(workplace)
     exec(compile(EXAMPLE, "docs/own_sensor.md", "exec"), {})
     Path("my_sensor.yaml").write_text(DESCRIPTION, encoding="utf-8")
-    usmap = Path(sys.executable).with_name("usmap")
     for line in COMMANDS.splitlines():
         arguments = shlex.split(line.split(" #")[0])
-        done = subprocess.run([usmap, *arguments[1:]], capture_output=True, text=True, check=False)
+        done = usmap(*arguments[1:], cwd=workplace)
         assert done.returncode == 0, done.stderr
     truth = usmap_ros.Scenario.from_mapping(SCENARIO, "own_sensor.yaml").truth_map()
     occupancy, _ = usmap_ros.load_map("my_map")

@@ -3,9 +3,9 @@
 import re
 import shlex
 import shutil
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,13 +30,12 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", OFFLINE)
-def test_an_offline_command_does_its_work(command: str, workplace: Path) -> None:
+def test_an_offline_command_does_its_work(
+    command: str, usmap: Callable[..., Any], workplace: Path
+) -> None:
     """In the order of the README: later commands use what earlier ones made."""
     arguments = shlex.split(command)
-    usmap = Path(sys.executable).with_name("usmap")
-    finished = subprocess.run(
-        [usmap, *arguments[1:]], cwd=workplace, capture_output=True, text=True, check=False
-    )
+    finished = usmap(*arguments[1:], cwd=workplace)
     assert finished.returncode == 0, finished.stderr
     if "-o" in arguments:
         assert (workplace / arguments[arguments.index("-o") + 1]).exists()

@@ -1,18 +1,11 @@
 """What the tests of the command line share."""
 
-import contextlib
-import io
-import logging
 import shutil
-import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
-
-from usmap_ros.cli import main
-from usmap_ros.runs.compilation import compile_if_needed
 
 SCENARIO = """\
 seed: 3
@@ -30,55 +23,9 @@ robots:
 """
 
 
-@dataclass(frozen=True)
-class Done:
-    """How a run of the program ended."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-@pytest.fixture(scope="session")
-def usmap() -> Callable[..., Done]:
-    """Give a function that runs the program, in this process because that is much faster."""
-    # Or the first command would, and say so.
-    compile_if_needed(lambda line: None)
-
-    def run(*arguments: str, cwd: Path) -> Done:
-        output, errors = io.StringIO(), io.StringIO()
-        status = 0
-        with (
-            pytest.MonkeyPatch.context() as patch,
-            contextlib.redirect_stdout(output),
-            contextlib.redirect_stderr(errors),
-            untouched_logging(),
-        ):
-            patch.setattr(sys, "argv", ["usmap", *arguments])
-            patch.chdir(cwd)
-            for library in ("OPENBLAS", "MKL", "OMP"):
-                patch.setenv(f"{library}_NUM_THREADS", "1")
-            try:
-                main()
-            except SystemExit as end:
-                status = end.code if isinstance(end.code, int) else int(end.code is not None)
-        return Done(status, output.getvalue(), errors.getvalue())
-
-    return run
-
-
-@contextlib.contextmanager
-def untouched_logging() -> Iterator[None]:
-    """Leave the package's logger as it was."""
-    logger = logging.getLogger("usmap_ros")
-    before = logger.level, logger.propagate, logger.handlers
-    yield
-    logger.level, logger.propagate, logger.handlers = before
-
-
 @pytest.fixture(scope="session")
 def folder_of(
-    usmap: Callable[..., Done], tmp_path_factory: pytest.TempPathFactory
+    usmap: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[..., Path]:
     """Give a function that makes a folder with a scenario and what commands make of it."""
 

@@ -2,7 +2,6 @@
 
 import importlib.util
 import itertools
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -194,11 +193,8 @@ def test_every_shipped_parameter_file_suits_its_node(
     assert validated(path, interface.parameters, parameters) == interface.parameters()
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("domain")
 def test_every_node_can_be_run_by_its_entry_point() -> None:
     text = (ROOT / "setup.py").read_text(encoding="utf-8")
     for interface in NODES:
         assert f'"{interface.name}"' in text
-        code = f"import usmap_ros.nodes.{interface.name} as node; assert callable(node.main)"
-        subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+        assert callable(importlib.import_module(f"usmap_ros.nodes.{interface.name}").main)

@@ -19,7 +19,6 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from usmap_ros.errors import UsmapError
-from usmap_ros.runs.compilation import compile_if_needed
 
 _ASKED_TO_END = (signal.SIGINT, signal.SIGTERM)
 #: Time for ROS to let go of a node, s; it takes a twentieth of one, and with a supervisor's 8 there
@@ -101,6 +100,9 @@ def run_node(
     sys.setswitchinterval(_TURN_S)
     name = program or PurePath(sys.argv[0]).stem
     if has_loops:
+        # Here, because it takes half as long to load as all that a node without loops does.
+        from usmap_ros.runs.compilation import compile_if_needed
+
         compile_if_needed(lambda line: print(f"{name}: {line}", file=sys.stderr, flush=True))
     if looks_for_topics:
         # A discovery server tells others only of those whose topics they have already.

@@ -77,6 +77,8 @@ def test_a_killed_fusion_resumes_and_has_lost_an_interval_at_most(
     fusion = processes.start("map_fusion", **options)
     drivers = [start_robot(processes, robot)[0] for robot in ROBOTS]
     live.until(lambda: diagnostics.total("/map_fusion", "fused") > 150, timeout_s=300.0)
+    # A busy machine draws maps late.
+    live.until(lambda: grids)
     # What was published is on disk soon after: the checkpoint follows the map.
     published_ns = _stamp_ns(grids[-1])
     live.until(lambda: _kept_stamp_ns(folder) >= published_ns)

@@ -59,6 +59,23 @@ class Pose:
         orientation = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
         return cls(np.array([x_m, y_m, z_m], dtype=float), orientation, covariance)
 
+    @classmethod
+    def turned(
+        cls, position_m: FloatArray, yaw_rad: float, pitch_rad: float, roll_rad: float
+    ) -> Pose:
+        """Exact pose that is turned about its own z axis, then about its y, then about its x."""
+        (cz, sz), (cy, sy), (cx, sx) = (
+            (math.cos(angle / 2.0), math.sin(angle / 2.0))
+            for angle in (yaw_rad, pitch_rad, roll_rad)
+        )
+        orientation = [
+            sx * cy * cz - cx * sy * sz,
+            cx * sy * cz + sx * cy * sz,
+            cx * cy * sz - sx * sy * cz,
+            cx * cy * cz + sx * sy * sz,
+        ]
+        return cls(position_m, np.array(orientation))
+
     @cached_property
     def rotation(self) -> FloatArray:
         """Matrix that turns from the frame's own axes to those it is given in, shape (3, 3)."""

@@ -1,7 +1,6 @@
 """The truth map of a scene: what a map made from its echoes is scored against."""
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from usmap_ros.bounds import MAX_MAP_SIDE
 from usmap_ros.errors import UsmapError
@@ -87,6 +86,9 @@ def _along(starts_m: FloatArray, ends_m: FloatArray, resolution_m: float) -> Flo
 
 def _cell_samples(plan: Nav2Map, resolution_m: float) -> FloatArray:
     """Points inside those occupied cells of a map that border on free ones."""
+    # Here, because few worlds are maps, and it takes as long to load as all the rest.
+    from scipy.ndimage import maximum_filter
+
     near_free = maximum_filter(plan.probability <= FREE_PROBABILITY, size=3)
     rows, columns = np.nonzero((plan.probability >= OCCUPIED_PROBABILITY) & near_free)
     centers = plan.geometry.cell_centers_m(rows, columns)

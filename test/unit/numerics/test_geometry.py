@@ -19,6 +19,16 @@ def test_heading_survives_the_quaternion(yaw):
     np.testing.assert_array_equal(pose.position_m, [1.0, 2.0, 0.5])
 
 
+@pytest.mark.parametrize(
+    "angles_rad", [(0.0, 0.0, 0.0), (-2.0, 0.0, 0.0), (0.7, 1.2, -2.5), (5.0, -1.5, 3.0)]
+)
+def test_turns_are_about_the_poses_own_axes_one_after_the_other(angles_rad):
+    pose = Pose.turned(np.zeros(3), *angles_rad)
+    pose.validate()
+    turn = Rotation.from_euler("ZYX", angles_rad).as_matrix()
+    np.testing.assert_allclose(pose.rotation, turn, atol=1e-12)
+
+
 def test_heading_is_that_of_the_x_axis_when_tilted():
     # Yaw of 0.7, then a pitch of 0.3 about the new y axis.
     yaw, pitch = 0.7, 0.3

@@ -1,7 +1,10 @@
 """Where a driver's traces go: as they are, and as ranges of their first echoes."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 
@@ -12,7 +15,9 @@ from usmap_ros.live.interfaces import ECHO, RANGE
 from usmap_ros.nodes.plumbing.endpoints import advertise, within
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes
 from usmap_ros.pings.trace import EchoTrace
-from usmap_ros.runs.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from usmap_ros.runs.pipeline import Pipeline
 
 
 class EchoOutputs:
@@ -31,7 +36,6 @@ class EchoOutputs:
     def __init__(self, node: Node, health: Health, namespaces: Mapping[str, str]) -> None:
         self._health = health
         self._types = RosMessageTypes()
-        self._pipeline = Pipeline()
         self._publishers: dict[str, tuple[Any, Any]] = {
             frame_id: tuple(
                 advertise(node, topic, within(namespace, topic)) for topic in (ECHO, RANGE)
@@ -48,6 +52,13 @@ class EchoOutputs:
             # Finding the first echo takes time: only if somebody listens.
             if with_ranges and first_range.get_subscription_count():
                 self._publish_range(trace, first_range)
+
+    @cached_property
+    def _pipeline(self) -> Pipeline:
+        """What finds first echoes; it takes as long to load as all else, and few listen to them."""
+        from usmap_ros.runs.pipeline import Pipeline
+
+        return Pipeline()
 
     def _publish_range(self, trace: EchoTrace, publisher: Any) -> None:
         try:

@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.spatial.transform import Rotation
 
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
@@ -151,9 +150,8 @@ class MountModel(ParameterGroup):
 
     def build(self) -> Pose:
         """The pose itself, turned about z, then y, then x as is usual in ROS."""
-        angles_rad = [self.yaw_rad, self.pitch_rad, self.roll_rad]
         position_m = np.array([self.x_m, self.y_m, self.z_m])
-        return Pose(position_m, Rotation.from_euler("ZYX", angles_rad).as_quat())
+        return Pose.turned(position_m, self.yaw_rad, self.pitch_rad, self.roll_rad)
 
 
 class OwnEchoModel(ParameterGroup):

@@ -13,7 +13,7 @@ from usmap_ros.plotting.cone import LIKELIHOOD_LABEL, draw_cone
 from usmap_ros.plotting.trace import draw_trace
 
 if TYPE_CHECKING:
-    from usmap_ros.reconstruction.reconstructor import Reconstruction
+    from usmap_ros.reconstruction.explained import Reconstruction
 
 
 def overview_figure(

@@ -13,7 +13,7 @@ from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.plotting import style
 
 if TYPE_CHECKING:
-    from usmap_ros.reconstruction.reconstructor import Reconstruction
+    from usmap_ros.reconstruction.explained import Reconstruction
 
 #: Amplitudes below are drawn at the bottom of the picture.
 _FLOOR_DB = -80.0

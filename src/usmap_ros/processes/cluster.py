@@ -1,6 +1,6 @@
 """Work that is done elsewhere, or here, whoever dies at it: by processes, or by a Dask cluster."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ class Failure:
 
 
 def results(
-    executor: Executor | None, function: Callable[..., _Result], work: Sequence[tuple[Any, ...]]
+    executor: Executor | None, function: Callable[..., _Result], work: Iterable[tuple[Any, ...]]
 ) -> Iterator[tuple[int, _Result | Failure]]:
     """Have pieces of work done, by this process if there is no executor.
 
@@ -74,8 +74,8 @@ def results(
         Processes, here or elsewhere.
     function : callable
         Does a piece of work.
-    work : sequence of tuples
-        Arguments of each piece.
+    work : iterable of tuples
+        Arguments of each piece; the first are begun before the last are asked for.
 
     Yields
     ------

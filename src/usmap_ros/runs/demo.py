@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -19,7 +19,6 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.map_files import NAV2_FILE, map_folder, save_map, save_truth
 from usmap_ros.io.yaml_files import read_mapping
-from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.plotting.shown import Extent, MapFrame, shown_extent
 from usmap_ros.processes.cluster import Failure, attempt, results
@@ -29,6 +28,8 @@ from usmap_ros.simulation import Scenario, record
 
 if TYPE_CHECKING:
     from usmap_ros.evaluation.scoring import Score
+    from usmap_ros.mapping.candidates import CandidateCells
+    from usmap_ros.reconstruction.explained import Reconstruction
     from usmap_ros.runs.demo_map import Observer
 
 #: Shows how far something is that takes a number of steps; gives what tells of each step.
@@ -78,8 +79,8 @@ def run_demo(folder: Path, progress: Progress, compile_loops: Callable[[], None]
             "map forming": folder / "map.gif",
         }
         recorded = _begun(helpers, _record, scenario, paths["recording"])
-        for _ in range(HELPERS):
-            _begun(helpers, _load_plotting)
+        # Not at once: until all is recorded, two cores have enough to do.
+        begun(partial(_load_plotting_after, recorded, helpers))
         compile_loops()
         # These take as long to load as the robots take to be simulated.
         from usmap_ros.runs.demo_map import Observer
@@ -88,6 +89,7 @@ def run_demo(folder: Path, progress: Progress, compile_loops: Callable[[], None]
         with progress("simulating", 1) as step:
             _check(paths["recording"], recorded.result())
             step()
+        _begun(helpers, _load_plotting)
         truth = scenario.truth_map()
         save_truth(paths["truth"], truth)
         started = time.perf_counter()
@@ -132,8 +134,14 @@ def _record(scenario: Scenario, path: Path) -> None:
         record(scenario, writer, lambda: None)
 
 
+def _load_plotting_after(recorded: Future[Any], helpers: Executor | None) -> None:
+    """Let the helper that has recorded load what draws; the other one does when maps begin."""
+    recorded.result()
+    _begun(helpers, _load_plotting)
+
+
 def _load_plotting() -> None:
-    for module in ("animation", "picture"):
+    for module in ("animation", "overview"):
         import_module(f"usmap_ros.plotting.{module}")
 
 
@@ -150,10 +158,7 @@ def _draw(
     draw_map = partial(_draw_map, observer.paths, truth, extent_m)
     draw_film = partial(_draw_film, observer.paths, truth, extent_m)
     pictures: dict[str, Callable[[Path], None]] = {
-        "map forming": partial(draw_film, observer.film.frames(occupancy)),
-        "picture of a ping": partial(
-            _draw_ping, truth, observer.pipeline.parameters, paths["recording"], observer.clearest
-        ),
+        "picture of a ping": partial(_draw_ping, *observer.explained(paths["recording"]), truth),
         "picture of the map": partial(draw_map, occupancy, "Three robots, one map", None),
         "range-only sonar": partial(
             draw_map, range_only, "The same recording, from the first echoes' ranges alone", None
@@ -161,10 +166,17 @@ def _draw(
         "which way walls face": partial(draw_map, occupancy, "Which way surfaces face", NORMAL),
         "what is undecided": partial(draw_map, occupancy, "What is undecided", AMBIGUITY),
     }
-    work = [(draw, paths[name]) for name, draw in pictures.items()]
-    with progress("drawing", len(work)) as step:
-        for number, drawn in results(helpers, _draw_to, work):
-            _check(work[number][1], drawn)
+    names = [*pictures, "map forming"]
+
+    def work() -> Iterator[tuple[Callable[[Path], None], Path]]:
+        for name, draw in pictures.items():
+            yield draw, paths[name]
+        # Last, because the others are drawn while its maps are made.
+        yield partial(draw_film, observer.film.frames(occupancy)), paths["map forming"]
+
+    with progress("drawing", len(names)) as step:
+        for number, drawn in results(helpers, _draw_to, work()):
+            _check(paths[names[number]], drawn)
             step()
 
 
@@ -196,16 +208,9 @@ def _draw_map(
 
 
 def _draw_ping(
-    truth: TruthMap,
-    parameters: PipelineParameters,
-    recording: Path,
-    clearest: tuple[str, int],
-    path: Path,
+    reconstruction: Reconstruction, candidates: CandidateCells, truth: TruthMap, path: Path
 ) -> None:
-    """Draw a ping of the recording, which has few echoes, given by its topic and stamp."""
-    from usmap_ros.plotting.picture import draw
+    from usmap_ros.plotting.overview import overview_figure
     from usmap_ros.plotting.style import save_figure
 
-    with BagReader([recording]) as bag:
-        trace = next(trace for topic, trace in bag.traces() if (topic, trace.stamp_ns) == clearest)
-    save_figure(draw(trace, truth, parameters), path)
+    save_figure(overview_figure(reconstruction, candidates, truth), path)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 
 from usmap_ros.evaluation.scoring import Score, score
 from usmap_ros.grids import OccupancyMap, TruthMap
+from usmap_ros.io.bag_reader import BagReader
+from usmap_ros.mapping.candidates import CandidateCells, candidate_cells
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
 from usmap_ros.parameters import MappingParameters, PipelineParameters
@@ -14,6 +17,8 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.plotting.shown import MapFrame
 from usmap_ros.processes.threads import alone
+from usmap_ros.reconstruction.explained import Reconstruction
+from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.runs.pipeline import Pipeline
 
 #: Shares of the pings after which the animation has a frame, dense at first, when most changes.
@@ -105,6 +110,16 @@ class Observer:
             step()
 
         return on_cone
+
+    def explained(self, recording: Path) -> tuple[Reconstruction, CandidateCells]:
+        """What is found in the ping that is to be drawn, and where its echoes may be from."""
+        with BagReader([recording]) as bag:
+            trace = next(
+                one for topic, one in bag.traces() if (topic, one.stamp_ns) == self.clearest
+            )
+        parameters = self.pipeline.parameters
+        found = reconstruct(trace, parameters.reconstruction)
+        return found, candidate_cells(found.cone, parameters.mapping)
 
     def scores(self, truth: TruthMap) -> tuple[Score, Score]:
         """Score the map, and what ranges alone make of the same recording."""

@@ -18,7 +18,8 @@ from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trace import EchoTrace
-from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct, reconstruct_sounding
+from usmap_ros.reconstruction.explained import Reconstruction
+from usmap_ros.reconstruction.reconstructor import reconstruct, reconstruct_sounding
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 
 logger = logging.getLogger(__name__)

@@ -27,7 +27,8 @@ from usmap_ros.plotting.overview import overview_figure
 from usmap_ros.plotting.shown import MapFrame, shown_extent
 from usmap_ros.plotting.style import save_figure
 from usmap_ros.plotting.trace import trace_figure
-from usmap_ros.reconstruction.reconstructor import Reconstruction, reconstruct
+from usmap_ros.reconstruction.explained import Reconstruction
+from usmap_ros.reconstruction.reconstructor import reconstruct
 
 ECHO_RANGE_M = 2.0
 TRUTH = TruthMap(GridGeometry(0.05, (0.0, 0.0), (20, 20)), np.eye(20, dtype=np.bool_))

@@ -40,7 +40,13 @@ def main() -> None:
     replays.add_argument("--rates", type=float, nargs="+", default=[0.5, 1.0, 5.0, 50.0])
     faults = trials.add_parser("faults", help="map with one faulty robot of three")
     faults.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
-    faults.add_argument("--faults", nargs="+", choices=(*FAULTS, LIAR), default=[*FAULTS, LIAR])
+    faults.add_argument(
+        "--faults",
+        nargs="*",
+        choices=(*FAULTS, LIAR),
+        default=[*FAULTS, LIAR],
+        help="without any name: healthy robots alone, whether one is accused",
+    )
     faults.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     faults.add_argument("--pings", type=int, default=60, help="of each robot")
     faults.add_argument(

@@ -32,6 +32,8 @@ SCALES = (0.93, 0.95, 0.97, 1.0, 1.03, 1.05, 1.07)
 CLOSER_RAD, CLOSER_S = math.radians(5.0), 0.1
 #: Turns that are so far from the best one must be worse; and so many parts of a robot's way must
 #: gain so much in sum, each by itself: a few walls, met from a few places, fit others by chance.
+#: Not if as much is gained as all that the echoes are explained as told, where those of a part are
+#: too far apart: of 256 healthy robots 0.4 of it was gained at the most.
 ELSEWHERE_RAD = math.radians(60.0)
 PARTS, LEAST_IN_PARTS = 3, 8.0
 #: Gain of log-likelihood from which on it is that which is wrong, and a share of what the echoes
@@ -111,7 +113,7 @@ class Robot:
         size = abs(best.error[0])
         least = LEAST_TURN_RAD if best is turned else LEAST_LATE_S
         is_sure = best.gain >= LEAST_GAIN + LEAST_SHARE * self.told and size >= least
-        if is_sure and best is turned:
+        if is_sure and best is turned and best.gain < self.told:
             is_sure = self._gain_in_parts(best) >= LEAST_IN_PARTS
         return best if is_sure else None
 

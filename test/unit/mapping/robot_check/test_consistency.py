@@ -392,6 +392,29 @@ def test_nobody_faces_elsewhere_by_a_few_smooth_walls() -> None:
     assert named(findings(pings)) == {}
 
 
+def test_one_that_pings_rarely_and_faces_elsewhere_is_named() -> None:
+    """No third of its way has echoes enough that meet by themselves."""
+    content = {
+        "seed": 7,
+        "duration_s": 120.0,
+        "world": {
+            "area_m": [0.0, 10.0, 0.0, 10.0],
+            "random_poles": {"count": 30, "separation_m": 0.6},
+        },
+        "robots": [{"name": f"robot{number}", "ping_rate_hz": 0.5} for number in (1, 2, 3)],
+    }
+    pings = []
+    for topic, trace in simulate(Scenario.from_mapping(content, "rare")):
+        cone = reconstruct(trace, ReconstructionParameters()).cone
+        is_turned = topic == LIAR
+        pings.append((topic, displaced(cone, 0.35, (0.0, 0.0)) if is_turned else cone))
+
+    found = findings(pings)
+
+    assert named(found) == {LIAR: "misplaced"}
+    assert found[LIAR].summary()["evidence"]["turned_rad"] == pytest.approx(0.35, abs=0.05)
+
+
 def test_a_robot_alone_is_not_judged() -> None:
     found = findings([(topic, cone) for topic, cone in cones(11) if topic == LIAR])
 

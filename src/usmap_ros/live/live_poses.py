@@ -15,7 +15,7 @@ from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.fusion import RETIRED_SHARE
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.runs.correction import Corrected, correct_poses
+from usmap_ros.runs.corrected import Corrected
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseWatch
 from usmap_ros.runs.restarts import Restarts
@@ -132,6 +132,9 @@ class LivePoses:
                     pipeline.resume(self._earlier)
                 frame_id = pipeline.fusion.frame_id
                 pings = [anchored(ping, anchors) for ping in told]
+                # Here, because it takes long to load, and most poses stay as told.
+                from usmap_ros.runs.correction import correct_poses
+
                 done = correct_poses(
                     pings, self._parameters, frame_id, self._kinds, pipeline.resumed
                 )

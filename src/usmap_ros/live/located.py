@@ -10,7 +10,7 @@ from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.trajectory import Trajectory
-from usmap_ros.runs.correction import Corrected, RobotPoses
+from usmap_ros.runs.corrected import Corrected, RobotPoses
 from usmap_ros.runs.restarts import first_name
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame
@@ -12,44 +11,8 @@ from usmap_ros.localisation.refine import kinds_of, refine_poses
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.carried_off import with_lives
+from usmap_ros.runs.corrected import Corrected, RobotPoses
 from usmap_ros.runs.joining import WORLD, join_robots, with_starts
-
-
-@dataclass(frozen=True)
-class RobotPoses:
-    """What became of the poses of a robot."""
-
-    #: What they were.
-    kind: PoseKind
-    #: The frame that they are in now.
-    frame_id: str
-    #: ``joined`` with others in this frame, ``alone``, or ``lost``: carried off, and not joined.
-    state: str
-    #: Root mean square of how far places were moved within their frame.
-    correction_m: float
-
-    def summary(self) -> dict[str, object]:
-        """Of ``summary.json``."""
-        return {
-            "poses": self.kind.value,
-            "frame_id": self.frame_id,
-            "state": self.state,
-            "correction_m": self.correction_m,
-        }
-
-
-@dataclass(frozen=True)
-class Corrected:
-    """Pings with corrected poses."""
-
-    #: List of (topic, EchoCone): in the order they came in.
-    pings: list[Ping]
-    #: What became of each robot's poses.
-    robots: dict[str, RobotPoses] = field(default_factory=dict)
-
-    def drifts(self, robot: str) -> bool:
-        """Whether its changes are known better than its places, as of robots that nobody knows."""
-        return robot not in self.robots or self.robots[robot].kind.drifts
 
 
 def correct_poses(

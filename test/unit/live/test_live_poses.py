@@ -8,7 +8,6 @@ import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.live import live_poses
 from usmap_ros.live.anchors import Anchor
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.live.located import locate, of_latest_lives
@@ -16,7 +15,9 @@ from usmap_ros.localisation.planar import between
 from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters, PipelineParameters, PoseParameters
-from usmap_ros.runs.correction import Corrected, RobotPoses, correct_poses
+from usmap_ros.runs import correction
+from usmap_ros.runs.corrected import Corrected, RobotPoses
+from usmap_ros.runs.correction import correct_poses
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
 from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
@@ -95,11 +96,11 @@ def test_between_two_corrections_robots_go_on_from_where_they_were_found(
 ) -> None:
     counts: list[int] = []
 
-    def counted(pings: Any, *others: Any) -> Corrected:
+    def counted(pings: Any, *others: Any, **named: Any) -> Corrected:
         counts.append(len(pings))
-        return correct_poses(pings, *others)
+        return correct_poses(pings, *others, **named)
 
-    monkeypatch.setattr(live_poses, "correct_poses", counted)
+    monkeypatch.setattr(correction, "correct_poses", counted)
     pings = drifting(60)
     fusion = LiveFusion(MappingParameters(), 0.0, 1000, poses=PoseParameters())
     for number, (topic, one) in enumerate(pings):

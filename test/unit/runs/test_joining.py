@@ -12,7 +12,8 @@ from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.runs.correction import Corrected, correct_poses
+from usmap_ros.runs.corrected import Corrected
+from usmap_ros.runs.correction import correct_poses
 from usmap_ros.runs.frame_matches import moved
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
+from usmap_ros.mapping.joint.forward_model.power_estimation import PowerLimits
 from usmap_ros.mapping.joint.forward_model.powers import Settled
 from usmap_ros.mapping.joint.free_space.open_space import GROUPS
 from usmap_ros.mapping.joint.free_space.silence import Silence
@@ -77,6 +78,8 @@ class AreaState:
     cells: CellStates
     #: Its mirrors and columns.
     smooth: KnownSurfaces
+    #: Powers that are of interest there.
+    limits: PowerLimits
     #: What silence says there.
     silence: Silence
     #: How much of the trust in each source is left there.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.area_state import AreaState, CellStates
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no_evidence
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
+from usmap_ros.mapping.joint.forward_model.power_estimation import power_limits
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
 from usmap_ros.mapping.joint.key_pings import key_pings
@@ -95,7 +96,7 @@ class JointEstimate:
         self._gap_m, self._proofs = gap_m, proofs
         self._first_only = np.zeros(len(pings), bool) if first_only is None else first_only
         self._standing = np.zeros(field.shape, bool) if standing is None else standing
-        self._powers = Powers(table, pings, weights, field)
+        self._powers = Powers(table, pings, weights, field, power_limits(table, pings))
         numbers = table.numbers[pings]
         self._stood = field.cells_within(numbers[:, X], numbers[:, Y], STOOD_M)
         self.evidence: CellEvidence = no_evidence(field)
@@ -135,7 +136,8 @@ class JointEstimate:
         if len(key) > MOST_KEY_SHARE * len(self.pings):
             self._settle(self._powers, rounds, between)
             return
-        few = Powers(self.table, self.pings[key], self.weights[key], self.field)
+        limits = self._powers.limits
+        few = Powers(self.table, self.pings[key], self.weights[key], self.field, limits)
         self._settle(few, rounds, between)
         self._powers.take_up(few)
         self._powers.renew_shadows(self.depth)
@@ -285,4 +287,5 @@ class JointEstimate:
             **said, hiding=self._hiding, **self.heard._asdict(), free=free,
             occupied=walls.occupied, filled=walls.filled, standing=self._standing, belief=belief,
         )  # fmt: skip
-        return AreaState(self.field, cells, self._smooth.recognised, self.silence, credit)
+        limits = self._powers.limits
+        return AreaState(self.field, cells, self._smooth.recognised, limits, self.silence, credit)

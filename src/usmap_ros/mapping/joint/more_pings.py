@@ -58,7 +58,7 @@ class MorePings:
         smooth = SmoothSurfaces(pings.table, pings.rows, pings.echoes, self.field)
         smooth.recognise(known.smooth)
         smooth.take_out()
-        powers = Powers(pings.table, pings.rows, pings.weights, self.field)
+        powers = Powers(pings.table, pings.rows, pings.weights, self.field, known.limits)
         cells = self._explained(powers, before)
         walls = find_walls(cells.belief, self.field, parameters.wall_gap_m, smooth, self._stood)
         stays = before.occupied & (cells.belief > ON_A_LINE) & ~self._stood

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.forward_model.candidates import candidates, count_all_hits
 from usmap_ros.mapping.joint.forward_model.power_estimation import (
     FIRST_POWER,
+    LEAST_POWER,
     expect_powers,
     gather_gradients,
+    power_limits,
     update_powers,
 )
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
@@ -64,7 +66,7 @@ class Problem:
         return gradients
 
     def sweep(self, power: NDArray[np.float32]) -> None:
-        update_powers(power, self.gradients(power)[np.newaxis])
+        update_powers(power, self.gradients(power)[np.newaxis], LEAST_POWER)
 
 
 @pytest.fixture
@@ -136,3 +138,22 @@ def test_quarters_that_no_echo_needs_vanish(problem: Problem) -> None:
     for _ in range(30):
         problem.sweep(power)
     assert 0 < np.count_nonzero(power) < 0.5 * np.count_nonzero(problem.power)
+
+
+def test_what_is_of_interest_is_as_faint_as_most_echoes(problem: Problem) -> None:
+    """A wall that mirrors nearly all sound scatters a thousandth of what a rough one does."""
+    table, rows = problem.pings[:2]
+    assert power_limits(table, rows) == (FIRST_POWER, LEAST_POWER)
+    faint, fainter = (
+        power_limits(table._replace(power=table.power * share), rows)
+        for share in (np.float32(1e-4), np.float32(1e-5))
+    )
+    np.testing.assert_allclose(faint, 10.0 * np.array(fainter), rtol=1e-5)
+    assert faint.first < FIRST_POWER
+    assert faint.least < LEAST_POWER
+
+
+def test_silence_leaves_usual_limits(problem: Problem) -> None:
+    table, rows = problem.pings[:2]
+    silent = table._replace(kind=np.full_like(table.kind, SILENCE))
+    assert power_limits(silent, rows) == (FIRST_POWER, LEAST_POWER)

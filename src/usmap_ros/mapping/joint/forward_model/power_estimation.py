@@ -14,22 +14,55 @@ References
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.visibility.projection import Projection
 from usmap_ros.mapping.ping_bins import ECHO, SILENCE
-from usmap_ros.mapping.ping_table import (
-    NOISE,
-    PingTable,
-)
+from usmap_ros.mapping.ping_table import ABSORPTION, BIN_M, LEAST_RANGE, NOISE, PingTable
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import exp32
 
-#: Power that a scatterer starts with, and below which it vanishes.
-FIRST_POWER, LEAST_POWER = 0.02, 1e-3
+#: Power that a scatterer starts with, and below which it vanishes, at the most; and both as shares
+#: of the power by which a single one would explain a usual echo.
+FIRST_POWER, LEAST_POWER, FIRST_SHARE, LEAST_SHARE = 0.02, 1e-3, 0.2, 0.03
 #: No update raises a power by more.
 MOST_GROWTH = 100.0
+
+
+class PowerLimits(NamedTuple):
+    """Between which powers scatterers are looked for."""
+
+    #: Power that each starts with, and below which it vanishes.
+    first: float
+    least: float
+
+
+def power_limits(table: PingTable, pings: NDArray[np.int64]) -> PowerLimits:
+    """Powers that are of interest in a place, by how loud its echoes are.
+
+    One wall returns half of the sound to where it comes from, and another, which mirrors most, a
+    thousandth; the corners of the latter are as loud as those of any, so that no scale of
+    amplitudes makes up for it.
+
+    Parameters
+    ----------
+    table : PingTable
+        Pings.
+    pings : (pings,) integer array
+        Rows of those that count.
+    """
+    in_bins = np.arange(table.kind.shape[1]) < table.bins[pings, np.newaxis]
+    ping, place = np.nonzero((table.kind[pings] == ECHO) & in_bins)
+    if not len(ping):
+        return PowerLimits(FIRST_POWER, LEAST_POWER)
+    numbers = table.numbers[pings[ping]]
+    range_m = numbers[:, LEAST_RANGE] + (place + 0.5) * numbers[:, BIN_M]
+    spreading = range_m**4 * np.exp(numbers[:, ABSORPTION] * range_m)
+    usual = float(np.median(table.power[pings[ping], place] * spreading))
+    return PowerLimits(min(FIRST_POWER, FIRST_SHARE * usual), min(LEAST_POWER, LEAST_SHARE * usual))
 
 
 @inlined
@@ -237,7 +270,9 @@ def _mean_below(limit: np.float32, level: np.float32, ratio: np.float32) -> np.f
 
 
 @compiled
-def update_powers(power: NDArray[np.float32], gradients: NDArray[np.float32]) -> None:
+def update_powers(
+    power: NDArray[np.float32], gradients: NDArray[np.float32], least_power: float
+) -> None:
     """Multiplicative update of all powers; those that are too weak vanish.
 
     Parameters
@@ -246,8 +281,10 @@ def update_powers(power: NDArray[np.float32], gradients: NDArray[np.float32]) ->
         Of each; set.
     gradients : (groups, scatterers, 2) float32 array
         By `gather_gradients`, of groups of pings, which are added up in their order.
+    least_power : float
+        Those below it vanish.
     """
-    nothing, most, least = np.float32(0.0), np.float32(MOST_GROWTH), np.float32(LEAST_POWER)
+    nothing, most, least = np.float32(0.0), np.float32(MOST_GROWTH), np.float32(least_power)
     for scatterer in range(len(power)):
         raises, lowers = nothing, nothing
         for group in range(len(gradients)):

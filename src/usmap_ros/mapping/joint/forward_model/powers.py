@@ -21,8 +21,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import (
 from usmap_ros.mapping.joint.forward_model.cell_parts import Cells, cells_of
 from usmap_ros.mapping.joint.forward_model.likelihood_ratios import LikelihoodRatios, weigh_pings
 from usmap_ros.mapping.joint.forward_model.power_estimation import (
-    FIRST_POWER,
-    LEAST_POWER,
+    PowerLimits,
     expect_powers,
     gather_gradients,
     update_powers,
@@ -74,6 +73,8 @@ class Powers:
     ----------
     table, pings, weights, field
         As in `usmap_ros.mapping.joint.estimate.JointEstimate`.
+    limits : PowerLimits
+        Powers that are of interest.
     """
 
     def __init__(
@@ -82,8 +83,10 @@ class Powers:
         pings: NDArray[np.int64],
         weights: NDArray[np.float32],
         field: Field,
+        limits: PowerLimits,
     ) -> None:
         self._table, self._pings, self._weights, self._field = table, pings, weights, field
+        self.limits = limits
         #: λ of each range bin of each ping.
         self.expected = np.ones((len(pings), table.kind.shape[1]), np.float32)
         self._scatterers = Scatterers(np.zeros(0, np.int32), np.zeros(0, np.uint8))
@@ -119,7 +122,7 @@ class Powers:
         cells = candidates(*count_all_hits(self._table, self._pings, self._weights, self._field))
         power = before.power.reshape(-1, QUARTERS).copy()
         cells = cells[~is_empty.ravel()[cells] & ~over_last(np.logical_or, power[cells] > 0.0)]
-        power[cells] = FIRST_POWER
+        power[cells] = self.limits.first
         places = np.flatnonzero(power)
         cell, part = np.divmod(places, QUARTERS)
         self._begin(Scatterers(cell.astype(np.int32), part.astype(np.uint8)))
@@ -197,8 +200,8 @@ class Powers:
         for _ in range(sweeps):
             for_each(gather, range(len(self._groups)))
             if self._before is not None:
-                _pull(self._before, self._power, gradients[-1])
-            update_powers(self._power, gradients)
+                _pull(self._before, self._power, self.limits.least, gradients[-1])
+            update_powers(self._power, gradients, self.limits.least)
 
     def expected_of(self, among: BoolArray) -> NDArray[np.float32]:
         """What would be expected of all pings if some cells were all there is.
@@ -295,7 +298,7 @@ class Powers:
     def _begin(self, scatterers: Scatterers) -> None:
         """Project scatterers, all of one power, without shadows."""
         self._scatterers = scatterers
-        self._power = np.full(len(scatterers.cell), FIRST_POWER, np.float32)
+        self._power = np.full(len(scatterers.cell), self.limits.first, np.float32)
         self._gradients = np.zeros((0, len(scatterers.cell), 2), np.float32)
 
         def projected(which: slice) -> _Group:
@@ -305,9 +308,14 @@ class Powers:
         self._groups = for_each(projected, groups(len(self._pings)))
 
 
-def _pull(before: Settled, power: NDArray[np.float32], gradients: NDArray[np.float32]) -> None:
+def _pull(
+    before: Settled,
+    power: NDArray[np.float32],
+    least_power: float,
+    gradients: NDArray[np.float32],
+) -> None:
     """Set both parts of the gradient that earlier pings add: it vanishes at their powers."""
-    gradients[:, 0] = before.known * before.power / np.maximum(power, LEAST_POWER)
+    gradients[:, 0] = before.known * before.power / np.maximum(power, np.float32(least_power))
     gradients[:, 1] = before.known
 
 

@@ -43,10 +43,12 @@ STEADY = 0.07
 #: One that so many heard steadily is a mirror whatever stands beside it: chance lines up 16 such
 #: echoes of rough walls.
 CERTAIN_HITS = 35
+#: Nearly steady.
+NEARLY_STEADY = 0.16
 #: Some that are as loud as each other, parallel or square, and vary by less than this, are mirrors
 #: whatever follows, if they are so many and have such a share of all hits: among rough walls no two
-#: are so, and one has 0.15 of the hits; two may be what is left beside cells that explain the rest.
-NEARLY_STEADY, LEAST_SQUARE, SQUARE_SHARE = 0.16, 3, 0.3
+#: are so, up to 0.25; two may be what is left beside cells that explain the rest.
+SQUARE_STEADY, LEAST_SQUARE, SQUARE_SHARE = 0.2, 3, 0.3
 #: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
 LEAST_SHARE = 0.6
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share
@@ -154,7 +156,7 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None
     if are_certain.any():
         are_mirrors, hits = are_certain, np.where(are_certain, hits, 0)
     elif hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
-        is_nearly = are_direct & np.array([wall.deviation < NEARLY_STEADY for wall in found])
+        is_nearly = are_direct & np.array([wall.deviation < SQUARE_STEADY for wall in found])
         are_mirrors = _most_square(found, are_alike & is_nearly & is_nearly[:, np.newaxis])
         if hits[are_mirrors].sum() < SQUARE_SHARE * hits[are_direct].sum():
             return None

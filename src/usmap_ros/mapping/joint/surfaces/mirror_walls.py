@@ -47,8 +47,8 @@ CERTAIN_HITS = 35
 NEARLY_STEADY = 0.16
 #: Some that are as loud as each other, parallel or square, and vary by less than this, are mirrors
 #: whatever follows, if they are so many and have such a share of all hits: among rough walls no two
-#: are so, up to 0.25; two may be what is left beside cells that explain the rest.
-SQUARE_STEADY, LEAST_SQUARE, SQUARE_SHARE = 0.2, 3, 0.3
+#: have such a share, by chance up to 0.21; two may be what is left beside cells that explain it.
+SQUARE_STEADY, LEAST_SQUARE, SQUARE_SHARE = 0.25, 3, 0.5
 #: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
 LEAST_SHARE = 0.6
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share

@@ -27,7 +27,7 @@ from usmap_ros.numerics.elementary import exp32
 
 #: Power that a scatterer starts with, and below which it vanishes, at the most; and both as shares
 #: of the power by which a single one would explain a usual echo.
-FIRST_POWER, LEAST_POWER, FIRST_SHARE, LEAST_SHARE = 0.02, 1e-3, 0.2, 0.03
+FIRST_POWER, LEAST_POWER, FIRST_SHARE, LEAST_SHARE = 0.02, 1e-3, 0.2, 0.1
 #: No update raises a power by more.
 MOST_GROWTH = 100.0
 

@@ -319,3 +319,19 @@ def test_a_gap_between_walls_that_is_silent_when_it_is_faced_is_not_filled(
     stands = occupancy.predicted().astype(float)
     assert [at(occupancy, stands, x_m, 1.525) for x_m in (0.4, 0.6, 1.5, 1.7)] == [1.0] * 4
     assert [at(occupancy, stands, x_m, 1.525) for x_m in (1.0, 1.05, 1.1)] == [0.0] * 3
+
+
+def test_a_wall_that_scatters_little_beside_a_loud_corner_is_mapped(
+    cone_of_objects: MakeCone,
+) -> None:
+    """Smooth walls scatter a ten-thousandth of what their corners return."""
+    wall = [(0.05 * step + 0.025, 1.025, 0.008) for step in range(-20, 60)]
+    cones = []
+    for number in range(40):
+        place = {"x_m": 0.05 * number, "y_m": 0.4 * (number % 2), "limit": 0.002}
+        place["yaw_rad"] = (0.3 + 0.1 * (number % 5)) * np.pi
+        cones.append(cone_of_objects(*wall, (2.025, 1.025, 1.0), stamp_ns=number, **place))
+    occupancy = fused(cones).occupancy_map()
+    stands = occupancy.predicted().astype(float)
+    found = [at(occupancy, stands, x_m, 1.025) for x_m in np.arange(0.325, 1.7, 0.05)]
+    assert np.mean(found) > 0.9

@@ -1,7 +1,9 @@
 """Walls that answer as mirrors do, found by the feet of perpendiculars."""
 
+import cmath
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.ping_table import RANGE_STD
+from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -99,6 +102,31 @@ def test_rough_walls_beside_a_steady_mirror_do_not_speak_against_it(
     rough = followed_echoes(make_cone, 90, 0.35, 0.3, 20.0, mirror_m - 0.4)
     (wall,) = mirrors_of([*mirror, *rough])
     assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
+
+
+def turned(cone: EchoCone, by_rad: float, away_m: float) -> EchoCone:
+    """A cone as it would be heard in a place that is turned, and moved along."""
+    x_m, y_m = cone.pose.position_m[:2]
+    place_m = complex(x_m, y_m) * cmath.exp(1j * by_rad) + away_m
+    return replace(cone, pose=Pose.planar(place_m.real, place_m.imag, cone.pose.yaw_rad + by_rad))
+
+
+@pytest.mark.parametrize(("rough_pings", "walls"), [(0, 4), (200, 0)])
+def test_square_walls_that_scatter_and_mirror_alike_are_mirrors(
+    make_cone: Callable[..., EchoCone], mirror_m: float, rough_pings: int, walls: int
+) -> None:
+    """What each returned varied by a fifth, and a room of them had no wall."""
+    cones = [
+        turned(cone, 0.5 * math.pi * quarters, 30.0 * quarters)
+        for quarters in range(4)
+        for cone in followed_echoes(make_cone, 24, 0.9, 0.25, 0.1 * quarters, mirror_m)
+    ]
+    # Walls of which each is as loud as chance has it, and none square to another.
+    for number in range(rough_pings // 25):
+        level = 0.3 * 1.25**number
+        wall = followed_echoes(make_cone, 25, level, 0.3, 200.0 + 10.0 * number, mirror_m)
+        cones += [turned(cone, 0.17 * number, 0.0) for cone in wall]
+    assert len(mirrors_of(cones)) == walls
 
 
 @pytest.mark.parametrize(("is_first", "walls"), [(True, 2), (False, 1)])

@@ -53,6 +53,11 @@ def power_limits(table: PingTable, pings: NDArray[np.int64]) -> PowerLimits:
         Pings.
     pings : (pings,) integer array
         Rows of those that count.
+
+    Returns
+    -------
+    limits : PowerLimits
+        By the median echo; the usual ones where there is none.
     """
     in_bins = np.arange(table.kind.shape[1]) < table.bins[pings, np.newaxis]
     ping, place = np.nonzero((table.kind[pings] == ECHO) & in_bins)

@@ -129,6 +129,24 @@ def test_square_walls_that_scatter_and_mirror_alike_are_mirrors(
     assert len(mirrors_of(cones)) == walls
 
 
+@pytest.mark.parametrize(("turned_rad", "walls"), [(0.5 * math.pi, 5), (0.7, 0)])
+def test_square_walls_may_differ_by_more_in_loudness(
+    make_cone: Callable[..., EchoCone], mirror_m: float, turned_rad: float, walls: int
+) -> None:
+    """Twelve pings each, at poses that are a little off, had no two of five walls alike."""
+    beam, cones, chance = BeamPattern.linear(), list[EchoCone](), np.random.default_rng(9)
+    for wall, level in enumerate(np.exp([-0.24, -0.12, 0.0, 0.12, 0.24])):
+        for number in range(12):
+            off_rad = 0.3 * math.sin(1.3 * number)
+            loudness = level * math.exp(0.1 * math.sin(2.1 * number))
+            echo = mirror_m, 0.8 * loudness * float(beam.gain(off_rad)) / (2.0 * mirror_m)
+            pose = {"x_m": 0.1 * number, "yaw_rad": 0.5 * math.pi + off_rad}
+            other = mirror_m + float(chance.uniform(0.2, 1.3)), 0.03
+            cone = make_cone(echo, other, stamp_ns=100 * wall + number, **pose)
+            cones.append(turned(cone, turned_rad * wall, 30.0 * wall))
+    assert len(mirrors_of(cones)) == walls
+
+
 @pytest.mark.parametrize(("is_first", "walls"), [(True, 2), (False, 1)])
 def test_a_fainter_wall_is_one_if_nothing_is_heard_before_it(
     make_cone: Callable[..., EchoCone],

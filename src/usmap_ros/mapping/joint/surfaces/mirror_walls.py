@@ -52,8 +52,9 @@ SQUARE_STEADY, LEAST_SQUARE, SQUARE_SHARE = 0.25, 3, 0.5
 #: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
 LEAST_SHARE = 0.6
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share
-#: of all hits that the most of those have (chance: 0.1 to 0.23), and how many hits.
-ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE = 0.1, 0.33, 15
+#: of all hits that the most of those have (chance: 0.1 to 0.23), and how many hits; by how much
+#: those differ that are square to each other.
+ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE, NEARLY_ALIKE = 0.1, 0.33, 15, 0.2
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
 BAND = 0.4
 #: What comes first came by way of no other mirror: if it is nearly steady, and few follow, it may
@@ -146,25 +147,31 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None
         return None
     hits = np.array([len(wall.echoes) for wall in found])
     logs = np.array([wall.log_mirror for wall in found])
-    are_alike = np.abs(logs - logs[:, np.newaxis]) < ALIKE
+    apart = np.abs(logs - logs[:, np.newaxis])
+    are_alike = apart < ALIKE
     is_steady = np.array([wall.deviation < STEADY for wall in found])
     are_mirrors = is_steady | np.array([_is_bare(wall) for wall in found])
     # One that was heard steadily by many is a mirror, whatever stands beside it.
     are_certain, is_image = is_steady & (hits >= CERTAIN_HITS), images(found, places_m)
     are_direct = ~is_image.any(axis=1)
     are_certain = is_image[are_certain].any(axis=0) | (are_certain & are_direct)
+    is_nearly = are_direct & np.array([wall.deviation < SQUARE_STEADY for wall in found])
     if are_certain.any():
         are_mirrors, hits = are_certain, np.where(are_certain, hits, 0)
     elif hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
-        is_nearly = are_direct & np.array([wall.deviation < SQUARE_STEADY for wall in found])
         are_mirrors = _most_square(found, are_alike & is_nearly & is_nearly[:, np.newaxis])
         if hits[are_mirrors].sum() < SQUARE_SHARE * hits[are_direct].sum():
             return None
-    alike = are_alike & are_mirrors
-    most = int(np.argmax(alike @ hits))
-    if alike[most] @ hits < max(LEAST_ALIKE * hits.sum(), LEAST_HITS_ALIKE):
+    groups = are_alike & are_mirrors
+    alike, least = groups[int(np.argmax(groups @ hits))], LEAST_ALIKE
+    if hits[alike].sum() < LEAST_ALIKE * hits.sum():
+        # What few hits at poses that are a little off say of a reflectivity is less sure.
+        is_nearly &= are_mirrors
+        nearly_alike = (apart < NEARLY_ALIKE) & is_nearly & is_nearly[:, np.newaxis]
+        alike, least = _most_square(found, nearly_alike), SQUARE_SHARE
+    if hits[alike].sum() < max(least * hits.sum(), LEAST_HITS_ALIKE):
         return None
-    return float(np.average(logs[alike[most]], weights=hits[alike[most]]))
+    return float(np.average(logs[alike], weights=hits[alike]))
 
 
 def _most_square(found: list[MirrorWall], are_alike: BoolArray) -> BoolArray:

@@ -43,8 +43,6 @@ STEADY = 0.07
 #: One that so many heard steadily is a mirror whatever stands beside it: chance lines up 16 such
 #: echoes of rough walls.
 CERTAIN_HITS = 35
-#: Nearly steady.
-NEARLY_STEADY = 0.16
 #: Some that are as loud as each other, parallel or square, and vary by less than this, are mirrors
 #: whatever follows, if they are so many and have such a share of all hits: among rough walls no two
 #: have such a share, by chance up to 0.21; two may be what is left beside cells that explain it.
@@ -57,9 +55,9 @@ LEAST_SHARE = 0.6
 ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE, NEARLY_ALIKE = 0.1, 0.33, 15, 0.2
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
 BAND = 0.4
-#: What comes first came by way of no other mirror: if it is nearly steady, and few follow, it may
-#: be of a wall that is by so much fainter; how far behind the first others came with it, m.
-FAINTER, FIRST_M = 1.6, 0.05
+#: What comes first came by way of no other mirror: if it varies less than this, and few follow, it
+#: may be of a wall that is by so much fainter; how far behind the first others came with it, m.
+NEARLY_STEADY, FAINTER, FIRST_M = 0.16, 1.6, 0.05
 
 
 def mirror_walls(
@@ -159,25 +157,24 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None
     if are_certain.any():
         are_mirrors, hits = are_certain, np.where(are_certain, hits, 0)
     elif hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
-        are_mirrors = _most_square(found, are_alike & is_nearly & is_nearly[:, np.newaxis])
+        are_mirrors = _most_square(found, are_alike, is_nearly)
         if hits[are_mirrors].sum() < SQUARE_SHARE * hits[are_direct].sum():
             return None
     groups = are_alike & are_mirrors
     alike, least = groups[int(np.argmax(groups @ hits))], LEAST_ALIKE
     if hits[alike].sum() < LEAST_ALIKE * hits.sum():
         # What few hits at poses that are a little off say of a reflectivity is less sure.
-        is_nearly &= are_mirrors
-        nearly_alike = (apart < NEARLY_ALIKE) & is_nearly & is_nearly[:, np.newaxis]
-        alike, least = _most_square(found, nearly_alike), SQUARE_SHARE
+        alike = _most_square(found, apart < NEARLY_ALIKE, is_nearly & are_mirrors)
+        least = SQUARE_SHARE
     if hits[alike].sum() < max(least * hits.sum(), LEAST_HITS_ALIKE):
         return None
     return float(np.average(logs[alike], weights=hits[alike]))
 
 
-def _most_square(found: list[MirrorWall], are_alike: BoolArray) -> BoolArray:
-    """Of walls that are alike in pairs, the most that are parallel or square; none if few are."""
+def _most_square(found: list[MirrorWall], are_alike: BoolArray, is_one: BoolArray) -> BoolArray:
+    """Of some walls, alike in pairs, the most that are parallel or square; none if few are."""
     hits = np.array([len(wall.echoes) for wall in found])
-    groups = are_alike & are_square(found, found)
+    groups = are_alike & is_one & is_one[:, np.newaxis] & are_square(found, found)
     groups &= (groups.sum(axis=1) >= LEAST_SQUARE)[:, np.newaxis]
     most: BoolArray = groups[int(np.argmax(groups @ hits))]
     return most

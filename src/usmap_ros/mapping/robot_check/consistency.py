@@ -128,7 +128,7 @@ class Consistency:
         found |= displaced(robots)
         judged = {topic: own for topic, own in robots.items() if topic not in found}
         before = {topic: sources.get(topic + EARLIER_PINGS, []) for topic in judged}
-        pairs = RobotPairs(judged, _heard(before, between), between)
+        pairs = RobotPairs(judged, lambda: _heard(before, between), between)
         moved = shifted(pairs)
         found |= {topic: finding for topic, finding in moved.items() if finding.is_suspect}
         while True:

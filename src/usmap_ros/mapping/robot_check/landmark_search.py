@@ -49,29 +49,38 @@ def pairs(heard: Sightings, wanted: BoolArray, its: LandmarkMatches) -> FloatArr
         ping = heard.ping[one]
         for other in range(ping + 1 if wanted[one] else len(heard.x_m), len(heard.x_m)):
             to_x, to_y = heard.x_m[other] - heard.x_m[ping], heard.y_m[other] - heard.y_m[ping]
-            if math.hypot(to_x, to_y) < POINT_BASE_M:
+            base_m = math.hypot(to_x, to_y)
+            if base_m < POINT_BASE_M:
                 continue
             for two in range(heard.first[other], heard.first[other + 1]):
                 if found + OF_A_PAIR > len(out):
                     out = np.concatenate((out, np.zeros_like(out)))
                 if wanted[two]:
-                    found = add_common(heard, one, two, its, out, found)
+                    found = add_common(heard, one, two, (to_x, to_y, base_m), its, out, found)
     return out[:found]
 
 
 @inlined
 def add_common(
-    heard: Sightings, one: int, two: int, its: LandmarkMatches, out: FloatArray, found: int
+    heard: Sightings,
+    one: int,
+    two: int,
+    way: tuple[float, float, float],
+    its: LandmarkMatches,
+    out: FloatArray,
+    found: int,
 ) -> int:
-    """Add landmarks that two echoes have in common to so many; how many there are then."""
+    """Add landmarks that two echoes have in common to so many; how many there are then.
+
+    `way` leads from the ping of one to that of the other: east, north, and its length, m.
+    """
     ping, other, near_m, far_m = (
         heard.ping[one],
         heard.ping[two],
         heard.range_m[one],
         heard.range_m[two],
     )
-    to_x, to_y = heard.x_m[other] - heard.x_m[ping], heard.y_m[other] - heard.y_m[ping]
-    base_m = math.hypot(to_x, to_y)
+    to_x, to_y, base_m = way
     for kind in (POINT, WALL):
         cosine = cosine_between(base_m, near_m, far_m, kind)
         if abs(cosine) >= 1.0:

@@ -38,9 +38,9 @@ class RobotPairs:
     ----------
     robots : mapping of str to Robot
         All of them, by their latest pings.
-    earlier : mapping of str to Robot
-        The same by pings before these, of those who have enough: they count where the latest ones
-        of the others do not show that a robot is where it says it is.
+    earlier : callable
+        Gives the same by pings before these, of those who have enough: they count where the latest
+        ones of the others do not show that a robot is where it says it is.
     between : callable
         Called between pieces of work.
 
@@ -53,7 +53,7 @@ class RobotPairs:
     def __init__(
         self,
         robots: Mapping[str, Robot],
-        earlier: Mapping[str, Robot],
+        earlier: Callable[[], Mapping[str, Robot]],
         between: Callable[[], None],
     ) -> None:
         self.names = sorted(robots)
@@ -64,11 +64,13 @@ class RobotPairs:
                 self._said[one, other] = said = _borne_out(robots[one], robots[other])
                 # The places are the same the other way around, but for where it is told.
                 self._said[other, one] = np.append(said[0], said[:0:-1])
-        for one in [name for name in self.names if not self.is_borne_out(name, share=HERE)]:
-            for other in earlier.keys() & robots.keys() - {one}:
+        unshown = [name for name in self.names if not self.is_borne_out(name, share=HERE)]
+        before = earlier() if unshown else {}
+        for one in unshown:
+            for other in before.keys() & robots.keys() - {one}:
                 between()
                 self._said[one, other] = self._said[one, other] + _borne_out(
-                    robots[one], earlier[other]
+                    robots[one], before[other]
                 )
 
     def shift(self, name: str) -> Displacement | None:

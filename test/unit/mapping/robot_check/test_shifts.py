@@ -23,7 +23,7 @@ def test_one_who_is_alone_where_it_is_may_be_there(
     told: float, there: float, is_moved: bool
 ) -> None:
     """Healthy robots in a corner of a room of parallel walls were said to be elsewhere."""
-    pairs, said = RobotPairs({}, {}, lambda: None), np.zeros(len(SHIFTS_M))
+    pairs, said = RobotPairs({}, dict, lambda: None), np.zeros(len(SHIFTS_M))
     said[0], said[THERE] = told, there
     pairs.names, pairs._said = ["one", "other"], {("one", "other"): said}
     assert (pairs.shift("one") is not None) == is_moved
@@ -53,7 +53,7 @@ def test_what_others_heard_earlier_tells_where_their_latest_pings_do_not(
     }
     earlier: Any = {name: SimpleNamespace(landmarks=name, heard="earlier") for name in robots}
 
-    pairs = RobotPairs(robots, earlier, lambda: None)
+    pairs = RobotPairs(robots, lambda: earlier, lambda: None)
 
     assert (pairs.shift("one") is not None) == is_moved
 
@@ -69,7 +69,7 @@ def test_whom_one_other_alone_contradicts_is_accused_if_a_third_bears_that_one_o
     of_the_other: float, verdicts: dict[str, str]
 ) -> None:
     """A healthy robot was said to be elsewhere by a misplaced one, which nobody else heard."""
-    pairs = RobotPairs({}, {}, lambda: None)
+    pairs = RobotPairs({}, dict, lambda: None)
     pairs.names = ["one", "three", "two"]
     pairs._said = {
         ("one", "two"): at(-10.0, 50.0),

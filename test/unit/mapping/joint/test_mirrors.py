@@ -37,6 +37,21 @@ def test_a_mirror_is_where_its_echoes_are_square_to_it(
     assert len(wall.echoes) == len(mirror_pings)
 
 
+def test_where_a_robot_turned_hides_nothing_of_a_mirror_farther_along(
+    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone], mirror_m: float
+) -> None:
+    """It was heard oftener there than along the rest of it, and the whole wall was none."""
+    beam, turning = BeamPattern.linear(), list[EchoCone]()
+    for number in range(48):
+        x_m, off_rad = 4.0 + 0.004 * number, 0.4 * math.sin(1.3 * number)
+        echo = mirror_m, 0.9 * float(beam.gain(off_rad)) / (2.0 * mirror_m)
+        pose = {"x_m": x_m, "y_m": 0.0, "yaw_rad": 0.5 * math.pi + off_rad}
+        turning.append(make_cone(echo, stamp_ns=10**9 + number, **pose))
+    (wall,) = mirrors_of([*mirror_pings, *turning])
+    assert wall.distance_m == pytest.approx(mirror_m, abs=0.005)
+    assert wall.begin_m == pytest.approx(-2.3, abs=0.05)
+
+
 def test_a_mirror_far_from_the_origin_is_found_too(
     mirror_pings_at: Callable[..., list[EchoCone]], mirror_m: float
 ) -> None:

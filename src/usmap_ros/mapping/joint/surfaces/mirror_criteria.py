@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, fit
+from usmap_ros.mapping.joint.surfaces.mirror_fits import Feet, MirrorSearch, fit
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
 from usmap_ros.mapping.ping_table import RANGE_STD, X, Y
@@ -62,17 +62,35 @@ def fitted(
     normal_rad, distance_m : float
         The candidate.
     """
-    normal_rad, distance_m, score, hits = fit(search, normal_rad, distance_m)
-    if score < bar.score or len(hits.echo) < bar.hits:
-        return None
+    candidate = normal_rad, distance_m
+    while True:
+        normal_rad, distance_m, score, hits = fit(search, *candidate)
+        if score < bar.score or len(hits.echo) < bar.hits:
+            return None
+        if _tells_direction(bar, hits.along_m):
+            return _judged(search, bar, normal_rad, distance_m, hits)
+        # Who stands or turns in one place hears a line often there, and it may go on elsewhere.
+        is_open = search.is_open.copy()
+        is_open[hits.echo] = False
+        search = search._replace(is_open=is_open)
+
+
+def _tells_direction(bar: MirrorCriteria, feet_m: FloatArray) -> bool:
+    """Whether feet are spread as far as those of a wall must be."""
+    low_m, high_m = np.percentile(feet_m, [5, 95])
+    places = len(np.unique(np.round(feet_m / 0.1)))
+    return bool(high_m - low_m >= bar.stretch_m and places >= bar.places)
+
+
+def _judged(
+    search: MirrorSearch, bar: MirrorCriteria, normal_rad: float, distance_m: float, hits: Feet
+) -> MirrorWall | None:
+    """The wall that has some hits, if it is one."""
     log_mirror = float(np.median(hits.log_mirror))
     deviation = float(np.median(np.abs(hits.log_mirror - log_mirror)))
     if deviation > MOST_DEVIATION:
         return None
     feet_m = hits.along_m
-    low_m, high_m = np.percentile(feet_m, [5, 95])
-    if high_m - low_m < bar.stretch_m or len(np.unique(np.round(feet_m / 0.1))) < bar.places:
-        return None
     numbers = search.table.numbers[search.pings[hits.ping]]
     across_m = distance_m - (
         numbers[:, X] * math.cos(normal_rad) + numbers[:, Y] * math.sin(normal_rad)

@@ -65,6 +65,13 @@ def test_walls_found_say_nothing_of_mirrors_if_none_would_have_been_struck() -> 
     assert room(0.8, 30, is_struck=False) > 2.0 * room(0.8, 30)
 
 
+def test_a_wall_that_was_found_aslant_alone_is_no_mirror() -> None:
+    """Half of a room was unknown: two walls that answered faintly, struck by nobody."""
+    faintly, clearly = (room(answers, 4, is_struck=False) for answers in (0.1, 0.8))
+    assert faintly == pytest.approx(clearly)
+    assert room(0.1, 4) > 3.0 * room(0.8, 4)
+
+
 def test_what_stands_alone_tells_where_most_does() -> None:
     nothing = np.zeros(0, np.int32)
     looked = SurfaceViews(

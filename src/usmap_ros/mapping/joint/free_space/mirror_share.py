@@ -157,9 +157,11 @@ def _told_apart(
     is_aslant = is_loud & (views.incidence >= ASLANT.start) & (views.incidence < ASLANT.stop)
     is_struck = np.zeros(len(surfaces), bool)
     is_struck[views.surface[is_square]] = True
-    square, _ = _answers(views, wall, is_square, log_silent)
+    square, square_looks = _answers(views, wall, is_square, log_silent)
     aslant, table = _answers(views, wall, is_aslant, log_silent)
     is_mirror = np.clip((SCATTERER - aslant / square) / (SCATTERER - MIRROR), 0.0, 1.0)
+    # Who strikes no mirror squarely does not find it: what is found aslant answers aslant.
+    is_mirror *= square_looks / (square_looks + ENOUGH_LOOKS)
     cells = np.bincount(wall).astype(np.float64)
     told = table / (table + ENOUGH_LOOKS) * cells / (cells + ENOUGH_CELLS)
     return float(told @ is_mirror), float(told @ (1.0 - is_mirror)), is_struck

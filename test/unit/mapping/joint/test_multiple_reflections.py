@@ -10,7 +10,11 @@ from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
-from usmap_ros.mapping.joint.surfaces.multiple_reflections import reflected, seen_directly
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
+    are_corners,
+    reflected,
+    seen_directly,
+)
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -108,3 +112,17 @@ def test_a_wall_of_the_next_room_is_heard_by_nobody_before_this_one() -> None:
     assert [len(wall.pings) for wall in kept] == [20, 29]
     assert kept[1].begin_m > 2.0
     assert kept[1].end_m == pytest.approx(5.0)
+
+
+def test_a_circle_that_two_mirrors_have_behind_their_corner_is_the_corner() -> None:
+    """Echoes by way of both walls made columns that let sound out of a room."""
+    pings, places_m = np.arange(20), [(4.0, 3.0), (4.1, 3.3), (3.6, 2.8), (4.3, 2.8), (4.1, 3.3)]
+    east = MirrorWall(0.0, 4.0, 0.0, 2.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
+    north = MirrorWall(0.5 * math.pi, 3.0, -3.0, -1.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
+    radii_m = np.array([0.3, math.hypot(0.1, 0.3), math.hypot(0.4, 0.2), math.hypot(0.3, 0.2), 0.1])
+    # Only the second one is behind both and passes through where they meet.
+    told = are_corners(np.array(places_m), radii_m, [east, north])
+    assert told.tolist() == [False, True, False, False, False]
+    assert not are_corners(np.array(places_m), radii_m, [east]).any()
+    far = MirrorWall(0.5 * math.pi, 3.0, 3.0, 5.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
+    assert not are_corners(np.array(places_m), radii_m, [east, far]).any()

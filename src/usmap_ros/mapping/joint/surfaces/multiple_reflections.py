@@ -8,6 +8,7 @@ louder than all of their reflectivities allow.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,9 @@ BEYOND_M = 0.3
 BEHIND_M, FOOT_M, HIDDEN_SHARE = 0.15, 0.15, 0.5
 #: Places that are nearer to each other than this, m, see the same.
 APART_M = 0.2
+#: A circle passes through a corner if it is so near, m; walls go on to a corner by so much, m, and
+#: it is one if its sides differ by as much as this sine of their angle.
+ROUND_CORNER_M, CORNER_BEYOND_M, CORNER_SINE = 0.05, 3.0, 0.5
 
 
 def images(walls: Sequence[MirrorWall], places_m: FloatArray) -> BoolArray:
@@ -142,6 +146,42 @@ def out_of_sight(
         on_m = place_m @ along + share * (point_m @ along - place_m @ along)
         hidden |= is_beyond & (on_m > mirror.begin_m) & (on_m < mirror.end_m)
     return np.asarray(hidden.all(axis=1), bool)
+
+
+def are_corners(
+    middles_m: FloatArray, radii_m: FloatArray, mirrors: Sequence[MirrorWall]
+) -> BoolArray:
+    """Whether what seem to be round columns are corners of mirrors.
+
+    What two mirrors return over each other comes from their corner, to whoever listens: a circle
+    behind both of them that passes through it fits as well.
+
+    Parameters
+    ----------
+    middles_m : (circles, 2) array
+        Their middles.
+    radii_m : (circles,) array
+        And radii.
+    mirrors : sequence of MirrorWall
+        As far as they were heard.
+    """
+    are = np.zeros(len(radii_m), bool)
+    for one, other in combinations(mirrors, 2):
+        axes = [_axes(wall) for wall in (one, other)]
+        normals = np.array([ahead for ahead, _ in axes])
+        if abs(np.linalg.det(normals)) < CORNER_SINE:
+            continue
+        distances_m = np.array([one.distance_m, other.distance_m])
+        corner_m = np.linalg.solve(normals, distances_m)
+        if any(
+            not wall.begin_m - CORNER_BEYOND_M < corner_m @ along < wall.end_m + CORNER_BEYOND_M
+            for wall, (_, along) in zip((one, other), axes, strict=True)
+        ):
+            continue
+        are_behind = (middles_m @ normals.T > distances_m).all(axis=1)
+        off_m = np.hypot(*(middles_m - corner_m).T) - radii_m
+        are |= are_behind & (np.abs(off_m) < ROUND_CORNER_M)
+    return are
 
 
 def _axes(wall: MirrorWall) -> tuple[FloatArray, FloatArray]:

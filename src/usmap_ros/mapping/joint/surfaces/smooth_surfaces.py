@@ -12,7 +12,11 @@ from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls, perpendicular_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
-from usmap_ros.mapping.joint.surfaces.multiple_reflections import out_of_sight, reflected
+from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
+    are_corners,
+    out_of_sight,
+    reflected,
+)
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
     discs,
@@ -139,12 +143,12 @@ class SmoothSurfaces:
         self._reflected = reflected(found, table, pings, echoes) & may_follow
         is_explained |= self._reflected
         ping_set = PingSet(table, pings, echoes, left)
-        columns = round_columns(ping_set, is_explained, self._field)
+        columns = _but_corners(round_columns(ping_set, is_explained, self._field), found)
         self.columns = [column for column in columns if column.is_certain]
         for column in self.columns:
             is_usable[column.echoes] = False
         instead = columns_instead(ping_set, is_usable & ~is_explained, is_usable, lone_cells_m)
-        self.columns += instead
+        self.columns += (instead := _but_corners(instead, found))
         self._suspected = [
             column
             for column in columns
@@ -334,3 +338,11 @@ class SmoothSurfaces:
                 middle = int(self._bin[echo])
                 around = slice(max(0, middle - AROUND_BINS), middle + AROUND_BINS + 1)
                 yield int(self._ping[echo]), around, middle
+
+
+def _but_corners(columns: list[RoundColumn], mirrors: list[MirrorWall]) -> list[RoundColumn]:
+    """Columns but for what are corners of mirrors."""
+    middles_m = np.array([(column.x_m, column.y_m) for column in columns]).reshape(-1, 2)
+    radii_m = np.array([column.radius_m for column in columns])
+    are = are_corners(middles_m, radii_m, mirrors)
+    return [column for column, is_corner in zip(columns, are, strict=True) if not is_corner]

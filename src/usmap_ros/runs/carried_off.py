@@ -26,7 +26,8 @@ from usmap_ros.runs.restarts import MARK, first_name, of_life
 
 #: Pings of a block, and the fewest of which one is made; most blocks, beyond which they are larger.
 _BLOCK, _LEAST_PINGS, _MOST_BLOCKS = 100, 50, 20
-#: Blocks that a robot must have been elsewhere for.
+#: Blocks that a robot must have been elsewhere for, and in one place before: a single one, whose
+#: poses may be bent, agrees with itself whatever it is.
 _FOR_LONG = 2
 #: Pieces of earlier and later blocks that stand in each other's free space: so many, and such a
 #: share of those that stand in both.  On robots that were not carried off it was 0.1 at the most.
@@ -126,7 +127,7 @@ def _block(pings: Sequence[Ping], parameters: PipelineParameters) -> Submap:
 def _splits(counts: FloatArray, first: int, end: int) -> list[int]:
     """Blocks of some with which a robot is elsewhere than before, in order."""
     best, most = None, 0.0
-    for number in range(first + 1, end - _FOR_LONG + 1):
+    for number in range(first + _FOR_LONG, end - _FOR_LONG + 1):
         both, against = counts[first:number, number:end].sum(axis=(0, 1))
         gain = float(against - _SHARE * both)
         if against >= _AGAINST and gain > most:

@@ -45,6 +45,17 @@ def test_a_robot_whose_heading_drifts_goes_on(carried: Carried) -> None:
     assert moments(there, PipelineParameters()) == []
 
 
+def test_a_robot_whose_first_block_is_off_goes_on(carried: Carried) -> None:
+    pings, true = carried
+    # Only as it sets out: nothing tells that it was there for long.
+    off = Pose.planar(0.8, 0.8, -0.4)
+    there = [
+        (topic, replace(one, pose=off.compose(pose) if number < 100 else pose))
+        for number, ((topic, one), pose) in enumerate(zip(pings, true, strict=True))
+    ]
+    assert moments(there, PipelineParameters()) == []
+
+
 def test_poses_that_are_absolute_cannot_be_lost(carried: Carried) -> None:
     pings, _ = carried
     kinds = {"robot1": PoseKind.ABSOLUTE}

@@ -27,7 +27,7 @@ from usmap_ros.localisation.map_match import Submap
 from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.refine import kinds_of
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.runs.frame_matches import SecondLook, map_of, second_look
+from usmap_ros.runs.frame_matches import PingsOfFrame, SecondLook, map_of, second_look
 from usmap_ros.simulation import Scenario, true_paths
 
 PARAMETERS = PipelineParameters()
@@ -47,8 +47,8 @@ class Mapped:
     ----------
     kind, seed, robot : str, int, str
         Who it is.
-    told : list of (topic, EchoCone)
-        Its pings, with poses as they were told.
+    pings : PingsOfFrame
+        What it heard.
     map : OccupancyMap
         In its own frame.
     origin : (3,) array
@@ -58,7 +58,7 @@ class Mapped:
     kind: str
     seed: int
     robot: str
-    told: list[Ping]
+    pings: PingsOfFrame
     map: OccupancyMap
     origin: FloatArray
 
@@ -103,15 +103,17 @@ def mapped(scene: Scenario, kind: str, seed: int) -> list[Mapped]:
             for topic, cone in own
         ]
         origin = laid_over(*np.swapaxes(way, 0, 1))
-        found.append(Mapped(kind, seed, robot, told[robot], map_of(own, PARAMETERS), origin))
+        pings_of = PingsOfFrame(told[robot], own)
+        found.append(Mapped(kind, seed, robot, pings_of, map_of(own, PARAMETERS), origin))
     return found
 
 
 def again(match: Match, one: Mapped, other: Mapped) -> SecondLook | None:
     """What a second look makes of a match; None if maps lie elsewhere then."""
-    frames = (robot.told[0][1].frame_id for robot in (one, other))
-    link, kinds = Link(*frames, match.change, match.about_m), kinds_of(one.told + other.told)
-    return second_look(one.told, other.told, link, kinds, PARAMETERS)
+    ours, theirs = one.pings, other.pings
+    frames = (pings.told[0][1].frame_id for pings in (ours, theirs))
+    link, kinds = Link(*frames, match.change, match.about_m), kinds_of(ours.told + theirs.told)
+    return second_look(ours, theirs, link, kinds, PARAMETERS)
 
 
 def off_m(match: Match, one: Mapped, other: Mapped) -> float:

@@ -59,6 +59,7 @@ def refine_poses(
     *,
     insists: bool = False,
     kinds: Mapping[str, PoseKind] | None = None,
+    before: Sequence[Ping] | None = None,
 ) -> Refinement:
     """Correct the poses of robots that drift.
 
@@ -71,6 +72,8 @@ def refine_poses(
         far it drifts.
     kinds : mapping of str to PoseKind, optional
         What the poses of each robot are, if `kinds_of` would not see it any more.
+    before : sequence of (topic, EchoCone), optional
+        The same pings with poses that were found already, as by each robot alone.
 
     Returns
     -------
@@ -87,7 +90,7 @@ def refine_poses(
             steady = {one: rows[one] for one in robots if not found[one].drifts}
             corrections_m |= _settle_frame(refined, steady, found)
         if any(found[robot].drifts for robot in robots):
-            moved_m = _refine_frame(refined, {one: rows[one] for one in robots}, found)
+            moved_m = _refine_frame(refined, {one: rows[one] for one in robots}, found, before)
             corrections_m |= {one: far_m for one, far_m in moved_m.items() if found[one].drifts}
     return Refinement(refined, {robot: found[robot] for robot in rows}, corrections_m)
 
@@ -124,7 +127,10 @@ def _by_frame(pings: Sequence[Ping], rows: dict[str, NDArray[np.intp]]) -> list[
 
 
 def _refine_frame(
-    pings: list[Ping], rows: dict[str, NDArray[np.intp]], kinds: dict[str, PoseKind]
+    pings: list[Ping],
+    rows: dict[str, NDArray[np.intp]],
+    kinds: dict[str, PoseKind],
+    before: Sequence[Ping] | None,
 ) -> dict[str, float]:
     """Correct poses in one frame in place; how far each robot's were moved."""
     every = max(_EVERY, -(-sum(map(len, rows.values())) // _MOST_KNOTS))
@@ -145,7 +151,8 @@ def _refine_frame(
     looks = np.concatenate([track.looks(half_rad[track.rows]) for track in tracks])
     clutter = clutter_of(cones)
     things = [without_clutter(cone, clutter) for cone in cones]
-    found = search(Smoother(tracks, tabulate(things, looks)))
+    poses = told_poses([before[row][1] for row in all_rows])[0] if before is not None else None
+    found = search(Smoother(tracks, tabulate(things, looks)), poses)
     if found is None:
         return dict.fromkeys(rows, 0.0)
     return _put(pings, rows, told, found)

@@ -75,13 +75,16 @@ class Adjusted(NamedTuple):
     sigma_m: float
 
 
-def search(start: Smoother) -> FoundPoses | None:
+def search(start: Smoother, before: FloatArray | None = None) -> FoundPoses | None:
     """Go along with all robots, and average ends by how likely landmarks and odometry make them.
 
     Parameters
     ----------
     start : Smoother
         With poses as they were told.
+    before : (n, 3) array, optional
+        Poses that were found by less than is known now: one search more begins with them, so that
+        what they had right is not lost where the others go astray.
 
     Returns
     -------
@@ -94,8 +97,13 @@ def search(start: Smoother) -> FoundPoses | None:
     first_only = start.echoes.are_first_only
     finest_m = _FOUND_M if first_only else _AT_THE_END_M
     told, ends = _likely_by_landmarks(start, finest_m), []
-    for stretch, points_m, by_first in _SEARCHES_FIRST_ONLY if first_only else _SEARCHES:
+    searches = _SEARCHES_FIRST_ONLY if first_only else _SEARCHES
+    if before is not None:
+        searches = (searches[0], *searches)
+    for number, (stretch, points_m, by_first) in enumerate(searches):
         one = copy.deepcopy(start)
+        if before is not None and number == 0:
+            one.begin_with(before)
         if by_first:
             one.echoes = first_of_each_ping(start.echoes)
         adjusted = _go_along(one, stretch, points_m)

@@ -66,6 +66,13 @@ class Smoother:
             count += len(track.knots)
         self.knot_count = count
 
+    def begin_with(self, poses: FloatArray) -> None:
+        """Let tracks that may move have other poses than they were told, (n, 3)."""
+        for number in self._free:
+            track = self.tracks[number]
+            self.knots[number] = poses[track.rows[track.knots]]
+        self.spread()
+
     def log_posterior_of(self, landmarks: Landmarks, sigma_m: float) -> float:
         """How likely poses are by odometry and landmarks, less what these cost.
 

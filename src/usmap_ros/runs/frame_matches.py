@@ -50,6 +50,21 @@ class JoinedRobots:
     map: OccupancyMap | None = None
 
 
+class PingsOfFrame(NamedTuple):
+    """What was heard in one frame."""
+
+    #: List of (topic, EchoCone): with poses as they were told, and as they were refined.
+    told: list[Ping]
+    refined: list[Ping]
+
+    def moved_by(self, link: Link) -> PingsOfFrame:
+        """In the target of a link whose source this frame is."""
+        return PingsOfFrame(
+            [moved_by(ping, link) for ping in self.told],
+            [moved_by(ping, link) for ping in self.refined],
+        )
+
+
 class SecondLook(NamedTuple):
     """What was found with poses refined together, as if two frames lay as a match has them."""
 
@@ -130,7 +145,13 @@ class FrameMatches:
                 continue
             if pair not in self._again:
                 link = Link(*pair, match.change, match.about_m)
-                one, other = ([self.told[row] for row in self.frames[name].rows] for name in pair)
+                one, other = (
+                    PingsOfFrame(
+                        [self.told[row] for row in self.frames[name].rows],
+                        [self.refined[row] for row in self.frames[name].rows],
+                    )
+                    for name in pair
+                )
                 self._again[pair] = second_look(one, other, link, self.kinds, self.parameters)
             again = self._again[pair]
             if again and again.match.bears_out(match):
@@ -145,8 +166,8 @@ class FrameMatches:
 
 
 def second_look(
-    target: Sequence[Ping],
-    source: Sequence[Ping],
+    target: PingsOfFrame,
+    source: PingsOfFrame,
     link: Link,
     kinds: Mapping[str, PoseKind],
     parameters: PipelineParameters,
@@ -159,8 +180,8 @@ def second_look(
 
     Parameters
     ----------
-    target, source : sequences of (topic, EchoCone)
-        Pings of the two frames, as they were told.
+    target, source : PingsOfFrame
+        Of the two frames.
     link : Link
         How the frames lie.
     kinds : mapping of str to PoseKind
@@ -173,11 +194,13 @@ def second_look(
     SecondLook or None
         None if maps do not lie where the link has them any more.
     """
-    pings = [*target, *(moved_by(ping, link) for ping in source)]
-    together = refine_poses(pings, kinds=kinds).pings
+    there = source.moved_by(link)
+    told, before = target.told + there.told, target.refined + there.refined
+    together = refine_poses(told, kinds=kinds, before=before).pings
     match: Match | None = None
     with suppress(MapSizeError):
-        maps = together[: len(target)], together[len(target) :]
+        count = len(target.told)
+        maps = together[:count], together[count:]
         match = match_maps(*(map_of(each, parameters) for each in maps))
     if match is None:
         return None

@@ -108,13 +108,14 @@ def join_robots(
         for link in made:
             target, source = frames[link.target], frames.pop(link.source)
             for row in source.rows:
-                base[row] = moved_by(base[row], link)
+                base[row], current[row] = moved_by(base[row], link), moved_by(current[row], link)
             rows, robots = target.rows + source.rows, target.robots | source.robots
             frames[link.target] = replace(target, rows=rows, robots=robots, map=None)
         changed = {name for link in made for name in (link.target, link.source)}
         for name in sorted(changed & set(frames)):
             rows = frames[name].rows
-            together = looked_at or refine_poses([base[row] for row in rows], kinds=kinds).pings
+            told_here, before = [base[row] for row in rows], [current[row] for row in rows]
+            together = looked_at or refine_poses(told_here, kinds=kinds, before=before).pings
             for row, ping in zip(rows, together, strict=True):
                 current[row] = ping
             rows.sort()

@@ -203,6 +203,8 @@ def test_a_match_is_sure_by_its_margin_and_its_lead_less_what_contradicts_it(
         (44.0, 2.0, 4.1, True),
         (35.0, 3.9, 0.0, False),
         (24.0, 2.3, 1.9, False),
+        # Of two rooms that are the same after half a turn: it stays as it is.
+        (51.0, 3.67, 3.69, False),
         (44.0, 4.2, 4.1, False),
         (94.0, 6.7, 6.5, True),
         (11.0, 2.0, 4.1, False),

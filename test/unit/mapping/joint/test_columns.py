@@ -150,6 +150,16 @@ def test_a_column_heard_from_one_side_replaces_the_cell_on_it(
     assert found == pytest.approx((X_M, Y_M, RADIUS_M), abs=0.04)
 
 
+def test_a_column_heard_from_one_side_may_stand_where_cells_do(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """It is likelier than a point, though not by enough: what it would cover is not free."""
+    cones = pings_around(make_cone, 0.0, 0.75, 20, 0.002)
+    near_m = X_M + RADIUS_M * math.cos(0.375), Y_M + RADIUS_M * math.sin(0.375)
+    (column,) = columns_instead_of(near_m, cones)
+    assert not column.is_certain
+
+
 def test_a_pole_heard_from_one_side_stays_a_cell(make_cone: Callable[..., EchoCone]) -> None:
     for last_rad in (0.5, 1.0, 4.0):
         cones = pings_around(make_cone, 0.0, last_rad, 40, 0.001, 0.0)

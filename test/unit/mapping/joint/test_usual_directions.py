@@ -123,8 +123,8 @@ def gap_of(cells: int) -> BoolArray:
 def lacking(is_refuted: BoolArray, said: float, normal_rad: float) -> BoolArray:
     """Ask of all cells whether there is too little room, if so much speaks for walls in each."""
     everywhere = np.full(is_refuted.shape, said, np.float32)
-    asked = np.ones_like(is_refuted)
-    return lacks_room(everywhere, is_refuted, asked, normal_rad, ALL_LONG, REFUTED)
+    asked, none = np.ones_like(is_refuted), np.zeros_like(is_refuted)
+    return lacks_room(everywhere, is_refuted, asked, none, normal_rad, ALL_LONG, REFUTED)
 
 
 @pytest.mark.parametrize("normal_rad", [0.0, 0.5 * math.pi])
@@ -159,19 +159,44 @@ def test_only_what_is_asked_for_lacks_room() -> None:
     is_refuted, said = gap_of(5), np.zeros((60, 60), np.float32)
     asked = np.zeros_like(is_refuted)
     asked[12, 10] = True
-    lacks = lacks_room(said, is_refuted, asked, 0.0, ALL_LONG, REFUTED)
+    none = np.zeros_like(is_refuted)
+    lacks = lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED)
     assert np.argwhere(lacks).tolist() == [[12, 10]]
+
+
+def test_room_says_nothing_of_how_far_a_wall_goes_on() -> None:
+    """A partition that was struck squarely near its end alone went on as free space."""
+    is_refuted, said = gap_of(15), np.zeros((60, 60), np.float32)
+    asked, stands = np.ones_like(is_refuted), np.zeros_like(is_refuted)
+    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED)[17, 10]
+    stands[11:14, 10] = True
+    assert not lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED).any()
+    # What was hardly heard of it is no wall yet.
+    for heard, lacks in ((1.9, True), (2.1, False)):
+        said[12, 10] = heard
+        nothing = np.zeros_like(is_refuted)
+        found = lacks_room(said, is_refuted, asked, nothing, 0.0, ALL_LONG, REFUTED)
+        assert found[17, 10] == lacks
+
+
+def test_walls_beyond_what_is_refuted_are_others() -> None:
+    is_refuted, said = gap_of(15), np.zeros((60, 60), np.float32)
+    asked, stands = np.ones_like(is_refuted), np.zeros_like(is_refuted)
+    is_refuted[30:40, 10] = False
+    stands[32:38, 10] = True
+    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED)[17, 10]
 
 
 def test_where_things_are_short_too_something_short_may_stand_where_there_is_little_room() -> None:
     is_refuted, middle = gap_of(15), (17, 10)
     said, asked = np.zeros((60, 60), np.float32), np.ones((60, 60), bool)
+    none = np.zeros_like(asked)
     for share, lacks in ((0.0, True), (0.05, True), (0.3, False)):
         kinds = np.array([[20.0, 1.0 - share], [4.0, share]])
-        assert lacks_room(said, is_refuted, asked, 0.0, kinds, REFUTED)[middle] == lacks
+        assert lacks_room(said, is_refuted, asked, none, 0.0, kinds, REFUTED)[middle] == lacks
     # But in a gap of a cell or two there is room for nothing.
     kinds = np.array([[20.0, 0.5], [4.0, 0.5]])
-    assert lacks_room(said, gap_of(2), asked, 0.0, kinds, REFUTED)[10:12, 10].all()
+    assert lacks_room(said, gap_of(2), asked, none, 0.0, kinds, REFUTED)[10:12, 10].all()
 
 
 def test_boxes_and_what_stands_alone_make_short_things_usual() -> None:

@@ -151,7 +151,7 @@ class FreeSpace:
         for turn in range(FREE_ROUNDS):
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
-                refute_for_room(is_refuted, worst, wanted, silence)
+                refute_for_room(is_refuted, worst, wanted, walls.all_lines, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break

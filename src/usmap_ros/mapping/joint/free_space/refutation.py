@@ -14,6 +14,7 @@ from usmap_ros.mapping.joint.free_space.open_space import (
 )
 from usmap_ros.mapping.joint.free_space.silence import Silence
 from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
+from usmap_ros.mapping.joint.surfaces.lines import drawn, facing_so
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic
 
@@ -85,7 +86,11 @@ def beliefs(
 
 
 def refute_for_room(
-    is_refuted: BoolArray, worst: NDArray[np.float32], wanted: BoolArray, silence: Silence
+    is_refuted: BoolArray,
+    worst: NDArray[np.float32],
+    wanted: BoolArray,
+    lines: FloatArray,
+    silence: Silence,
 ) -> None:
     """Refute walls that face as most do where there is too little room for them.
 
@@ -97,12 +102,15 @@ def refute_for_room(
         Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
     wanted : (rows, columns) bool array
         Cells that are asked for.
+    lines : (lines, 5) array
+        Walls that stand, see `usmap_ros.mapping.joint.surfaces.lines`.
     silence : Silence
         What was learnt of the place.
     """
     for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
         here, said = is_refuted[:, :, group], worst[:, :, group]
         usual = float(silence.kinds[first, 0])
+        stands = drawn(facing_so(lines, usual), here.shape)
         here |= lacks_room(
-            said, here.copy(), wanted, usual, silence.long_and_short, silence.refuted
+            said, here.copy(), wanted, stands, usual, silence.long_and_short, silence.refuted
         )

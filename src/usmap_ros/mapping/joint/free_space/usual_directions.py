@@ -18,7 +18,7 @@ from usmap_ros.mapping.joint.free_space.open_space import (
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, usual_direction
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.compiled import compiled, inlined
 
 #: Length of walls, m, that is expected in any direction: where nothing speaks for it, and what
 #: each metre of walls that are not square to most, and of things that stand alone, adds.
@@ -32,6 +32,8 @@ NEVER = -1e3
 COLUMNS_A_WALL, PSEUDO_COLUMNS = 0.5, 1.0
 #: Ends that are so many times as far away as usual say nothing.
 FAR = 2.0
+#: Log-likelihood ratio from which on so much was heard of a wall that it may stand there.
+HEARD = 2.0
 #: How far it is from a place in what is long, and what is short, to an end of it, on the mean, m.
 #: As ends come by chance, the first is the mean length of long walls, which more walls continue.
 LONG_M, SHORT_M = 10.0, 0.3
@@ -147,6 +149,7 @@ def lacks_room(
     said: NDArray[np.float32],
     is_refuted: BoolArray,
     asked: BoolArray,
+    stands: BoolArray,
     normal_rad: float,
     kinds: FloatArray,
     refuted: float,
@@ -155,7 +158,8 @@ def lacks_room(
 
     From anywhere in a wall it is as far to either end as chance has it, exponentially distributed;
     a wall through a cell must end before the next cells on its line in which none can stand.  There
-    are long ones and short ones: between boxes there is little room.
+    are long ones and short ones: between boxes there is little room.  Where a wall stands on the
+    line, or something was heard of one, room says nothing of how far it goes on.
 
     Parameters
     ----------
@@ -165,6 +169,8 @@ def lacks_room(
         Where no wall that faces so can stand.
     asked : (rows, columns) bool array
         Cells that are asked for.
+    stands : (rows, columns) bool array
+        Cells of walls that are known to stand and face so.
     normal_rad : float
         Direction that it faces.
     kinds : (kinds, 2) array
@@ -174,22 +180,14 @@ def lacks_room(
         Log-likelihood ratio at which one is refuted.
     """
     rows, columns = is_refuted.shape
-    lacks = np.zeros((rows, columns), np.bool_)
-    up, right, farthest = math.cos(normal_rad), -math.sin(normal_rad), int(FAR * kinds[:, 0].max())
+    lacks, ends = np.zeros((rows, columns), np.bool_), np.empty(2)
+    farthest = int(FAR * kinds[:, 0].max())
     for row in range(rows):
         for column in range(columns):
             if not asked[row, column] or is_refuted[row, column] or said[row, column] > 0.0:
                 continue
-            ends = np.zeros(2)
-            for side in range(2):
-                for step in range(1, farthest):
-                    y = math.floor(row + (2 * side - 1) * step * up + 0.5)
-                    x = math.floor(column + (2 * side - 1) * step * right + 0.5)
-                    if not (0 <= y < rows and 0 <= x < columns):
-                        break
-                    if is_refuted[y, x]:
-                        ends[side] = step - 0.5
-                        break
+            if _find_ends(said, is_refuted, stands, row, column, normal_rad, farthest, ends):
+                continue
             chance = 0.0
             for usual, share in kinds:
                 fits = share
@@ -198,3 +196,34 @@ def lacks_room(
                 chance += fits
             lacks[row, column] = said[row, column] + math.log(chance) < refuted
     return lacks
+
+
+@inlined
+def _find_ends(
+    said: NDArray[np.float32],
+    is_refuted: BoolArray,
+    stands: BoolArray,
+    row: int,
+    column: int,
+    normal_rad: float,
+    farthest: int,
+    ends: FloatArray,
+) -> bool:
+    """Set how far it is to where a wall must end, either way, 0 if it is too far to tell.
+
+    Returns whether a wall is known to stand before that.
+    """
+    rows, columns = is_refuted.shape
+    up, right, is_known = math.cos(normal_rad), -math.sin(normal_rad), False
+    for side in range(2):
+        ends[side] = 0.0
+        for step in range(1, farthest):
+            y = math.floor(row + (2 * side - 1) * step * up + 0.5)
+            x = math.floor(column + (2 * side - 1) * step * right + 0.5)
+            if not (0 <= y < rows and 0 <= x < columns):
+                break
+            if is_refuted[y, x]:
+                ends[side] = step - 0.5
+                break
+            is_known = is_known or stands[y, x] or said[y, x] > HEARD
+    return is_known

@@ -9,6 +9,8 @@ from usmap_ros.numerics.arrays import BoolArray
 #: along it, and where along the tangent (-ny, nx) the line begins and ends.
 NORMAL_X, NORMAL_Y, DISTANCE, BEGIN, END = range(5)
 NO_LINES: NDArray[np.float64] = np.zeros((0, 5))
+#: Lines face in a direction if the cosine to it is greater, either way: 10 degrees.
+ALIKE_COSINE = 0.985
 #: Distance of the points that a line is drawn by, in cells.
 _STEP = 0.4
 #: A line is another one's double if it is as parallel, and so near to it for such a share.
@@ -23,6 +25,12 @@ def points_on(
     columns = np.rint(line[NORMAL_X] * line[DISTANCE] - line[NORMAL_Y] * along)
     rows = np.rint(line[NORMAL_Y] * line[DISTANCE] + line[NORMAL_X] * along)
     return rows.astype(np.int64), columns.astype(np.int64)
+
+
+def facing_so(lines: NDArray[np.float64], normal_rad: float) -> NDArray[np.float64]:
+    """Those of some lines that are parallel to a wall which faces in a direction, or nearly so."""
+    cosine = lines[:, NORMAL_X] * np.cos(normal_rad) + lines[:, NORMAL_Y] * np.sin(normal_rad)
+    return lines[np.abs(cosine) > ALIKE_COSINE]
 
 
 def drawn(lines: NDArray[np.float64], shape: tuple[int, int]) -> BoolArray:

@@ -39,6 +39,8 @@ TO_POINT = LevenbergMarquardt(5, np.array([1e-3, 1e-3, 1.0]), radii_m=(0.0, 0.0)
 #: How much likelier than a point a column is, by its log-likelihood ratio, and the most pings that
 #: should have heard it but did not, over its hits.
 LEAST_OVER_POINT, MOST_MISSED = 15.0, 0.2
+#: The first at which a column is suspected.
+SUSPECT_OVER_POINT = 6.0
 #: Lone cells lie within the first distance of the one that is believed most, and no others within
 #: the second one, m; their echoes are so far from their ranges, m, at the most.
 LONE_M, APART_M, OWN_M = 0.25, 0.4, 0.04
@@ -72,11 +74,17 @@ def columns_instead(
             for radius_m in RADII_M
             for place in [np.append(middle_m + radius_m * towards, radius_m)]
         ]
-        round_ones = [circle for circle in circles if circle and _is_round(circle, point, ping_set)]
-        if round_ones:
-            best = max(round_ones, key=lambda circle: circle.log_ratio)
-            found.append(RoundColumn.of(best, is_certain=True))
-            is_open[best.echoes] = may_be[best.echoes] = False
+        over_point = {
+            _over_point(circle, point, ping_set): circle
+            for circle in circles
+            if circle and _may_be_round(circle)
+        }
+        most = max(over_point, default=0.0)
+        if most > SUSPECT_OVER_POINT:
+            best, is_certain = over_point[most], most > LEAST_OVER_POINT
+            found.append(RoundColumn.of(best, is_certain))
+            if is_certain:
+                is_open[best.echoes] = may_be[best.echoes] = False
     return found
 
 
@@ -109,18 +117,21 @@ def lone_cells(is_reliable: BoolArray, log_odds: FloatArray, field: Field) -> li
     return things
 
 
-def _is_round(circle: Circle, point: Circle | None, ping_set: PingSet) -> bool:
-    """Whether a circle, from whatever side it was heard, is far likelier than any point."""
+def _over_point(circle: Circle, point: Circle | None, ping_set: PingSet) -> float:
+    """By how much likelier a circle is than any point, by its log-likelihood ratio."""
+    of_all_hits = point.log_ratio if point else 0.0
+    return circle.log_ratio - max(of_all_hits, log_ratio_of_point(ping_set, circle))
+
+
+def _may_be_round(circle: Circle) -> bool:
+    """Whether a circle was heard often enough, from whatever side."""
     hits = len(circle.pings)
-    of_own_hits = point.log_ratio if point else 0.0
     return (
         circle.may_stand
         and hits >= LEAST_HITS
         and circle.log_ratio >= max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits)
         and circle.misses < MOST_MISSED * hits
         and not circle.is_corner
-        and circle.log_ratio > of_own_hits + LEAST_OVER_POINT
-        and circle.log_ratio > log_ratio_of_point(ping_set, circle) + LEAST_OVER_POINT
     )
 
 

@@ -148,8 +148,10 @@ class SmoothSurfaces:
         for column in self.columns:
             is_usable[column.echoes] = False
         instead = columns_instead(ping_set, is_usable & ~is_explained, is_usable, lone_cells_m)
-        self.columns += (instead := _but_corners(instead, found))
-        self._suspected = [
+        instead = _but_corners(instead, found)
+        self.columns += [column for column in instead if column.is_certain]
+        self._suspected = [column for column in instead if not column.is_certain]
+        self._suspected += [
             column
             for column in columns
             if not column.is_certain and not any(map(column.overlaps, instead))

@@ -11,6 +11,7 @@ from usmap_ros.live.anchors import Anchor, anchored
 from usmap_ros.live.located import LocatedRobots, locate, of_latest_lives
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.mapping.far_off import Ping
+from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.drawing import copied
 from usmap_ros.mapping.joint.fusion import RETIRED_SHARE
 from usmap_ros.parameters import PipelineParameters
@@ -55,8 +56,8 @@ class LivePoses:
         self.own_frames: set[str] = set()
         #: Where robots are by the newest map.
         self.latest = LocatedRobots(Corrected([]), "", {})
-        #: Whom it does not believe wholly: see `usmap_ros.mapping.fusion.Fusion.doubted`.
-        self.doubted: dict[str, float] = {}
+        #: What its newest map was made by.
+        self.fusion: Fusion | None = None
 
     @property
     def is_wanted(self) -> bool:
@@ -148,7 +149,7 @@ class LivePoses:
                 self._made = _Made(version, generation, occupancy, done)
                 self._going_on = _GoingOn(pipeline, told, done)
                 self.latest = locate(told, done, occupancy.frame_id)
-                self.doubted = pipeline.fusion.doubted
+                self.fusion = pipeline.fusion
             return copied(self._made.occupancy)
 
     def _live_map(self, told: list[Ping], version: int, generation: int) -> OccupancyMap | None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.live.live_poses import LivePoses
 from usmap_ros.mapping.common_frame import CommonFrame
+from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.parameters import PipelineParameters
@@ -75,9 +76,20 @@ class SharedMap:
     @property
     def doubted(self) -> str:
         """Robots whom others contradict in the newest map, and for how much of it they count."""
-        corrects = self.poses.must_correct
-        doubted = self.poses.doubted if corrects else self._pipeline.fusion.doubted
+        doubted = self._latest.doubted
         return ", ".join(f"{topic} {share:.0%}" for topic, share in doubted.items())
+
+    @property
+    def range_error(self) -> str:
+        """What is wrong with all ranges, and is not in the newest map of all pings any more."""
+        error = self._latest.range_error
+        return error.reason if error.is_any else ""
+
+    @property
+    def _latest(self) -> Fusion:
+        """What made the newest map."""
+        corrected = self.poses.fusion if self.poses.must_correct else None
+        return corrected or self._pipeline.fusion
 
     def _made(self, is_live: bool, is_last: bool = False) -> OccupancyMap:
         with self._map_lock:

@@ -7,6 +7,7 @@ import numpy as np
 
 from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.range_error import NO_ERROR, RangeError
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -62,6 +63,11 @@ class Fusion(ABC):
     def doubted(self) -> dict[str, float]:
         """What is believed of each source by the newest map, where that is less than all of it."""
         return {}
+
+    @property
+    def range_error(self) -> RangeError:
+        """What is wrong with all ranges, and is not in the newest map any more."""
+        return NO_ERROR
 
     @property
     @abstractmethod

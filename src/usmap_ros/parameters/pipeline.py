@@ -168,6 +168,7 @@ class MappingParameters(ParameterGroup):
                 "wall_gap_m",
                 "window",
                 "weigh_robots",
+                "correct_ranges",
             ),
             ("joint",),
         ),
@@ -249,6 +250,11 @@ class MappingParameters(ParameterGroup):
         True,
         "Let robots that the others, or they themselves, contradict count for less, and those that"
         " are named as faulty for nothing.",
+    )
+    correct_ranges: bool = quantity(
+        True,
+        "Correct ranges that are all too long or too short, since sound is slower or faster than"
+        " was stated or traces begin late, by how well echoes heard from several places meet.",
     )
     observed_exposure: float = quantity(
         1.0,

@@ -14,6 +14,7 @@ from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.live_map import LiveMap
 from usmap_ros.mapping.joint.local_origin import LocalOrigin
 from usmap_ros.mapping.joint.survey import Survey
+from usmap_ros.mapping.range_error import NO_ERROR, RangeError
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -54,6 +55,7 @@ class JointFusion(Fusion):
         self._more_rounds = 0
         self._survey: Survey | None = None
         self._doubted: dict[str, float] = {}
+        self._range_error = NO_ERROR
         self._count = 0
         # None as long as nobody asks for the map while pings come.
         self._live: LiveMap | None = None
@@ -149,6 +151,11 @@ class JointFusion(Fusion):
         return self._doubted
 
     @property
+    def range_error(self) -> RangeError:
+        """What is wrong with all ranges, and is not in the newest map of all pings any more."""
+        return self._range_error
+
+    @property
     def memory_bytes(self) -> int:
         """Memory that the kept pings take."""
         return self._kept.memory_bytes
@@ -209,6 +216,7 @@ class JointFusion(Fusion):
 
             def tell(areas: list[AreaState], kept: KeptPings, earlier: OccupancyMap | None) -> None:
                 self._doubted = least_credit(areas)
+                self._range_error = kept.sensors().range_error
                 if live is not None:
                     live.begin(areas, kept, earlier, count, epoch)
 

@@ -14,6 +14,7 @@ from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.ping_bins import ping_bins_of
 from usmap_ros.mapping.ping_table import PingTable, stacked
+from usmap_ros.mapping.range_error import NO_ERROR, RangeError, range_error, without_error
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.clutter import Kind, clutter_of, without_clutter
@@ -43,13 +44,16 @@ class Sensors(NamedTuple):
     steps: Mapping[str, int]
     #: See `usmap_ros.pings.clutter.clutter_of`.
     clutter: Mapping[Kind, FloatArray] = MappingProxyType({})
+    #: What is wrong with all ranges.
+    range_error: RangeError = NO_ERROR
 
     def heard(self, cone: EchoCone, source: str) -> EchoCone:
         """What a ping says, by such sensors."""
         if cone.child_frame_id in self.first_only:
             return first_return(cone)
         loud = raised(cone, self.steps[source]) if source in self.steps else cone
-        return without_clutter(loud, self.clutter)
+        told = without_clutter(loud, self.clutter)
+        return without_error(told, self.range_error) if self.range_error.is_any else told
 
 
 class Pings(NamedTuple):
@@ -122,9 +126,10 @@ class KeptPings:
             believed = [each for each in self.cones() if self.is_believed(each[1])]
             first_only = report_first_only(cone for cone, _ in believed)
             sensors = Sensors(first_only, steps_to_scale(believed))
-            whole = (each for each in believed if each[0].child_frame_id not in first_only)
+            whole = [each for each in believed if each[0].child_frame_id not in first_only]
             clutter = clutter_of(sensors.heard(*each) for each in whole)
-            self._sensors = sensors._replace(clutter=clutter)
+            error = range_error(whole) if self._parameters.correct_ranges else NO_ERROR
+            self._sensors = sensors._replace(clutter=clutter, range_error=error)
         return self._sensors
 
     def copy(self) -> KeptPings:

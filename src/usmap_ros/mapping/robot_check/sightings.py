@@ -10,9 +10,8 @@ from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.range_cones import is_deaf_behind
+from usmap_ros.pings.telling_echoes import first_and_loudest, levels_db
 
-#: Of a ping those echoes count that come first, and the loudest ones.
-FIRST, LOUDEST = 2, 2
 #: Angles at which a beam's gain is tabulated, as shares of its half angle; the least gain, dB.
 ANGLES, FAINTEST_DB = 33, -30.0
 #: Echoes a metre that nothing known explains, for each echo of a ping.
@@ -53,8 +52,8 @@ def sightings_of(cones: Sequence[EchoCone]) -> Sightings | None:
     heard = [cone for cone in cones if len(cone.ranges_m)]
     if not heard or sum(map(is_deaf_behind, heard)) > 0.5 * len(heard):
         return None
-    levels_db = [_levels_db(cone) for cone in cones]
-    kept = [_telling(cone, own_db) for cone, own_db in zip(cones, levels_db, strict=True)]
+    heard_db = [levels_db(cone) for cone in cones]
+    kept = [first_and_loudest(cone, own_db) for cone, own_db in zip(cones, heard_db, strict=True)]
     counts = [len(rows) for rows in kept]
     poses = np.array([[*cone.pose.position_m[:2], cone.pose.yaw_rad] for cone in cones], float)
     columns = np.array(
@@ -68,7 +67,7 @@ def sightings_of(cones: Sequence[EchoCone]) -> Sightings | None:
         ]
     )
     range_m = np.concatenate([c.ranges_m[rows] for c, rows in zip(cones, kept, strict=True)])
-    level_db = np.concatenate([own[rows] for own, rows in zip(levels_db, kept, strict=True)])
+    level_db = np.concatenate([own[rows] for own, rows in zip(heard_db, kept, strict=True)])
     beam = heard[0].transducer.beam
     gains = beam.gain(np.linspace(0.0, beam.half_angle_rad, ANGLES))
     x_m, y_m, yaw_rad = np.ascontiguousarray(poses.T)
@@ -80,23 +79,6 @@ def sightings_of(cones: Sequence[EchoCone]) -> Sightings | None:
         20.0 * np.log10(np.maximum(gains, 10.0 ** (FAINTEST_DB / 20.0))),
         UNEXPLAINED * sum(counts) / len(heard),
     )  # fmt: skip
-
-
-def _levels_db(cone: EchoCone) -> FloatArray:
-    """Amplitudes in decibels, there and back through air that does not absorb."""
-    amplitudes = np.maximum(cone.amplitudes.astype(float), 1e-9)
-    lost_db = 2.0 * cone.attenuation_db_m * cone.ranges_m.astype(float)
-    return np.asarray(20.0 * np.log10(amplitudes) + lost_db)
-
-
-def _telling(cone: EchoCone, levels_db: FloatArray) -> NDArray[np.intp]:
-    """Rows of the echoes that count, by their levels."""
-    count = len(cone.ranges_m)
-    if count <= FIRST + LOUDEST:
-        return np.arange(count)
-    loudness_db = levels_db + 40.0 * np.log10(cone.ranges_m.astype(float))
-    loudest = np.argsort(-loudness_db, kind="stable")[:LOUDEST]
-    return np.union1d(np.arange(FIRST), loudest)
 
 
 class RobotTrack:

@@ -102,4 +102,6 @@ def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: Area
     pipeline.refine(wishes.passes)
     with BagReader([Path(path) for path in cones]) as bag:
         run = map_bag(bag, pipeline, paths, without=wishes.without)
-    return AreaMap(pipeline.occupancy_map(), paths, run)
+    occupancy = pipeline.occupancy_map()
+    run.doubted, run.range_error = pipeline.fusion.doubted, pipeline.fusion.range_error
+    return AreaMap(occupancy, paths, run)

@@ -197,5 +197,13 @@ def _joined_runs(runs: Sequence[MappingRun], skipped: Counter[str]) -> MappingRu
             if topic not in total.robots or found.is_suspect
         }
         total.without = sorted({*total.without, *run.without})
+        total.doubted |= {
+            topic: share
+            for topic, share in run.doubted.items()
+            if share < total.doubted.get(topic, 1.0)
+        }
+        # Of areas with other air, one is told of.
+        if run.range_error.is_any:
+            total.range_error = run.range_error
     total.skipped = dict(skipped)
     return total

@@ -30,7 +30,8 @@ def points_on(
 def facing_so(lines: NDArray[np.float64], normal_rad: float) -> NDArray[np.float64]:
     """Those of some lines that are parallel to a wall which faces in a direction, or nearly so."""
     cosine = lines[:, NORMAL_X] * np.cos(normal_rad) + lines[:, NORMAL_Y] * np.sin(normal_rad)
-    return lines[np.abs(cosine) > ALIKE_COSINE]
+    found: NDArray[np.float64] = lines[np.abs(cosine) > ALIKE_COSINE]
+    return found
 
 
 def drawn(lines: NDArray[np.float64], shape: tuple[int, int]) -> BoolArray:

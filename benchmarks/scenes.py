@@ -75,6 +75,10 @@ class Condition:
         ``sensor_msgs/Range`` has them, four on each robot.  ``range_traces``: the same readings
         as traces with one pulse.  ``first_echoes``: of echo traces, the first echo of each as
         ``sensor_msgs/Range`` has it.
+    stated_sound_speed_m_s : float, optional
+        If it is not that of air of 20 °C.
+    latency_s : float
+        How much later than they say traces begin.
     """
 
     shown: str
@@ -87,6 +91,8 @@ class Condition:
     floor_reflectivity: float = 0.0
     parked_s: float = 0.0
     sensor: str = "sonar"
+    stated_sound_speed_m_s: float | None = None
+    latency_s: float = 0.0
 
 
 #: Sensors that hear echo traces, whatever they tell of them.
@@ -103,6 +109,8 @@ CONDITIONS = {
     ),
     "100_floor": Condition("100 pings, a floor", pings=100, floor_reflectivity=0.6),
     "100_parked": Condition("100 pings after 30 s of standing", pings=100, parked_s=30.0),
+    "sound_off": Condition("sound 2 % slower than stated", stated_sound_speed_m_s=350.1),
+    "told_late": Condition("traces that begin 0.3 ms late", latency_s=0.0003),
     "floor": Condition("a floor", floor_reflectivity=0.6),
     "parked": Condition("30 s of standing first", parked_s=30.0),
     "ranges": Condition("range readings alone", robots=5, pings=120, sensor="ranges"),
@@ -157,6 +165,8 @@ def scenario(kind: str, condition: str, seed: int, nav2_map: Path | None = None)
             for number in range(recorded.robots)
         ],
     }
+    if recorded.stated_sound_speed_m_s is not None:
+        content["stated"] = {"sound_speed_m_s": recorded.stated_sound_speed_m_s}
     return Scenario.from_mapping(content, f"{kind}-{condition}-{seed}")
 
 
@@ -186,7 +196,8 @@ def robot(
 def transducers(recorded: Condition) -> list[dict[str, Any]]:
     """What a robot carries: a sonar, or range sensors all around."""
     if recorded.sensor in SONARS:
-        sonar: dict[str, Any] = {"receiver": {"noise_std": recorded.noise_std}}
+        receiver = {"noise_std": recorded.noise_std, "latency_s": recorded.latency_s}
+        sonar: dict[str, Any] = {"receiver": receiver}
         if recorded.floor_reflectivity:
             sonar["mount"] = {"z_m": 0.5}
         return [sonar]

@@ -216,7 +216,7 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
             run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
         occupancy = pipeline.occupancy_map()
         run.doubted = pipeline.fusion.doubted
-        run.range_error = pipeline.fusion.range_error
+        run.common_error = pipeline.fusion.common_error
         summary = save_map(
             order.output, occupancy, paths, lambda: run.summary(occupancy, seconds_since_start())
         )

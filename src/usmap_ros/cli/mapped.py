@@ -50,9 +50,9 @@ def tell(output: Path, run: MappingRun, summary: dict[str, Any], *, as_json: boo
     for topic, share in run.doubted.items():
         said = f"others contradict it; in the map it counts for {share:.0%} of what it says"
         typer.echo(f"usmap: warning: {topic}: {said}", err=True)
-    if run.range_error.is_any:
-        said = "not on the map; --set mapping.correct_ranges=false keeps them so"
-        typer.echo(f"usmap: warning: {run.range_error.reason}; {said}", err=True)
+    for reason in run.common_error.reasons:
+        said = "not on the map; --set mapping.correct_common_errors=false keeps them so"
+        typer.echo(f"usmap: warning: {reason}; {said}", err=True)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     else:

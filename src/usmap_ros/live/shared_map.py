@@ -80,10 +80,9 @@ class SharedMap:
         return ", ".join(f"{topic} {share:.0%}" for topic, share in doubted.items())
 
     @property
-    def range_error(self) -> str:
-        """What is wrong with all ranges, and is not in the newest map of all pings any more."""
-        error = self._latest.range_error
-        return error.reason if error.is_any else ""
+    def common_error(self) -> str:
+        """What is wrong with all pings, and is not in the newest map of all pings any more."""
+        return "; ".join(self._latest.common_error.reasons)
 
     @property
     def _latest(self) -> Fusion:

@@ -7,7 +7,7 @@ import numpy as np
 
 from usmap_ros.errors import MalformedMessageError, UsmapError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.range_error import NO_ERROR, RangeError
+from usmap_ros.mapping.common_error import NO_ERROR, CommonError
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -65,8 +65,8 @@ class Fusion(ABC):
         return {}
 
     @property
-    def range_error(self) -> RangeError:
-        """What is wrong with all ranges, and is not in the newest map any more."""
+    def common_error(self) -> CommonError:
+        """What is wrong with all pings, and is not in the newest map any more."""
         return NO_ERROR
 
     @property

@@ -55,7 +55,9 @@ class MapFusion(LifecycleNode):
         self.health.watch(self._suspected_robots)
         self.health.tell("robots", lambda: self.session.check.summary() if self.session else "")
         self.health.tell("doubted", lambda: self.session.fusion.doubted if self.session else "")
-        self.health.tell("ranges", lambda: self.session.fusion.range_error if self.session else "")
+        self.health.tell(
+            "common errors", lambda: self.session.fusion.common_error if self.session else ""
+        )
         self.health.tell("poses", self._states)
         self.health.tell(WAITING, lambda: self.session.fusion.waiting if self.session else 0)
         self.health.tell(ROOM, lambda: self.parameters.value.queue_depth)

@@ -168,7 +168,7 @@ class MappingParameters(ParameterGroup):
                 "wall_gap_m",
                 "window",
                 "weigh_robots",
-                "correct_ranges",
+                "correct_common_errors",
             ),
             ("joint",),
         ),
@@ -251,10 +251,11 @@ class MappingParameters(ParameterGroup):
         "Let robots that the others, or they themselves, contradict count for less, and those that"
         " are named as faulty for nothing.",
     )
-    correct_ranges: bool = quantity(
+    correct_common_errors: bool = quantity(
         True,
-        "Correct ranges that are all too long or too short, since sound is slower or faster than"
-        " was stated or traces begin late, by how well echoes heard from several places meet.",
+        "Correct what is wrong with all pings alike, by how well echoes heard from several places"
+        " meet: ranges that are too long or too short, since sound is slower or faster than was"
+        " stated or traces begin late, and poses that are told late or early.",
     )
     observed_exposure: float = quantity(
         1.0,

@@ -15,8 +15,8 @@ from usmap_ros.errors import BagError, MalformedMessageError, MapFileError, MapS
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.map_files import load_map
+from usmap_ros.mapping.common_error import NO_ERROR, CommonError
 from usmap_ros.mapping.far_off import Ping
-from usmap_ros.mapping.range_error import NO_ERROR, RangeError
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.parameters import PipelineParameters
@@ -56,8 +56,8 @@ class MappingRun:
     robots: dict[str, Finding] = field(default_factory=dict)
     #: Topics that others contradict in the map, and what of their trust is left, less than 1.
     doubted: dict[str, float] = field(default_factory=dict)
-    #: What was wrong with all ranges, and is not in the map.
-    range_error: RangeError = NO_ERROR
+    #: What was wrong with all pings, and is not in the map.
+    common_error: CommonError = NO_ERROR
     #: Topics that were left out because they should be.
     without: list[str] = field(default_factory=list)
     #: Which poses were used, and how far they were corrected.
@@ -90,7 +90,7 @@ class MappingRun:
             "set_apart": self.set_apart,
             "robots": {topic: found.summary() for topic, found in self.robots.items()},
             "doubted": self.doubted,
-            "range_error": self.range_error._asdict(),
+            "common_error": self.common_error._asdict(),
             "without": self.without,
             "poses": self.poses.summary(),
             "frame_id": occupancy.frame_id,

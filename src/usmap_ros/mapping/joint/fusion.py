@@ -7,6 +7,7 @@ import numpy as np
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
+from usmap_ros.mapping.common_error import NO_ERROR, CommonError
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.area_state import AreaState, least_credit
 from usmap_ros.mapping.joint.drawing import copied
@@ -14,7 +15,6 @@ from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.live_map import LiveMap
 from usmap_ros.mapping.joint.local_origin import LocalOrigin
 from usmap_ros.mapping.joint.survey import Survey
-from usmap_ros.mapping.range_error import NO_ERROR, RangeError
 from usmap_ros.numerics.special import logit
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -55,7 +55,7 @@ class JointFusion(Fusion):
         self._more_rounds = 0
         self._survey: Survey | None = None
         self._doubted: dict[str, float] = {}
-        self._range_error = NO_ERROR
+        self._common_error = NO_ERROR
         self._count = 0
         # None as long as nobody asks for the map while pings come.
         self._live: LiveMap | None = None
@@ -151,9 +151,9 @@ class JointFusion(Fusion):
         return self._doubted
 
     @property
-    def range_error(self) -> RangeError:
-        """What is wrong with all ranges, and is not in the newest map of all pings any more."""
-        return self._range_error
+    def common_error(self) -> CommonError:
+        """What is wrong with all pings, and is not in the newest map of all pings any more."""
+        return self._common_error
 
     @property
     def memory_bytes(self) -> int:
@@ -216,7 +216,7 @@ class JointFusion(Fusion):
 
             def tell(areas: list[AreaState], kept: KeptPings, earlier: OccupancyMap | None) -> None:
                 self._doubted = least_credit(areas)
-                self._range_error = kept.sensors().range_error
+                self._common_error = kept.sensors().common_error
                 if live is not None:
                     live.begin(areas, kept, earlier, count, epoch)
 

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.common_error import NO_ERROR, CommonError, common_error, without_error
 from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.ping_bins import ping_bins_of
 from usmap_ros.mapping.ping_table import PingTable, stacked
-from usmap_ros.mapping.range_error import NO_ERROR, RangeError, range_error, without_error
+from usmap_ros.mapping.pose_delay import PoseTracks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.clutter import Kind, clutter_of, without_clutter
@@ -44,8 +45,9 @@ class Sensors(NamedTuple):
     steps: Mapping[str, int]
     #: See `usmap_ros.pings.clutter.clutter_of`.
     clutter: Mapping[Kind, FloatArray] = MappingProxyType({})
-    #: What is wrong with all ranges.
-    range_error: RangeError = NO_ERROR
+    #: What is wrong with all pings, and where they were sent from.
+    common_error: CommonError = NO_ERROR
+    tracks: PoseTracks = PoseTracks(())
 
     def heard(self, cone: EchoCone, source: str) -> EchoCone:
         """What a ping says, by such sensors."""
@@ -53,7 +55,7 @@ class Sensors(NamedTuple):
             return first_return(cone)
         loud = raised(cone, self.steps[source]) if source in self.steps else cone
         told = without_clutter(loud, self.clutter)
-        return without_error(told, self.range_error) if self.range_error.is_any else told
+        return without_error(told, source, self.common_error, self.tracks)
 
 
 class Pings(NamedTuple):
@@ -128,8 +130,10 @@ class KeptPings:
             sensors = Sensors(first_only, steps_to_scale(believed))
             whole = [each for each in believed if each[0].child_frame_id not in first_only]
             clutter = clutter_of(sensors.heard(*each) for each in whole)
-            error = range_error(whole) if self._parameters.correct_ranges else NO_ERROR
-            self._sensors = sensors._replace(clutter=clutter, range_error=error)
+            error, tracks = NO_ERROR, PoseTracks(whole)
+            if self._parameters.correct_common_errors:
+                error = common_error(whole, tracks)
+            self._sensors = Sensors(first_only, sensors.steps, clutter, error, tracks)
         return self._sensors
 
     def copy(self) -> KeptPings:

@@ -103,5 +103,5 @@ def fuse_area(cones: Sequence[str], parameters: PipelineParameters, wishes: Area
     with BagReader([Path(path) for path in cones]) as bag:
         run = map_bag(bag, pipeline, paths, without=wishes.without)
     occupancy = pipeline.occupancy_map()
-    run.doubted, run.range_error = pipeline.fusion.doubted, pipeline.fusion.range_error
+    run.doubted, run.common_error = pipeline.fusion.doubted, pipeline.fusion.common_error
     return AreaMap(occupancy, paths, run)

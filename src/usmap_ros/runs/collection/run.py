@@ -203,7 +203,7 @@ def _joined_runs(runs: Sequence[MappingRun], skipped: Counter[str]) -> MappingRu
             if share < total.doubted.get(topic, 1.0)
         }
         # Of areas with other air, one is told of.
-        if run.range_error.is_any:
-            total.range_error = run.range_error
+        if run.common_error.reasons:
+            total.common_error = run.common_error
     total.skipped = dict(skipped)
     return total

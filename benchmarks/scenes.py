@@ -77,8 +77,8 @@ class Condition:
         ``sensor_msgs/Range`` has it.
     stated_sound_speed_m_s : float, optional
         If it is not that of air of 20 °C.
-    latency_s : float
-        How much later than they say traces begin.
+    latency_s, pose_late_s : float
+        How much later than they say traces begin, and before their stamps poses were true.
     """
 
     shown: str
@@ -93,6 +93,7 @@ class Condition:
     sensor: str = "sonar"
     stated_sound_speed_m_s: float | None = None
     latency_s: float = 0.0
+    pose_late_s: float = 0.0
 
 
 #: Sensors that hear echo traces, whatever they tell of them.
@@ -110,6 +111,7 @@ CONDITIONS = {
     "100_floor": Condition("100 pings, a floor", pings=100, floor_reflectivity=0.6),
     "100_parked": Condition("100 pings after 30 s of standing", pings=100, parked_s=30.0),
     "sound_off": Condition("sound 2 % slower than stated", stated_sound_speed_m_s=350.1),
+    "poses_late": Condition("poses told 0.1 s late", pose_late_s=0.1),
     "told_late": Condition("traces that begin 0.3 ms late", latency_s=0.0003),
     "floor": Condition("a floor", floor_reflectivity=0.6),
     "parked": Condition("30 s of standing first", parked_s=30.0),
@@ -189,6 +191,7 @@ def robot(
             "position_std_m": recorded.position_std_m,
             "yaw_std_rad": recorded.yaw_std_rad,
             "wander_s": recorded.wander_s,
+            "late_s": recorded.pose_late_s,
         },
     }
 

@@ -82,6 +82,7 @@ def build_robot(
         moves_during_ping=model.moves_during_ping,
         error_seed=seeds[-1],
         pose_wander_s=model.pose_error.wander_s,
+        pose_late_s=model.pose_error.late_s,
         odometry=model.odometry,
         jumps_s=tuple(move.at_s for move in model.carried_off),
     )

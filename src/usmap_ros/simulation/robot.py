@@ -77,6 +77,8 @@ class SimulatedRobot:
     error_seed: np.random.SeedSequence
     #: Time in which the memory of such an error falls to 1/e; 0 draws each ping's anew.
     pose_wander_s: float = 0.0
+    #: How long before its stamp a pose was true.
+    pose_late_s: float = 0.0
     #: Whether it goes on moving while it listens.
     moves_during_ping: bool = False
     #: How its poses drift; None: they are absolute.
@@ -135,12 +137,18 @@ class SimulatedRobot:
         return WheelOdometry(self.motion, self.odometry, self.error_seed, start, self.jumps_s)
 
     def told(
-        self, trace: EchoTrace, wheels: WheelOdometry, time_s: float, mount: Pose
+        self, trace: EchoTrace, wheels: WheelOdometry | None, time_s: float, mount: Pose
     ) -> EchoTrace:
-        """A trace with the pose that its odometry has for it."""
-        pose = on_base(wheels.at(time_s), mount)
-        frame_id = trace.frame_id if self.knows_start else f"{self.name}/odom"
-        return replace(trace, pose=pose, frame_id=frame_id)
+        """A trace with the pose that its odometry, or what knows of its place too late, has."""
+        told_s = max(0.0, time_s - self.pose_late_s)
+        if wheels is not None:
+            pose = on_base(wheels.at(told_s), mount)
+            frame_id = trace.frame_id if self.knows_start else f"{self.name}/odom"
+            return replace(trace, pose=pose, frame_id=frame_id)
+        if not self.pose_late_s:
+            return trace
+        now, then = (self.motion.pose(at_s).compose(mount) for at_s in (time_s, told_s))
+        return replace(trace, pose=then.compose(now.inverse().compose(trace.pose)))
 
     def velocity_m_s(self, time_s: float, sonar: MountedTransducer) -> FloatArray | None:
         """Velocity, (3,), of a transducer on its path; None if it stands still while it listens."""
@@ -199,9 +207,7 @@ class SimulatedRobot:
                 velocity_m_s=self.velocity_m_s(time_s, transducer),
                 intruders=[one for other in others for one in other.intrusions(transducer, time_s)],
             )
-            if wheels is not None:
-                trace = self.told(trace, wheels, time_s, transducer.mount)
-            yield transducer.topic, trace
+            yield transducer.topic, self.told(trace, wheels, time_s, transducer.mount)
 
 
 def stamp_of(start_ns: int, time_s: float) -> int:

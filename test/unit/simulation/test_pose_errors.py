@@ -59,3 +59,29 @@ def test_a_wandering_bias_is_the_robots_and_not_each_transducers() -> None:
 
     assert apart_m(0.0) > 0.05
     assert apart_m(100.0) < 0.02
+
+
+@pytest.mark.parametrize("odometry", [None, {}])
+def test_a_pose_may_be_that_of_some_time_before(odometry: dict[str, float] | None) -> None:
+    def places_m(late_s: float) -> np.ndarray:
+        robot = {
+            "name": "robot1",
+            "motion": {
+                "kind": "waypoints", "waypoints_m": [[0.5, 2.0], [3.5, 2.0]], "speed_m_s": 0.5
+            },
+            "pose_error": {"late_s": late_s},
+            "odometry": odometry,
+        }  # fmt: skip
+        content = {
+            "duration_s": 3.0,
+            "world": {"area_m": [0.0, 4.0, 0.0, 4.0], "points": [{"x_m": 3.0, "y_m": 2.0}]},
+            "robots": [robot],
+        }
+        traces = simulate(Scenario.from_mapping(content, "late.yaml"))
+        return np.array([trace.pose.position_m[:2] for _, trace in traces])
+
+    right, late = places_m(0.0), places_m(0.2)
+    # It pings ten times a second, and was nowhere before it began.
+    np.testing.assert_allclose(late[2:], right[:-2], atol=0.02)
+    np.testing.assert_allclose(late[0], right[0], atol=0.02)
+    assert np.ptp(right, axis=0).max() > 0.5

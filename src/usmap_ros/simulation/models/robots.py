@@ -28,6 +28,13 @@ class PoseErrorModel(ParameterGroup):
         ge=0.0,
         le=1e6,
     )
+    late_s: float = quantity(
+        0.0,
+        "How long before its stamp a pose was true, of which the covariance says nothing.",
+        "s",
+        ge=0.0,
+        le=10.0,
+    )
 
 
 class CarriedOffModel(ParameterGroup):

@@ -36,7 +36,7 @@ from usmap_ros.mapping.joint.free_space.refutation import (
 )
 from usmap_ros.mapping.joint.free_space.response import HeardBins, listen
 from usmap_ros.mapping.joint.free_space.silence import Silence, learn_silence
-from usmap_ros.mapping.joint.surfaces.lines import drawn
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
@@ -137,12 +137,15 @@ class FreeSpace:
         changed = np.ones(len(self._pings), bool)
         self._refute(left, listening, silence, wanted | walls.bridged, changed, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
+        going_on = alike
+        if not smooth.mirrors:
+            going_on = self._of_lines(walls, left, listening, silence, changed)
         worst[walls.bridged] = 0.0
         is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
-        walls, may_be = self._going_on(walls, alike, proven | stood)
-        walls = walls.without(alike < HARDLY)
+        walls, may_be = self._going_on(walls, going_on, proven | stood)
+        walls = walls.without(going_on < HARDLY)
         closed |= may_be
         closed |= self._behind(walls, evidence) & ~proven & (alike >= ENDS)
         occupied = walls.shown
@@ -221,6 +224,28 @@ class FreeSpace:
             ),
             self._field.bands(BAND),
         )  # fmt: skip
+
+    def _of_lines(
+        self,
+        walls: Walls,
+        left: NDArray[np.uint8],
+        listening: HeardBins,
+        silence: Silence,
+        changed: BoolArray,
+    ) -> NDArray[np.float32]:
+        """Log-likelihood ratio of a surface where lines are, or may go on: it faces as they do.
+
+        However rare such surfaces are, this one is there.
+        """
+        reach, far_cells = walls.lines.copy(), FOLLOWED_M / self._field.resolution_m
+        reach[:, BEGIN] -= far_cells
+        reach[:, END] += far_cells
+        asked = over_block(drawn(reach, self._field.shape)) | walls.bridged
+        kinds = silence.kinds.copy()
+        kinds[:ORIENTATIONS, 1] = 0.0
+        said = np.zeros((*self._field.shape, GROUPS), np.float32)
+        self._refute(left, listening, silence._replace(kinds=kinds), asked, changed, said)
+        return over_last(np.maximum, said[:, :, :MIRRORS])
 
     def _going_on(
         self, walls: Walls, worst: NDArray[np.float32], is_open: BoolArray

@@ -77,9 +77,9 @@ def log_priors(
     walls : WallDirections
         All that are known.  Orientations are counted from that of most.
     mirrors : int
-        Mirrors that were found.  Where there are none, surfaces may face anywhere, and are mostly
-        heard from any side; where there are, something round that answers every view, as smooth
-        walls answer square ones, is asked for as well.
+        Mirrors that were found.  Where there are none, surfaces are mostly heard from any side;
+        where there are, something round that answers every view, as smooth walls answer square
+        ones, is asked for as well.
     columns : float
         Round columns that are likely: the more there are for each wall, the more others may stand.
     things : int
@@ -112,8 +112,8 @@ def log_priors(
     usual = np.log(found_m / found_m.max())
     kinds[:ORIENTATIONS, 0] = kinds[ORIENTATIONS:ROUND, 0] = normals_rad
     kinds[ORIENTATIONS:ROUND, 1] = usual + math.log(mirrored)
+    kinds[:ORIENTATIONS, 1] = usual
     if mirrors:
-        kinds[:ORIENTATIONS, 1] = usual
         for first in (0, ORIENTATIONS):
             kinds[[first, first + ORIENTATIONS // 2], 2] = ALONG, ACROSS
     return kinds

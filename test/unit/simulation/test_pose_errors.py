@@ -61,16 +61,16 @@ def test_a_wandering_bias_is_the_robots_and_not_each_transducers() -> None:
     assert apart_m(100.0) < 0.02
 
 
-@pytest.mark.parametrize("odometry", [None, {}])
-def test_a_pose_may_be_that_of_some_time_before(odometry: dict[str, float] | None) -> None:
+@pytest.mark.parametrize("drifts", [{}, {"odometry": {}}])
+def test_a_pose_may_be_that_of_some_time_before(drifts: dict[str, dict[str, float]]) -> None:
     def places_m(late_s: float) -> np.ndarray:
         robot = {
             "name": "robot1",
             "motion": {
-                "kind": "waypoints", "waypoints_m": [[0.5, 2.0], [3.5, 2.0]], "speed_m_s": 0.5
+                "kind": "waypoints", "waypoints_m": [[0.5, 1.0], [3.5, 1.0]], "speed_m_s": 0.5
             },
             "pose_error": {"late_s": late_s},
-            "odometry": odometry,
+            **drifts,
         }  # fmt: skip
         content = {
             "duration_s": 3.0,

@@ -130,10 +130,11 @@ class KeptPings:
             sensors = Sensors(first_only, steps_to_scale(believed))
             whole = [each for each in believed if each[0].child_frame_id not in first_only]
             clutter = clutter_of(sensors.heard(*each) for each in whole)
-            error, tracks = NO_ERROR, PoseTracks(whole)
+            self._sensors = sensors._replace(clutter=clutter)
             if self._parameters.correct_common_errors:
+                tracks = PoseTracks(whole)
                 error = common_error(whole, tracks)
-            self._sensors = Sensors(first_only, sensors.steps, clutter, error, tracks)
+                self._sensors = self._sensors._replace(common_error=error, tracks=tracks)
         return self._sensors
 
     def copy(self) -> KeptPings:

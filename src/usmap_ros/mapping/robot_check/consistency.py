@@ -16,7 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from usmap_ros.mapping.common_error import NO_ERROR, common_error, without_error
 from usmap_ros.mapping.joint.kept_pings import REMEMBERED
+from usmap_ros.mapping.pose_delay import PoseTracks
 from usmap_ros.mapping.robot_check.comparison import (
     EARLIER_PINGS,
     LEAST_ROBOTS_LEFT,
@@ -31,6 +33,7 @@ from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.pings.range_cones import report_first_only
 from usmap_ros.processes.threads import for_each
 
 #: Each robot is judged by its latest pings, and of those before them so many, spread evenly, bear
@@ -117,16 +120,17 @@ class Consistency:
         between : callable
             Called between pieces of work; what it raises ends the judgement.
         """
-        sources = {topic: robot.latest() for topic, robot in self._robots.items()}
-        if len(self._robots) > LEAST_ROBOTS_LEFT:
-            earlier = {t + EARLIER_PINGS: robot.earlier() for t, robot in self._robots.items()}
+        robots = self._alike()
+        sources = {topic: robot.latest() for topic, robot in robots.items()}
+        if len(robots) > LEAST_ROBOTS_LEFT:
+            earlier = {t + EARLIER_PINGS: robot.earlier() for t, robot in robots.items()}
             sources |= {name: cones for name, cones in earlier.items() if cones}
         found = self._stuck()
         found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
-        latest = {t: robot.latest() for t, robot in self._robots.items() if t not in found}
-        robots = _heard(latest, between)
-        found |= displaced(robots)
-        judged = {topic: own for topic, own in robots.items() if topic not in found}
+        latest = {t: robot.latest() for t, robot in robots.items() if t not in found}
+        heard = _heard(latest, between)
+        found |= displaced(heard)
+        judged = {topic: own for topic, own in heard.items() if topic not in found}
         before = {topic: sources.get(topic + EARLIER_PINGS, []) for topic in judged}
         pairs = RobotPairs(judged, lambda: _heard(before, between), between)
         moved = shifted(pairs)
@@ -150,6 +154,24 @@ class Consistency:
             if not named:
                 return self._of_robots(_cleared(screened) | moved | found)
             found |= named
+
+    def _alike(self) -> dict[str, _Robot]:
+        """Robots without what is wrong with all of them: none is to be blamed for that."""
+        if not self._parameters.correct_common_errors:
+            return self._robots
+        pings = [(cone, topic) for topic, robot in self._robots.items() for cone in robot.cones]
+        first_only = report_first_only(cone for cone, _ in pings)
+        pings = [ping for ping in pings if ping[0].child_frame_id not in first_only]
+        tracks = PoseTracks(pings)
+        error = common_error(pings, tracks)
+        if error == NO_ERROR:
+            return self._robots
+        robots = {topic: robot.copy() for topic, robot in self._robots.items()}
+        for topic, robot in robots.items():
+            for place, cone in enumerate(robot.cones):
+                if cone.child_frame_id not in first_only:
+                    robot.cones[place] = without_error(cone, topic, error, tracks)
+        return robots
 
     def _stuck(self) -> dict[str, Finding]:
         """Those who repeat themselves while they move."""

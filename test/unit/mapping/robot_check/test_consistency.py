@@ -508,3 +508,19 @@ def test_a_robot_is_judged_by_its_latest_pings(
     ]
 
     assert named(findings(pings)) == ({} if is_mended else {LIAR: "misplaced"})
+
+
+@pytest.mark.parametrize("times", [0.97, 1.03])
+@pytest.mark.parametrize("seed", [1, 3])
+def test_nobody_is_to_blame_for_what_is_wrong_with_all(seed: int, times: float) -> None:
+    """Of robots that all take sound for too fast, the one that showed it most was accused."""
+
+    def accused(**parameters: bool) -> list[str]:
+        consistency = Consistency(MappingParameters(**parameters))
+        for topic, cone in cones(seed):
+            told_m = cone.ranges_m * np.float32(times)
+            consistency.add(topic, replace(cone, ranges_m=told_m))
+        return [topic for topic, found in consistency.findings().items() if found.is_suspect]
+
+    assert accused() == []
+    assert len(accused(correct_common_errors=False)) == 1

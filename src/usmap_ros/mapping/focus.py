@@ -28,8 +28,9 @@ CELL_M, ASKEW_RAD = 0.035, 0.37
 #: One ping of each sensor from places and headings that are so far apart, and so many of all of
 #: them at the most.
 APART_M, APART_RAD, MOST_PINGS = 0.15, 0.35, 400
-#: Where robots are so far apart, m, the square of such a side counts in which most pings are.
-SQUARE_M = 20.0
+#: Where robots are so far apart, m, the square of such a side counts in which most pings are; and
+#: what is heard from within such a range, m.
+SQUARE_M, REACH_M = 20.0, 12.0
 #: Share of a beam's half angle from which something can be heard well.
 BEAM_SHARE = 0.9
 #: Pings that are needed to tell of anything, and of each robot.
@@ -81,7 +82,8 @@ def _in_one_square(pings: list[Ping]) -> list[Ping]:
 
 def arcs_of(cones: list[EchoCone]) -> Arcs:
     """Arcs of the echoes that tell most."""
-    ranges_m = [cone.ranges_m[first_and_loudest(cone, levels_db(cone))] for cone in cones]
+    told_m = [cone.ranges_m[first_and_loudest(cone, levels_db(cone))] for cone in cones]
+    ranges_m = [own_m[own_m <= REACH_M] for own_m in told_m]
     numbers = np.array(
         [
             (*cone.pose.position_m[:2], cone.pose.yaw_rad, cone.transducer.beam.half_angle_rad)
@@ -115,7 +117,7 @@ def meetings(candidates: Mapping[Candidate, Arcs]) -> dict[Candidate, FloatArray
         The same pings as they would be with other errors.
     """
     every = [_askew(arcs) for arcs in candidates.values()]
-    reach_m = max(arcs.range_m.max() for arcs in every) + CELL_M
+    reach_m = max(arcs.range_m.max(initial=0.0) for arcs in every) + CELL_M
     x_m, y_m = (np.concatenate(axis) for axis in zip(*((a.x_m, a.y_m) for a in every), strict=True))
     left_m, bottom_m = float(x_m.min()) - reach_m, float(y_m.min()) - reach_m
     shape = (

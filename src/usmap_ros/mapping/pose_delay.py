@@ -31,9 +31,9 @@ CLOSER_S = (-0.03, -0.02, -0.01, 0.01, 0.02, 0.03)
 #: A delay, s, below which maps are as good; and how many times as much as other errors it must
 #: gain, for poses that are off by chance gain more than those that are right.
 LEAST_DELAY_S, TIMES = 0.04, 1.5
-#: Between pings that are farther apart, s, nobody knows where a robot was; and so many times as far
-#: as between the last two it goes on as it went.
-MOST_GAP_S, MOST_AHEAD = 1.0, 4.0
+#: Between pings that are farther apart, s, or as no robot is fast, m/s, nobody knows where it was;
+#: and so many times as far as between the last two it goes on as it went.
+MOST_GAP_S, FASTEST_M_S, MOST_AHEAD = 1.0, 10.0, 4.0
 
 
 class PoseTracks:
@@ -71,7 +71,9 @@ class PoseTracks:
         before, behind = track[place - 1], track[place]
         gap_s = behind[0] - before[0]
         ahead_s = max(wanted_s - behind[0], before[0] - wanted_s)
-        if not 0.0 < gap_s <= MOST_GAP_S or ahead_s > MOST_AHEAD * gap_s:
+        way_m = float(np.hypot(*(behind - before)[1:3]))
+        is_known = gap_s <= MOST_GAP_S and way_m < FASTEST_M_S * gap_s
+        if not is_known or ahead_s > MOST_AHEAD * gap_s:
             return own[1:]
         found: FloatArray = before + (wanted_s - before[0]) / gap_s * (behind - before)
         return found[1:]

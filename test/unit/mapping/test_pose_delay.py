@@ -110,6 +110,18 @@ def test_where_nobody_knows_where_a_robot_was_poses_stay(make_cone: Make) -> Non
         assert tracks.later(cone, source, 0.1) == pytest.approx(told)
 
 
+def test_a_robot_goes_nowhere_at_once(make_cone: Make) -> None:
+    """A pose that is far off must not draw others there, nor a map of all that lies between."""
+    pings = heard(make_cone, 0.1)
+    cone, source = pings[100]
+    columns = {name: getattr(cone, name) for name in EchoCone.__dataclass_fields__}
+    far = EchoCone(**{**columns, "pose": Pose.planar(9e4, -9e4, 0.0)})
+    pings[100] = far, source
+    before, told = pings[99][0], pings[99][0].pose.position_m[:2]
+    assert PoseTracks(pings).later(before, source, 0.05)[:2] == pytest.approx(told)
+    assert delay_of(pings) == pytest.approx(0.1, abs=0.011)
+
+
 def test_a_pose_that_is_tilted_stays_so(make_cone: Make) -> None:
     cone = make_cone((1.0, 0.5))
     tilted = Pose.turned(np.array([1.0, 2.0, 0.4]), 0.3, 0.2, 0.1)

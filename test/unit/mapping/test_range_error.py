@@ -114,6 +114,13 @@ def test_robots_that_are_far_apart_need_no_map_of_all_between(make_cone: Make) -
     assert found.scale == pytest.approx(SLOWER.scale, abs=0.004)
 
 
+def test_what_is_far_away_tells_nothing(make_cone: Make) -> None:
+    """Arcs of hundreds of metres would need cells of as many."""
+    pings = heard_of(POLES_M, make_cone, SLOWER, 200)
+    pings[0] = make_cone((900.0, 1.0)), pings[0][1]
+    assert error_of(pings).scale == pytest.approx(SLOWER.scale, abs=0.004)
+
+
 def test_what_is_beyond_the_limits_is_left_out(make_cone: Make) -> None:
     cone = make_cone((1.0, 0.5), (2.99, 0.1))
     assert cone.transducer.max_range_m == 3.0

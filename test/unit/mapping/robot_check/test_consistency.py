@@ -515,12 +515,12 @@ def test_a_robot_is_judged_by_its_latest_pings(
 def test_nobody_is_to_blame_for_what_is_wrong_with_all(seed: int, times: float) -> None:
     """Of robots that all take sound for too fast, the one that showed it most was accused."""
 
-    def accused(**parameters: bool) -> list[str]:
-        consistency = Consistency(MappingParameters(**parameters))
+    def accused(is_corrected: bool) -> list[str]:
+        consistency = Consistency(MappingParameters(correct_common_errors=is_corrected))
         for topic, cone in cones(seed):
             told_m = cone.ranges_m * np.float32(times)
             consistency.add(topic, replace(cone, ranges_m=told_m))
         return [topic for topic, found in consistency.findings().items() if found.is_suspect]
 
-    assert accused() == []
-    assert len(accused(correct_common_errors=False)) == 1
+    assert accused(is_corrected=True) == []
+    assert len(accused(is_corrected=False)) == 1

@@ -178,7 +178,7 @@ def is_sure(gains: FloatArray, arcs: Arcs, times: float = 1.0) -> bool:
     return bool(mean >= times * LEAST_GAIN and sureness >= times * LEAST_SURENESS)
 
 
-def contradicts_one(pings: list[Ping], without: Callable[[list[EchoCone]], Arcs]) -> bool:
+def contradicts_one(pings: list[Ping], without: Callable[[list[Ping], Arcs], Arcs]) -> bool:
     """Whether what one of the robots hears speaks against an error that all are to have.
 
     Parameters
@@ -186,14 +186,15 @@ def contradicts_one(pings: list[Ping], without: Callable[[list[EchoCone]], Arcs]
     pings : list of (cone, source)
         Of all robots.
     without : callable
-        Arcs of cones without the error.
+        What makes of pings, and their arcs, those without the error.
     """
-    own: defaultdict[str, list[EchoCone]] = defaultdict(list)
+    own: defaultdict[str, list[Ping]] = defaultdict(list)
     for cone, source in pings:
-        own[source].append(cone)
-    for cones in own.values():
-        if len(own) > 1 and len(cones) >= LEAST_OF_ONE:
-            met = meetings({True: arcs_of(cones), False: without(cones)})
-            if (met[False] - met[True]).sum() < -LEAST_GAIN * len(arcs_of(cones).range_m):
+        own[source].append((cone, source))
+    for heard in own.values():
+        if len(own) > 1 and len(heard) >= LEAST_OF_ONE:
+            told = arcs_of([cone for cone, _ in heard])
+            met = meetings({True: told, False: without(heard, told)})
+            if (met[False] - met[True]).sum() < -LEAST_GAIN * len(told.range_m):
                 return True
     return False

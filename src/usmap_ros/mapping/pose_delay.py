@@ -111,13 +111,8 @@ def pose_delay_s(chosen: list[Ping], tracks: PoseTracks) -> float:
     instead = max((0.0, -best_s), key=lambda by_s: met[by_s].sum())
     if not is_sure(met[best_s] - met[instead], told, TIMES):
         return 0.0
-    sources = {id(cone): source for cone, source in chosen}
-
-    def without(cones: list[EchoCone]) -> Arcs:
-        own = [(cone, sources[id(cone)]) for cone in cones]
-        return _later(arcs_of(cones), own, tracks, best_s)
-
-    return 0.0 if contradicts_one(chosen, without) else best_s
+    is_of_all = not contradicts_one(chosen, lambda pings, arcs: _later(arcs, pings, tracks, best_s))
+    return best_s if is_of_all else 0.0
 
 
 def with_pose(cone: EchoCone, place: FloatArray) -> EchoCone:

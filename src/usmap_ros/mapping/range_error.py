@@ -6,7 +6,7 @@ echo is loud, hears everything by the same way farther.
 """
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from usmap_ros.mapping.focus import (
     is_sure,
     meetings,
 )
-from usmap_ros.pings.cone import BY_ECHO, EchoCone
+from usmap_ros.pings.cone import EchoCone
 
 
 class RangeError(NamedTuple):
@@ -73,7 +73,7 @@ def range_error(chosen: list[Ping]) -> RangeError:
         return NOTHING
     if not is_sure(met[tried[place]] - met[NOTHING], told):
         return NOTHING
-    is_of_all = not contradicts_one(chosen, lambda cones: _without(arcs_of(cones), best))
+    is_of_all = not contradicts_one(chosen, lambda _, arcs: _without(arcs, best))
     return best if is_of_all else NOTHING
 
 
@@ -90,11 +90,7 @@ def with_ranges(cone: EchoCone, error: RangeError) -> EchoCone:
     told_m, least_m = cone.ranges_m.astype(np.float64), cone.transducer.min_range_m
     ranges_m = np.maximum(error.scale * told_m - error.late_m, least_m).astype(np.float32)
     is_within = ranges_m <= np.float32(cone.transducer.max_range_m)
-    columns = {name: getattr(cone, name) for name in BY_ECHO} | {"ranges_m": ranges_m}
-    echoes: dict[str, Any] = {
-        name: column[is_within] for name, column in columns.items() if column is not None
-    }
-    return replace(cone, **echoes)
+    return replace(cone, ranges_m=ranges_m).among(is_within)
 
 
 def _without(arcs: Arcs, error: RangeError) -> Arcs:

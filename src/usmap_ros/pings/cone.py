@@ -106,13 +106,22 @@ class EchoCone:
         hidden : (bins,) array
             Amplitude that it may hide in each bin of `detection_limits`.
         """
-        kept = self.amplitudes > other
+        limits = np.maximum(self.detection_limits, encode_limits(hidden))
+        return replace(self.among(self.amplitudes > other), detection_limits=limits)
+
+    def among(self, kept: NDArray[np.bool_]) -> EchoCone:
+        """The cone with some of its echoes only.
+
+        Parameters
+        ----------
+        kept : (echoes,) bool array
+            Which ones.
+        """
         columns = {name: getattr(self, name) for name in BY_ECHO}
         echoes: dict[str, Any] = {
             name: column[kept] for name, column in columns.items() if column is not None
         }
-        limits = np.maximum(self.detection_limits, encode_limits(hidden))
-        return replace(self, detection_limits=limits, **echoes)
+        return replace(self, **echoes)
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

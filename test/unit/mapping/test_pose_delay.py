@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,14 +42,8 @@ def heard(
         x_m, y_m, yaw_rad = place_at(number / RATE_HZ - late_s, robot) + rng.normal(0.0, noise_m, 3)
         stamp_ns, frame = round(1e9 * number / RATE_HZ), f"robot{robot}/sonar"
         cone = make_cone(*sorted(echoes), x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, stamp_ns=stamp_ns)
-        found.append((with_frame(cone, frame), f"robot{robot}"))
+        found.append((replace(cone, child_frame_id=frame), f"robot{robot}"))
     return found
-
-
-def with_frame(cone: EchoCone, frame_id: str) -> EchoCone:
-    """A cone of another transducer."""
-    columns = {name: getattr(cone, name) for name in EchoCone.__dataclass_fields__}
-    return EchoCone(**{**columns, "child_frame_id": frame_id})
 
 
 def delay_of(pings: list[Ping]) -> float:
@@ -114,9 +109,7 @@ def test_a_robot_goes_nowhere_at_once(make_cone: Make) -> None:
     """A pose that is far off must not draw others there, nor a map of all that lies between."""
     pings = heard(make_cone, 0.1)
     cone, source = pings[100]
-    columns = {name: getattr(cone, name) for name in EchoCone.__dataclass_fields__}
-    far = EchoCone(**{**columns, "pose": Pose.planar(9e4, -9e4, 0.0)})
-    pings[100] = far, source
+    pings[100] = replace(cone, pose=Pose.planar(9e4, -9e4, 0.0)), source
     before, told = pings[99][0], pings[99][0].pose.position_m[:2]
     assert PoseTracks(pings).later(before, source, 0.05)[:2] == pytest.approx(told)
     assert delay_of(pings) == pytest.approx(0.1, abs=0.011)
@@ -125,9 +118,7 @@ def test_a_robot_goes_nowhere_at_once(make_cone: Make) -> None:
 def test_a_pose_that_is_tilted_stays_so(make_cone: Make) -> None:
     cone = make_cone((1.0, 0.5))
     tilted = Pose.turned(np.array([1.0, 2.0, 0.4]), 0.3, 0.2, 0.1)
-    cone = EchoCone(
-        **{**{n: getattr(cone, n) for n in EchoCone.__dataclass_fields__}, "pose": tilted}
-    )
+    cone = replace(cone, pose=tilted)
     moved = with_pose(cone, np.array([3.0, 4.0, 0.9])).pose
     assert moved.position_m == pytest.approx([3.0, 4.0, 0.4])
     expected = Pose.turned(moved.position_m, 0.9, 0.2, 0.1)

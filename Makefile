@@ -7,6 +7,9 @@ PYTEST_ARGS ?=
 # Test processes that run at once; a file's tests stay together, because they share what they set up.
 TEST_JOBS ?= 2
 
+# Programs start hundreds of times here, and would compile all that they import each time.
+unexport PYTHONDONTWRITEBYTECODE
+
 BIN := $(VENV)/bin
 # Modules become bytecode when they are first loaded, which most never are: doing it for all takes
 # as long as installing them.

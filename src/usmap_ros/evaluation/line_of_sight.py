@@ -1,23 +1,18 @@
 """Which cells pings can have reached, where occupied cells stop sound and sight."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+import math
 
 import numpy as np
 
 from usmap_ros.grids import GridGeometry
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IntArray
+from usmap_ros.numerics.compiled import compiled, compiled_within
 from usmap_ros.pings.fields_of_view import PingViews
 
 #: Distance between neighbouring rays where they end, in cells.
 _RAY_SPACING_CELLS = 0.5
-#: Cells that the windows of the pings of one chunk may have together.
-_CHUNK_CELLS = 4_000_000
 #: Of the angle between a ray and an axis; what is smaller never comes to the next border.
 _SMALLEST_COSINE = 1e-12
-#: Steps of all rays after which the ones that have ended are left out.
-_STEPS_BETWEEN_CULLS = 4
 
 
 def pings_in_sight(occupied: BoolArray, geometry: GridGeometry, views: PingViews) -> IntArray:
@@ -41,132 +36,88 @@ def pings_in_sight(occupied: BoolArray, geometry: GridGeometry, views: PingViews
     counts : (rows, columns) int array
         Pings that reach each cell.
     """
-    origin_m, resolution_m = np.array(geometry.origin_m), geometry.resolution_m
     # From here on, lengths are in cells.
-    places = (views.positions_m - origin_m) / resolution_m
+    places = (views.positions_m - np.array(geometry.origin_m)) / geometry.resolution_m
     yaws, half_angles = views.beams[:, 0], np.minimum(views.beams[:, 1], np.pi)
     size = np.array(geometry.shape[::-1], dtype=float)
     nearest = np.hypot(*np.maximum(np.maximum(-places, places - size), 0.0).T)
     farthest = np.hypot(*np.maximum(np.abs(places), np.abs(places - size)).T)
-    reaches = views.beams[:, 2] / resolution_m
-    kept = np.flatnonzero(nearest <= reaches)
-    counts = np.zeros(geometry.shape, dtype=np.int64)
-    if not len(kept):
-        return counts
-    reaches = np.minimum(reaches, farthest)
-    radius = int(np.ceil(reaches[kept].max())) + 1
-    per_chunk = max(1, _CHUNK_CELLS // (2 * radius + 1) ** 2)
-    for first in range(0, len(kept), per_chunk):
-        chunk = kept[first : first + per_chunk]
-        windows = _Windows.around(places[chunk], radius)
-        seen = _cast(
-            windows.cut(occupied), places[chunk] - windows.corners,
-            yaws[chunk], half_angles[chunk], reaches[chunk],
-        )  # fmt: skip
-        windows.add_to(counts, seen)
-    return counts
+    reaches = views.beams[:, 2] / geometry.resolution_m
+    kept = nearest <= reaches
+    rays = np.column_stack([yaws, half_angles, np.minimum(reaches, farthest)])[kept]
+    return _cast(np.ascontiguousarray(occupied), places[kept], rays)
 
 
-@dataclass(frozen=True)
-class _Windows:
-    """Squares of cells around pings: lowest column and row of each, shape (pings, 2)."""
-
-    corners: IntArray
-    side: int
-
-    @classmethod
-    def around(cls, places: FloatArray, radius: int) -> _Windows:
-        return cls(np.floor(places).astype(np.int64) - radius, 2 * radius + 1)
-
-    def cut(self, cells: BoolArray) -> BoolArray:
-        """Each window's part of a grid, False beyond its borders."""
-        windows = np.zeros((len(self.corners), self.side, self.side), dtype=bool)
-        for window, corner in zip(windows, self.corners, strict=True):
-            inside, outside = self._overlap(corner, cells.shape)
-            window[inside] = cells[outside]
-        return windows
-
-    def add_to(self, counts: IntArray, windows: BoolArray) -> None:
-        """Add windows to a grid."""
-        for window, corner in zip(windows, self.corners, strict=True):
-            inside, outside = self._overlap(corner, counts.shape)
-            counts[outside] += window[inside]
-
-    def _overlap(
-        self, corner: IntArray, shape: tuple[int, ...]
-    ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-        """The common part of window and grid, as slices of either."""
-        inside, outside = [], []
-        for first, length in zip((int(corner[1]), int(corner[0])), shape, strict=True):
-            low, high = max(first, 0), max(min(first + self.side, length), 0)
-            high = max(high, low)
-            inside.append(slice(low - first, high - first))
-            outside.append(slice(low, high))
-        return (inside[0], inside[1]), (outside[0], outside[1])
-
-
-def _cast(
-    occupied: BoolArray,
-    places: FloatArray,
-    yaws: FloatArray,
-    half_angles: FloatArray,
-    reaches: FloatArray,
-) -> BoolArray:
-    """Cells that each ping's rays reach, in a window of its own.
-
-    Exact traversal of the grid (Amanatides & Woo, "A fast voxel traversal algorithm for ray
-    tracing", Eurographics 1987), so that no ray slips between two cells that touch at a corner.
+@compiled
+def _cast(occupied: BoolArray, places: FloatArray, beams: FloatArray) -> IntArray:
+    """Count the pings whose rays reach each cell.
 
     Parameters
     ----------
-    occupied : (pings, side, side) bool array
+    occupied : (rows, columns) bool array
         What stops rays.
     places : (pings, 2) array
-        Column and row of each ping in its window, in cells.
-    yaws, half_angles, reaches : (pings,) arrays
-        Radians, and cells.
+        Column and row of each ping, in cells.
+    beams : (pings, 3) array
+        Direction and half-angle of each, radians, and how far it reaches, in cells.
 
     Returns
     -------
-    seen : (pings, side, side) bool array
+    counts : (rows, columns) int array
     """
-    pings, side, _ = occupied.shape
-    angles, owners = _rays(yaws, half_angles, reaches)
-    directions = np.stack([np.cos(angles), np.sin(angles)])
-    start = places[owners].T
-    cells = np.floor(start)
-    steps = np.where(directions > 0.0, 1, -1)
+    counts = np.zeros(occupied.shape, np.int64)
+    # The last ping that reached each cell: several of its rays do.
+    newest = np.full(occupied.shape, -1)
+    for ping in range(len(places)):
+        x, y = places[ping]
+        yaw, half_angle, reach = beams[ping]
+        rays = math.ceil(2.0 * half_angle * reach / _RAY_SPACING_CELLS) + 2
+        for ray in range(rays):
+            angle = yaw + half_angle * (2.0 * ray / (rays - 1) - 1.0)
+            _follow(occupied, x, y, angle, reach, ping, newest, counts)
+    return counts
+
+
+@compiled_within
+def _follow(
+    occupied: BoolArray,
+    x: float,
+    y: float,
+    angle: float,
+    reach: float,
+    ping: int,
+    newest: IntArray,
+    counts: IntArray,
+) -> None:
+    """Count a ping in each cell that one of its rays reaches, unless it is counted there.
+
+    Exact traversal of the grid (Amanatides & Woo, "A fast voxel traversal algorithm for ray
+    tracing", Eurographics 1987), so that no ray slips between two cells that touch at a corner.
+    Lengths are in cells.
+    """
+    rows, columns = occupied.shape
+    cosine, sine = math.cos(angle), math.sin(angle)
+    own_column, own_row = math.floor(x), math.floor(y)
+    column, row = own_column, own_row
+    step_x, step_y = (1 if cosine > 0.0 else -1), (1 if sine > 0.0 else -1)
     # Way along the ray across a cell, and to the next border, in x and in y.
-    across = 1.0 / np.maximum(np.abs(directions), _SMALLEST_COSINE)
-    borders = np.where(directions > 0.0, cells + 1.0 - start, start - cells) * across
-    strides = steps * np.array([[1], [side]])
-    index = (owners * side + cells[1].astype(np.int64)) * side + cells[0].astype(np.int64)
-    blocked, seen = occupied.ravel(), np.zeros(occupied.size, dtype=bool)
-    seen[index] = True
-    ends = reaches[owners]
-    while len(index):
-        for _ in range(_STEPS_BETWEEN_CULLS):
-            along_x = borders[0] <= borders[1]
-            way = np.where(along_x, borders[0], borders[1])
-            # A ray that has ended stays where it is.
-            going = way <= ends
-            index = index + going * np.where(along_x, strides[0], strides[1])
-            borders[0] += along_x * across[0]
-            borders[1] += ~along_x * across[1]
-            seen[index] = True
-            ends = np.where(going & ~blocked[index], ends, -1.0)
-        alive = ends >= 0.0
-        index, ends = index[alive], ends[alive]
-        borders, across, strides = borders[:, alive], across[:, alive], strides[:, alive]
-    return seen.reshape(pings, side, side)
-
-
-def _rays(
-    yaws: FloatArray, half_angles: FloatArray, reaches: FloatArray
-) -> tuple[FloatArray, IntArray]:
-    """Directions of all rays, and the ping each starts from."""
-    counts = np.ceil(2.0 * half_angles * reaches / _RAY_SPACING_CELLS).astype(np.int64) + 2
-    owners = np.repeat(np.arange(len(yaws)), counts)
-    within = np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)
-    share = within / (counts[owners] - 1)
-    return yaws[owners] + half_angles[owners] * (2.0 * share - 1.0), owners
+    across_x = 1.0 / max(abs(cosine), _SMALLEST_COSINE)
+    across_y = 1.0 / max(abs(sine), _SMALLEST_COSINE)
+    border_x = (column + 1.0 - x if cosine > 0.0 else x - column) * across_x
+    border_y = (row + 1.0 - y if sine > 0.0 else y - row) * across_y
+    way = 0.0
+    while way <= reach:
+        if 0 <= row < rows and 0 <= column < columns:
+            if newest[row, column] != ping:
+                newest[row, column] = ping
+                counts[row, column] += 1
+            # The cell that the ping stands in stops nothing.
+            if occupied[row, column] and (column != own_column or row != own_row):
+                break
+        way = min(border_x, border_y)
+        if border_x <= border_y:
+            column += step_x
+            border_x += across_x
+        else:
+            row += step_y
+            border_y += across_y

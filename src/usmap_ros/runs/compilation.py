@@ -25,6 +25,7 @@ import numpy as np
 from usmap_ros.acoustics.propagation import Channel
 from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.transducer import Transducer
+from usmap_ros.evaluation.line_of_sight import pings_in_sight
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
@@ -36,6 +37,7 @@ from usmap_ros.numerics.compiled import IS_COMPILED
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits
+from usmap_ros.pings.fields_of_view import PingViews
 from usmap_ros.pings.trace import Encoding
 from usmap_ros.processes.cores import available_cores
 from usmap_ros.processes.memory import look_for_garbage_rarely
@@ -79,11 +81,12 @@ def reconstruct_chirps() -> None:
 
 
 def map_pings() -> None:
-    """Map pings together, and compare robots."""
+    """Map pings together, compare robots, and see what was in sight of them."""
     from usmap_ros.simulation.points import TRANSDUCER
 
     pipeline, cones = _mapped(TRANSDUCER)
-    pipeline.occupancy_map()
+    occupancy = pipeline.occupancy_map()
+    pings_in_sight(occupancy.observed, occupancy.geometry, PingViews.of(cones))
     consistency = Consistency(pipeline.parameters.mapping)
     for ping, cone in enumerate(cones):
         consistency.add("one" if ping < PINGS // 2 else "other", cone)

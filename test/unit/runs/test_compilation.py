@@ -218,8 +218,10 @@ def test_everything_that_is_compiled_is_known() -> None:
 def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
     """Machine code may differ from Python in the last bits, and no cell's class may."""
     compile_if_needed(lambda line: None)
-    scenario = SCENARIO.format(encoding="iq", rate_hz=25e3, duration_s=0.4)
-    (tmp_path / "scenario.yaml").write_text(scenario)
+    scenario = SCENARIO.format(encoding="iq", rate_hz=25e3, duration_s=0.2)
+    # Python takes a second for each square metre, and more.
+    near = scenario.replace("max_range_m: 3.0", "max_range_m: 2.2")
+    (tmp_path / "scenario.yaml").write_text(near)
     has_numba, has_none = "import sys", "import sys; sys.modules['numba'] = None"
     said = {}
     for folder, begin in (("bag", has_numba), ("with", has_numba), ("without", has_none)):
@@ -232,7 +234,7 @@ def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
         said[folder] = done.stderr
     assert (said["with"], said["without"]) == ("", f"usmap: Numba is missing: {SLOW}\n")
     (one, _), (other, _) = load_map(tmp_path / "with"), load_map(tmp_path / "without")
-    assert one.observed.sum() > 20
+    assert one.observed.sum() > 10
     np.testing.assert_array_equal(one.observed, other.observed)
     np.testing.assert_array_equal(
         one.probability() >= OCCUPIED_PROBABILITY, other.probability() >= OCCUPIED_PROBABILITY

@@ -15,7 +15,12 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     log_ratio_of_point,
 )
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, lone_cells
-from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn, discs, round_columns
+from usmap_ros.mapping.joint.surfaces.round_columns import (
+    RoundColumn,
+    discs,
+    round_columns,
+    without_pairs,
+)
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.visibility.field import Field, field_around
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
@@ -136,6 +141,35 @@ def test_what_two_walls_are_heard_before_is_no_column(
         if math.hypot(column.x_m - X_M, column.y_m - Y_M) < 0.05
     ]
     assert is_there == [is_column]
+
+
+def pair_of_poles(make_cone: Callable[..., EchoCone]) -> list[EchoCone]:
+    """Two poles 0.3 m apart, each heard in passing from its own side."""
+    cones, rng = [], np.random.default_rng(7)
+    for x_m, first_rad in ((0.0, 2.1), (0.3, 0.2)):
+        for bearing_rad in np.linspace(first_rad, first_rad + 0.7, 12):
+            away_m = 1.5 + 0.02 * len(cones)
+            turned = math.cos(bearing_rad), math.sin(bearing_rad)
+            cones.append(
+                make_cone(
+                    (away_m + 0.004 * rng.normal(), 0.15), stamp_ns=len(cones),
+                    x_m=x_m + away_m * turned[0], y_m=away_m * turned[1],
+                    yaw_rad=bearing_rad + math.pi,
+                )
+            )  # fmt: skip
+    return cones
+
+
+def test_a_pair_of_poles_is_a_column_only_where_others_are(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """Each heard from one side, they pass for what is round; of many poles some are bound to."""
+    pair = [column for column in columns_of(pair_of_poles(make_cone)) if column.is_certain]
+    assert pair
+    assert not any(column.is_certain for column in without_pairs(pair, 20))
+    (column,) = columns_of(pings_around(make_cone, 0.0, 4.0, 24, 0.003))
+    (found,) = without_pairs([column], 20)
+    assert found.is_certain
 
 
 def test_a_column_heard_from_one_side_replaces_the_cell_on_it(

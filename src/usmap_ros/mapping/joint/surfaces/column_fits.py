@@ -32,6 +32,9 @@ CROWD_M, LEAST_RADIUS_M = 0.4, 0.1
 MOST_MORE_BEFORE = 1.2
 #: Steps of Gauss and Newton to the point that hits of a column are compared with.
 POINT_STEPS = 5
+#: The same to two points, each with the hits that it explains better; shares of the hits, from the
+#: left, that one of them begins with; and what steps are damped by, over the variance of a range.
+TWO_POINT_STEPS, FIRST_SHARES, TWO_POINT_DAMPING = 12, (0.3, 0.5, 0.7), 0.01
 #: No surface is nearer to a robot's path than this.
 CLEARANCE_M = 0.05
 
@@ -144,6 +147,52 @@ def log_ratio_of_point(ping_set: PingSet, circle: Circle) -> float:
     off_m = _off_point(numbers, ranges_m, place)
     crowd = _crowd(echoes, circle.pings, across_m, ranges_m)
     return _log_ratio(off_m, numbers[:, RANGE_STD], crowd, circle.misses)
+
+
+def log_ratio_of_two_points(ping_set: PingSet, circle: Circle) -> float:
+    """Log-likelihood ratio, to echoes by chance, of two points that fit a circle's hits.
+
+    Two poles that are heard from two sides, each from one, pass for what is round.
+    """
+    table, pings, echoes, _ = ping_set
+    numbers, ranges_m = table.numbers[pings[circle.pings]], echoes.range_m[circle.echoes]
+    places_m, middle_m = numbers[:, [X, Y]], np.array([circle.x_m, circle.y_m])
+    offsets = middle_m - places_m
+    away_m = np.hypot(*offsets.T)
+    crowd = _crowd(echoes, circle.pings, away_m - circle.radius_m, ranges_m)
+    towards = offsets / away_m[:, np.newaxis]
+    mean = towards.mean(axis=0)
+    to_the_left = towards @ np.array([-mean[1], mean[0]])
+    best = -math.inf
+    for share in FIRST_SHARES:
+        is_second = to_the_left > np.quantile(to_the_left, share)
+        if not is_second.any():
+            continue
+        points = [middle_m - circle.radius_m * towards[own].mean(axis=0)
+                  for own in (~is_second, is_second)]  # fmt: skip
+        off_m = _off_two_points(places_m, ranges_m, points, is_second)
+        best = max(best, _log_ratio(off_m, numbers[:, RANGE_STD], crowd, circle.misses))
+    return best
+
+
+def _off_two_points(
+    places_m: FloatArray, ranges_m: FloatArray, points: list[FloatArray], is_second: BoolArray
+) -> FloatArray:
+    """How far ranges are off those to the nearer of two points that fit them, m."""
+    off_m = np.zeros((2, len(ranges_m)))
+    for _ in range(TWO_POINT_STEPS):
+        for which, own in enumerate((~is_second, is_second)):
+            offsets = points[which] - places_m[own]
+            distances = np.hypot(*offsets.T)
+            towards = offsets / distances[:, np.newaxis]
+            matrix = towards.T @ towards + TWO_POINT_DAMPING * np.eye(2)
+            points[which] = points[which] + np.linalg.solve(
+                matrix, towards.T @ (ranges_m[own] - distances)
+            )
+            off_m[which] = ranges_m - np.hypot(*(points[which] - places_m).T)
+        is_second = np.abs(off_m[1]) < np.abs(off_m[0])
+    nearer: FloatArray = np.where(is_second, off_m[1], off_m[0])
+    return nearer
 
 
 def _crowd(

@@ -82,7 +82,7 @@ def columns_instead(
         most = max(over_point, default=0.0)
         if most > SUSPECT_OVER_POINT:
             best, is_certain = over_point[most], most > LEAST_OVER_POINT
-            found.append(RoundColumn.of(best, is_certain))
+            found.append(RoundColumn.of(best, is_certain, ping_set))
             if is_certain:
                 is_open[best.echoes] = may_be[best.echoes] = False
     return found

@@ -9,7 +9,7 @@ than points do are columns.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     echoes_per_m,
     fitted_circle,
     log_ratio_of_point,
+    log_ratio_of_two_points,
 )
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
@@ -71,11 +72,20 @@ class RoundColumn:
     echoes: NDArray[np.int64]
     #: Whether it was heard often enough, and from enough directions, to be shown.
     is_certain: bool
+    #: By how much likelier than two points one that is certain is, by its log-likelihood ratio.
+    over_two_points: float = math.inf
 
     @classmethod
-    def of(cls, circle: Circle, is_certain: bool) -> RoundColumn:
-        """What a circle shows."""
-        return cls(circle.x_m, circle.y_m, circle.radius_m, circle.pings, circle.echoes, is_certain)
+    def of(cls, circle: Circle, is_certain: bool, ping_set: PingSet) -> RoundColumn:
+        """What a circle shows that some pings heard."""
+        over = math.inf
+        if is_certain:
+            # Two points have one more unknown, by the Bayesian information criterion.
+            over = circle.log_ratio + 0.5 * math.log(len(circle.pings))
+            over -= log_ratio_of_two_points(ping_set, circle)
+        return cls(
+            circle.x_m, circle.y_m, circle.radius_m, circle.pings, circle.echoes, is_certain, over
+        )
 
     def bearing_from(self, x_m: float, y_m: float) -> float:
         """Direction in which a place hears it, rad."""
@@ -129,12 +139,34 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
         is_certain = _is_heard_around(circle, ping_set)
         if not is_certain and not _is_suspected(circle):
             return False
-        found.append(RoundColumn.of(circle, is_certain))
+        found.append(RoundColumn.of(circle, is_certain, ping_set))
         is_open[circle.echoes] = False
         return True
 
     in_turn(fitted, _candidates(ping_set, is_open, stds_m, field), take)
     return found
+
+
+def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
+    """Columns, those suspected only which two points explain as well.
+
+    Of many things that stand alone, some two poles are bound to be heard as if they were one column,
+    where hardly anything is round; how much there is tells columns that nothing else explains.
+
+    Parameters
+    ----------
+    columns : list of RoundColumn
+        Suspected ones among them.
+    things : int
+        How many things stand alone.
+    """
+    over = [column.over_two_points for column in columns if column.is_certain]
+    least = math.log1p(things)
+    least -= math.log1p(sum(each > least for each in over))
+    return [
+        replace(column, is_certain=column.is_certain and column.over_two_points > least)
+        for column in columns
+    ]
 
 
 def drawn_columns(columns: list[RoundColumn], field: Field) -> BoolArray:

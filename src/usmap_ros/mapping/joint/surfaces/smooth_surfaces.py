@@ -22,6 +22,7 @@ from usmap_ros.mapping.joint.surfaces.round_columns import (
     discs,
     drawn_columns,
     round_columns,
+    without_pairs,
 )
 from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
@@ -144,18 +145,18 @@ class SmoothSurfaces:
         is_explained |= self._reflected
         ping_set = PingSet(table, pings, echoes, left)
         columns = _but_corners(round_columns(ping_set, is_explained, self._field), found)
-        self.columns = [column for column in columns if column.is_certain]
-        for column in self.columns:
-            is_usable[column.echoes] = False
+        for column in columns:
+            is_usable[column.echoes] &= not column.is_certain
         instead = columns_instead(ping_set, is_usable & ~is_explained, is_usable, lone_cells_m)
         instead = _but_corners(instead, found)
-        self.columns += [column for column in instead if column.is_certain]
-        self._suspected = [column for column in instead if not column.is_certain]
-        self._suspected += [
+        columns = [
             column
             for column in columns
-            if not column.is_certain and not any(map(column.overlaps, instead))
+            if column.is_certain or not any(map(column.overlaps, instead))
         ]
+        columns = without_pairs([*columns, *instead], len(lone_cells_m))
+        self.columns = [column for column in columns if column.is_certain]
+        self._suspected = [column for column in columns if not column.is_certain]
         ends = WallEnds(table, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
 

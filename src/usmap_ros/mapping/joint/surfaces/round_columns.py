@@ -150,8 +150,8 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
 def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
     """Columns, those suspected only which two points explain as well.
 
-    Of many things that stand alone, some two poles are bound to be heard as if they were one column,
-    where hardly anything is round; how much there is tells columns that nothing else explains.
+    Of many things that stand alone, some two are bound to be heard as one column would be.  How
+    many things are round in this place, the columns tell that nothing else explains.
 
     Parameters
     ----------

@@ -4,8 +4,9 @@
 PYTHON ?= python3
 VENV ?= .venv
 PYTEST_ARGS ?=
-# Test processes that run at once; a file's tests stay together, because they share what they set up.
-TEST_JOBS ?= 2
+# Test processes that run at once, one more than there are cores in most places that run them: those
+# on ROS 2 often wait.  A file's tests stay together, because they share what they set up.
+TEST_JOBS ?= 3
 
 # Programs start hundreds of times here, and would compile all that they import each time.
 unexport PYTHONDONTWRITEBYTECODE
@@ -19,6 +20,7 @@ MESSAGES := $(wildcard msg_schemas/* msg_schemas/*/*)
 
 # Each stamp stands for one step of the set-up, and is as old as its last run.
 OFFLINE := $(VENV)/.stamp-offline
+TOOLS := $(VENV)/.stamp-tools
 FULL := $(VENV)/.stamp-full
 
 .DEFAULT_GOAL := help
@@ -36,15 +38,16 @@ demo: $(OFFLINE) ## simulate robots, map what they hear, draw it: into demo_outp
 
 # Tests run even where the linters complain: one run shows everything there is to mend.  They begin
 # with the folders whose tests take longest, so that no process is left with those at the end.
-test: $(FULL) ## run linters and all tests, those on ROS 2 included
-	@$(BIN)/usmap compile & \
-	$(MAKE) --no-print-directory lint; lint=$$?; wait; \
+test: $(TOOLS) ## run linters and all tests, those on ROS 2 included
+	@$(MAKE) --no-print-directory lint & lint=$$!; \
+	$(MAKE) --no-print-directory --silent $(FULL) || exit; \
+	$(BIN)/usmap compile; wait $$lint; lint=$$?; \
 	echo "Running the tests"; \
 	$(BIN)/python -m pytest -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder --timeout=600 \
 	  $(PYTEST_ARGS); tests=$$?; \
 	if [ $$lint -ne 0 ]; then exit $$lint; else exit $$tests; fi
 
-lint: $(FULL) ## check style and types
+lint: $(TOOLS) ## check style and types
 	@status=0; \
 	echo "Checking style"; \
 	$(BIN)/ruff check --quiet . || status=1; \
@@ -53,7 +56,7 @@ lint: $(FULL) ## check style and types
 	$(BIN)/mypy || status=1; \
 	exit $$status
 
-format: $(FULL) ## format the code
+format: $(TOOLS) ## format the code
 	@$(BIN)/ruff check --quiet --fix-only .
 	@$(BIN)/ruff format .
 
@@ -154,8 +157,12 @@ $(OFFLINE): $(VENV)/pyvenv.cfg setup.py setup.cfg pyproject.toml constraints.txt
 	$(PINNED) --editable .
 	@touch $@
 
-$(FULL): $(OFFLINE) $(MESSAGES)
-	@echo "Installing ROS 2 and the tools, and compiling the messages (two minutes, once)"
+$(TOOLS): $(OFFLINE)
+	@echo "Installing ROS 2 and the tools (a minute, once)"
 	@$(PINNED) --editable '.[dev,ros]'
+	@touch $@
+
+$(FULL): $(TOOLS) $(MESSAGES)
+	@echo "Compiling the messages (a minute, once)"
 	@$(PINNED) --force-reinstall --no-deps ./msg_schemas
 	@touch $@

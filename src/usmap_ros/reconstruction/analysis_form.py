@@ -228,7 +228,7 @@ class _Regularised:
     """Solves (AᵀA + I) x = b, by the smaller of its two sides."""
 
     def __init__(self, matrix: SparseMatrix) -> None:
-        self.matrix = matrix
+        self.matrix = _quick(matrix)
         rows, columns = matrix.shape
         self.by_rows = rows < columns
         gram: Any = matrix @ matrix.T if self.by_rows else matrix.T @ matrix

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
 from usmap_ros.localisation.pose_kind import PoseKind
+from usmap_ros.localisation.refine import Refinement, refine_poses
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
@@ -16,6 +18,8 @@ from usmap_ros.runs.correction import correct_poses
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate, true_paths
 
+#: Pings that it takes to be sure that a robot was carried off: four blocks.
+ENOUGH = 400
 FILE = Path(__file__).parents[3] / "config" / "scenarios" / "carried_off.yaml"
 Carried = tuple[list[Ping], list[Pose]]
 
@@ -29,31 +33,53 @@ def carried() -> Carried:
     return pings, [Pose(*place) for place in zip(path.positions_m, path.orientations, strict=True)]
 
 
-def test_a_robot_that_is_left_alone_goes_on(carried: Carried) -> None:
-    there = [(topic, replace(one, pose=pose)) for (topic, one), pose in zip(*carried, strict=True)]
+@pytest.fixture(scope="module")
+def there(carried: Carried) -> list[Ping]:
+    """Give enough of those pings where they truly came from: nobody has carried it off."""
+    pairs = zip(*(part[:ENOUGH] for part in carried), strict=True)
+    return [(topic, replace(one, pose=pose)) for (topic, one), pose in pairs]
+
+
+def test_a_robot_that_is_left_alone_goes_on(there: list[Ping]) -> None:
     assert moments(there, PipelineParameters()) == []
 
 
-def test_a_robot_whose_heading_drifts_goes_on(carried: Carried) -> None:
-    pings, true = carried
+def test_a_robot_whose_heading_drifts_goes_on(there: list[Ping]) -> None:
     # Twice to both sides by 10 degrees about the origin: no block agrees with the next one.
-    errors_rad = 0.1745 * np.sin(np.linspace(0.0, 4.0 * np.pi, len(pings), endpoint=False))
-    there = [
-        (topic, replace(one, pose=Pose.planar(0.0, 0.0, float(error)).compose(pose)))
-        for (topic, one), pose, error in zip(pings, true, errors_rad, strict=True)
+    errors_rad = 0.1745 * np.sin(np.linspace(0.0, 4.0 * np.pi, ENOUGH, endpoint=False))
+    turned = [
+        (topic, replace(one, pose=Pose.planar(0.0, 0.0, float(error)).compose(one.pose)))
+        for (topic, one), error in zip(there, errors_rad, strict=True)
     ]
-    assert moments(there, PipelineParameters()) == []
+    assert moments(turned, PipelineParameters()) == []
 
 
-def test_a_robot_whose_first_block_is_off_goes_on(carried: Carried) -> None:
-    pings, true = carried
+def test_a_robot_whose_first_block_is_off_goes_on(there: list[Ping]) -> None:
     # Only as it sets out: nothing tells that it was there for long.
     off = Pose.planar(0.8, 0.8, -0.4)
-    there = [
-        (topic, replace(one, pose=off.compose(pose) if number < 100 else pose))
-        for number, ((topic, one), pose) in enumerate(zip(pings, true, strict=True))
-    ]
-    assert moments(there, PipelineParameters()) == []
+    first = [(topic, replace(one, pose=off.compose(one.pose))) for topic, one in there[:100]]
+    assert moments([*first, *there[100:]], PipelineParameters()) == []
+
+
+@pytest.fixture(scope="module")
+def searches() -> dict[tuple[str, ...], Refinement]:
+    """Give a place for poses that were searched for, by the frames of the pings' sensors."""
+    return {}
+
+
+@pytest.fixture
+def searched_once(
+    monkeypatch: pytest.MonkeyPatch, searches: dict[tuple[str, ...], Refinement]
+) -> None:
+    """Let whoever corrects the same pings go on from the same poses: to find them takes long."""
+
+    def remembered(pings: list[Ping], **of: Any) -> Refinement:
+        names = tuple(one.child_frame_id for _, one in pings)
+        if names not in searches:
+            searches[names] = refine_poses(pings, **of)
+        return searches[names]
+
+    monkeypatch.setattr("usmap_ros.runs.correction.refine_poses", remembered)
 
 
 def test_poses_that_are_absolute_cannot_be_lost(carried: Carried) -> None:
@@ -73,8 +99,9 @@ def off_m(found: list[Ping], true: list[Pose]) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("searched_once")
 def test_it_is_never_joined_wrongly(carried: Carried) -> None:
-    pings, true = carried
+    pings, true = (part[:ENOUGH] for part in carried)
     corrected = correct_poses(pings, PipelineParameters())
     begin = [one.child_frame_id for _, one in corrected.pings].index("robot1#2/sonar")
     assert abs(begin - 200) < 15
@@ -87,12 +114,12 @@ def test_it_is_never_joined_wrongly(carried: Carried) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("searched_once")
 def test_it_is_lost_until_then_and_does_not_smear_the_map(
     carried: Carried, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("usmap_ros.runs.frame_matches.match_maps", lambda one, other: None)
-    # As many as it takes to be sure that it was carried off.
-    corrected = correct_poses(carried[0][:400], PipelineParameters())
+    corrected = correct_poses(carried[0][:ENOUGH], PipelineParameters())
     assert {robot: one.state for robot, one in corrected.robots.items()} == {
         "robot1": "alone", "robot1#2": "lost",
     }  # fmt: skip

@@ -37,7 +37,7 @@ demo: $(OFFLINE) ## simulate robots, map what they hear, draw it: into demo_outp
 	@$(BIN)/usmap demo -o demo_output
 
 # Tests run even where the linters complain: one run shows everything there is to mend.  They begin
-# with the folders whose tests take longest, so that no process is left with those at the end.
+# with the files whose tests take longest (test/conftest.py).
 test: $(TOOLS) ## run linters and all tests, those on ROS 2 included
 	@$(MAKE) --no-print-directory lint & lint=$$!; \
 	$(MAKE) --no-print-directory --silent $(FULL) || exit; \

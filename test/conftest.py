@@ -33,6 +33,9 @@ settings.load_profile("steady")
 #: Recordings and maps that others made: beside the checkout, or where USMAP_SHARED says.
 SHARED = Path(os.environ.get("USMAP_SHARED", Path(__file__).parents[2] / "shared"))
 
+#: Files whose tests take half a minute or more.
+LONGEST = {"test_carried_off.py", "test_consistency.py", "test_joining.py", "test_study.py"}
+
 
 @contextlib.contextmanager
 def untouched_logging() -> Iterator[None]:
@@ -90,10 +93,12 @@ def usmap() -> Callable[..., Done]:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what only looks at others' recordings, where there are none.
+    """Begin with what takes longest, so that no process is left with it while others have ended.
 
-    Whatever they show is shown by simulated or shipped recordings as well.
+    What only looks at others' recordings is left out where there are none.  Whatever they show is
+    shown by simulated or shipped recordings as well.
     """
+    items.sort(key=lambda item: item.path.name not in LONGEST)
     if SHARED.is_dir():
         return
     left_out = [item for item in items if item.get_closest_marker("recordings")]

@@ -245,7 +245,9 @@ class JointEstimate:
     def walls(self) -> Walls:
         """Cells that are shown, and lines through them, by today's evidence."""
         log_odds = cell_log_odds(self.evidence, self.field.shape)
-        return find_walls(log_odds, self.field, self._gap_m, self._smooth, self._stood)
+        return find_walls(
+            log_odds, self.evidence, self.field, self._gap_m, self._smooth, self._stood
+        )
 
     def free_space(self, walls: Walls) -> tuple[Walls, BoolArray]:
         """What stands, with what continues it, and cells that are free.

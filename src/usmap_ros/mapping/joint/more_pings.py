@@ -60,7 +60,9 @@ class MorePings:
         smooth.take_out()
         powers = Powers(pings.table, pings.rows, pings.weights, self.field, known.limits)
         cells = self._explained(powers, before)
-        walls = find_walls(cells.belief, self.field, parameters.wall_gap_m, smooth, self._stood)
+        walls = find_walls(
+            cells.belief, cells.evidence, self.field, parameters.wall_gap_m, smooth, self._stood
+        )
         stays = before.occupied & (cells.belief > ON_A_LINE) & ~self._stood
         walls = replace(
             walls, occupied=walls.occupied | stays,

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES
-from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
+from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines, without_arcs
 from usmap_ros.mapping.joint.surfaces.walls import find_walls
 from usmap_ros.mapping.joint.visibility.field import Field
 
@@ -18,6 +19,26 @@ def lines_through(*columns: int) -> np.ndarray:
     believed = np.zeros((40, 60), bool)
     believed[20, list(columns)] = True
     return surface_lines(np.where(believed, 3.0, -9.0), believed, GAP_CELLS)
+
+
+def heard_within(angle_rad: float, shape: tuple[int, int]) -> CellEvidence:
+    """Evidence of cells that are heard twice, from either side of the direction of the columns."""
+    some = np.full(shape, 2.0, np.float32).ravel()
+    evidence = CellEvidence(*(np.zeros_like(some) for _ in CellEvidence._fields))
+    return evidence._replace(heard=some, axis_cos=-some * np.float32(np.cos(2.0 * angle_rad)))
+
+
+@pytest.mark.parametrize(
+    ("last", "angle_rad", "is_wall"),
+    [(11, 0.05, False), (11, 0.3, True), (29, 0.05, True), (19, 0.05, False)],
+)
+def test_the_arc_of_one_thing_is_no_wall(last: int, angle_rad: float, is_wall: bool) -> None:
+    """Where it is across tell only ranges from other directions."""
+    believed = np.zeros((40, 60), bool)
+    believed[20, 5 : last + 1] = True
+    lines = surface_lines(np.where(believed, 3.0, -9.0), believed, GAP_CELLS)
+    found = without_arcs(lines, believed, heard_within(angle_rad, believed.shape))
+    assert len(found) == is_wall
 
 
 def test_a_dashed_wall_is_one_line() -> None:
@@ -46,5 +67,7 @@ def test_a_point_is_shown_once_where_nothing_but_points_is(has_wall: bool, besid
         drawn_columns=lambda: nothing,
         hide=lambda rows, _: np.zeros(len(rows), bool),
     )
-    shown = find_walls(log_odds, Field(0, 0, 40, 60, 0.05), GAP_CELLS * 0.05, smooth, nothing).shown
+    field = Field(0, 0, 40, 60, 0.05)
+    evidence = heard_within(0.5, log_odds.shape)
+    shown = find_walls(log_odds, evidence, field, GAP_CELLS * 0.05, smooth, nothing).shown
     assert shown[10, [8, 9, 10, 14]].tolist() == [beside, True, True, True]

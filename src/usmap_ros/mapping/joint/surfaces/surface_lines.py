@@ -5,7 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES, off_line
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.numerics.ordering import ascending
@@ -21,6 +22,8 @@ MOST_GAP_SHARE = 0.4
 MOST_LINES = 200
 #: Cells within this distance of a line are on it.
 ON_LINE_CELLS = 1.3
+#: A run that is one thing's arc may be moved so far across before ranges to it tell.
+ARC_CELLS = 1.0
 #: Largest correction of a direction by least squares, rad.
 MOST_TURN = 0.03
 
@@ -52,6 +55,41 @@ def surface_lines(
     lines = np.zeros((MOST_LINES, 5))
     count = _find_runs(places, weights, gap_cells, lines)
     return lines[:count]
+
+
+def without_arcs(
+    lines: NDArray[np.float64], believed: BoolArray, evidence: CellEvidence
+) -> NDArray[np.float64]:
+    """Lines but for those along the arc of one thing that was heard from one side.
+
+    Whoever hears a thing from ahead alone knows how far away it is, and not where across: cells
+    beside each other explain its echoes as well as it does, as far as one moves across without
+    ranges telling, which is the less the more directions it was heard from.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        Through believed cells.
+    believed : (rows, columns) bool array
+        Those.
+    evidence : CellEvidence
+        Of all cells.
+    """
+    rows, columns = np.nonzero(believed)
+    heard, cosine, sine = (
+        each.reshape(believed.shape)[rows, columns]
+        for each in (evidence.heard, evidence.axis_cos, evidence.axis_sin)
+    )
+    is_arc = np.zeros(len(lines), bool)
+    for number, line in enumerate(lines):
+        across, along = off_line(line, rows, columns)
+        on = (np.abs(across) <= ON_LINE_CELLS) & (along >= line[BEGIN]) & (along <= line[END])
+        # Mean square of the sine of directions off the one from which most was heard.
+        total = max(float(heard[on].sum()), 1e-6)
+        square = 0.5 * (1.0 - math.hypot(cosine[on].sum(), sine[on].sum()) / total)
+        is_arc[number] = (line[END] - line[BEGIN]) * math.sqrt(max(square, 0.0)) < ARC_CELLS
+    kept: NDArray[np.float64] = lines[~is_arc]
+    return kept
 
 
 @compiled

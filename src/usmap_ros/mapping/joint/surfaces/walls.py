@@ -4,9 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn, off_line, without_doubles
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
-from usmap_ros.mapping.joint.surfaces.surface_lines import ON_LINE_CELLS, surface_lines
+from usmap_ros.mapping.joint.surfaces.surface_lines import (
+    ON_LINE_CELLS,
+    surface_lines,
+    without_arcs,
+)
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.special import running_maximum
@@ -73,7 +78,12 @@ class Walls:
 
 
 def find_walls(
-    log_odds: FloatArray, field: Field, gap_m: float, smooth: SmoothSurfaces, stood: BoolArray
+    log_odds: FloatArray,
+    evidence: CellEvidence,
+    field: Field,
+    gap_m: float,
+    smooth: SmoothSurfaces,
+    stood: BoolArray,
 ) -> Walls:
     """Cells that are shown, and lines through them.
 
@@ -81,6 +91,8 @@ def find_walls(
     ----------
     log_odds : (rows, columns) array
         Of each cell.
+    evidence : CellEvidence
+        From where they were heard.
     field : Field
         The cells.
     gap_m : float
@@ -92,6 +104,7 @@ def find_walls(
     """
     believed = log_odds > ON_A_LINE
     lines = without_doubles(surface_lines(log_odds, believed, gap_m / field.resolution_m))
+    lines = without_arcs(lines, believed, evidence)
     mirrors = smooth.lines()
     rows, columns = np.nonzero(believed)
     certain = log_odds[rows, columns]

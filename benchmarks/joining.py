@@ -20,7 +20,7 @@ import scenes
 from poses import Ping, places, scenario
 from tours import tours
 
-from usmap_ros.localisation.map_match import Submap, in_common
+from usmap_ros.localisation.submap import Submap, in_common
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.correction import Corrected, correct_poses

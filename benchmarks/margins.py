@@ -23,9 +23,9 @@ from poses import Ping, places
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation import Match, match_maps, refine_poses
 from usmap_ros.localisation.linked_frames import Link
-from usmap_ros.localisation.map_match import Submap
 from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.refine import kinds_of
+from usmap_ros.localisation.submap import Submap
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.frame_matches import PingsOfFrame, SecondLook, map_of, second_look
 from usmap_ros.simulation import Scenario, true_paths

@@ -15,8 +15,8 @@ from itertools import combinations, count, pairwise
 import numpy as np
 
 from usmap_ros.errors import MalformedMessageError, MapSizeError
-from usmap_ros.localisation.map_match import Submap, in_common
 from usmap_ros.localisation.pose_kind import PoseKind, robot_of
+from usmap_ros.localisation.submap import Submap, in_common
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.parameters import PipelineParameters

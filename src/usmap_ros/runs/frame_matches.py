@@ -16,16 +16,18 @@ from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.linked_frames import Link, links
 from usmap_ros.localisation.map_match import Match, match_maps
 from usmap_ros.localisation.planar import compose
-from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame
+from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.localisation.refine import refine_poses
+from usmap_ros.localisation.submap import Submap
+from usmap_ros.localisation.submap_match import promising_by_submaps
 from usmap_ros.mapping.far_off import FarOff, Ping
 from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.set_apart import SetApart, in_one_place
 
-#: Of fewer pings nobody asks what they show.
-_LEAST_PINGS = 20
+#: Of fewer pings nobody asks what they show; so many of a robot make a submap: it is hardly bent.
+_LEAST_PINGS, _OF_SUBMAP = 20, 100
 #: How far a match may be off: x, y (m) and yaw (rad), standard deviations.
 _OFF = np.array([0.1, 0.1, 0.03])
 #: Maps that are made of poses refined together lie where the match has them, up to so much, m, rad.
@@ -46,8 +48,9 @@ class JoinedRobots:
     robots: set[str]
     #: What was known there before.
     earlier: OccupancyMap | None = None
-    #: What they make of it; None: it is not worked out.
+    #: What they make of it, and piece by piece of their ways; None: it is not worked out.
     map: OccupancyMap | None = None
+    submaps: list[Submap] | None = None
 
 
 class PingsOfFrame(NamedTuple):
@@ -89,6 +92,7 @@ class FrameMatches:
     #: Of the maps.
     parameters: PipelineParameters
     _found: dict[Pair, Match | None] = field(default_factory=dict)
+    _promising: dict[Pair, Match | None] = field(default_factory=dict)
     _again: dict[Pair, SecondLook | None] = field(default_factory=dict)
 
     def links(self) -> list[Link]:
@@ -120,7 +124,7 @@ class FrameMatches:
     def forget(self, changed: Iterable[str]) -> None:
         """Work matches of some frames out anew."""
         names = set(changed)
-        for found in (self._found, self._again):
+        for found in (self._found, self._promising, self._again):
             for pair in [pair for pair in found if names & set(pair)]:
                 del found[pair]
 
@@ -140,9 +144,12 @@ class FrameMatches:
 
     def _borne_out(self, matches: Mapping[Pair, Match]) -> dict[Pair, Match]:
         """The first of those that are promising of which a second look makes sure."""
-        for pair, match in sorted(matches.items(), key=lambda each: -each[1].margin):
-            if match.is_sure or not match.is_promising or self.frames[pair[0]].earlier is not None:
-                continue
+        asked = {
+            pair: first
+            for pair, match in matches.items()
+            if self.frames[pair[0]].earlier is None and (first := self._first_look(pair, match))
+        }
+        for pair, match in sorted(asked.items(), key=lambda each: -each[1].margin):
             if pair not in self._again:
                 link = Link(*pair, match.change, match.about_m)
                 one, other = (
@@ -157,6 +164,30 @@ class FrameMatches:
             if again and again.match.bears_out(match):
                 return {pair: again.match}
         return {}
+
+    def _first_look(self, pair: Pair, match: Match) -> Match | None:
+        """What a second look is worth while for, if it is; what is sure has been contradicted."""
+        if match.is_sure:
+            return None
+        if pair not in self._promising:
+            submaps = (self._submaps_of(self.frames[name]) for name in pair)
+            by_whole_maps = match if match.is_promising else None
+            self._promising[pair] = promising_by_submaps(match, *submaps) or by_whole_maps
+        return self._promising[pair]
+
+    def _submaps_of(self, frame: JoinedRobots) -> list[Submap]:
+        if frame.submaps is None:
+            ways: dict[str, list[Ping]] = {}
+            for row in frame.rows:
+                ways.setdefault(robot_of(*self.told[row]), []).append(self.refined[row])
+            frame.submaps = []
+            for way in ways.values():
+                way.sort(key=lambda ping: ping[1].stamp_ns)
+                count = max(1, round(len(way) / _OF_SUBMAP))
+                for rows in np.array_split(np.arange(len(way)), count):
+                    pings = [way[row] for row in rows]
+                    frame.submaps.append(Submap.of(map_of(pings, self.parameters)))
+        return frame.submaps
 
     def _map_of(self, frame: JoinedRobots) -> OccupancyMap:
         if frame.map is None:

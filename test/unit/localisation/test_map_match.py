@@ -5,7 +5,7 @@ import pytest
 
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.localisation import Match, match_maps
-from usmap_ros.localisation.map_match import Submap, in_common
+from usmap_ros.localisation.submap import Submap, in_common
 
 RESOLUTION_M = 0.05
 Segment = tuple[tuple[float, float], tuple[float, float]]

@@ -27,7 +27,8 @@ from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.refine import kinds_of
 from usmap_ros.localisation.submap import Submap
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.runs.frame_matches import PingsOfFrame, SecondLook, map_of, second_look
+from usmap_ros.runs.frame_matches import PingsOfFrame, SecondLook, second_look
+from usmap_ros.runs.submaps import map_of, pieces_of_ways
 from usmap_ros.simulation import Scenario, true_paths
 
 PARAMETERS = PipelineParameters()
@@ -103,7 +104,7 @@ def mapped(scene: Scenario, kind: str, seed: int) -> list[Mapped]:
             for topic, cone in own
         ]
         origin = laid_over(*np.swapaxes(way, 0, 1))
-        pings_of = PingsOfFrame(told[robot], own)
+        pings_of = PingsOfFrame(told[robot], own, pieces_of_ways(own, PARAMETERS))
         found.append(Mapped(kind, seed, robot, pings_of, map_of(own, PARAMETERS), origin))
     return found
 

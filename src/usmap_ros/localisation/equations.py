@@ -78,8 +78,10 @@ class ScaleEquation(NamedTuple):
         track.scale += self.right / self.information
 
 
-def chain(track: Track, knots: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Equations of odometry for the knots of a track.
+def add_chain(
+    track: Track, knots: FloatArray, matrix: FloatArray, right: FloatArray, first: int
+) -> None:
+    """Add what odometry says of the knots of a track to the equations of all.
 
     Parameters
     ----------
@@ -87,28 +89,21 @@ def chain(track: Track, knots: FloatArray) -> tuple[FloatArray, FloatArray, Floa
         Whose.
     knots : (n, 3) array
         Poses.
-
-    Returns
-    -------
-    blocks : (n, 3, 3) array
-        On the diagonal.
-    above : (n - 1, 3, 3) array
-        Beside it.
-    right : (n, 3) array
-        Right-hand sides.
+    matrix, right : arrays
+        Both sides of the equations.
+    first : int
+        The row of the first knot there.
     """
-    blocks, right = np.zeros((len(knots), 3, 3)), np.zeros((len(knots), 3))
     errors, change = odometry_errors(track, knots), derivatives(knots[:-1], knots[1:])
     weighed = np.swapaxes(change, 1, 2) @ track.informations
     both, pull = weighed @ change, -np.einsum("nij,nj->ni", weighed, errors)
-    blocks[:-1] += both[:, :3, :3]
-    blocks[1:] += both[:, 3:, 3:]
-    right[:-1] += pull[:, :3]
-    right[1:] += pull[:, 3:]
-    known = track.start_information()
-    blocks[0] += known
-    right[0] -= known @ start_error(track, knots)
-    return blocks, both[:, :3, 3:], right
+    for step, (block, force) in enumerate(zip(both, pull, strict=True)):
+        at = slice(first + 3 * step, first + 3 * step + 6)
+        matrix[at, at] += block
+        right[at] += force
+    start, known = slice(first, first + 3), track.start_information()
+    matrix[start, start] += known
+    right[start] -= known @ start_error(track, knots)
 
 
 def solve(matrix: FloatArray, right: FloatArray) -> tuple[FloatArray, tuple[FloatArray, bool]]:

@@ -13,7 +13,7 @@ from usmap_ros.localisation.data_association import (
 from usmap_ros.localisation.echo_table import TrackEchoes
 from usmap_ros.localisation.equations import (
     ScaleEquation,
-    chain,
+    add_chain,
     covariances,
     found_spread,
     log_information,
@@ -161,17 +161,10 @@ class Smoother:
         return narrowed - sum(log_information(self.tracks[number]) for number in self._free)
 
     def _add_odometry(self, number: int, matrix: FloatArray, right: FloatArray) -> None:
-        blocks, above, pull = chain(self.tracks[number], self.knots[number])
-        first = 3 * self.first[number]
-        for row, block in enumerate(blocks):
-            at = first + 3 * row
-            matrix[at : at + 3, at : at + 3] += block
-            right[at : at + 3] += pull[row]
-            if row < len(above):
-                matrix[at : at + 3, at + 3 : at + 6] += above[row]
-                matrix[at + 3 : at + 6, at : at + 3] += above[row].T
-        own = slice(first, first + 3 * len(blocks))
-        scale = ScaleEquation.of(self.tracks[number], self.knots[number])
+        track, knots, first = self.tracks[number], self.knots[number], 3 * self.first[number]
+        add_chain(track, knots, matrix, right, first)
+        own = slice(first, first + 3 * len(knots))
+        scale = ScaleEquation.of(track, knots)
         scale.eliminate(matrix[own, own], right[own])
 
     def move(self, change: FloatArray) -> None:

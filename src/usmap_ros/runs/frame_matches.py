@@ -11,23 +11,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.errors import MalformedMessageError, MapSizeError
+from usmap_ros.errors import MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.linked_frames import Link, links
 from usmap_ros.localisation.map_match import Match, match_maps
 from usmap_ros.localisation.planar import compose
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.localisation.refine import refine_poses
-from usmap_ros.localisation.submap import Submap
 from usmap_ros.localisation.submap_match import promising_by_submaps
-from usmap_ros.mapping.far_off import FarOff, Ping
+from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.runs.pipeline import Pipeline
-from usmap_ros.runs.set_apart import SetApart, in_one_place
+from usmap_ros.runs.submaps import Way, brought_in_line, map_of, pieces_of_ways
 
-#: Of fewer pings nobody asks what they show; so many of a robot make a submap: it is hardly bent.
-_LEAST_PINGS, _OF_SUBMAP = 20, 100
+#: Of fewer pings nobody asks what they show.
+_LEAST_PINGS = 20
 #: How far a match may be off: x, y (m) and yaw (rad), standard deviations.
 _OFF = np.array([0.1, 0.1, 0.03])
 #: Maps that are made of poses refined together lie where the match has them, up to so much, m, rad.
@@ -50,7 +48,7 @@ class JoinedRobots:
     earlier: OccupancyMap | None = None
     #: What they make of it, and piece by piece of their ways; None: it is not worked out.
     map: OccupancyMap | None = None
-    submaps: list[Submap] | None = None
+    ways: list[Way] | None = None
 
 
 class PingsOfFrame(NamedTuple):
@@ -59,12 +57,15 @@ class PingsOfFrame(NamedTuple):
     #: List of (topic, EchoCone): with poses as they were told, and as they were refined.
     told: list[Ping]
     refined: list[Ping]
+    #: What pieces of ways show, by `refined`.
+    ways: list[Way]
 
     def moved_by(self, link: Link) -> PingsOfFrame:
         """In the target of a link whose source this frame is."""
         return PingsOfFrame(
             [moved_by(ping, link) for ping in self.told],
             [moved_by(ping, link) for ping in self.refined],
+            self.ways,
         )
 
 
@@ -156,6 +157,7 @@ class FrameMatches:
                     PingsOfFrame(
                         [self.told[row] for row in self.frames[name].rows],
                         [self.refined[row] for row in self.frames[name].rows],
+                        self._ways_of(self.frames[name]),
                     )
                     for name in pair
                 )
@@ -170,24 +172,18 @@ class FrameMatches:
         if match.is_sure:
             return None
         if pair not in self._promising:
-            submaps = (self._submaps_of(self.frames[name]) for name in pair)
+            submaps = (
+                [piece.submap for way in self._ways_of(self.frames[name]) for piece in way]
+                for name in pair
+            )
             by_whole_maps = match if match.is_promising else None
             self._promising[pair] = promising_by_submaps(match, *submaps) or by_whole_maps
         return self._promising[pair]
 
-    def _submaps_of(self, frame: JoinedRobots) -> list[Submap]:
-        if frame.submaps is None:
-            ways: dict[str, list[Ping]] = {}
-            for row in frame.rows:
-                ways.setdefault(robot_of(*self.told[row]), []).append(self.refined[row])
-            frame.submaps = []
-            for way in ways.values():
-                way.sort(key=lambda ping: ping[1].stamp_ns)
-                count = max(1, round(len(way) / _OF_SUBMAP))
-                for rows in np.array_split(np.arange(len(way)), count):
-                    pings = [way[row] for row in rows]
-                    frame.submaps.append(Submap.of(map_of(pings, self.parameters)))
-        return frame.submaps
+    def _ways_of(self, frame: JoinedRobots) -> list[Way]:
+        if frame.ways is None:
+            frame.ways = pieces_of_ways([self.refined[row] for row in frame.rows], self.parameters)
+        return frame.ways
 
     def _map_of(self, frame: JoinedRobots) -> OccupancyMap:
         if frame.map is None:
@@ -225,12 +221,15 @@ def second_look(
     SecondLook or None
         None if maps do not lie where the link has them any more.
     """
-    there = source.moved_by(link)
+    there, count = source.moved_by(link), len(target.told)
     told, before = target.told + there.told, target.refined + there.refined
+    if all(kinds[robot_of(*ping)].drifts for ping in told):
+        behind = [[each._replace(rows=each.rows + count) for each in way] for way in source.ways]
+        ways = [(way, np.zeros(3)) for way in target.ways] + [(way, link.change) for way in behind]
+        before = brought_in_line(told, before, ways)
     together = refine_poses(told, kinds=kinds, before=before).pings
     match: Match | None = None
     with suppress(MapSizeError):
-        count = len(target.told)
         maps = together[:count], together[count:]
         match = match_maps(*(map_of(each, parameters) for each in maps))
     if match is None:
@@ -240,32 +239,6 @@ def second_look(
     if math.hypot(*off[:2]) > _STAYS_M or abs(off[2]) > _STAYS_RAD:
         return None
     return SecondLook(replace(match, change=link.change, about_m=link.about_m), together)
-
-
-def map_of(
-    pings: Iterable[Ping], parameters: PipelineParameters, earlier: OccupancyMap | None = None
-) -> OccupancyMap:
-    """The map of some pings of one frame.
-
-    Parameters
-    ----------
-    pings : iterable of (topic, EchoCone)
-        In any order.
-    parameters : PipelineParameters
-        Of the map.
-    earlier : OccupancyMap, optional
-        What was mapped before.
-    """
-    pipeline, far = Pipeline(parameters), FarOff(parameters.mapping)
-    if earlier is not None:
-        pipeline.resume(earlier)
-        far.cover(earlier.geometry)
-    # What is far from all else would make the map too large, whatever it says.
-    for topic, cone in in_one_place(pings, far, SetApart()):
-        # Whoever makes the map says what is wrong with a ping.
-        with suppress(MalformedMessageError):
-            pipeline.fuse(cone, topic)
-    return pipeline.occupancy_map()
 
 
 def moved_by(ping: Ping, link: Link) -> Ping:

@@ -110,7 +110,7 @@ def join_robots(
             for row in source.rows:
                 base[row], current[row] = moved_by(base[row], link), moved_by(current[row], link)
             rows, robots = target.rows + source.rows, target.robots | source.robots
-            frames[link.target] = replace(target, rows=rows, robots=robots, map=None, submaps=None)
+            frames[link.target] = replace(target, rows=rows, robots=robots, map=None, ways=None)
         changed = {name for link in made for name in (link.target, link.source)}
         for name in sorted(changed & set(frames)):
             rows = frames[name].rows

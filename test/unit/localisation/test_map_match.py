@@ -6,6 +6,7 @@ import pytest
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.localisation import Match, match_maps
 from usmap_ros.localisation.submap import Submap, in_common
+from usmap_ros.localisation.submap_match import promising_by_submaps
 
 RESOLUTION_M = 0.05
 Segment = tuple[tuple[float, float], tuple[float, float]]
@@ -215,3 +216,54 @@ def test_a_second_look_makes_sure_of_a_match_that_gains_by_it(
 ) -> None:
     one, again = (Match(np.zeros(3), np.zeros(2), pieces, margin, 0.1) for margin in (first, then))
     assert again.bears_out(one) == is_sure
+
+
+def bent(places_m: np.ndarray, rad_per_m: float) -> np.ndarray:
+    """Places as a robot has them whose heading drifts on its way along x."""
+    angle_rad = rad_per_m * places_m[:, 0]
+    along_m = np.sin(angle_rad) / rad_per_m, (1.0 - np.cos(angle_rad)) / rad_per_m
+    across_m = np.stack([-np.sin(angle_rad), np.cos(angle_rad)], axis=-1)
+    return np.asarray(np.stack(along_m, axis=-1) + places_m[:, 1:] * across_m)
+
+
+#: Three rooms one behind the other, of 12 m in all, with poles in them.
+THREE_ROOMS: list[Segment] = [
+    ((0.0, 0.0), (12.0, 0.0)), ((12.0, 0.0), (12.0, 4.0)), ((12.0, 4.0), (0.0, 4.0)),
+    ((0.0, 4.0), (0.0, 0.0)), ((3.7, 0.0), (3.7, 2.6)), ((8.6, 1.4), (8.6, 4.0)),
+]  # fmt: skip
+IN_THREE_ROOMS = np.array([*POLES, (6.2, 3.2), (7.3, 1.2), (9.7, 2.9), (10.9, 0.9), (11.2, 2.3)])
+
+
+def submaps(stands_m: np.ndarray, rad_per_m: float, seed: int) -> tuple[OccupancyMap, list[Submap]]:
+    """A map of three rooms that is bent, and a submap for each of them."""
+    inside_m, own = area(0.0, 12.0, 0.0, 4.0), []
+    for west_m in (-0.2, 3.6, 8.5):
+        here = [
+            places_m[(places_m[:, 0] > west_m) & (places_m[:, 0] < west_m + 4.9)]
+            for places_m in (stands_m, inside_m)
+        ]
+        there = [bent(places_m, rad_per_m) for places_m in here]
+        own.append(Submap.of(drawn(there[0], np.zeros(3), -1.0, 13.0, seed, there[1])))
+    whole = drawn(
+        bent(stands_m, rad_per_m), np.zeros(3), -1.0, 13.0, seed, bent(inside_m, rad_per_m)
+    )
+    return whole, own
+
+
+@pytest.mark.parametrize(("is_mirrored", "is_found"), [(False, True), (True, False)])
+def test_submaps_tell_which_way_bent_maps_lie(is_mirrored: bool, is_found: bool) -> None:
+    stands_m = np.concatenate([along(THREE_ROOMS), IN_THREE_ROOMS])
+    one, ones = submaps(stands_m, -0.015, 0)
+    if is_mirrored:
+        stands_m = stands_m * [1.0, -1.0] + [0.0, 4.0]
+    other, others = submaps(stands_m, 0.015, 1)
+    match = match_maps(one, other)
+    assert match is not None
+    assert not match.is_sure
+    found = promising_by_submaps(match, ones, others)
+    assert (found is not None) == is_found
+    if found is not None:
+        # The middle of the second one lies in that of the first one.
+        middle_m = np.array([[6.0, 2.0]])
+        off_m = turned(bent(middle_m, 0.015), found.change) - bent(middle_m, -0.015)
+        assert np.hypot(*off_m[0]) < 0.3

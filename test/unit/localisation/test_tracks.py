@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pings_among_poles import circle
 
-from usmap_ros.localisation.equations import chain, found_spread, odometry_cost
+from usmap_ros.localisation.equations import add_chain, found_spread, odometry_cost
 from usmap_ros.localisation.planar import between, compose, derivatives
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.geometry import wrapped
@@ -84,15 +84,9 @@ def test_odometry_alone_is_solved_to_itself() -> None:
     rng = np.random.default_rng(4)
     knots = one.told[one.knots] + 0.02 * rng.standard_normal((4, 3))
     for _ in range(4):
-        blocks, above, right = chain(one, knots)
-        full = np.zeros((12, 12))
-        for row in range(4):
-            at = slice(3 * row, 3 * row + 3)
-            full[at, at] = blocks[row]
-            if row < 3:
-                after = slice(3 * row + 3, 3 * row + 6)
-                full[at, after], full[after, at] = above[row], above[row].T
-        knots += np.linalg.solve(full, right.ravel()).reshape(4, 3)
+        full, right = np.zeros((12, 12)), np.zeros(12)
+        add_chain(one, knots, full, right, 0)
+        knots += np.linalg.solve(full, right).reshape(4, 3)
     np.testing.assert_allclose(knots, one.told[one.knots], atol=1e-6)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
@@ -25,8 +25,10 @@ _CELL_M, _TURN_RAD = 0.1, math.radians(2.5)
 #: Peaks of each turn, and matches that are refined.  With half as many the right one was at times
 #: not among them (`benchmarks/margins.py`, seed 208, robots 1 and 2), and the next best neither.
 _PEAKS, _REFINED = 12, 24
-#: Matches are different if places are so far from each other, root mean square in m.
-_APART_M = 0.4
+#: Matches are different if places are so far from each other, root mean square in m, and of another
+#: place altogether from so far on: of maps that are bent, what is right has others less far away
+#: that are nearly as good.
+_APART_M, _ELSEWHERE_M = 0.4, 1.0
 #: A match is sure from so many pieces on, net of what speaks against it and of both maps, and if
 #: its margin is so large, less so many times the share that stands in the other's free space: poses
 #: that are off contradict each other a little, rooms that are merely alike more for their margin.
@@ -54,8 +56,18 @@ class Match:
     margin: float
     #: Pieces that stand in the other map's free space, as a share of those that stand in both.
     against: float
+    #: The margin over those matches alone that are of another place.
+    elsewhere: float = 0.0
     #: Changes that were tried, this one first, and what each counts.
     tried: tuple[tuple[FloatArray, float], ...] = ()
+
+    def with_margins(self, places_m: FloatArray) -> Match:
+        """By what was tried, and what stands in the second map, (n, 2)."""
+        margin, elsewhere = (
+            margin_elsewhere(places_m, self.change, self.pieces, self.tried, apart)
+            for apart in (_APART_M, _ELSEWHERE_M)
+        )
+        return replace(self, margin=margin, elsewhere=elsewhere)
 
     @property
     def sureness(self) -> float:
@@ -80,8 +92,8 @@ class Match:
 
     def bears_out(self, first: Match) -> bool:
         """Whether it makes sure of another one, by poses refined together as if that were right."""
-        least = max(_BORNE_OUT, min(first.margin + _GAIN, _IS_ENOUGH))
-        return self.has_enough and self.margin >= least
+        least = max(_BORNE_OUT, min(first.elsewhere + _GAIN, _IS_ENOUGH))
+        return self.has_enough and self.elsewhere >= least
 
 
 def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
@@ -102,26 +114,28 @@ def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
     best, change = found[0]
     both, against = counts(first, second, change)
     tried = tuple((end, pieces) for pieces, end in found)
-    margin = margin_of(second.places_m, change, best, tried)
-    return Match(change, second.centre_m, best, margin, against / max(both, 1.0), tried)
+    match = Match(change, second.centre_m, best, 0.0, against / max(both, 1.0), 0.0, tried)
+    return match.with_margins(second.places_m)
 
 
-def margin_of(
+def margin_elsewhere(
     places_m: FloatArray, change: FloatArray, pieces: float,
-    tried: Iterable[tuple[FloatArray, float]],
+    tried: Iterable[tuple[FloatArray, float]], apart: float = _ELSEWHERE_M,
 ) -> float:  # fmt: skip
     """How much less the best of other changes counts, in units of the root of `pieces`.
 
     Parameters
     ----------
     places_m : (n, 2) array
-        What stands in the second map: changes are others if they put it elsewhere.
+        What stands in the second map.
     change, pieces : (3,) array and float
         A change, and what it counts.
     tried : iterable of (array, float)
         Changes, and what each counts.
+    apart : float
+        Others put what stands farther from where this one does, root mean square in m.
     """
-    others = [count for end, count in tried if apart_m(places_m, change, end) > _APART_M]
+    others = [count for end, count in tried if apart_m(places_m, change, end) > apart]
     return (pieces - max(others, default=0.0)) / math.sqrt(max(pieces, 1.0))
 
 

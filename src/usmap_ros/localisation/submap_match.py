@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from usmap_ros.localisation.map_match import Match, margin_of
+from usmap_ros.localisation.map_match import Match, margin_elsewhere
 from usmap_ros.localisation.submap import Submap, counts, refined
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -48,8 +48,8 @@ def promising_by_submaps(
     Returns
     -------
     Match or None
-        With margin and contradictions as of whole maps: what is right often has little margin, or
-        none, before poses are refined together.
+        With margins as of whole maps: what is right often has little, or none, before poses are
+        refined together.
     """
     places_m = np.concatenate([np.zeros((0, 2)), *(each.places_m for each in others)])
     found: list[tuple[FloatArray, float]] = []
@@ -64,11 +64,9 @@ def promising_by_submaps(
     change, pieces = found[best]
     if pieces < _LEAST_PIECES:
         return None
-    if margin_of(places_m, change, pieces, found) - _DOUBT * shares[best] < _LEAST_SURENESS:
+    if margin_elsewhere(places_m, change, pieces, found) - _DOUBT * shares[best] < _LEAST_SURENESS:
         return None
-    own = match.tried[best][1]
-    margin = margin_of(places_m, change, own, match.tried)
-    return replace(match, change=change, pieces=own, margin=margin)
+    return replace(match, change=change, pieces=match.tried[best][1]).with_margins(places_m)
 
 
 def _in_common(

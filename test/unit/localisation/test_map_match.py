@@ -214,7 +214,9 @@ def test_a_match_is_sure_by_its_margin_and_its_lead_less_what_contradicts_it(
 def test_a_second_look_makes_sure_of_a_match_that_gains_by_it(
     pieces: float, first: float, then: float, is_sure: bool
 ) -> None:
-    one, again = (Match(np.zeros(3), np.zeros(2), pieces, margin, 0.1) for margin in (first, then))
+    one, again = (
+        Match(np.zeros(3), np.zeros(2), pieces, 0.0, 0.1, elsewhere) for elsewhere in (first, then)
+    )
     assert again.bears_out(one) == is_sure
 
 
@@ -266,4 +268,4 @@ def test_submaps_tell_which_way_bent_maps_lie(is_mirrored: bool, is_found: bool)
         # The middle of the second one lies in that of the first one.
         middle_m = np.array([[6.0, 2.0]])
         off_m = turned(bent(middle_m, 0.015), found.change) - bent(middle_m, -0.015)
-        assert np.hypot(*off_m[0]) < 0.3
+        assert np.hypot(*off_m[0]) < 0.4

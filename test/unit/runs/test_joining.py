@@ -256,8 +256,8 @@ def test_a_match_that_is_nearly_sure_is_looked_at_with_poses_refined_together(
     about_m = np.array([2.0, 1.0])
     shift_m, margin = again
     matches = [
-        Match(change, about_m, pieces, 2.5, 0.1),
-        Match(np.array([shift_m, 0.0, 0.0]), about_m, 40.0, margin, 0.0),
+        Match(change, about_m, pieces, 2.5, 0.1, 2.5),
+        Match(np.array([shift_m, 0.0, 0.0]), about_m, 40.0, margin, 0.0, margin),
     ]
     monkeypatch.setattr(
         "usmap_ros.runs.frame_matches.match_maps", lambda one, other: matches.pop(0)

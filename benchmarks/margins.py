@@ -5,8 +5,9 @@ benchmarks/margins.py --kinds flat_rough --seeds 201 202 203``.  Each robot is r
 itself, and each two maps of all scenes are laid over each other.  Scenes of one seed are one place,
 and flats are one whatever the seed; all other pairs share nothing, and whatever match is found of
 them is wrong.  ``symmetric`` are rooms that are the same after half a turn.  Where a match is
-promising, but not sure, it says what becomes of its margin at a second look, with poses refined
-together as if it were right; ``-`` where maps lie elsewhere then.
+promising, but not sure, or another one is by submaps, it says how far that one is off, m, and what
+becomes of its margin over matches elsewhere at a second look, with poses refined together as if it
+were right; ``-`` where maps lie elsewhere then.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.refine import kinds_of
 from usmap_ros.localisation.submap import Submap
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.runs.frame_matches import PingsOfFrame, SecondLook, second_look
+from usmap_ros.runs.frame_matches import PingsOfFrame, SecondLook, first_look, second_look
 from usmap_ros.runs.submaps import map_of, pieces_of_ways
 from usmap_ros.simulation import Scenario, true_paths
 
@@ -169,10 +170,11 @@ def main() -> None:
         apart_m = off_m(match, one, other)
         row = f"{one} | {other} | {match.pieces:.0f} | {match.margin:.2f} | {match.against:.3f}"
         later = ""
-        if match.is_promising and not match.is_sure:
-            looked = again(match, one, other)
-            later = f"{looked.match.margin:.2f}" if looked else "-"
-            later += ": sure" if looked and looked.match.bears_out(match) else ""
+        if first := first_look(match, one.pings.ways, other.pings.ways):
+            looked = again(first, one, other)
+            later = f"{off_m(first, one, other):.2f}, {first.elsewhere:.2f}: "
+            later += f"{looked.match.elsewhere:.2f}" if looked else "-"
+            later += ", sure" if looked and looked.match.bears_out(first) else ""
         print(f"| {row} | {match.sureness:.2f} | {apart_m:.2f} | {later} |", flush=True)
         sureness = match.sureness if match.has_enough else -math.inf
         matches.append((one.shares_place_with(other), sureness, apart_m < RIGHT_M))

@@ -26,8 +26,7 @@ _HELD = np.array([0.08, 0.08, math.radians(3.0)])
 #: Matches of whole maps that are asked about.
 _ASKED = 10
 #: A match is promising by submaps if its margin is so large, less so many times the share that
-#: stands in the other's free space.  Of 35 pairs of robots of one flat 17 right ones reach 3, and
-#: one of 35 of robots of a flat and of its mirror image.
+#: stands in the other's free space.  Few of those reach it that lay a flat over its mirror image.
 _LEAST_SURENESS, _DOUBT = 3.0, 30.0
 #: Pieces of whole maps and submaps together, at the least.
 _LEAST_PIECES = 24.0

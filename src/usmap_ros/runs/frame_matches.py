@@ -168,16 +168,9 @@ class FrameMatches:
         return {}
 
     def _first_look(self, pair: Pair, match: Match) -> Match | None:
-        """What a second look is worth while for, if it is; what is sure has been contradicted."""
-        if match.is_sure:
-            return None
         if pair not in self._promising:
-            submaps = (
-                [piece.submap for way in self._ways_of(self.frames[name]) for piece in way]
-                for name in pair
-            )
-            by_whole_maps = match if match.is_promising else None
-            self._promising[pair] = promising_by_submaps(match, *submaps) or by_whole_maps
+            ways = (self._ways_of(self.frames[name]) for name in pair)
+            self._promising[pair] = first_look(match, *ways)
         return self._promising[pair]
 
     def _ways_of(self, frame: JoinedRobots) -> list[Way]:
@@ -190,6 +183,23 @@ class FrameMatches:
             pings = [self.refined[row] for row in frame.rows]
             frame.map = map_of(pings, self.parameters, frame.earlier)
         return frame.map
+
+
+def first_look(match: Match, ones: Sequence[Way], others: Sequence[Way]) -> Match | None:
+    """The match of two frames that a second look is worth while for, if there is one.
+
+    Parameters
+    ----------
+    match : Match
+        Of the maps of both frames.
+    ones, others : sequences of list of Piece
+        Of ways in either frame.
+    """
+    if match.is_sure:
+        # It has been contradicted by others.
+        return None
+    submaps = ([piece.submap for way in ways for piece in way] for ways in (ones, others))
+    return promising_by_submaps(match, *submaps) or (match if match.is_promising else None)
 
 
 def second_look(

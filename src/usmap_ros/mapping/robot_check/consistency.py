@@ -28,7 +28,7 @@ from usmap_ros.mapping.robot_check.displacement import Robot, displaced
 from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
-from usmap_ros.mapping.robot_check.shifts import HERE, RobotPairs, shifted
+from usmap_ros.mapping.robot_check.shifts import RobotPairs, shifted
 from usmap_ros.mapping.robot_check.sightings import sightings_of
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.parameters import MappingParameters
@@ -149,7 +149,7 @@ class Consistency:
             named = {
                 topic: finding
                 for topic, finding in named.items()
-                if finding.verdict != "misplaced" or not pairs.is_borne_out(topic, share=HERE)
+                if finding.verdict != "misplaced" or not pairs.is_borne_out(topic)
             }
             if not named:
                 return self._of_robots(_cleared(screened) | moved | found)

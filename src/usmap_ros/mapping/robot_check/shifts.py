@@ -17,18 +17,18 @@ from usmap_ros.numerics.arrays import FloatArray
 #: Places that are tried, m: where it is told first.
 STEPS_M = np.linspace(-1.5, 1.5, 41)
 SHIFTS_M = np.array([(0.0, 0.0), *((x_m, y_m) for x_m in STEPS_M for y_m in STEPS_M)])
-#: Gain of a shift, of which what others bear out as it is told is taken off so many times, and
-#: what they do as a share of what they would; the least shift, m, more than a column is across, of
-#: which either hears another side; how well somebody else must bear out the one who is right of
-#: two; and all of them the one who is elsewhere, there.
-LEAST_GAIN, TIMES_TOLD, MOST_SHARE, LEAST_M, BORNE_OUT = 28.0, 2.0, 0.35, 0.5, 4.0
-LEAST_THERE = 8.0
-#: How much others must contradict one where it says it is, and gain that does if they do not: of
-#: one who is alone there nobody knows anything, and its walls fit others' somewhere (up to 58).
-LEAST_AGAINST, GAIN_ALONE = 6.0, 70.0
-#: Share of what others bear out of a robot elsewhere that they do where it says it is, for it to be
-#: there; and of the gain of a shift, from which on one other robot alone makes it.
-HERE, MOSTLY = 0.5, 0.7
+#: Gain of a shift that others contradict, of whom what they say of it where it is told is taken
+#: off so many times; how much that must be; and gain of one that they do not contradict.
+LEAST_GAIN, TIMES_TOLD, LEAST_AGAINST, GAIN_ALONE = 28.0, 2.0, 6.0, 60.0
+#: The least shift, m, more than a column is across, of which either hears another side; and how
+#: well others must bear out the one who is shifted, there.
+LEAST_M, LEAST_THERE = 0.5, 8.0
+#: Gain over that of anybody else's being shifted instead.  What walls of two that fit somewhere
+#: gain, the other one gains as well by the opposite shift: only a third one tells which of them.
+MARGIN = 15.0
+#: How well others must bear out a robot where it says it is, for it to be there; and as a share of
+#: what they would elsewhere.
+BORNE_OUT, HERE = 4.0, 0.5
 
 
 class RobotPairs:
@@ -57,58 +57,51 @@ class RobotPairs:
         between: Callable[[], None],
     ) -> None:
         self.names = sorted(robots)
+        # Of each two, and of the same two the other way around.
         self._said: dict[tuple[str, str], FloatArray] = {}
         for number, one in enumerate(self.names):
             for other in self.names[:number]:
                 between()
-                self._said[one, other] = said = _borne_out(robots[one], robots[other])
-                # The places are the same the other way around, but for where it is told.
-                self._said[other, one] = np.append(said[0], said[:0:-1])
-        unshown = [name for name in self.names if not self.is_borne_out(name, share=HERE)]
+                self._add(one, other, _borne_out(robots[one], robots[other]))
+        unshown = [name for name in self.names if not self.is_borne_out(name)]
         before = earlier() if unshown else {}
         for one in unshown:
-            for other in before.keys() & robots.keys() - {one}:
+            for other in sorted(before.keys() & robots.keys() - {one}):
                 between()
-                self._said[one, other] = self._said[one, other] + _borne_out(
-                    robots[one], before[other]
-                )
+                self._add(one, other, _borne_out(robots[one], before[other]))
 
-    def shift(self, name: str) -> Displacement | None:
-        """How a robot is shifted by what others hear, if they hear it."""
-        said = [self._said[name, other] for other in self.names if other != name]
-        total = np.sum(said, axis=0) if said else np.zeros(len(SHIFTS_M))
+    def _add(self, one: str, other: str, said: FloatArray) -> None:
+        """Add what two bear out of each other, were the first one elsewhere, or else the other."""
+        # The places are the same the other way around, but for where it is told.
+        opposite = np.append(said[0], said[:0:-1])
+        for pair, more in (((one, other), said), ((other, one), opposite)):
+            self._said[pair] = self._said[pair] + more if pair in self._said else more
+
+    def shift(self, name: str) -> Displacement:
+        """How a robot would most likely be shifted by what others hear."""
+        said = (said for (one, _), said in self._said.items() if one == name)
+        total = sum(said, start=np.zeros(len(SHIFTS_M)))
         best = int(total.argmax())
-        gain, told = float(total[best] - total[0]), float(total[0])
-        size_m = float(np.hypot(*SHIFTS_M[best]))
-        least = LEAST_GAIN if told <= -LEAST_AGAINST else GAIN_ALONE
-        is_sure = gain - TIMES_TOLD * told >= least and told <= MOST_SHARE * total[best]
-        # At the edge nothing but parallel walls may say where it ends.
-        is_inside = float(np.abs(SHIFTS_M[best]).max()) < STEPS_M[-2]
-        # Who is deaf is contradicted everywhere, and borne out nowhere.
-        is_there = is_inside and size_m >= LEAST_M and total[best] >= LEAST_THERE
-        if not (is_sure and is_there):
-            return None
         x_m, y_m = (-SHIFTS_M[best]).tolist()
-        return Displacement("moved", (x_m, y_m), gain, told)
+        return Displacement("moved", (x_m, y_m), float(total[best] - total[0]), float(total[0]))
 
-    def made_by(self, shift: Displacement, name: str) -> list[str]:
-        """Who alone makes most of the gain of a robot's shift."""
-        there = int(np.argmin(np.hypot(*(SHIFTS_M + np.array(shift.error)).T)))
-        return [
-            other
-            for other in self.names
-            if other != name
-            and self._said[name, other][there] - self._said[name, other][0] > MOSTLY * shift.gain
-        ]
+    def is_borne_out(self, name: str) -> bool:
+        """Whether anybody bears a robot out where it says it is."""
+        said = (said for (one, _), said in self._said.items() if one == name)
+        return any(each[0] >= max(BORNE_OUT, HERE * each.max()) for each in said)
 
-    def is_borne_out(self, name: str, but_by: str = "", share: float = 0.0) -> bool:
-        """Whether anybody but one bears a robot out where it says it is.
 
-        At the least by such a share of what it would elsewhere.
-        """
-        others = [other for other in self.names if other != but_by]
-        said = [self._said[name, other] for other in others if (name, other) in self._said]
-        return any(one[0] >= max(BORNE_OUT, share * one.max()) for one in said)
+def is_sure(shift: Displacement) -> bool:
+    """Whether a robot is shifted, if nobody else is."""
+    gain, told, size_m = shift.gain, shift.told, float(np.hypot(*shift.error))
+    if told <= -LEAST_AGAINST:
+        is_much = gain - TIMES_TOLD * told >= LEAST_GAIN
+    else:
+        is_much = gain - max(told, 0.0) >= GAIN_ALONE
+    # At the edge nothing but parallel walls may say where it ends.
+    is_inside = max(map(abs, shift.error)) < STEPS_M[-2]
+    # Who is deaf is contradicted everywhere, and borne out nowhere.
+    return is_much and is_inside and size_m >= LEAST_M and told + gain >= LEAST_THERE
 
 
 def shifted(pairs: RobotPairs) -> dict[str, Finding]:
@@ -119,23 +112,18 @@ def shifted(pairs: RobotPairs) -> dict[str, Finding]:
     pairs : RobotPairs
         Of all in whom nothing else is wrong.
     """
-    suspects = {name: shift for name in pairs.names if (shift := pairs.shift(name))}
+    shifts = {name: pairs.shift(name) for name in pairs.names}
+    suspects = [name for name, shift in shifts.items() if is_sure(shift)]
     if not suspects:
         return {}
-    worst = max(suspects, key=lambda name: suspects[name].gain)
-    if pairs.is_borne_out(worst, share=MOST_SHARE):
-        return {}
-    # Either of two is elsewhere, by what they alone say of each other.
-    accusers = {*suspects, *pairs.made_by(suspects[worst], worst)} - {worst}
-    rivals = sorted(name for name in accusers if not pairs.is_borne_out(name, worst, MOST_SHARE))
-    if not rivals:
-        return {worst: suspects[worst].finding()}
+    worst = max(suspects, key=lambda name: shifts[name].gain)
+    least = shifts[worst].gain - MARGIN
+    rivals = sorted(name for name, shift in shifts.items() if shift.gain > least)
+    if rivals == [worst]:
+        return {worst: shifts[worst].finding()}
     return {
-        name: _or_another(
-            suspects.get(name, _opposite(suspects[worst])).finding(),
-            sorted({worst, *rivals} - {name}),
-        )
-        for name in (worst, *rivals)
+        name: _or_another(shifts[name].finding(), [other for other in rivals if other != name])
+        for name in rivals
     }
 
 
@@ -145,11 +133,6 @@ def _borne_out(one: Robot, other: Robot) -> FloatArray:
     borne_out(one.landmarks, other.heard, SHIFTS_M, said)
     borne_out(other.landmarks, one.heard, -SHIFTS_M, said)
     return said
-
-
-def _opposite(shift: Displacement) -> Displacement:
-    """That of one who is right if somebody else is not shifted."""
-    return replace(shift, error=tuple(-by_m for by_m in shift.error))
 
 
 def _or_another(finding: Finding, others: list[str]) -> Finding:

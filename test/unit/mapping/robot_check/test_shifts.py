@@ -42,7 +42,7 @@ def robot_pairs(monkeypatch: pytest.MonkeyPatch) -> Pairs:
         def heard(marks: str, by: str, tried_m: FloatArray, out: FloatArray) -> None:
             told, there = latest.get((marks, by), (0.0, 0.0))
             if by.endswith("earlier"):
-                told, there = earlier.get((marks, by.split()[0]), (0.0, 0.0))
+                told, there = earlier.get((marks, by.removesuffix(" earlier")), (0.0, 0.0))
             if tried_m is SHIFTS_M:
                 out[0] += told
                 out[THERE] += there

@@ -26,7 +26,7 @@ MADE_UP, TIMES_OTHERS = 100.0, 3.0
 #: Quantiles of pings' loudest echoes, between which healthy robots' are `LEAST_SPREAD_DB` apart and
 #: this share of what their ranges make of them; and dB by which others' are louder.
 UPPER, TOP = 0.6, 0.95
-LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.5, 0.4, 8.0
+LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.2, 0.4, 8.0
 #: dB by which an echo fades with ln(range): as its square.
 FADING_DB = 40.0 / math.log(10.0)
 

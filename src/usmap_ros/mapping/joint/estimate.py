@@ -19,6 +19,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
 from usmap_ros.mapping.joint.forward_model.power_estimation import power_limits
 from usmap_ros.mapping.joint.forward_model.powers import Powers
+from usmap_ros.mapping.joint.forward_model.weighed_pings import WeighedPings
 from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
 from usmap_ros.mapping.joint.key_pings import key_pings
 from usmap_ros.mapping.joint.surfaces.lone_columns import lone_cells
@@ -26,7 +27,13 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls, find_walls
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
-from usmap_ros.mapping.joint.witnesses import HALVES, LEAST_WITNESSES, credit, mutual_evidence
+from usmap_ros.mapping.joint.witnesses import (
+    HALVES,
+    LEAST_WITNESSES,
+    credit,
+    halves_of,
+    mutual_evidence,
+)
 from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -154,31 +161,19 @@ class JointEstimate:
         self._weigh(powers)
         self._cast_shadows(powers, self._no_walls, FIRST_DAMPING, rounds, between)
 
-    def ratios_by_source(
-        self, sources: Sequence[str], names: Sequence[str]
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """What halves of each robot's pings say of cells, as `Powers.weigh_apart` gives it.
-
-        Parameters
-        ----------
-        sources : sequence of str
-            Who heard each ping.
-        names : sequence of str
-            All of them.
-        """
-        number = np.array([names.index(source) for source in sources])
-        halves = HALVES * number
-        for robot in range(len(names)):
-            own = np.flatnonzero(number == robot)
-            halves[own[len(own) // HALVES :]] += 1
-        return self._powers.weigh_apart(halves, HALVES * len(names))
+    @property
+    def weighed(self) -> WeighedPings:
+        """What each ping says of the cells."""
+        return self._powers.weighed
 
     def credit(self, sources: Sequence[str]) -> dict[str, float]:
         """How much of the trust in each source is left, by what all say of the cells."""
         names = sorted(set(sources))
         if len(names) < LEAST_WITNESSES:
             return dict.fromkeys(names, 1.0)
-        said = mutual_evidence(*self.ratios_by_source(sources, names), self.field)
+        weighed = self.weighed
+        apart = weighed.evidence_of_parts(halves_of(sources, names), HALVES * len(names))
+        said = mutual_evidence(weighed.number, apart, self.field)
         return dict(zip(names, credit(said), strict=True))
 
     @property

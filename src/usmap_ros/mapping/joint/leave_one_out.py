@@ -1,5 +1,6 @@
 """Leave-one-out: what robots' pings together expect of one robot's, without its own word."""
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -13,10 +14,21 @@ from usmap_ros.mapping.joint.forward_model.log_odds import hiding, judged, optic
 from usmap_ros.mapping.joint.forward_model.power_estimation import expect_powers
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, field_around
-from usmap_ros.mapping.joint.visibility.projection import Scatterers, empty_rows, project
+from usmap_ros.mapping.joint.visibility.projection import (
+    Projection,
+    Scatterers,
+    empty_rows,
+    project,
+)
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_rays
 from usmap_ros.mapping.joint.visibility.shadows import cast_shadows, faintest_weights
-from usmap_ros.mapping.joint.witnesses import HALVES, MutualEvidence, mutual_evidence
+from usmap_ros.mapping.joint.witnesses import (
+    HALVES,
+    TINY,
+    MutualEvidence,
+    halves_of,
+    mutual_evidence,
+)
 from usmap_ros.mapping.ping_bins import PingBins
 from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y, ping_in_row
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -25,6 +37,10 @@ from usmap_ros.pings.cone import EchoCone
 
 #: Evidence from which on others are believed to have seen something.
 SEEN = 8.0
+#: How far from the mean direction from which others heard it a scatterer is expected to be heard:
+#: at least, and so many standard deviations of these directions.  What mirrors is heard from where
+#: it is struck squarely alone; poles and rough walls are from any side that anybody has been on.
+ASPECT_RAD, ASPECT_STDS = math.radians(15.0), 3.0
 #: Rounds of shadows: half of a map's, which settle what is hidden.
 ROUNDS = 3
 
@@ -129,6 +145,22 @@ class _Believed(NamedTuple):
     scatterers: Scatterers
     power: NDArray[np.float32]
     depth: NDArray[np.float32]
+    #: (scatterers,) arrays: where the cell of each is, m, from which direction it was heard, a unit
+    #: vector, and the cosine of how far off that it is expected to be heard.
+    x_m: FloatArray
+    y_m: FloatArray
+    toward_x: FloatArray
+    toward_y: FloatArray
+    least_cosine: FloatArray
+
+    def is_askew(self, pairs: Projection, table: PingTable, rows: NDArray[np.int64]) -> BoolArray:
+        """Whether nobody has heard the scatterer of each pair from where its ping is from."""
+        scatterer = pairs.scatterer[: pairs.start[-1]]
+        numbers = table.numbers[np.repeat(rows, np.diff(pairs.start))]
+        to_x, to_y = numbers[:, X] - self.x_m[scatterer], numbers[:, Y] - self.y_m[scatterer]
+        along = to_x * self.toward_x[scatterer] + to_y * self.toward_y[scatterer]
+        askew: BoolArray = along < self.least_cosine[scatterer] * np.hypot(to_x, to_y)
+        return askew
 
 
 class _Area:
@@ -149,7 +181,10 @@ class _Area:
         )
         self._estimate.estimate_powers(ROUNDS, between)
         self._names = names
-        self._cells, self._said = self._estimate.ratios_by_source(pings.sources, names)
+        weighed, halves = self._estimate.weighed, halves_of(pings.sources, names)
+        self._cells = weighed.number
+        self._said = weighed.evidence_of_parts(halves, HALVES * len(names))
+        self._aspects = weighed.aspects_of_parts(halves, HALVES * len(names))
         self._believed: dict[frozenset[str], _Believed] = {}
 
     def mutual_evidence(self) -> MutualEvidence:
@@ -172,9 +207,11 @@ class _Area:
         """Expected power of each range bin of some pings, by what all but some robots say."""
         if without not in self._believed:
             self._believed[without] = self._without(without)
-        scatterers, power, depth = self._believed[without]
+        believed = self._believed[without]
+        power, depth = believed.power, believed.depth
         expected = np.ones((len(rows), table.kind.shape[1]), np.float32)
-        pairs = project(table, rows, self._field, scatterers)
+        pairs = project(table, rows, self._field, believed.scatterers)
+        pairs.weight[: pairs.start[-1]][believed.is_askew(pairs, table, rows)] = 0.0
         heard = empty_rows(int(pairs.start[-1]) + 1, np.zeros_like(pairs.start))
         left = cast_rays(table, rows, self._field, depth)
         every = np.arange(len(power), dtype=np.int32)
@@ -192,7 +229,19 @@ class _Area:
         cell, part = np.divmod(quarters, QUARTERS)
         scatterers = Scatterers(cell.astype(np.int32), part.astype(np.uint8))
         depth = optical_depth(hiding(others, shape, np.zeros(shape, bool)), self._opacity)
-        return _Believed(scatterers, self._estimate.power[quarters], depth)
+        row, column = np.divmod(cell, self._field.columns)
+        step_m = self._field.resolution_m
+        support, x, y = self._aspects[count].sum(axis=0)[:, np.searchsorted(self._cells, cell)]
+        length = np.maximum(np.hypot(x, y), TINY)
+        # Standard deviation of directions, by the length of their mean (Mardia & Jupp 2000, 2.3.5).
+        std_rad = np.sqrt(-2.0 * np.log(np.clip(length / np.maximum(support, TINY), TINY, 1.0)))
+        return _Believed(
+            scatterers, self._estimate.power[quarters], depth,
+            (column + self._field.first_column + 0.5) * step_m,
+            (row + self._field.first_row + 0.5) * step_m,
+            x / length, y / length,
+            np.cos(np.minimum(ASPECT_RAD + ASPECT_STDS * std_rad, math.pi)),
+        )  # fmt: skip
 
 
 def kept_pings(cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParameters) -> KeptPings:

@@ -8,6 +8,7 @@ two whom nobody else can judge is not told, and both are believed.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,24 @@ class MutualEvidence(NamedTuple):
         """Share of what halves of these robots' pings say that their other halves agree with."""
         agreed, against = (float(np.diag(sums)[list(robots)].sum()) for sums in self)
         return agreed / (agreed + against) if agreed + against else 1.0
+
+
+def halves_of(sources: Sequence[str], names: Sequence[str]) -> NDArray[np.int64]:
+    """Half of whose pings each ping belongs to, of ``HALVES * len(names)``.
+
+    Parameters
+    ----------
+    sources : sequence of str
+        Who heard each ping, in the order of their stamps.
+    names : sequence of str
+        All of them.
+    """
+    number = np.array([names.index(source) for source in sources])
+    halves = HALVES * number
+    for robot in range(len(names)):
+        own = np.flatnonzero(number == robot)
+        halves[own[len(own) // HALVES :]] += 1
+    return halves
 
 
 def mutual_evidence(

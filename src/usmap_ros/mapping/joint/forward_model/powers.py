@@ -26,6 +26,7 @@ from usmap_ros.mapping.joint.forward_model.power_estimation import (
     gather_gradients,
     update_powers,
 )
+from usmap_ros.mapping.joint.forward_model.weighed_pings import WeighedPings
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.projection import (
     ALL_OF_IT,
@@ -247,34 +248,13 @@ class Powers:
         for_each(add, pairwise(edges))
         return evidence
 
-    def weigh_apart(
-        self, part: NDArray[np.int64], parts: int
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """What some parts of the pings say of cells, each by itself, as all were weighed last.
-
-        Parameters
-        ----------
-        part : (pings,) integer array
-            Which part each ping belongs to.
-        parts : int
-            How many there are.
-
-        Returns
-        -------
-        number : (cells,) int32 array
-            Those of which anything is said.
-        ratios : (parts, 2, cells) float32 array
-            Evidence of each cell, and of its block.
-        """
-        count = len(self._cells.number)
-        sums = np.zeros((2, parts * count), np.float32)
-        for group, ratios in zip(self._groups, self._ratios, strict=True):
-            rows, end = np.diff(ratios.start), ratios.start[-1]
-            places = np.repeat(part[group.which] * count, rows) + ratios.cell[:end]
-            weights = np.repeat(self._weights[group.which], rows)
-            for which, logs in enumerate((ratios.own, ratios.block)):
-                sums[which] += np.bincount(places, logs[:end] * weights, parts * count)
-        return self._cells.number, sums.reshape(2, parts, count).swapaxes(0, 1)
+    @property
+    def weighed(self) -> WeighedPings:
+        """What each ping said of the cells when they were weighed last."""
+        return WeighedPings(
+            self._table, self._pings, self._weights, self._field, self._cells.number,
+            [(group.which, each) for group, each in zip(self._groups, self._ratios, strict=True)],
+        )  # fmt: skip
 
     def _weigh_groups(self, cells: Cells) -> list[LikelihoodRatios]:
         """What each group of pings says, by what is expected of them."""

@@ -4,6 +4,7 @@ A robot that is shifted as a whole hears landmarks that agree with one another. 
 the same, or did before, hear them elsewhere, all of them shifted alike.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -93,7 +94,7 @@ class RobotPairs:
 
 def is_sure(shift: Displacement) -> bool:
     """Whether a robot is shifted, if nobody else is."""
-    gain, told, size_m = shift.gain, shift.told, float(np.hypot(*shift.error))
+    gain, told, size_m = shift.gain, shift.told, math.hypot(*shift.error)
     if told <= -LEAST_AGAINST:
         is_much = gain - TIMES_TOLD * told >= LEAST_GAIN
     else:

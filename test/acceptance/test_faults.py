@@ -39,3 +39,16 @@ def test_a_fault_that_costs_more_than_is_asked_for_ends_in_trouble() -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stderr
     assert "TROUBLE poles, gain x100: costs" in done.stdout
+
+
+def test_who_is_named_is_told_without_maps() -> None:
+    command = [
+        sys.executable, str(ROOT / "tools/trials"), "faults", "--scenes", "poles", "--no-maps",
+        "--seeds", "1", "--pings", "30", "--faults", "gain x100",
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[1:] == [
+        "poles, healthy: 0; 0; 0 of 1",
+        "poles, gain x100: 1; 0; 0 of 1",
+    ]

@@ -3,11 +3,12 @@
     python tools/trials fleets [--count 50] [--at-once 3] [--robots 4]
     python tools/trials kills [--count 100]
     python tools/trials replays [--rates 0.5 1 5 50]
-    python tools/trials faults [--scenes poles rough smooth] [--seeds 1 2 3] [--pings 60]
+    python tools/trials faults [--scenes poles rough smooth] [--seeds 1 2 3] [--no-maps]
     python tools/trials soak [--minutes 60] [--robots 10]
 
 Exit status 1 if anything was lost, hung, unreadable, different, or ended in a traceback; of
-faults, if one costs more than is asked for; of the soak, if anything of it stays.
+faults, if one costs more than is asked for, or without maps if a healthy robot is accused; of the
+soak, if anything of it stays.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import NoReturn
 
-from faults import FAULTS, LIAR, SCENES, try_faults
+from faults import FAULTS, LIAR, SCENES, try_faults, try_names
 from soak import try_soak
 
 #: What ends a trial before it is through.
@@ -52,8 +53,13 @@ def main() -> None:
     faults.add_argument(
         "--within",
         type=float,
-        default=1.0,
-        help="most that a fault may cost of F1 or known, against the two other robots alone",
+        default=None,
+        help="most that a fault may cost of F1 or known, against the two other robots alone; by default 1",
+    )
+    faults.add_argument(
+        "--no-maps",
+        action="store_true",
+        help="only see who is named, which takes a fraction of the time",
     )
     soak = trials.add_parser("soak", help="one fault after another, injected and cleared")
     soak.add_argument("--faults", nargs="+", choices=FAULTS, default=list(FAULTS))
@@ -71,6 +77,8 @@ def main() -> None:
             " interval; more on a machine that has other things to do",
         )
     arguments = parser.parse_args()
+    if arguments.trial == "faults" and arguments.no_maps and arguments.within is not None:
+        faults.error("--within asks what maps lose, and --no-maps makes none")
     for number in ENDINGS:
         signal.signal(number, _end)
     with tempfile.TemporaryDirectory() as folder:
@@ -90,6 +98,10 @@ def main() -> None:
             from replays import try_replays
 
             figures, troubles = try_replays(Path(folder), arguments.rates)
+        elif arguments.trial == "faults" and arguments.no_maps:
+            figures, troubles = try_names(
+                arguments.scenes, arguments.faults, arguments.seeds, arguments.pings
+            )
         elif arguments.trial == "faults":
             figures, troubles = try_faults(
                 Path(folder),
@@ -97,7 +109,7 @@ def main() -> None:
                 arguments.faults,
                 arguments.seeds,
                 arguments.pings,
-                arguments.within,
+                1.0 if arguments.within is None else arguments.within,
             )
         elif arguments.trial == "soak":
             figures, troubles = try_soak(

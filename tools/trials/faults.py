@@ -17,7 +17,10 @@ from usmap_ros.evaluation.scoring import Score, score
 from usmap_ros.grids import TruthMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bags import write_bag
+from usmap_ros.mapping.far_off import Ping
+from usmap_ros.mapping.robot_check.consistency import Consistency
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.fields_of_view import PingViews
 from usmap_ros.pings.robot_paths import RobotPaths
@@ -171,15 +174,57 @@ def try_faults(
     return rows, troubles
 
 
+def try_names(
+    kinds: list[str], names: list[str], seeds: list[int], pings: int
+) -> tuple[dict[str, str], list[str]]:
+    """Judge robots of which one is faulty, or none, without a map; parameters as in `try_faults`.
+
+    A healthy robot that is accused is a trouble.
+    """
+    rows = {"fault": "named; cannot be told from another; others accused"}
+    troubles: list[str] = []
+    for kind in kinds:
+        counts = {name: np.zeros(3, int) for name in (HEALTHY, *names)}
+        for seed in seeds:
+            for name, cones in _recordings(kind, seed, pings, tuple(counts)):
+                counts[name] += _judged(cones, FAULTY if name != HEALTHY else "")
+            print(f"{kind}, seed {seed}: done", file=sys.stderr, flush=True)
+        for name, (named, contradicted, others) in counts.items():
+            rows[f"{kind}, {name}"] = f"{named}; {contradicted}; {others} of {len(seeds)}"
+            if others:
+                troubles.append(f"{kind}, {name}: a healthy robot is accused in {others}")
+    return rows, troubles
+
+
+def _judged(cones: list[Ping], faulty: str) -> tuple[bool, bool, bool]:
+    """Whether a robot is named, whether it or another one is, and whether somebody else is."""
+    consistency = Consistency(MappingParameters())
+    for topic, cone in cones:
+        consistency.add(topic, cone)
+    findings = consistency.findings()
+    suspects = {topic for topic, finding in findings.items() if finding.is_suspect}
+    doubted = {topic for topic, one in findings.items() if one.verdict == "contradicted"}
+    return faulty in suspects, faulty in doubted, bool(suspects - {faulty})
+
+
 def _try_seed(
     folder: Path, kind: str, seed: int, pings: int, found: dict[str, list[Outcome]]
 ) -> None:
-    scenario = scene(kind, seed, pings)
-    truth, traces, pipeline = scenario.truth_map(), list(simulate(scenario)), Pipeline()
+    truth, views = scene(kind, seed, pings).truth_map(), None
+    for name, cones in _recordings(kind, seed, pings, tuple(found)):
+        views = views or PingViews.of([cone for topic, cone in cones if topic != FAULTY])
+        found[name].append(_outcome(folder / "bag", cones, truth, views))
+    print(f"{kind}, seed {seed}: done", file=sys.stderr, flush=True)
+
+
+def _recordings(
+    kind: str, seed: int, pings: int, names: tuple[str, ...]
+) -> Iterator[tuple[str, list[Ping]]]:
+    """What all robots hear, in the order of stamps, with one fault after another."""
+    traces, pipeline = list(simulate(scene(kind, seed, pings))), Pipeline()
     others = [(topic, pipeline.reconstruct(trace)) for topic, trace in traces if topic != FAULTY]
     honest = [trace for topic, trace in traces if topic == FAULTY]
-    views = PingViews.of([cone for _, cone in others])
-    for name, outcomes in found.items():
+    for name in names:
         rng = np.random.default_rng([seed, *name.encode()])
         fault = FAULTS.get(name, _each(lambda trace, _: trace))
         heard = [pipeline.reconstruct(trace) for trace in fault(iter(honest), rng)]
@@ -188,8 +233,7 @@ def _try_seed(
         elif name == LIAR:
             heard = list(_lies(heard, rng))
         recorded = [*others, *((FAULTY, cone) for cone in heard)]
-        outcomes.append(_outcome(folder / "bag", recorded, truth, views))
-    print(f"{kind}, seed {seed}: done", file=sys.stderr, flush=True)
+        yield name, sorted(recorded, key=lambda each: each[1].stamp_ns)
 
 
 def scene(kind: str, seed: int, pings: int) -> Scenario:
@@ -209,11 +253,9 @@ def scene(kind: str, seed: int, pings: int) -> Scenario:
     return drawn.model_copy(update={"robots": robots, "duration_s": pings / robots[0].ping_rate_hz})
 
 
-def _outcome(
-    bag: Path, cones: list[tuple[str, EchoCone]], truth: TruthMap, views: PingViews
-) -> Outcome:
+def _outcome(bag: Path, cones: list[Ping], truth: TruthMap, views: PingViews) -> Outcome:
     """Map as `usmap map` does; what the two healthy robots looked at is what is scored."""
-    write_bag(bag, sorted(cones, key=lambda each: each[1].stamp_ns), replace=True)
+    write_bag(bag, cones, replace=True)
     pipeline, run = Pipeline(), MappingRun()
     try:
         with BagReader([bag]) as reader:

@@ -27,8 +27,8 @@ from soak import try_soak
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
 
 
-def main() -> None:
-    """Run the trial that the command line asks for, and print its figures."""
+def _arguments() -> argparse.Namespace:
+    """What the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     trials = parser.add_subparsers(dest="trial", required=True)
     fleets = trials.add_parser("fleets", help="start and stop 'usmap fleet'")
@@ -54,7 +54,8 @@ def main() -> None:
         "--within",
         type=float,
         default=None,
-        help="most that a fault may cost of F1 or known, against the two other robots alone; by default 1",
+        help="most that a fault may cost of F1 or known, against the two other robots alone; by"
+        " default 1",
     )
     faults.add_argument(
         "--no-maps",
@@ -79,6 +80,12 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.trial == "faults" and arguments.no_maps and arguments.within is not None:
         faults.error("--within asks what maps lose, and --no-maps makes none")
+    return arguments
+
+
+def main() -> None:
+    """Run the trial that the command line asks for, and print its figures."""
+    arguments = _arguments()
     for number in ENDINGS:
         signal.signal(number, _end)
     with tempfile.TemporaryDirectory() as folder:

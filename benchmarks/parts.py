@@ -24,7 +24,7 @@ from usmap_ros.mapping.joint.free_space import (
     usual_directions,
 )
 from usmap_ros.mapping.joint.free_space.continuations import Continuations
-from usmap_ros.mapping.joint.free_space.open_space import ORIENTATIONS, ROUND
+from usmap_ros.mapping.joint.free_space.kinds import ORIENTATIONS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import WallDirections
 from usmap_ros.mapping.joint.surfaces import mirror_walls, smooth_surfaces, walls
 from usmap_ros.mapping.ping_table import NOISE, PingTable

@@ -13,7 +13,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
 from usmap_ros.mapping.joint.forward_model.power_estimation import PowerLimits
 from usmap_ros.mapping.joint.forward_model.powers import Settled
-from usmap_ros.mapping.joint.free_space.open_space import GROUPS
+from usmap_ros.mapping.joint.free_space.kinds import GROUPS
 from usmap_ros.mapping.joint.free_space.silence import Silence
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import KnownSurfaces
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field

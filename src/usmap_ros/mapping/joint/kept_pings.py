@@ -10,17 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.common_error import NO_ERROR, CommonError, common_error, without_error
-from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
+from usmap_ros.mapping.joint.sensors import Sensors, sensors_of
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.ping_bins import ping_bins_of
 from usmap_ros.mapping.ping_table import PingTable, stacked
-from usmap_ros.mapping.pose_delay import PoseTracks
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
-from usmap_ros.pings.clutter import Kind, clutter_of, without_clutter
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.pings.range_cones import first_return, report_first_only
 
 #: Pings from within such a step of position, and of heading, look from one place.
 STEP_M, STEP_RAD = 0.02, math.radians(2.0)
@@ -34,28 +30,6 @@ SQUARE_M = 2.0
 #: Pings by which each robot is judged: the latest ones.
 REMEMBERED = 200
 _ALL_BELIEVED: Mapping[str, float] = MappingProxyType({})
-
-
-class Sensors(NamedTuple):
-    """What pings together tell of the sensors that heard them."""
-
-    #: Frames of those that report the first thing only.
-    first_only: set[str]
-    #: See `usmap_ros.mapping.joint.loudness.steps_to_scale`.
-    steps: Mapping[str, int]
-    #: See `usmap_ros.pings.clutter.clutter_of`.
-    clutter: Mapping[Kind, FloatArray] = MappingProxyType({})
-    #: What is wrong with all pings, and where they were sent from.
-    common_error: CommonError = NO_ERROR
-    tracks: PoseTracks = PoseTracks(())
-
-    def heard(self, cone: EchoCone, source: str) -> EchoCone:
-        """What a ping says, by such sensors."""
-        if cone.child_frame_id in self.first_only:
-            return first_return(cone)
-        loud = raised(cone, self.steps[source]) if source in self.steps else cone
-        told = without_clutter(loud, self.clutter)
-        return without_error(told, source, self.common_error, self.tracks)
 
 
 class Pings(NamedTuple):
@@ -126,15 +100,7 @@ class KeptPings:
         """What is known of the sensors, by what those heard who are believed at all."""
         if self._sensors is None:
             believed = [each for each in self.cones() if self.is_believed(each[1])]
-            first_only = report_first_only(cone for cone, _ in believed)
-            sensors = Sensors(first_only, steps_to_scale(believed))
-            whole = [each for each in believed if each[0].child_frame_id not in first_only]
-            clutter = clutter_of(sensors.heard(*each) for each in whole)
-            self._sensors = sensors._replace(clutter=clutter)
-            if self._parameters.correct_common_errors:
-                tracks = PoseTracks(whole)
-                error = common_error(whole, tracks)
-                self._sensors = self._sensors._replace(common_error=error, tracks=tracks)
+            self._sensors = sensors_of(believed, self._parameters.correct_common_errors)
         return self._sensors
 
     def copy(self) -> KeptPings:

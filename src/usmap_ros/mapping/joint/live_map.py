@@ -8,8 +8,9 @@ from typing import NamedTuple
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.drawing import copied, drawn_map
-from usmap_ros.mapping.joint.kept_pings import KeptPings, Sensors
+from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.more_pings import MorePings
+from usmap_ros.mapping.joint.sensors import Sensors
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
+from usmap_ros.mapping.joint.free_space.behind import behind, behind_alone
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     Continuations,
-    behind,
-    behind_alone,
     continue_lines,
     may_go_on,
 )

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.free_space.connected import connected, led_to
-from usmap_ros.mapping.joint.free_space.open_space import (
-    GROUPS,
-    MIRRORS,
-    MOST_A_SECTOR,
-    ORIENTATIONS,
-    OTHERS,
-    ROUND,
-    refute_surfaces,
-)
+from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIONS, OTHERS, ROUND
+from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, log_priors

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.free_space.open_space import MIRRORS, ORIENTATIONS, OTHERS, ROUND
+from usmap_ros.mapping.joint.free_space.kinds import MIRRORS, ORIENTATIONS, OTHERS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
     EXPECTED_M,

@@ -20,6 +20,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import (
 )
 from usmap_ros.mapping.joint.forward_model.cell_parts import Cells, cells_of
 from usmap_ros.mapping.joint.forward_model.likelihood_ratios import LikelihoodRatios, weigh_pings
+from usmap_ros.mapping.joint.forward_model.ping_groups import MOST_GROUPS, groups
 from usmap_ros.mapping.joint.forward_model.power_estimation import (
     PowerLimits,
     expect_powers,
@@ -41,8 +42,6 @@ from usmap_ros.mapping.ping_table import PingTable
 from usmap_ros.numerics.arrays import BoolArray, over_last
 from usmap_ros.processes.threads import for_each
 
-#: Groups of pings at the most, and pings that each has at the least.
-MOST_GROUPS, LEAST_PINGS = 8, 32
 #: Sweeps that thin out whole cells, before those that are left are divided into quarters.
 COARSE_SWEEPS = 5
 
@@ -297,10 +296,3 @@ def _pull(
     """Set both parts of the gradient that earlier pings add: it vanishes at their powers."""
     gradients[:, 0] = before.known * before.power / np.maximum(power, np.float32(least_power))
     gradients[:, 1] = before.known
-
-
-def groups(pings: int) -> list[slice]:
-    """Groups that pings are divided into: always the same for as many pings."""
-    count = max(1, min(MOST_GROUPS, pings // LEAST_PINGS))
-    edges = [pings * index // count for index in range(count + 1)]
-    return [slice(*pair) for pair in pairwise(edges)]

@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y, drawn
-from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
+from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Log-likelihood ratios of a surface: more speaks for it than against it; hardly anything
 #: contradicts it; nothing goes on there.
 HEARD, HARDLY, ENDS = 0.01, -2.0, -5.0
+#: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
+FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
 #: Lines cross if the cosine of the angle between them is less; they end where they meet another
 #: one, or what continues it for so many cells; and if they have met another one so many cells
 #: before.
@@ -26,12 +28,6 @@ CROSSING_COSINE, MEETING_CELLS, MET_CELLS = 0.9, 3.0, 8.0
 #: What is shorter tells its direction too badly for cells beyond its ends to be shown: the tangent
 #: of a column, or a short side of something, ends nowhere in particular.
 FOLLOWED_CELLS = 15.0
-#: A line was heard from one side if the mean of the cosines of its echoes' incidence, with the sign
-#: of the side that they were heard from, is more.
-ONE_SIDED = 0.4
-#: What stands alone was heard from one side if the mean of the unit vectors to who heard it is
-#: longer.
-ALONE_ONE_SIDED = 0.7
 
 
 class Continuations(NamedTuple):
@@ -83,6 +79,35 @@ def continue_lines(
     return Continuations(_ending_at_corners(lines, longer), may_be & ~occupied)
 
 
+def continued(
+    walls: Walls,
+    worst: NDArray[np.float32],
+    is_open: BoolArray,
+    stood: BoolArray,
+    resolution_m: float,
+) -> tuple[Walls, BoolArray]:
+    """Walls with what continues them, and cells that they may go on in.
+
+    Parameters
+    ----------
+    walls : Walls
+        What stands.
+    worst : (rows, columns) float32 array
+        Log-likelihood ratio of a surface in each cell.
+    is_open, stood : (rows, columns) bool arrays
+        Cells that are known to be open, and where robots stood.
+    resolution_m : float
+        Side of a cell.
+    """
+    said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
+    # What is said among mirrors is said of them, which have been followed in their own way.
+    followed_m = BESIDE_MIRRORS_M if len(walls.mirrors) else FOLLOWED_M
+    most_cells = followed_m / resolution_m
+    lines, may_be = continue_lines(walls.lines, walls.shown, said, most_cells)
+    _, more = continue_lines(walls.mirrors, walls.shown, said, most_cells)
+    return walls.through(lines, stood), may_be | more
+
+
 def _ending_at_corners(lines: FloatArray, longer: FloatArray) -> FloatArray:
     """Lines as far as they go on before they meet one another, or what continues it."""
     ended = longer.copy()
@@ -124,66 +149,6 @@ def may_go_on(
             # No ray gets through between cells that touch by their corners.
             may[rows[1:count], columns[: max(0, count - 1)]] = True
     return may & ~is_known
-
-
-def behind(
-    lines: FloatArray,
-    heard: NDArray[np.float32],
-    east: NDArray[np.float32],
-    north: NDArray[np.float32],
-    depth_cells: int,
-) -> BoolArray:
-    """Cells that are behind lines which were heard from one side alone: mostly, that is solid.
-
-    Parameters
-    ----------
-    lines : (lines, 5) array
-        Walls.
-    heard, east, north : (rows, columns) float32 arrays
-        Echoes that were heard of each cell, and sums of the unit vectors to who heard them.
-    depth_cells : int
-        How far they reach.
-    """
-    mask = np.zeros(heard.shape, bool)
-    for line in lines:
-        on = drawn(line[np.newaxis], heard.shape)
-        side = float(line[NORMAL_X] * east[on].sum() + line[NORMAL_Y] * north[on].sum())
-        if abs(side) > ONE_SIDED * float(heard[on].sum()):
-            back = np.repeat(line[np.newaxis], depth_cells, axis=0)
-            back[:, DISTANCE] -= np.sign(side) * np.arange(1.0, depth_cells + 1.0)
-            mask |= drawn(back, heard.shape)
-    return mask
-
-
-def behind_alone(
-    alone: BoolArray,
-    heard: NDArray[np.float32],
-    east: NDArray[np.float32],
-    north: NDArray[np.float32],
-    field: Field,
-    radius_m: float,
-) -> BoolArray:
-    """Discs behind what stands on no line and was heard from one side: it may be their front.
-
-    Parameters
-    ----------
-    alone : (rows, columns) bool array
-        Cells of what stands on no line.
-    heard, east, north
-        As in `behind`.
-    field : Field
-        The cells.
-    radius_m : float
-        Of the discs, which touch what was heard.
-    """
-    rows, columns = np.nonzero(alone)
-    towards = np.stack([east[rows, columns], north[rows, columns]]).astype(np.float64)
-    length = np.hypot(*towards)
-    is_one_sided = length > ALONE_ONE_SIDED * heard[rows, columns]
-    towards = radius_m * towards[:, is_one_sided] / length[is_one_sided]
-    x_m = (field.first_column + columns[is_one_sided] + 0.5) * field.resolution_m - towards[0]
-    y_m = (field.first_row + rows[is_one_sided] + 0.5) * field.resolution_m - towards[1]
-    return field.cells_within(x_m, y_m, radius_m)
 
 
 def _crossings(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:

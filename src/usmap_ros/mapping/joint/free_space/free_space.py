@@ -10,23 +10,18 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth, over_block
 from usmap_ros.mapping.joint.forward_model.powers import Powers
+from usmap_ros.mapping.joint.free_space.behind import behind_walls
 from usmap_ros.mapping.joint.free_space.connected import led_to
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
+    FOLLOWED_M,
     HARDLY,
-    behind,
-    behind_alone,
-    continue_lines,
+    continued,
     may_go_on,
 )
-from usmap_ros.mapping.joint.free_space.open_space import (
-    BAND,
-    GROUPS,
-    MIRRORS,
-    ORIENTATIONS,
-    ROUND,
-    refute_surfaces,
-)
+from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIONS, ROUND
+from usmap_ros.mapping.joint.free_space.listening import listening_beside
+from usmap_ros.mapping.joint.free_space.open_space import BAND, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import (
     OCCUPIED,
     Refutations,
@@ -34,7 +29,7 @@ from usmap_ros.mapping.joint.free_space.refutation import (
     beliefs,
     refute_for_room,
 )
-from usmap_ros.mapping.joint.free_space.response import HeardBins, listen
+from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.silence import Silence, learn_silence
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
@@ -42,7 +37,7 @@ from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.open_ways import prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays, end_rays
-from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE, PingTable, X, Y
+from usmap_ros.mapping.ping_table import GREATEST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import running_maximum
 from usmap_ros.processes.threads import for_each
@@ -51,19 +46,9 @@ from usmap_ros.processes.threads import for_each
 SUSPECTED = -0.5
 #: Rounds of free space, and opacity of what holds sound back.
 FREE_ROUNDS, FREE_OPACITY = 4, 2.0
-#: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
-FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
 #: Up to so far beyond the last foot on a mirror, m, it holds sound back with such a belief, as long
 #: as nothing there is free: it ends where robots turned round, and walls seldom do.
 GOING_ON_M, GOING_ON = 1.0, 0.9
-#: How far behind what was heard from one side alone silence must say as much as where walls
-#: may go on, m.
-BEHIND_M = 0.5
-#: Range bins, in cells, to either side of a cell's that belong to it.
-LISTENING_CELLS = 0.75
-#: By how much things are taken to be fainter from where they are near to where they are as far as
-#: a sensor that reports the first thing only hears, and louder where they are near, dB.
-FADING_DB, NEAR_DB = 20.0, 6.0
 
 
 class FreeSpace:
@@ -144,10 +129,10 @@ class FreeSpace:
         is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
-        walls, may_be = self._going_on(walls, going_on, proven | stood)
+        walls, may_be = continued(walls, going_on, proven | stood, self._stood, field.resolution_m)
         walls = walls.without(going_on < HARDLY)
         closed |= may_be
-        closed |= self._behind(walls, evidence) & ~proven & (alike >= ENDS)
+        closed |= behind_walls(walls, evidence, field) & ~proven & (alike >= ENDS)
         occupied = walls.shown
         wanted &= ~occupied
         stood &= ~occupied
@@ -247,47 +232,6 @@ class FreeSpace:
         self._refute(left, listening, silence._replace(kinds=kinds), asked, changed, said)
         return over_last(np.maximum, said[:, :, :MIRRORS])
 
-    def _going_on(
-        self, walls: Walls, worst: NDArray[np.float32], is_open: BoolArray
-    ) -> tuple[Walls, BoolArray]:
-        """Walls with what continues them, and cells that they may go on in.
-
-        Parameters
-        ----------
-        walls : Walls
-            What stands.
-        worst : (rows, columns) float32 array
-            Log-likelihood ratio of a surface in each cell.
-        is_open : (rows, columns) bool array
-            Cells that are known to be open.
-        """
-        said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
-        # What is said among mirrors is said of them, which have been followed in their own way.
-        followed_m = BESIDE_MIRRORS_M if len(walls.mirrors) else FOLLOWED_M
-        most_cells = followed_m / self._field.resolution_m
-        lines, may_be = continue_lines(walls.lines, walls.shown, said, most_cells)
-        _, more = continue_lines(walls.mirrors, walls.shown, said, most_cells)
-        return walls.through(lines, self._stood), may_be | more
-
-    def _behind(self, walls: Walls, evidence: CellEvidence) -> BoolArray:
-        """Cells behind walls, and things, that were heard from one side alone.
-
-        What they enclose is seldom open: sound that came there through another side of it would
-        have been returned by these walls' backs, too.
-        """
-        shape = self._field.shape
-        heard, east, north = (
-            each.reshape(shape) for each in (evidence.heard, evidence.from_x, evidence.from_y)
-        )
-        depth_cells = round(BEHIND_M / self._field.resolution_m)
-        if not len(walls.all_lines):
-            # What stands alone where no walls are is poles, which enclose nothing.
-            return np.zeros(shape, bool)
-        alone = walls.occupied & ~over_block(drawn(walls.all_lines, shape))
-        backs = behind_alone(alone, heard, east, north, self._field, 0.5 * BEHIND_M)
-        backs |= behind(walls.lines, heard, east, north, depth_cells)
-        return backs & ~walls.shown
-
     def _held(
         self, walls: Walls, free: BoolArray, worst: NDArray[np.float32], silence: Silence
     ) -> FloatArray:
@@ -322,28 +266,10 @@ class FreeSpace:
         return running_maximum(running_maximum(stood, width).T, width).T
 
     def _listening(self, walls: Walls, smooth: SmoothSurfaces, powers: Powers) -> HeardBins:
-        """What was heard, and was to be heard by what stands.
-
-        What is not shown counts for nothing: else an unsure wall would explain its own echoes.
-        """
-        expected = powers.expected_of(over_block(walls.shown).ravel())
-        bin_m = float(np.median(self._table.numbers[self._pings, BIN_M]))
-        reach = max(1, round(LISTENING_CELLS * self._field.resolution_m / bin_m))
-        listening = listen(smooth.put_back(expected), self._pings, expected, reach)
-        self._fade(listening.limit)
-        return listening
-
-    def _fade(self, limit: NDArray[np.float32]) -> None:
-        """Let what is far be fainter to sensors that report the first thing only.
-
-        They do not say how loud things are: a surface that is sure to be heard nearby may be too
-        faint far away.  Where it is not, that is learnt.
-        """
-        numbers = self._table.numbers[self._pings[self._first_only]]
-        bins = np.arange(limit.shape[1]) + 0.5
-        ranges_m = numbers[:, LEAST_RANGE, np.newaxis] + numbers[:, BIN_M, np.newaxis] * bins
-        share = np.minimum(ranges_m / numbers[:, GREATEST_RANGE, np.newaxis], 1.0)
-        limit[self._first_only] *= 10.0 ** (0.1 * (share * FADING_DB - NEAR_DB))
+        numbers, step_m = self._table.numbers[self._pings], self._field.resolution_m
+        return listening_beside(
+            walls, smooth, powers, numbers, self._pings, self._first_only, step_m
+        )
 
     def _proven(
         self,

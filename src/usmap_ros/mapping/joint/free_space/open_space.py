@@ -5,19 +5,26 @@ way in which a surface could face there.  Silence counts as this place answers, 
 view: looks from one side repeat each other as far as surfaces here differ (`overdispersion`).
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.free_space.kinds import (
+    FAINTER,
+    KINDS,
+    ORIENTATIONS,
+    ROUND,
+    SHARES,
+    distinct_ways,
+    incidence_classes,
+    silence_by_share,
+    struck_squarely,
+)
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.visibility.beams import is_beside
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.soundings import (
-    INCIDENCES,
     SECTORS,
     SoundedPlaces,
-    incidence_of,
     room_for,
     sound,
 )
@@ -26,23 +33,9 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import log32
 
-#: Orientations that a surface may have.
-ORIENTATIONS = 16
-#: Kinds of surfaces that are asked for: of each orientation, mirrors of each, which answer square
-#: views alone, and round ones, which answer every view as flat ones answer a square one, but
-#: fainter by so many steps of loudness.
-ROUND = 2 * ORIENTATIONS
-KINDS, FAINTER = ROUND + 1, 4
-#: Classes of incidence of views that are square, and how many orientations may be so near to one.
-SQUARE_CLASSES, STRUCK = 3, 2
-#: Groups of kinds: walls along and across the usual direction, all others, and mirrors in a place
-#: where none were found.
-GROUPS, ALONG, ACROSS, OTHERS, MIRRORS = 4, 0, 1, 2, 3
 #: The most that echoes from one sector say for a surface, and for a mirror, of which no other
 #: sector can say that they are of something else; and chance of an echo from nowhere.
 MOST_A_SECTOR, MOST_OF_A_MIRROR, CLUTTER = 2.4, 0.2, 0.05
-#: Steps of the share of sound that gets to a cell.
-SHARES = 32
 #: Cells along the side of a block that looks for its pings once.
 BLOCK = 16
 #: Rows of cells that one thread asks for at a time: some blocks.
@@ -91,8 +84,8 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         np.empty((size, SECTORS), np.bool_),
     )
     total, most = np.empty(KINDS, np.float32), _most()
-    classes, silence, ways = _classes(kinds), _silence(log_silent), _ways(log_silent)
-    struck = _struck(classes)
+    classes, silence = incidence_classes(kinds), silence_by_share(log_silent)
+    struck, ways = struck_squarely(classes), distinct_ways(log_silent)
     near, asked, seen = np.empty(len(pings), np.int64), np.empty(size, np.int64), room_for(size)
     open_m = OPEN_CELLS * field.resolution_m
     for bottom in range(0, field.rows, BLOCK):
@@ -123,54 +116,6 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                 _put_least_refuted(
                     said[place], is_said[place], ways, np.float32(shape), kinds, most, total, least
                 )
-
-
-@inlined
-def _classes(kinds: FloatArray) -> NDArray[np.int32]:
-    """Class of incidence of a direction of view in degrees, for each orientation."""
-    classes = np.empty((180, ORIENTATIONS), np.int32)
-    for degrees in range(180):
-        for orientation in range(ORIENTATIONS):
-            direction = (degrees + 0.5) * math.pi / 180.0
-            classes[degrees, orientation] = incidence_of(direction, kinds[orientation, 0])
-    return classes
-
-
-@inlined
-def _struck(classes: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Orientations that a direction of view in degrees strikes squarely; -1: none, or no other."""
-    struck = np.full((180, STRUCK), -1, np.int32)
-    for degrees in range(180):
-        count = 0
-        for orientation in range(ORIENTATIONS):
-            if classes[degrees, orientation] < SQUARE_CLASSES and count < STRUCK:
-                struck[degrees, count] = orientation
-                count += 1
-    return struck
-
-
-@inlined
-def _silence(log_silent: FloatArray) -> NDArray[np.float32]:
-    """P(silent | surface), and its logarithm, by the share of the sound that gets there."""
-    loudnesses = log_silent.shape[0]
-    silence = np.empty((SHARES + 1, loudnesses, 2, INCIDENCES), np.float32)
-    for share in range(SHARES + 1):
-        for loud in range(loudnesses):
-            for incidence in range(INCIDENCES):
-                answers = 1.0 - math.exp(log_silent[loud, incidence])
-                silence[share, loud, 0, incidence] = 1.0 - answers * share / SHARES
-                silence[share, loud, 1, incidence] = math.log(1.0 - answers * share / SHARES)
-    return silence
-
-
-@inlined
-def _ways(log_silent: FloatArray) -> int:
-    """How many orientations differ: what answers alike at any incidence has only one."""
-    for loud in range(log_silent.shape[0]):
-        for incidence in range(1, INCIDENCES):
-            if log_silent[loud, incidence] != log_silent[loud, 0]:
-                return ORIENTATIONS
-    return 1
 
 
 @inlined

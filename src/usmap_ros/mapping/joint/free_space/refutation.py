@@ -6,12 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space.open_space import (
-    ACROSS,
-    ALONG,
-    MOST_A_SECTOR,
-    ORIENTATIONS,
-)
+from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, ORIENTATIONS
+from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR
 from usmap_ros.mapping.joint.free_space.silence import Silence
 from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
 from usmap_ros.mapping.joint.surfaces.lines import drawn, facing_so

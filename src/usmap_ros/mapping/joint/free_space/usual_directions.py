@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space.open_space import (
+from usmap_ros.mapping.joint.free_space.kinds import (
     ACROSS,
     ALONG,
     KINDS,

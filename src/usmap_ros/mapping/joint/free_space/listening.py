@@ -1,0 +1,64 @@
+"""What pings heard, and were to hear, beside what is known to stand."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.mapping.joint.forward_model.powers import Powers
+from usmap_ros.mapping.joint.free_space.response import HeardBins, listen
+from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
+from usmap_ros.mapping.joint.surfaces.walls import Walls
+from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
+
+#: Range bins, in cells, to either side of a cell's that belong to it.
+LISTENING_CELLS = 0.75
+#: By how much things are taken to be fainter from where they are near to where they are as far as
+#: a sensor that reports the first thing only hears, and louder where they are near, dB.
+FADING_DB, NEAR_DB = 20.0, 6.0
+
+
+def listening_beside(
+    walls: Walls,
+    smooth: SmoothSurfaces,
+    powers: Powers,
+    numbers: FloatArray,
+    pings: NDArray[np.int64],
+    first_only: BoolArray,
+    resolution_m: float,
+) -> HeardBins:
+    """What was heard, and was to be heard by what stands.
+
+    What is not shown counts for nothing: else an unsure wall would explain its own echoes.
+
+    Parameters
+    ----------
+    walls, smooth, powers
+        What stands, and what it scatters.
+    numbers : (pings, columns) array
+        Of the pings, as in a `PingTable`.
+    pings : (pings,) integer array
+        Their rows in that.
+    first_only : (pings,) bool array
+        Pings of sensors that report the first thing only.
+    resolution_m : float
+        Side of a cell.
+    """
+    expected = powers.expected_of(over_block(walls.shown).ravel())
+    reach = max(1, round(LISTENING_CELLS * resolution_m / float(np.median(numbers[:, BIN_M]))))
+    listening = listen(smooth.put_back(expected), pings, expected, reach)
+    _fade(listening.limit, numbers, first_only)
+    return listening
+
+
+def _fade(limit: NDArray[np.float32], numbers: FloatArray, first_only: BoolArray) -> None:
+    """Let what is far be fainter to sensors that report the first thing only.
+
+    They do not say how loud things are: a surface that is sure to be heard nearby may be too faint
+    far away.  Where it is not, that is learnt.
+    """
+    those = numbers[first_only]
+    bins = np.arange(limit.shape[1]) + 0.5
+    ranges_m = those[:, LEAST_RANGE, np.newaxis] + those[:, BIN_M, np.newaxis] * bins
+    share = np.minimum(ranges_m / those[:, GREATEST_RANGE, np.newaxis], 1.0)
+    limit[first_only] *= 10.0 ** (0.1 * (share * FADING_DB - NEAR_DB))

@@ -80,11 +80,8 @@ def edges_between(tracks: Sequence[Track], submaps: Sequence[PlacedSubmap]) -> l
         first, second = (_nearest(tracks[each.way], each.middle) for each in (one, other))
         # By how much the other submap is moved in the frame of all ways.
         moved = compose(compose(one.change, there), between(other.change, np.zeros(3)))
-        ends = (
-            tracks[each.way].told[tracks[each.way].knots[knot]]
-            for each, knot in ((one, first), (other, second))
-        )
-        start, end = ends
+        start = tracks[one.way].told[tracks[one.way].knots[first]]
+        end = tracks[other.way].told[tracks[other.way].knots[second]]
         seen = between(start, compose(moved, end))
         found.append(Edge((one.way, first), (other.way, second), seen))
     return found

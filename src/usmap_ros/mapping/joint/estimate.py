@@ -230,11 +230,11 @@ class JointEstimate:
     def _explained(self, cells: BoolArray) -> BoolArray:
         """Whether some cells explain each echo."""
         expected = self._powers.expected_of(cells.ravel())
-        index, bins, inside = self._smooth.echo_bins
-        rows = self.pings[index]
+        places = self._smooth.places
+        index, bins, rows = places.ping, places.bin, self.pings[places.ping]
         noise = self.table.numbers[rows, NOISE]
         share = (expected[index, bins] - noise) / np.maximum(self.table.power[rows, bins], 1e-12)
-        explained: BoolArray = inside & (share > EXPLAINED_SHARE)
+        explained: BoolArray = places.inside & (share > EXPLAINED_SHARE)
         return explained
 
     def walls(self) -> Walls:

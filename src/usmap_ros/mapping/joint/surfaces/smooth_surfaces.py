@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
+from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead
 from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls, perpendicular_walls
@@ -32,17 +33,11 @@ from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
 from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.mapping.ping_table import (
     ABSORPTION,
-    BIN_M,
-    HALF_ANGLE,
-    HEADING,
-    LEAST_RANGE,
-    RANGE_STD,
     PingTable,
     X,
     Y,
 )
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.geometry import wrapped
 
 #: Range bins around a smooth thing's echo that say nothing of cells.
 AROUND_BINS = 2
@@ -60,9 +55,6 @@ BESIDE_M = (-0.04, 0.0, 0.04)
 #: An echo as loud as this, as a share of what the place's mirrors return on the beam's axis, is of
 #: a mirror that is struck squarely within the beam, or of something as near as it is large.
 MIRROR_SHARE = 0.5
-#: An echo is that of a smooth thing that is known if it is so near to where it should be, beyond
-#: what its range is uncertain by, m.
-RECOGNISED_M = 0.03
 
 
 class KnownSurfaces(NamedTuple):
@@ -100,18 +92,8 @@ class SmoothSurfaces:
         # Those that other pings found.
         self._known_mirrors: list[MirrorWall] = []
         self._reflected = np.zeros(len(echoes.range_m), bool)
-        index = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
-        numbers = table.numbers[pings[index]]
-        place = np.floor((echoes.range_m - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M])
-        self._inside = (place >= 0) & (place < table.bins[pings[index]])
-        self._ping, self._bin = index, np.where(self._inside, place, 0).astype(np.int64)
-        # Of each echo's ping.
-        self._numbers = numbers
-
-    @property
-    def echo_bins(self) -> tuple[NDArray[np.int64], NDArray[np.int64], BoolArray]:
-        """Ping and range bin of each echo, and whether it is within its ping's bins."""
-        return self._ping, self._bin, self._inside
+        #: Where each echo is.
+        self.places = EchoPlaces(table, pings, echoes)
 
     def find(
         self,
@@ -135,12 +117,12 @@ class SmoothSurfaces:
         """
         table, pings, echoes = self._table, self._pings, self._echoes
         left = cast_all_rays(table, pings, self._field, depth)
-        is_usable = ~first_only[self._ping] | self._mirror_first_returns(first_only)
+        is_usable = ~first_only[self.places.ping] | self._mirror_first_returns(first_only)
         is_explained = is_explained | ~is_usable
         found = mirror_walls(table, pings, echoes, is_explained, is_usable, first_only)
         for wall in found:
             is_explained[wall.echoes] = True
-        may_follow = ~is_explained & ~first_only[self._ping]
+        may_follow = ~is_explained & ~first_only[self.places.ping]
         self._reflected = reflected(found, table, pings, echoes) & may_follow
         is_explained |= self._reflected
         ping_set = PingSet(table, pings, echoes, left)
@@ -165,7 +147,7 @@ class SmoothSurfaces:
         table, pings, echoes = self._table, self._pings, self._echoes
         if not first_only.any():
             return False
-        walls = perpendicular_walls(table, pings, echoes, first_only[self._ping], first_only)
+        walls = perpendicular_walls(table, pings, echoes, first_only[self.places.ping], first_only)
         return answer_as_mirrors(walls, table, pings, echoes)
 
     @property
@@ -177,39 +159,13 @@ class SmoothSurfaces:
         """Take over the smooth things that other pings found, with these pings' echoes of them."""
         self._suspected, self._known_mirrors = known.suspected, known.mirrors
         for wall in known.mirrors:
-            own = np.flatnonzero(self._are_of_mirror(wall))
-            self.mirrors.append(replace(wall, pings=self._ping[own], echoes=own))
+            own = np.flatnonzero(self.places.are_of_mirror(wall))
+            self.mirrors.append(replace(wall, pings=self.places.ping[own], echoes=own))
         # What goes over more mirrors seems to be behind one, where nothing is shown.
         self._reflected = reflected(self.mirrors, self._table, self._pings, self._echoes, most=2)
         for column in known.columns:
-            own = np.flatnonzero(self._are_of_column(column))
-            self.columns.append(replace(column, pings=self._ping[own], echoes=own))
-
-    def _are_of_mirror(self, wall: MirrorWall) -> BoolArray:
-        """Whether each echo is where a mirror's would be, as far as that goes."""
-        x_m, y_m = self._numbers[:, X], self._numbers[:, Y]
-        cosine, sine = np.cos(wall.normal_rad), np.sin(wall.normal_rad)
-        along_m = cosine * y_m - sine * x_m
-        is_along = (along_m >= wall.begin_m) & (along_m <= wall.end_m)
-        expected_m = wall.distance_m - cosine * x_m - sine * y_m
-        bearing_rad = np.full(len(expected_m), wall.normal_rad)
-        return np.asarray(is_along & self._are_from(expected_m, bearing_rad), bool)
-
-    def _are_of_column(self, column: RoundColumn) -> BoolArray:
-        """Whether each echo is where a column's would be."""
-        x_m, y_m = self._numbers[:, X], self._numbers[:, Y]
-        right_m, up_m = column.x_m - x_m, column.y_m - y_m
-        expected_m = np.hypot(right_m, up_m) - column.radius_m
-        is_at = self._are_from(expected_m, np.arctan2(up_m, right_m))
-        return np.asarray(is_at & (expected_m > 0.0), bool)
-
-    def _are_from(self, expected_m: FloatArray, bearing_rad: FloatArray) -> BoolArray:
-        """Whether each echo is at a range, of what lies in a direction within the beam."""
-        off_rad = wrapped(bearing_rad - self._numbers[:, HEADING])
-        is_ahead = np.abs(off_rad) < self._numbers[:, HALF_ANGLE]
-        near_m = RECOGNISED_M + self._numbers[:, RANGE_STD]
-        there: BoolArray = is_ahead & (np.abs(self._echoes.range_m - expected_m) < near_m)
-        return there
+            own = np.flatnonzero(self.places.are_of_column(column))
+            self.columns.append(replace(column, pings=self.places.ping[own], echoes=own))
 
     def take_out(self) -> None:
         """Let the echoes of smooth things say nothing of cells."""
@@ -264,15 +220,15 @@ class SmoothSurfaces:
         found = self._known_mirrors or self.mirrors
         hits = [len(wall.echoes) for wall in found]
         usual = float(np.average([wall.log_mirror for wall in found], weights=hits))
-        level = mirror_levels(self._echoes, self._numbers[:, ABSORPTION])
+        level = mirror_levels(self._echoes, self.places.numbers[:, ABSORPTION])
         is_found = self._reflected.copy()
         # What goes on beyond the feet that it was found by is heard there, too.
         for wall in self.mirrors:
-            is_found |= self._are_of_mirror(wall)
+            is_found |= self.places.are_of_mirror(wall)
         for column in self.columns:
-            is_found |= self._are_of_column(column)
+            is_found |= self.places.are_of_column(column)
         ends = ~is_found & (level > MIRROR_SHARE * np.exp(usual))
-        np.minimum.at(ended_m, self._ping[ends], self._echoes.range_m[ends])
+        np.minimum.at(ended_m, self.places.ping[ends], self._echoes.range_m[ends])
         return ended_m
 
     def drawn_columns(self) -> BoolArray:
@@ -337,10 +293,10 @@ class SmoothSurfaces:
         """Ping, range bins around, and the middle one, of each echo of smooth things."""
         own = [thing.echoes for thing in self._things()]
         for echo in np.concatenate([*own, np.flatnonzero(self._reflected)]).tolist():
-            if self._inside[echo]:
-                middle = int(self._bin[echo])
+            if self.places.inside[echo]:
+                middle = int(self.places.bin[echo])
                 around = slice(max(0, middle - AROUND_BINS), middle + AROUND_BINS + 1)
-                yield int(self._ping[echo]), around, middle
+                yield int(self.places.ping[echo]), around, middle
 
 
 def _but_corners(columns: list[RoundColumn], mirrors: list[MirrorWall]) -> list[RoundColumn]:

@@ -177,7 +177,7 @@ def test_one_that_is_trusted_again_is_for_what_it_says_from_then_on(views: list[
 def test_one_that_is_trusted_less_counts_less(views: list[EchoCone]) -> None:
     fusion = fused(views, "robot")
     wholly = fusion.occupancy_map()
-    fusion.trust({"robot": 0.1})
+    fusion.trust({"robot": 0.3})
     less = fusion.occupancy_map()
     assert at(less, less.log_odds, 1.525, 0.425) < at(wholly, wholly.log_odds, 1.525, 0.425)
 

@@ -11,7 +11,7 @@ import pytest
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint import estimate
 from usmap_ros.mapping.joint.estimate import JointEstimate
-from usmap_ros.mapping.joint.forward_model import powers
+from usmap_ros.mapping.joint.forward_model import ping_groups
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.kept_pings import MOST_FROM_A_PLACE
 from usmap_ros.mapping.joint.survey import Survey
@@ -64,7 +64,7 @@ def test_objects_are_found_and_the_rest_is_free(views: list[EchoCone]) -> None:
 def test_the_number_of_threads_does_not_matter(
     monkeypatch: pytest.MonkeyPatch, views: list[EchoCone]
 ) -> None:
-    monkeypatch.setattr(powers, "LEAST_PINGS", 2)
+    monkeypatch.setattr(ping_groups, "LEAST_PINGS", 2)
     maps = []
     for cores in (1, 2, 4):
         monkeypatch.setattr(threads, "available_cores", lambda cores=cores: cores)

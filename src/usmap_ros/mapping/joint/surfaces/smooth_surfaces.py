@@ -136,7 +136,7 @@ class SmoothSurfaces:
             for column in columns
             if column.is_certain or not any(map(column.overlaps, instead))
         ]
-        columns = without_pairs([*columns, *instead], len(lone_cells_m))
+        columns = self._without_pairs([*columns, *instead], first_only, len(lone_cells_m))
         self.columns = [column for column in columns if column.is_certain]
         self._suspected = [column for column in columns if not column.is_certain]
         ends = WallEnds(table, pings, echoes, left, found, self.columns)
@@ -149,6 +149,18 @@ class SmoothSurfaces:
             return False
         walls = perpendicular_walls(table, pings, echoes, first_only[self.places.ping], first_only)
         return answer_as_mirrors(walls, table, pings, echoes)
+
+    def _without_pairs(
+        self, columns: list[RoundColumn], first_only: BoolArray, things: int
+    ) -> list[RoundColumn]:
+        """Columns, but for those that two points explain as well.
+
+        Of two points, sensors that report the first thing only hear the nearer one, as of a column.
+        """
+        is_first = [bool(first_only[self.places.ping[column.echoes]].all()) for column in columns]
+        pairs = list(zip(columns, is_first, strict=True))
+        both = without_pairs([column for column, first in pairs if not first], things)
+        return [*(column for column, first in pairs if first), *both]
 
     @property
     def recognised(self) -> KnownSurfaces:

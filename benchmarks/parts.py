@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint import estimate
 from usmap_ros.mapping.joint.free_space import (
+    behind,
+    continuations,
     free_space,
+    listening,
     refutation,
     response,
     silence,
@@ -136,14 +139,14 @@ PARTS = {
     ),
     "going_on": Part(
         "rough walls do not go on",
-        ((free_space, "continue_lines", _ending),),
+        ((continuations, "continue_lines", _ending),),
     ),
     "behind": Part(
         "nothing is solid behind what one side heard",
-        tuple((free_space, name, _none_like(1)) for name in ("behind", "behind_alone")),
+        tuple((behind, name, _none_like(1)) for name in ("behind", "behind_alone")),
     ),
     "explained": Part(
-        "echoes that what is shown explains count", ((free_space, "listen", _by_noise),)
+        "echoes that what is shown explains count", ((listening, "listen", _by_noise),)
     ),
     "grazing": Part(
         "grazing silence is not learnt from", ((response, "SMOOTH", 8.0), (response, "ROUGH", 9.0))

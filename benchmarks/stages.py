@@ -22,7 +22,7 @@ import scenes
 
 from usmap_ros.mapping.joint import estimate, survey
 from usmap_ros.mapping.joint.forward_model import powers
-from usmap_ros.mapping.joint.free_space import free_space, silence
+from usmap_ros.mapping.joint.free_space import free_space, listening, silence
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.surfaces import smooth_surfaces
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
@@ -49,7 +49,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "mirrors": [(smooth_surfaces, "mirror_walls")],
     "columns": [(smooth_surfaces, "round_columns")],
     "response": [
-        (free_space, "listen"), (silence, "look_at"), (silence, "learn_response"),
+        (listening, "listen"), (silence, "look_at"), (silence, "learn_response"),
     ],
     "refutation": [(free_space, "refute_surfaces")],
     "first pings": [(survey, "first_log_odds")],

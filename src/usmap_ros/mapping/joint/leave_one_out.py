@@ -229,16 +229,13 @@ class _Area:
         cell, part = np.divmod(quarters, QUARTERS)
         scatterers = Scatterers(cell.astype(np.int32), part.astype(np.uint8))
         depth = optical_depth(hiding(others, shape, np.zeros(shape, bool)), self._opacity)
-        row, column = np.divmod(cell, self._field.columns)
-        step_m = self._field.resolution_m
+        x_m, y_m = self._field.geometry().cell_centers_m(*np.divmod(cell, self._field.columns)).T
         support, x, y = self._aspects[count].sum(axis=0)[:, np.searchsorted(self._cells, cell)]
         length = np.maximum(np.hypot(x, y), TINY)
         # Standard deviation of directions, by the length of their mean (Mardia & Jupp 2000, 2.3.5).
         std_rad = np.sqrt(-2.0 * np.log(np.clip(length / np.maximum(support, TINY), TINY, 1.0)))
         return _Believed(
-            scatterers, self._estimate.power[quarters], depth,
-            (column + self._field.first_column + 0.5) * step_m,
-            (row + self._field.first_row + 0.5) * step_m,
+            scatterers, self._estimate.power[quarters], depth, x_m, y_m,
             x / length, y / length,
             np.cos(np.minimum(ASPECT_RAD + ASPECT_STDS * std_rad, math.pi)),
         )  # fmt: skip

@@ -245,8 +245,8 @@ def scale_error(
     if best > 1.0:
         # Round columns answer from in front of the point that they seem to be.
         lean, times = -lean, TIMES_IF_SHORT * times
-    is_sure = gain >= LEAST_GAIN_OF_SCALE * times
-    is_sure &= lean + TIMES_GAIN * gain >= LEAST_LEAN * times
+    is_steady = lean + TIMES_GAIN * gain >= LEAST_LEAN * times
+    is_sure = is_steady and gain >= LEAST_GAIN_OF_SCALE * times
     return (1.0 / best - 1.0, gain) if is_sure and own[best] >= own[1.0] else None
 
 

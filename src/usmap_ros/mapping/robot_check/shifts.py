@@ -80,16 +80,19 @@ class RobotPairs:
 
     def shift(self, name: str) -> Displacement:
         """How a robot would most likely be shifted by what others hear."""
-        said = (said for (one, _), said in self._said.items() if one == name)
-        total = sum(said, start=np.zeros(len(SHIFTS_M)))
+        total = sum(self._said_of(name), start=np.zeros(len(SHIFTS_M)))
         best = int(total.argmax())
         x_m, y_m = (-SHIFTS_M[best]).tolist()
         return Displacement("moved", (x_m, y_m), float(total[best] - total[0]), float(total[0]))
 
     def is_borne_out(self, name: str) -> bool:
         """Whether anybody bears a robot out where it says it is."""
-        said = (said for (one, _), said in self._said.items() if one == name)
+        said = self._said_of(name)
         return any(each[0] >= max(BORNE_OUT, HERE * each.max()) for each in said)
+
+    def _said_of(self, name: str) -> list[FloatArray]:
+        """What each of the others bears out of a robot, by where it is."""
+        return [said for (one, _), said in self._said.items() if one == name]
 
 
 def is_sure(shift: Displacement) -> bool:

@@ -67,9 +67,8 @@ class WeighedPings(NamedTuple):
             towards the ping, east and north.
         """
         count, step_m = len(self.number), self.field.resolution_m
-        row, column = np.divmod(self.number, self.field.columns)
-        x_m = (column + self.field.first_column + 0.5) * step_m
-        y_m = (row + self.field.first_row + 0.5) * step_m
+        rows_and_columns = np.divmod(self.number, self.field.columns)
+        x_m, y_m = self.field.geometry().cell_centers_m(*rows_and_columns).T
         sums = np.zeros((3, parts * count), np.float32)
         for which, ratios in self.groups:
             rows, end = np.diff(ratios.start), ratios.start[-1]

@@ -1,9 +1,10 @@
 """Robots that were carried off while they were on, of which their wheels know nothing.
 
-What a robot hears is mapped in blocks.  Where all that come after some ping have things where those
-before it know of free space, and little in common with them, the robot is somewhere else: it begins
-anew, as another robot in a frame of its own, until its map is joined.  Blocks that contradict those
-next to them as well say that poses drift, not where the robot is: such a robot goes on.
+What a robot hears is mapped in blocks, the pieces of its way.  Where all that come after some ping
+have things where those before it know of free space, and little in common with them, the robot is
+somewhere else: it begins anew, as another robot in a frame of its own, until its map is joined.
+Blocks that contradict those next to them as well say that poses drift, not where the robot is: such
+a robot goes on.
 """
 
 from __future__ import annotations
@@ -11,21 +12,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import combinations, count, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from usmap_ros.errors import MalformedMessageError, MapSizeError
+from usmap_ros.errors import MapSizeError
 from usmap_ros.localisation.pose_kind import PoseKind, robot_of
 from usmap_ros.localisation.submap import Submap, in_common
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.restarts import MARK, first_name, of_life
+from usmap_ros.runs.submaps import OF_PIECE, Way, way_of
 
-#: Pings of a block, and the fewest of which one is made; most blocks, beyond which they are larger.
-_BLOCK, _LEAST_PINGS, _MOST_BLOCKS = 100, 50, 20
 #: Blocks that a robot must have been elsewhere for, and in one place before: a single one, whose
 #: poses may be bent, agrees with itself whatever it is.
 _FOR_LONG = 2
@@ -40,13 +40,25 @@ _AT_ODDS = 0.05
 _BEARINGS, _EXPLAINED, _CONTRADICTED = 15, 0.3, -1.0
 
 
+class Lives(NamedTuple):
+    """Pings of robots, of which some were carried off."""
+
+    #: List of (topic, EchoCone): as told, in the order they came in; from when a robot was carried
+    #: off on under another name.
+    told: list[Ping]
+    #: Names of the robots that have begun anew.
+    lost: set[str]
+    #: What ways show of robots that were looked at, and were not carried off.
+    ways: dict[str, Way]
+
+
 def with_lives(
     told: Sequence[Ping],
     refined: Sequence[Ping],
     kinds: Mapping[str, PoseKind],
     parameters: PipelineParameters,
-) -> tuple[list[Ping], set[str]]:
-    """Pings as told, those of robots that were carried off under another name from then on.
+) -> Lives:
+    """Give robots that were carried off another name from then on.
 
     Parameters
     ----------
@@ -56,50 +68,45 @@ def with_lives(
         What the poses of each robot are; those that are absolute cannot be lost.
     parameters : PipelineParameters
         Of the maps.
-
-    Returns
-    -------
-    pings : list of (topic, EchoCone)
-        In the order they came in.
-    set of str
-        Names of the robots that have begun anew.
     """
     rows: dict[str, list[int]] = {}
     for row, (topic, cone) in enumerate(told):
         rows.setdefault(robot_of(topic, cone), []).append(row)
-    done, lost, names = list(told), set[str](), set(rows)
+    lives, names = Lives(list(told), set(), {}), set(rows)
     for robot, own in rows.items():
-        if not kinds[robot].drifts or len(own) < 2 * _BLOCK:
+        if not kinds[robot].drifts or len(own) < 2 * OF_PIECE:
             continue
         own.sort(key=lambda row: told[row][1].stamp_ns)
         begins: list[int] = []
         # A robot whose map is too large has lost itself altogether.
         with suppress(MapSizeError):
-            begins = moments([refined[row] for row in own], parameters)
+            way = way_of(refined, own, parameters)
+            begins = moments([refined[row] for row in own], way)
+            if not begins:
+                lives.ways[robot] = way
         for begin in begins:
             own_name = first_name(robot).strip("/")
             life = next(n for n in count(2) if f"{own_name}{MARK}{n}" not in names)
             name, frame_id = f"{own_name}{MARK}{life}", f"{own_name}/odom{MARK}{life}"
             names.add(name)
-            lost.add(name)
+            lives.lost.add(name)
             for row in own[begin:]:
-                done[row] = of_life(told[row], name, frame_id)
-    return done, lost
+                lives.told[row] = of_life(told[row], name, frame_id)
+    return lives
 
 
-def moments(pings: Sequence[Ping], parameters: PipelineParameters) -> list[int]:
+def moments(pings: Sequence[Ping], way: Way) -> list[int]:
     """Before which of a robot's pings it was carried off.
 
     Parameters
     ----------
     pings : sequence of (topic, EchoCone)
         Of one robot, in the order of their stamps, in one frame.
-    parameters : PipelineParameters
-        Of the maps.
+    way : list of Piece
+        What they show, piece by piece.
     """
-    size = max(_BLOCK, -(-len(pings) // _MOST_BLOCKS))
-    starts = range(0, len(pings) - _LEAST_PINGS + 1, size)
-    blocks = [_block(pings[start : start + size], parameters) for start in starts]
+    blocks = [piece.submap for piece in way]
+    starts = np.cumsum([0, *(len(piece.rows) for piece in way)])
     counts = np.zeros((len(blocks), len(blocks), 2))
     for one, other in combinations(range(len(blocks)), 2):
         counts[one, other] = in_common(blocks[one], blocks[other])
@@ -108,20 +115,10 @@ def moments(pings: Sequence[Ping], parameters: PipelineParameters) -> list[int]:
         return []
     for number in numbers:
         # Either of the blocks on both sides may have seen the moment.
-        begin, end = (number - 1) * size, min((number + 1) * size, len(pings))
+        begin, end = starts[number - 1], starts[number + 1]
         among = [cone for _, cone in pings[begin:end]]
-        found.append(begin + _moment(among, blocks[:number], blocks[number:]))
+        found.append(int(begin) + _moment(among, blocks[:number], blocks[number:]))
     return found
-
-
-def _block(pings: Sequence[Ping], parameters: PipelineParameters) -> Submap:
-    """The map of some pings."""
-    pipeline = Pipeline(parameters)
-    for topic, cone in pings:
-        # Whoever makes the map says what is wrong with a ping.
-        with suppress(MalformedMessageError):
-            pipeline.fuse(cone, topic)
-    return Submap.of(pipeline.occupancy_map())
 
 
 def _splits(counts: FloatArray, first: int, end: int) -> list[int]:

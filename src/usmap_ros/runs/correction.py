@@ -44,11 +44,11 @@ def correct_poses(
     if wanted.use == "told":
         return Corrected(told)
     refined = refine_poses(told, kinds=kinds)
-    lives, lost = with_lives(told, refined.pings, kinds, parameters)
+    told, lost, ways = with_lives(told, refined.pings, kinds, parameters)
     if lost:
-        told, kinds = lives, kinds | dict.fromkeys(lost, PoseKind.ODOMETRY_FROM_ANYWHERE)
+        kinds, ways = kinds | dict.fromkeys(lost, PoseKind.ODOMETRY_FROM_ANYWHERE), {}
         refined = refine_poses(told, kinds=kinds)
-    joining = join_robots(told, refined.pings, kinds, parameters, world, earlier)
+    joining = join_robots(told, refined.pings, kinds, parameters, world, earlier, ways)
     return Corrected(
         joining.pings,
         {

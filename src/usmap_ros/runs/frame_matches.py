@@ -15,13 +15,14 @@ from usmap_ros.errors import MapSizeError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation.linked_frames import Link, links
 from usmap_ros.localisation.map_match import Match, match_maps
-from usmap_ros.localisation.planar import compose
+from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.localisation.refine import refine_poses
-from usmap_ros.localisation.submap_match import promising_by_submaps
 from usmap_ros.mapping.far_off import Ping
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.promising import EarlierMatch, Pair, first_look, joined_by
 from usmap_ros.runs.submaps import Way, brought_in_line, map_of, pieces_of_ways
 
 #: Of fewer pings nobody asks what they show.
@@ -30,10 +31,6 @@ _LEAST_PINGS = 20
 _OFF = np.array([0.1, 0.1, 0.03])
 #: Maps that are made of poses refined together lie where the match has them, up to so much, m, rad.
 _STAYS_M, _STAYS_RAD = 0.4, 0.15
-
-
-#: Names of two frames, of which the second one may be brought into the first one.
-Pair = tuple[str, str]
 
 
 @dataclass
@@ -93,8 +90,11 @@ class FrameMatches:
     #: Of the maps.
     parameters: PipelineParameters
     _found: dict[Pair, Match | None] = field(default_factory=dict)
-    _promising: dict[Pair, Match | None] = field(default_factory=dict)
-    _again: dict[Pair, SecondLook | None] = field(default_factory=dict)
+    #: By margins, the largest first; and the first of them that a second look makes sure of.
+    _promising: dict[Pair, list[Match]] = field(default_factory=dict)
+    _sure: dict[Pair, SecondLook | None] = field(default_factory=dict)
+    #: Of frames that have been joined since.
+    _earlier: list[EarlierMatch] = field(default_factory=list)
 
     def links(self) -> list[Link]:
         """How frames lie in others of which it is sure how they relate."""
@@ -117,21 +117,29 @@ class FrameMatches:
             if is_own_frame(pair[1]) and (match := self._match(pair)):
                 matches[pair] = match
         sure = {pair: match for pair, match in matches.items() if match.is_sure}
-        if made := links(sure, ranked, is_own_frame):
-            return made
-        # What is joined tells more of the rest, at less cost than a second look does.
-        return links(self._borne_out(matches), ranked, is_own_frame)
+        made = links(sure, ranked, is_own_frame)
+        if not made:
+            # What is joined tells more of the rest, at less cost than a second look does.
+            made = links(self._borne_out(matches), ranked, is_own_frame)
+        kept = [
+            EarlierMatch(pair, match, *(self.frames[name].ways or () for name in pair))
+            for pair, match in matches.items()
+        ]
+        changed = {name for link in made for name in (link.target, link.source)}
+        kept = [match for match in kept if changed & set(match.pair)]
+        self._earlier = joined_by([*self._earlier, *kept], made)
+        return made
 
     def forget(self, changed: Iterable[str]) -> None:
         """Work matches of some frames out anew."""
         names = set(changed)
-        for found in (self._found, self._promising, self._again):
+        for found in (self._found, self._promising, self._sure):
             for pair in [pair for pair in found if names & set(pair)]:
                 del found[pair]
 
     def refined_by(self, made: Sequence[Link]) -> list[Ping] | None:
         """Pings by the second look that made sure of a link, its target's first; or None."""
-        looks = [self._again.get((link.target, link.source)) for link in made]
+        looks = [self._sure.get((link.target, link.source)) for link in made]
         return looks[0].pings if len(looks) == 1 and looks[0] else None
 
     def _match(self, pair: Pair) -> Match | None:
@@ -146,32 +154,44 @@ class FrameMatches:
     def _borne_out(self, matches: Mapping[Pair, Match]) -> dict[Pair, Match]:
         """The first of those that are promising of which a second look makes sure."""
         asked = {
-            pair: first
+            pair: promising
             for pair, match in matches.items()
-            if self.frames[pair[0]].earlier is None and (first := self._first_look(pair, match))
+            if self.frames[pair[0]].earlier is None and (promising := self._ask(pair, match))
         }
-        for pair, match in sorted(asked.items(), key=lambda each: -each[1].margin):
-            if pair not in self._again:
-                link = Link(*pair, match.change, match.about_m)
-                one, other = (
-                    PingsOfFrame(
-                        [self.told[row] for row in self.frames[name].rows],
-                        [self.refined[row] for row in self.frames[name].rows],
-                        self._ways_of(self.frames[name]),
-                    )
-                    for name in pair
-                )
-                self._again[pair] = second_look(one, other, link, self.kinds, self.parameters)
-            again = self._again[pair]
-            if again and again.match.bears_out(match):
+        for pair, promising in sorted(asked.items(), key=lambda each: -each[1][0].margin):
+            if pair not in self._sure:
+                self._sure[pair] = self._look_again(pair, promising)
+            if again := self._sure[pair]:
                 return {pair: again.match}
         return {}
 
-    def _first_look(self, pair: Pair, match: Match) -> Match | None:
+    def _ask(self, pair: Pair, match: Match) -> list[Match]:
         if pair not in self._promising:
-            ways = (self._ways_of(self.frames[name]) for name in pair)
-            self._promising[pair] = first_look(match, *ways)
+            now = first_look(match, *(self._ways_of(self.frames[name]) for name in pair))
+            found = [now, *(one.promising(pair) for one in self._earlier)]
+            by_margin = sorted(filter(None, found), key=lambda one: -one.margin)
+            self._promising[pair] = by_margin
         return self._promising[pair]
+
+    def _look_again(self, pair: Pair, promising: Sequence[Match]) -> SecondLook | None:
+        one, other = (
+            PingsOfFrame(
+                [self.told[row] for row in self.frames[name].rows],
+                [self.refined[row] for row in self.frames[name].rows],
+                self._ways_of(self.frames[name]),
+            )
+            for name in pair
+        )
+        looked_at: list[Match] = []
+        for match in promising:
+            if any(_stays(match.change, before) for before in looked_at):
+                continue
+            looked_at.append(match)
+            link = Link(*pair, match.change, match.about_m)
+            again = second_look(one, other, link, self.kinds, self.parameters)
+            if again and again.match.bears_out(match):
+                return again
+        return None
 
     def _ways_of(self, frame: JoinedRobots) -> list[Way]:
         if frame.ways is None:
@@ -183,23 +203,6 @@ class FrameMatches:
             pings = [self.refined[row] for row in frame.rows]
             frame.map = map_of(pings, self.parameters, frame.earlier)
         return frame.map
-
-
-def first_look(match: Match, ones: Sequence[Way], others: Sequence[Way]) -> Match | None:
-    """The match of two frames that a second look is worth while for, if there is one.
-
-    Parameters
-    ----------
-    match : Match
-        Of the maps of both frames.
-    ones, others : sequences of list of Piece
-        Of ways in either frame.
-    """
-    if match.is_sure:
-        # It has been contradicted by others.
-        return None
-    submaps = ([piece.submap for way in ways for piece in way] for ways in (ones, others))
-    return promising_by_submaps(match, *submaps) or (match if match.is_promising else None)
 
 
 def second_look(
@@ -244,11 +247,16 @@ def second_look(
         match = match_maps(*(map_of(each, parameters) for each in maps))
     if match is None:
         return None
-    about = np.append(match.about_m, 0.0)
-    off = compose(match.change, about) - about
-    if math.hypot(*off[:2]) > _STAYS_M or abs(off[2]) > _STAYS_RAD:
+    if not _stays(np.zeros(3), match):
         return None
     return SecondLook(replace(match, change=link.change, about_m=link.about_m), together)
+
+
+def _stays(change: FloatArray, match: Match) -> bool:
+    """Whether a match puts maps where a change does."""
+    about = np.append(match.about_m, 0.0)
+    off = between(compose(change, about), compose(match.change, about))
+    return math.hypot(*off[:2]) <= _STAYS_M and abs(off[2]) <= _STAYS_RAD
 
 
 def moved_by(ping: Ping, link: Link) -> Ping:

@@ -18,6 +18,7 @@ from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.frame_matches import FrameMatches, JoinedRobots, moved, moved_by
+from usmap_ros.runs.submaps import Way
 
 #: The frame of robots that share none, once they are joined (REP 105).
 WORLD = "map"
@@ -80,6 +81,7 @@ def join_robots(
     parameters: PipelineParameters,
     world: str = WORLD,
     earlier: OccupancyMap | None = None,
+    ways: Mapping[str, Way] | None = None,
 ) -> Joining:
     """Bring robots into one frame whose maps lie over each other in one way only.
 
@@ -97,9 +99,11 @@ def join_robots(
         What the frame is called that robots share who had none in common.
     earlier : OccupancyMap, optional
         What was mapped before.
+    ways : mapping of str to list of Piece, optional
+        What ways of some robots show, by `refined`.
     """
     base, current = list(told), list(refined)
-    frames = _frames_of(base)
+    frames = _frames_of(base, ways or {})
     if earlier is not None:
         frames.setdefault(earlier.frame_id, JoinedRobots([], set())).earlier = earlier
     matches = FrameMatches(frames, base, current, kinds, parameters)
@@ -128,13 +132,21 @@ def join_robots(
     )
 
 
-def _frames_of(pings: Sequence[Ping]) -> dict[str, JoinedRobots]:
+def _frames_of(pings: Sequence[Ping], ways: Mapping[str, Way]) -> dict[str, JoinedRobots]:
     frames: dict[str, JoinedRobots] = {}
     for row, (topic, cone) in enumerate(pings):
         frame = frames.setdefault(cone.frame_id, JoinedRobots([], set()))
         frame.rows.append(row)
         frame.robots.add(robot_of(topic, cone))
+    for frame in frames.values():
+        if frame.robots <= ways.keys():
+            frame.ways = [_within(ways[robot], frame.rows) for robot in sorted(frame.robots)]
     return dict(sorted(frames.items()))
+
+
+def _within(way: Way, rows: Sequence[int]) -> Way:
+    """A way by where its pings are among some."""
+    return [piece._replace(rows=np.searchsorted(rows, piece.rows)) for piece in way]
 
 
 def _name(frames: dict[str, JoinedRobots], pings: list[Ping], world: str) -> None:

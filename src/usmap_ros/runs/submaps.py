@@ -25,7 +25,7 @@ from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.set_apart import SetApart, in_one_place
 
 #: Pings of a piece, which odometry hardly bends; pieces of a robot, beyond which they are longer.
-_OF_PIECE, _MOST_PIECES = 100, 20
+OF_PIECE, _MOST_PIECES = 100, 20
 #: Pings from knot to knot of the graph that pieces are brought in line by.
 _EVERY = 50
 
@@ -56,17 +56,27 @@ def pieces_of_ways(pings: Sequence[Ping], parameters: PipelineParameters) -> lis
     rows: dict[str, list[int]] = {}
     for row, ping in enumerate(pings):
         rows.setdefault(robot_of(*ping), []).append(row)
-    ways = []
-    for own in rows.values():
-        own.sort(key=lambda row: pings[row][1].stamp_ns)
-        count = min(max(1, round(len(own) / _OF_PIECE)), _MOST_PIECES)
-        ways.append(
-            [
-                Piece(part, Submap.of(map_of([pings[row] for row in part], parameters)))
-                for part in np.array_split(np.array(own), count)
-            ]
-        )
-    return ways
+    return [way_of(pings, own, parameters) for own in rows.values()]
+
+
+def way_of(pings: Sequence[Ping], rows: Iterable[int], parameters: PipelineParameters) -> Way:
+    """What each piece of one robot's way shows.
+
+    Parameters
+    ----------
+    pings : sequence of (topic, EchoCone)
+        Of any robots.
+    rows : iterable of int
+        Which of them are its.
+    parameters : PipelineParameters
+        Of the maps.
+    """
+    own = np.array(sorted(rows, key=lambda row: pings[row][1].stamp_ns))
+    count = min(max(1, round(len(own) / OF_PIECE)), _MOST_PIECES)
+    return [
+        Piece(part, Submap.of(map_of([pings[row] for row in part], parameters)))
+        for part in np.array_split(own, count)
+    ]
 
 
 def brought_in_line(

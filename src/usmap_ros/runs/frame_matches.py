@@ -121,13 +121,7 @@ class FrameMatches:
         if not made:
             # What is joined tells more of the rest, at less cost than a second look does.
             made = links(self._borne_out(matches), ranked, is_own_frame)
-        kept = [
-            EarlierMatch(pair, match, *(self.frames[name].ways or () for name in pair))
-            for pair, match in matches.items()
-        ]
-        changed = {name for link in made for name in (link.target, link.source)}
-        kept = [match for match in kept if changed & set(match.pair)]
-        self._earlier = joined_by([*self._earlier, *kept], made)
+        self._keep(matches, made)
         return made
 
     def forget(self, changed: Iterable[str]) -> None:
@@ -136,6 +130,15 @@ class FrameMatches:
         for found in (self._found, self._promising, self._sure):
             for pair in [pair for pair in found if names & set(pair)]:
                 del found[pair]
+
+    def _keep(self, matches: Mapping[Pair, Match], made: Sequence[Link]) -> None:
+        """Keep matches of frames that links join with others than each other."""
+        changed = {name for link in made for name in (link.target, link.source)}
+        for pair, match in matches.items():
+            if changed & set(pair):
+                ones, others = (self.frames[name].ways or [] for name in pair)
+                self._earlier.append(EarlierMatch(pair, match, ones, others))
+        self._earlier = joined_by(self._earlier, made)
 
     def refined_by(self, made: Sequence[Link]) -> list[Ping] | None:
         """Pings by the second look that made sure of a link, its target's first; or None."""

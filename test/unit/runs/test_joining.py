@@ -293,3 +293,30 @@ def test_nobody_looks_again_while_others_are_sure(monkeypatch: pytest.MonkeyPatc
     )
     assert {one.state for one in done.robots.values()} == {"joined"}
     assert (len(matches), looks) == (0, [])
+
+
+def test_what_was_promising_before_others_were_joined_is_looked_at_with_all_of_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The map of those that are joined no longer shows where the third is."""
+    starts = STARTS | {"robot3": np.array([0.5, -1.0, -1.0])}
+    monkeypatch.setitem(STARTS, "robot3", starts["robot3"])
+    lies = between(starts["robot1"], starts["robot2"])
+    from_2 = between(starts["robot2"], starts["robot3"])
+    matches = [
+        Match(lies, np.zeros(2), 60.0, 6.0, 0.0),
+        Match(np.zeros(3), np.zeros(2), 30.0, 0.5, 0.1),
+        Match(from_2, np.array([2.0, 1.0]), 30.0, 2.5, 0.1, 2.5),
+        Match(np.zeros(3), np.zeros(2), 30.0, 0.5, 0.1),
+        # The second look.
+        Match(np.array([0.1, 0.0, 0.0]), np.zeros(2), 40.0, 5.0, 0.0, 5.0),
+    ]
+    monkeypatch.setattr(
+        "usmap_ros.runs.frame_matches.match_maps", lambda one, other: matches.pop(0)
+    )
+    pings = [ping for robot in starts for ping in going_round(robot)]
+    done = correct_poses(pings, PipelineParameters())
+    assert {one.state for one in done.robots.values()} == {"joined"}
+    found, true = places(done.pings)[:, :2], np.concatenate([circle(20)] * 3)[:, :2]
+    origin = compose(STARTS["robot1"], np.c_[found, np.zeros(len(found))])[:, :2]
+    assert np.hypot(*(origin - true).T).max() < 0.3

@@ -34,7 +34,7 @@ _APART_M, _ELSEWHERE_M = 0.4, 1.0
 #: that are off contradict each other a little, rooms that are merely alike more for their margin.
 _LEAST_PIECES, _LEAST_SURENESS, _DOUBT = 12.0, 3.7, 30.0
 #: Pieces that the next best counts less, at the least: of symmetric rooms that are not one
-#: `benchmarks/margins.py` finds matches that are sure by all else with 25.
+#: `benchmarks/margins.py` finds matches that are sure by all else with 25, and a second look 19.
 _LEAST_LEAD = 30.0
 #: The margin from which on it is worth while to look again with poses that are refined together;
 #: what it must be then, and how much more than it was, unless that is enough.  Right ones gain 1.3
@@ -87,13 +87,17 @@ class Match:
     @property
     def is_sure(self) -> bool:
         """Whether there is enough evidence, and none for another one."""
-        lead = self.margin * math.sqrt(self.pieces)
-        return self.has_enough and self.sureness >= _LEAST_SURENESS and lead >= _LEAST_LEAD
+        is_sure = self.sureness >= _LEAST_SURENESS
+        return self.has_enough and is_sure and self._leads_by(self.margin)
 
     def bears_out(self, first: Match) -> bool:
         """Whether it makes sure of another one, by poses refined together as if that were right."""
         least = max(_BORNE_OUT, min(first.elsewhere + _GAIN, _IS_ENOUGH))
-        return self.has_enough and self.elsewhere >= least
+        return self.has_enough and self.elsewhere >= least and self._leads_by(self.elsewhere)
+
+    def _leads_by(self, margin: float) -> bool:
+        """Whether a margin is of enough pieces."""
+        return margin * math.sqrt(self.pieces) >= _LEAST_LEAD
 
 
 def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:

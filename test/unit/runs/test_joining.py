@@ -245,6 +245,8 @@ def test_a_robot_that_has_lost_itself_joins_nobody() -> None:
         (30.0, (0.1, 5.0), "joined"),
         (30.0, (1.0, 5.0), "alone"),
         (30.0, (0.1, 2.6), "alone"),
+        # Surely by its margin, which is of too few pieces.
+        (30.0, (0.1, 3.5), "alone"),
         # Nobody looks again at what has little in common.
         (8.0, (0.1, 5.0), "alone"),
     ],

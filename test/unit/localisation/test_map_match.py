@@ -201,7 +201,7 @@ def test_a_match_is_sure_by_its_margin_and_its_lead_less_what_contradicts_it(
     ("pieces", "first", "then", "is_sure"),
     [
         # Right ones gain by a second look, in one flat; wrong ones lose, of symmetric rooms.
-        (44.0, 2.0, 4.1, True),
+        (60.0, 2.0, 4.1, True),
         (35.0, 3.9, 0.0, False),
         (24.0, 2.3, 1.9, False),
         # Of two rooms that are the same after half a turn: it stays as it is.
@@ -209,6 +209,10 @@ def test_a_match_is_sure_by_its_margin_and_its_lead_less_what_contradicts_it(
         (44.0, 4.2, 4.1, False),
         (94.0, 6.7, 6.5, True),
         (11.0, 2.0, 4.1, False),
+        # Of two such rooms as well: it gains, by few pieces.
+        (29.0, 2.0, 3.5, False),
+        # Right, and not told from that.
+        (44.0, 2.0, 4.1, False),
     ],
 )
 def test_a_second_look_makes_sure_of_a_match_that_gains_by_it(

@@ -50,6 +50,8 @@ ROOT = Path(__file__).parents[1]
 _HEADER_BYTES = 4
 #: Name of a figure that is a list.
 BY_SECOND = "latency_p95_by_second_ms"
+#: Name of all processes beside nodes, which work on what nobody waits for when others need cores.
+HELPERS = "helpers"
 #: Nothing more is fused if nothing was for so long: the last pings wait 5 s for earlier ones.
 SETTLES_S = 6.0
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
@@ -107,12 +109,10 @@ class Fleet:
         self.processes[name] = subprocess.Popen(command, env=environment)
 
     def cpu_seconds(self) -> dict[str, float]:
-        """Processor time that each process has used."""
-        used = {}
-        for name, process in self.processes.items():
-            fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
-            used[name] = (int(fields[11]) + int(fields[12])) / _TICKS_PER_SECOND
-        return used
+        """Processor time that each node has used, and helpers of all together."""
+        used = {name: cpu_seconds(process.pid) for name, process in self.processes.items()}
+        helpers = [pid for process in self.processes.values() for pid in children(process.pid)]
+        return used | {HELPERS: sum(map(cpu_seconds, helpers))}
 
     def end(self) -> None:
         """End all processes, those that hang too: Fast DDS can, when others leave."""
@@ -125,6 +125,18 @@ class Fleet:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+
+
+def cpu_seconds(pid: int) -> float:
+    """Processor time that a process has used."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS_PER_SECOND
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process has started."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
 
 
 def busy_seconds() -> float:
@@ -194,7 +206,7 @@ def _measure(
     before = _settled(observed)
     cpu, own_cpu, all_cpu = fleet.cpu_seconds(), time.process_time(), busy_seconds()
     sent_s = _send(publishers, content, rate_hz, seconds)
-    reconstructors = [name for name in cpu if name != "/map_fusion"]
+    reconstructors = [name for name in fleet.processes if name != "/map_fusion"]
     used = {name: spent - cpu[name] for name, spent in fleet.cpu_seconds().items()}
     within_ms = observed.slowest_ms(reconstructors), observed.slowest_ms(["/map_fusion"])
     load_cores = (time.process_time() - own_cpu) / seconds
@@ -202,8 +214,9 @@ def _measure(
     fused = _settled(observed) - before
     latencies_s = _latencies(sent_s, observed.map_arrivals)
     fusion_cores = used.pop("/map_fusion") / seconds
+    helper_cores = used.pop(HELPERS) / seconds
     reconstruction_cores = sum(used.values()) / seconds
-    others_cores = all_cores - fusion_cores - reconstruction_cores - load_cores
+    others_cores = all_cores - fusion_cores - helper_cores - reconstruction_cores - load_cores
     return {
         "robots": len(names),
         "sent": len(sent_s),
@@ -217,6 +230,7 @@ def _measure(
         "reconstruction_p95_ms": within_ms[0],
         "fusion_p95_ms": within_ms[1],
         "fusion_cores": round(fusion_cores, 2),
+        "helper_cores": round(helper_cores, 2),
         "reconstruction_cores": round(reconstruction_cores, 2),
         "load_cores": round(load_cores, 2),
         "others_cores": round(others_cores, 2),

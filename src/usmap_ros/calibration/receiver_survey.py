@@ -6,8 +6,11 @@ Nor does anybody know what its casing and its mount return to it: what is in eve
 And its converter counts in units of its own, and is noisier than its data sheet says.
 """
 
+from __future__ import annotations
+
 import math
 from collections import defaultdict
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +35,32 @@ LEAST_NOISY, UNDERSTATED = 10, 1.35
 #: Greatest share of a learnt pulse's length by which two echoes must be apart: it rings for long,
 #: and its beginning tells them.
 _RINGING_EXCLUSION = 0.2
+
+
+class Judgement(NamedTuple):
+    """What was found of a receiver."""
+
+    #: Its pulse, if that explains echoes much better than the stated one.
+    pulse: MeasuredPulse | None = None
+    #: What it hears of itself.
+    ringing: Ringing | None = None
+
+
+class Judging(NamedTuple):
+    """What a receiver is judged by, which takes a twentieth of a second."""
+
+    #: Traces that tell its pulse, and those that tell its ringing; none where that is not asked.
+    traces: list[EchoTrace]
+    apart: list[EchoTrace]
+    #: What is known of them beforehand.
+    stated: ReconstructionParameters
+
+    def judgement(self) -> Judgement:
+        """What these say."""
+        measured = measure_pulse(self.traces, self.stated) if self.traces else None
+        pulse = measured if measured is not None and measured.is_known else None
+        ringing = ringing_of(self.apart, _with_pulse(self.stated, pulse)) if self.apart else None
+        return Judgement(pulse, ringing)
 
 
 class ReceiverSurvey:
@@ -59,7 +88,7 @@ class ReceiverSurvey:
         self._first: defaultdict[str, list[EchoTrace]] = defaultdict(list)
         self._apart: defaultdict[str, list[EchoTrace]] = defaultdict(list)
         # With how many traces from places apart it was judged.
-        self._learnt: dict[str, tuple[int, MeasuredPulse | None, Ringing | None]] = {}
+        self._learnt: dict[str, tuple[int, Judgement]] = {}
 
     def add(self, topic: str, trace: EchoTrace) -> None:
         """Take a trace into account, or leave it out if others before it are enough."""
@@ -131,24 +160,27 @@ class ReceiverSurvey:
         correction = self._parameters.correction.model_copy(update=found)
         return self._parameters.model_copy(update={"correction": correction})
 
-    def _judged(self, topic: str) -> tuple[MeasuredPulse | None, Ringing | None]:
-        """The pulse, if it explains echoes much better than the stated one, and the ringing."""
-        apart = self._apart[topic]
-        judged, pulse, ringing = self._learnt.get(topic, (-1, None, None))
-        if judged < len(apart):
-            stated = self._in_units(topic)
-            traces = apart if self.has_moved(topic) else self._first[topic]
-            pulse = self._measured(traces, stated)
-            known = _with_pulse(stated, pulse)
-            ringing = ringing_of(apart, known) if self._finds_ringing else None
-            self._learnt[topic] = len(apart), pulse, ringing
-        return pulse, ringing
+    def _judged(self, topic: str) -> Judgement:
+        """What was found last, or now if there are traces from more places since."""
+        judged, found = self._learnt.get(topic, (-1, Judgement()))
+        if judged < len(self._apart[topic]):
+            found = self.judging(topic).judgement()
+            self.take_up(topic, found)
+        return found
 
-    def _measured(
-        self, traces: list[EchoTrace], stated: ReconstructionParameters
-    ) -> MeasuredPulse | None:
-        measured = measure_pulse(traces, stated) if self._judges_pulse else None
-        return measured if measured is not None and measured.is_known else None
+    def judging(self, topic: str) -> Judging:
+        """What there is to be judged of a topic."""
+        apart = self._apart[topic]
+        traces = apart if self.has_moved(topic) else self._first[topic]
+        if not self._judges_pulse:
+            traces = []
+        return Judging(
+            list(traces), list(apart) if self._finds_ringing else [], self._in_units(topic)
+        )
+
+    def take_up(self, topic: str, found: Judgement) -> None:
+        """Take what was found for what is known of a topic, until it is judged again."""
+        self._learnt[topic] = len(self._apart[topic]), found
 
     def problems(self) -> dict[str, str]:
         """What is wrong, by topic, in one line; topics of which nothing is are left out."""

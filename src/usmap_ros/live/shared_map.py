@@ -11,6 +11,7 @@ from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes.workers import Beside
 from usmap_ros.runs.pipeline import Pipeline
 
 
@@ -103,19 +104,19 @@ class SharedMap:
             self.poses.retire(occupancy, generation)
         return occupancy
 
-    def findings(self, between: Callable[[], None]) -> dict[str, Finding]:
+    def findings(self, meanwhile: Callable[[], None] = lambda: None) -> dict[str, Finding]:
         """Judge the robots by the pings of late, and let suspects count for nothing.
 
         Cones are fused meanwhile.
 
         Parameters
         ----------
-        between : callable
-            As in `Consistency.findings`.
+        meanwhile : callable
+            As of `usmap_ros.processes.workers.Beside.result`.
         """
         with self._map_lock:
             consistency, left_out = self._consistency.copy(), self._left_out
-        found = consistency.findings(between)
+        found = Beside(Consistency.findings, consistency).result(meanwhile)
         with self._map_lock:
             if self._left_out != left_out:
                 # What was found beside a robot that is gone does not hold any more.

@@ -7,5 +7,5 @@ from usmap_ros.nodes.program import begin_program
 from usmap_ros.processes.cores import keep_linear_algebra_to_one_core
 
 # First of all: what comes next takes seconds.
-begin_program()
 keep_linear_algebra_to_one_core()
+begin_program()

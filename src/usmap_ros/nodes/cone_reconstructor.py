@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 
-from usmap_ros.calibration.receiver_survey import ReceiverSurvey
+from usmap_ros.calibration.receiver_survey import Judgement, Judging, ReceiverSurvey
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.conversions import (
     array_from_cdr,
@@ -47,10 +47,13 @@ from usmap_ros.pings.amplitude_scale import AmplitudeScale
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.soundings import SoundingCollector, TransducerArrays
 from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.processes.workers import Beside
 from usmap_ros.runs.pipeline import Pipeline
 
 #: How often a receiver is judged: once its pulse can be told, and once its robot has moved.
 _JUDGEMENTS = 2
+#: How often it is looked whether one has been, while no traces come.
+_LOOK_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -156,6 +159,8 @@ class ConeReconstructor(Node):
         self._receiver_problems: dict[str, str] = {}
         # How many of `_JUDGEMENTS` there were, by topic.
         self._judged: dict[str, int] = {}
+        # Those that are being judged.
+        self._judging: dict[str, Beside[Judgement]] = {}
 
     def _survey(self, topic: str, trace: EchoTrace) -> None:
         """Judge the receiver by the first traces of a transducer: its pulse, then its ringing."""
@@ -168,10 +173,18 @@ class ConeReconstructor(Node):
             self._judged[topic] = 0
             self._learn_reception(topic)
         is_known = [self._receivers.is_full(topic), self._receivers.has_moved(topic)]
-        if is_known[0] and sum(is_known) > judged:
-            # Judged, whatever comes of it.
+        if is_known[0] and sum(is_known) > judged and topic not in self._judging:
+            # Judged, whatever comes of it; robots that began at once are all at the same time.
             self._judged[topic] = sum(is_known)
-            self._learn_reception(topic)
+            self._judging[topic] = Beside(Judging.judgement, self._receivers.judging(topic))
+
+    def _take_up_judgements(self) -> None:
+        """Go on with what was found of receivers."""
+        for topic, judging in list(self._judging.items()):
+            if judging.is_done:
+                del self._judging[topic]
+                self._receivers.take_up(topic, judging.result())
+                self._learn_reception(topic)
 
     def _learn_reception(self, topic: str) -> None:
         self._receiver_problems[topic] = self._receivers.problem(topic)
@@ -196,7 +209,8 @@ class ConeReconstructor(Node):
         try:
             job = self._queue.popleft()
         except IndexError:
-            return None
+            self._take_up_judgements()
+            return _LOOK_S if self._judging else None
         cones: list[tuple[_Job, EchoCone]] = []
         try:
             if self._ranges is not None:
@@ -204,6 +218,7 @@ class ConeReconstructor(Node):
             else:
                 trace = self._arrays.complete(trace_from_cdr(job.payload))
                 self._survey(job.outputs.topic, trace)
+                self._take_up_judgements()
                 for sounding in self._collector.add(job, trace):
                     cones += self._reconstruct(sounding)
         except NoPoseError as error:

@@ -11,6 +11,7 @@ from usmap_ros.live.requirements import require_ros
 from usmap_ros.live.supervisor import PARENT_VARIABLE
 from usmap_ros.processes.memory import look_for_garbage_rarely
 from usmap_ros.processes.parent import end_with_parent
+from usmap_ros.processes.workers import start_helpers
 
 #: Each has an executable and a module of its name; here, because their declarations take long.
 NODE_NAMES = (
@@ -21,6 +22,10 @@ NODE_NAMES = (
     "map_fusion",
     "serial_driver",
 )
+
+#: Processes beside those that have what takes seconds: the map of all pings and robots to be judged,
+#: or receivers.
+HELPERS = {"map_fusion": 2, "cone_reconstructor": 1}
 
 
 def begin_program() -> None:
@@ -41,6 +46,9 @@ def begin_program() -> None:
         require_ros()
     except UsmapError as error:
         sys.exit(f"{name}: error: {error}")
+    if name in HELPERS:
+        # Before ROS starts threads: what they hold at a fork, a helper would wait for in vain.
+        start_helpers(HELPERS[name])
 
 
 def node_name(program: str, arguments: Sequence[str]) -> str | None:

@@ -3,13 +3,22 @@
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from usmap_ros.processes.cores import available_cores
 from usmap_ros.processes.parent import end_with_parent
+from usmap_ros.processes.threads import alone, give_way
+
+Result = TypeVar("Result")
+
+#: How often who waits for a helper looks up, s.
+_LOOK_S = 0.1
+_helpers: list[Executor] = []
 
 
 @contextmanager
@@ -23,16 +32,87 @@ def worker_processes(processes: int) -> Iterator[Executor | None]:
     if processes <= 1 or not _can_fork():
         yield None
         return
-    context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(
-        processes, mp_context=context, initializer=_begin_worker, initargs=(os.getpid(),)
-    ) as executor:
-        for future in [executor.submit(available_cores) for _ in range(processes)]:
-            future.result()
-        try:
-            yield executor
-        finally:
-            executor.shutdown(wait=True, cancel_futures=True)
+    executor = _forked(processes, _begin_worker)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+def start_helpers(processes: int) -> None:
+    """Fork processes for `Beside`, which stay until this one ends.
+
+    As with `worker_processes`, that has to be done before this process has any threads; there are
+    none where it has.
+    """
+    if _can_fork():
+        _helpers.append(_forked(processes, _begin_helper))
+
+
+class Beside(Generic[Result]):
+    """Work of a helper process, if there is one: this one's threads go on meanwhile.
+
+    A thread shares the interpreter with all others of its process, and one that gives way to other
+    programs keeps it from them while these run.
+
+    Parameters
+    ----------
+    work : callable
+        A function of a module, of nothing but what it is given, which is pickled, as its result is.
+    *given
+        What it is called with.
+    """
+
+    def __init__(self, work: Callable[..., Result], *given: Any) -> None:
+        self._work, self._given = work, given
+        self._future: Future[Result] | None = None
+        if _helpers:
+            # If somebody has killed one, this process does the work.
+            with suppress(BrokenProcessPool):
+                self._future = _helpers[-1].submit(_alone, work, *given)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nobody has to wait for a helper."""
+        return self._future is None or self._future.done()
+
+    def result(self, meanwhile: Callable[[], None] = lambda: None) -> Result:
+        """What work gives.
+
+        Parameters
+        ----------
+        meanwhile : callable
+            Called now and then while a helper works; what it raises ends the wait.
+        """
+        if self._future is not None:
+            while not wait([self._future], _LOOK_S).done:
+                meanwhile()
+            with suppress(BrokenProcessPool):
+                return self._future.result()
+        return _alone(self._work, *self._given)
+
+
+def _alone(work: Callable[..., Result], *given: Any) -> Result:
+    """What work gives in one thread."""
+    with alone():
+        return work(*given)
+
+
+def _forked(processes: int, begin: Callable[[int], None]) -> Executor:
+    """Processes that have been forked."""
+    executor = ProcessPoolExecutor(
+        processes, mp_context=multiprocessing.get_context("fork"), initializer=begin,
+        initargs=(os.getpid(),),
+    )  # fmt: skip
+    for future in [executor.submit(available_cores) for _ in range(processes)]:
+        future.result()
+    return executor
+
+
+def _begin_helper(parent: int) -> None:
+    """Begin as a worker does, and leave the cores to others while they want them."""
+    _begin_worker(parent)
+    give_way()
 
 
 def _begin_worker(parent: int) -> None:

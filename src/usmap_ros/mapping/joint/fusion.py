@@ -9,8 +9,9 @@ from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.common_error import NO_ERROR, CommonError
 from usmap_ros.mapping.fusion import Fusion
-from usmap_ros.mapping.joint.area_state import AreaState, least_credit
+from usmap_ros.mapping.joint.area_state import least_credit
 from usmap_ros.mapping.joint.drawing import copied
+from usmap_ros.mapping.joint.explanation import Explained
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.live_map import LiveMap
 from usmap_ros.mapping.joint.local_origin import LocalOrigin
@@ -190,7 +191,7 @@ class JointFusion(Fusion):
             if not whole.is_made and (is_last or is_waiting or live.is_due):
                 due = retired if retired is not None and is_waiting else whole
                 if in_time and live.is_begun:
-                    live.renew(due.occupancy_map)
+                    live.renew(lambda: due.occupancy_map(is_beside=True))
                 else:
                     due.occupancy_map()
             found = None
@@ -214,11 +215,11 @@ class JointFusion(Fusion):
             live, count = self._live, self._count
             epoch = 0 if live is None else live.epoch
 
-            def tell(areas: list[AreaState], kept: KeptPings, earlier: OccupancyMap | None) -> None:
-                self._doubted = least_credit(areas)
-                self._common_error = kept.sensors().common_error
+            def tell(known: Explained, earlier: OccupancyMap | None) -> None:
+                self._doubted = least_credit(known.areas)
+                self._common_error = known.sensors.common_error
                 if live is not None:
-                    live.begin(areas, kept, earlier, count, epoch)
+                    live.begin(known, earlier, count, epoch)
 
             self._survey = Survey(
                 self._kept.copy(), self.parameters, self._earlier, self._more_rounds, self.frame_id,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ Place = tuple[str, str, int, int, int, int]
 SQUARE_M = 2.0
 #: Pings by which each robot is judged: the latest ones.
 REMEMBERED = 200
+#: Pings that are pickled together, which takes some ms.
+PICKLED_TOGETHER = 64
 _ALL_BELIEVED: Mapping[str, float] = MappingProxyType({})
 
 
@@ -73,6 +76,16 @@ class KeptPings:
 
     def __len__(self) -> int:
         return len(self._cones)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All of it, with the pings pickled few at a time: no other thread waits for all of them."""
+        some = range(0, len(self), PICKLED_TOGETHER)
+        pickled = [pickle.dumps(self._cones[first : first + PICKLED_TOGETHER]) for first in some]
+        return vars(self) | {"_cones": pickled}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._cones = [each for some in state["_cones"] for each in pickle.loads(some)]
 
     @property
     def memory_bytes(self) -> int:

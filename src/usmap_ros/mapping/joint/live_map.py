@@ -8,13 +8,13 @@ from typing import NamedTuple
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.drawing import copied, drawn_map
+from usmap_ros.mapping.joint.explanation import Explained
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.mapping.joint.sensors import Sensors
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.processes.threads import alone, give_way
 
 #: All pings are explained together again when there are such a share more than the last time; and
 #: always as long as there are so few.
@@ -22,9 +22,8 @@ MORE_SHARE, FEW_PINGS = 0.5, 30
 #: Pings that are explained at once, for good, beside those before them: so many at the least, and
 #: so many times as many at the most, which takes three fifths of the time for each.
 BATCH, TOGETHER = 32, 4
-#: Name of the thread in which all pings are explained together while maps go on being made, and by
-#: how much it gives way to these.
-BESIDE, BESIDE_PATIENCE = "usmap whole map", 5
+#: Name of the thread that waits for all pings to be explained together while maps go on being made.
+BESIDE = "usmap whole map"
 
 #: A ping, who heard it, and its number.
 Numbered = tuple[EchoCone, str, int]
@@ -102,8 +101,7 @@ class LiveMap:
 
     def begin(
         self,
-        areas: list[AreaState],
-        kept: KeptPings,
+        found: Explained,
         earlier: OccupancyMap | None,
         number: int,
         epoch: int,
@@ -112,10 +110,8 @@ class LiveMap:
 
         Parameters
         ----------
-        areas : list of AreaState
+        found : Explained
             What is known.
-        kept : KeptPings
-            By which pings.
         earlier : OccupancyMap, optional
             What was known before any of them.
         number : int
@@ -123,7 +119,7 @@ class LiveMap:
         epoch : int
             When they were told: nothing holds that was told before the last `forget` or `outdate`.
         """
-        sensors, newest, has_all = kept.sensors(), number, True
+        (areas, sensors, pings), newest, has_all = found, number, True
         while True:
             with self._lock:
                 if number < self._first or epoch != self.epoch:
@@ -133,7 +129,7 @@ class LiveMap:
                 behind = behind[: _batch_of(len(behind))]
                 if not behind:
                     self._known = _Known(areas, newest, sensors, earlier)
-                    self._first, self._pings, self._is_outdated = number, len(kept), not has_all
+                    self._first, self._pings, self._is_outdated = number, pings, not has_all
                     self._more = [ping for ping in self._more if ping[2] > number]
                     return
             has_all &= self._add(areas, behind, sensors)
@@ -155,10 +151,7 @@ class LiveMap:
 
         def work() -> None:
             try:
-                # It takes the cores for seconds, and nobody waits for it.
-                give_way(BESIDE_PATIENCE)
-                with alone():
-                    explain()
+                explain()
             except Exception as error:
                 self._failure = error
 

@@ -10,12 +10,10 @@ from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.worker import Worker
 from usmap_ros.parameters.nodes import MapFusionParameters
-from usmap_ros.processes.threads import PATIENCE, alone
+from usmap_ros.processes.threads import PATIENCE
 
-#: What the check may take of a core while it runs, and while cones wait to be fused.
-_SHARE_WHILE_RUNNING, _SHARE_WHILE_BEHIND = 0.2, 0.02
-#: What it may take in the long run, unless that would make it wait for more than so many of its
-#: periods.
+#: Share of the time that it may run in the long run, unless that would make it wait for more than
+#: so many of its periods.
 _SHARE, _MOST_PERIODS = 0.1, 10.0
 
 
@@ -24,7 +22,7 @@ class _StoppedError(Exception):
 
 
 class RobotCheck:
-    """Judges the robots at an interval, in a thread of its own that leaves time to fusion.
+    """Judges the robots at an interval, beside fusion.
 
     Parameters
     ----------
@@ -50,7 +48,6 @@ class RobotCheck:
         self._found: dict[str, Finding] = {}
         self._checked_version = -1
         self._is_stopping = False
-        self._piece_began_s = 0.0
         self._worker = Worker(node, self._step, patience=PATIENCE)
 
     def stop(self) -> None:
@@ -78,11 +75,9 @@ class RobotCheck:
         version = self._fusion.version
         if version == self._checked_version:
             return period_s
-        began_s = self._piece_began_s = time.thread_time()
+        began_s = time.monotonic()
         try:
-            # In this thread alone: it is the time of this one that its share is counted by.
-            with alone():
-                found = self._fusion.findings(self._between)
+            found = self._fusion.findings(self._end_if_asked)
         except _StoppedError:
             return period_s
         except Exception as error:  # Mapping goes on, whatever is wrong with the check.
@@ -94,14 +89,10 @@ class RobotCheck:
             if finding.is_suspect and (before is None or before.verdict != finding.verdict):
                 self._node.get_logger().warning(f"{topic} is {finding.reason}")
         self._found, self._checked_version = found, version
-        took_s = time.thread_time() - began_s
+        took_s = time.monotonic() - began_s
         return min(max(period_s, took_s / _SHARE), _MOST_PERIODS * period_s)
 
-    def _between(self) -> None:
-        """Leave time to fusion, and end if that is asked for."""
+    def _end_if_asked(self) -> None:
+        """Do not wait for what was found if the check is to end."""
         if self._is_stopping:
             raise _StoppedError
-        worked_s = time.thread_time() - self._piece_began_s
-        share = _SHARE_WHILE_BEHIND if self._fusion.is_behind else _SHARE_WHILE_RUNNING
-        time.sleep(worked_s * (1.0 / share - 1.0))
-        self._piece_began_s = time.thread_time()

@@ -20,7 +20,7 @@ from unittest.mock import patch
 import recordings
 import scenes
 
-from usmap_ros.mapping.joint import estimate, survey
+from usmap_ros.mapping.joint import estimate, explanation
 from usmap_ros.mapping.joint.forward_model import powers
 from usmap_ros.mapping.joint.free_space import free_space, listening, silence
 from usmap_ros.mapping.joint.fusion import JointFusion
@@ -52,7 +52,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
         (listening, "listen"), (silence, "look_at"), (silence, "learn_response"),
     ],
     "refutation": [(free_space, "refute_surfaces")],
-    "first pings": [(survey, "first_log_odds")],
+    "first pings": [(explanation, "first_log_odds")],
 }  # fmt: skip
 
 

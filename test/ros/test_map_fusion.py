@@ -19,6 +19,7 @@ from usmap_ros.io.nav2_map import load_nav2_map
 from usmap_ros.live.health import Level
 from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.merging import merge_maps
+from usmap_ros.mapping.robot_check.consistency import Consistency
 from usmap_ros.nodes.map_fusion import MapFusion
 from usmap_ros.nodes.plumbing.map_publisher import normal_columns, placed
 from usmap_ros.nodes.plumbing.ros_types import RosMessageTypes, interface_class
@@ -584,15 +585,16 @@ def test_a_robot_that_lies_is_named_and_left_out(live: Any, cones: Cones) -> Non
 def test_a_check_of_robots_keeps_to_its_own_thread(
     live: Any, cones: Cones, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its share of a core is counted by the time of that one."""
+    """Fusion wants the other cores."""
     monkeypatch.setattr("usmap_ros.processes.threads.available_cores", lambda: 4)
-    node, threads = live.add(MapFusion, check_period_s=0.1), list[set[int]]()
+    threads = list[set[int]]()
 
-    def findings(_: Callable[[], None]) -> Any:
+    def findings(_: Consistency) -> Any:
         threads.append({get_ident(), *for_each(lambda _: get_ident(), range(4))})
         return {}
 
-    node.session.fusion.findings = findings
+    monkeypatch.setattr(Consistency, "findings", findings)
+    live.add(MapFusion, check_period_s=0.1)
     send(live, cones[:3])
     live.until(lambda: threads)
     assert len(threads[0]) == 1
@@ -604,10 +606,10 @@ def test_a_check_of_robots_ends_with_its_node(live: Any, cones: Cones) -> None:
     send(live, cones[:3])
     began = []
 
-    def endless(between: Callable[[], None]) -> Any:
+    def endless(meanwhile: Callable[[], None]) -> Any:
         began.append(True)
         while True:
-            between()
+            meanwhile()
 
     node.session.fusion.findings = endless
     send(live, cones[3:5])

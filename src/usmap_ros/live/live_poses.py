@@ -24,6 +24,8 @@ from usmap_ros.runs.set_apart import SetApart, pings_of_one_map
 
 #: Poses are corrected together again when there are such a share more pings than the last time.
 MORE_SHARE = 0.25
+#: Windows of pings that are kept at the most, if nobody looks at maps.
+FULL_WINDOWS = 2
 
 
 class LivePoses:
@@ -66,9 +68,11 @@ class LivePoses:
 
     @property
     def is_full(self) -> bool:
-        """Whether so many pings are kept that a map has to be made, for the oldest to go."""
-        window = self._parameters.mapping.window
-        return len(self._told) > window + window // RETIRED_SHARE
+        """Whether so many pings are kept that a map has to be made, for the oldest to go.
+
+        That is seconds after maps that are published would have let them go.
+        """
+        return len(self._told) > FULL_WINDOWS * self._parameters.mapping.window
 
     def takes(self, cone: EchoCone) -> bool:
         """Whether a ping in another frame than the map's may be joined to it later."""

@@ -23,8 +23,8 @@ NODE_NAMES = (
     "serial_driver",
 )
 
-#: Processes beside those that have what takes seconds: the map of all pings and robots to be judged,
-#: or receivers.
+#: Processes beside those nodes that have what takes seconds: the map of all pings and robots that
+#: are judged, and receivers that are.
 HELPERS = {"map_fusion": 2, "cone_reconstructor": 1}
 
 

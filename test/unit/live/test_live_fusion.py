@@ -12,6 +12,8 @@ from usmap_ros.live.live_fusion import LiveFusion
 from usmap_ros.mapping.common_frame import ENOUGH_PINGS
 from usmap_ros.mapping.far_off import FarOffError
 from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.robot_check.consistency import Consistency
+from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.runs.pipeline import Pipeline
@@ -166,7 +168,7 @@ def test_robots_that_are_doubted_are_told(
 
 
 def test_what_was_found_beside_a_robot_that_is_left_out_is_not_obeyed(
-    cones: list[EchoCone], clock: Any
+    cones: list[EchoCone], clock: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fusion = LiveFusion(MappingParameters(resolution_m=0.2), 0.0, 99, clock=clock)
     for number in range(30):
@@ -178,11 +180,17 @@ def test_what_was_found_beside_a_robot_that_is_left_out_is_not_obeyed(
             fusion.receive(topic, cone)
             assert fusion.fuse_next() is not None
 
-    version = fusion.version
-    found = fusion.findings(lambda: fusion.leave_out(["c"]))
+    def findings(consistency: Consistency) -> dict[str, Finding]:
+        fusion.leave_out(["c"])
+        return judge(consistency)
+
+    version, judge = fusion.version, Consistency.findings
+    with monkeypatch.context() as meanwhile:
+        meanwhile.setattr(Consistency, "findings", findings)
+        found = fusion.findings()
     assert found["/stuck/cone"].verdict == "stuck"
     assert fusion.version == version
-    fusion.findings(lambda: None)
+    fusion.findings()
     assert fusion.version == version + 1
     # It is believed again until the next check, now that they are gone beside whom it was judged.
     fusion.leave_out(["a", "b"])

@@ -8,7 +8,7 @@ response  ← how believed surfaces answer, by loudness and angle of incidence
 free      ← where every way in which a surface could face is refuted, or sound came back through
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -127,39 +127,37 @@ class JointEstimate:
         walls = self.walls()
         return self.walls() if self._smooth.doubt_columns_on(walls.lines) else walls
 
-    def estimate_powers(self, rounds: int, between: Callable[[], None] = lambda: None) -> None:
+    def estimate_powers(self, rounds: int) -> None:
         """Find powers and beliefs.
 
         Parameters
         ----------
         rounds : int
             Of shadows.
-        between : callable
-            Called between pieces of work.
         """
         # One range says too little for looks of others to stand in for its own.
         looks = np.where(self._first_only, np.float32(0.0), self.weights)
         key = key_pings(self.table, self.pings, looks)
         if len(key) > MOST_KEY_SHARE * len(self.pings):
-            self._settle(self._powers, rounds, between)
+            self._settle(self._powers, rounds)
             return
         limits = self._powers.limits
         few = Powers(self.table, self.pings[key], self.weights[key], self.field, limits)
-        self._settle(few, rounds, between)
+        self._settle(few, rounds)
         self._powers.take_up(few)
         self._powers.renew_shadows(self.depth)
         self._powers.sweep(SWEEPS)
         self._weigh(self._powers)
-        self._cast_shadows(self._powers, self._no_walls, FIRST_DAMPING, ALL_ROUNDS, between)
+        self._cast_shadows(self._powers, self._no_walls, FIRST_DAMPING, ALL_ROUNDS)
 
-    def _settle(self, powers: Powers, rounds: int, between: Callable[[], None]) -> None:
+    def _settle(self, powers: Powers, rounds: int) -> None:
         """Find powers by some pings, or all, and beliefs with them; as in `estimate_powers`."""
         powers.start()
         for sweeps in FIRST_SWEEPS:
             powers.sweep(sweeps)
             powers.renew_shadows(self.depth)
         self._weigh(powers)
-        self._cast_shadows(powers, self._no_walls, FIRST_DAMPING, rounds, between)
+        self._cast_shadows(powers, self._no_walls, FIRST_DAMPING, rounds)
 
     @property
     def weighed(self) -> WeighedPings:
@@ -196,7 +194,6 @@ class JointEstimate:
         walls: BoolArray,
         damping: float,
         rounds: int,
-        between: Callable[[], None] = lambda: None,
     ) -> None:
         """Renew what hides what by the evidence, then powers, then the evidence, until it settles.
 
@@ -210,11 +207,8 @@ class JointEstimate:
             Share of a belief that a round takes over.
         rounds : int
             At the most.
-        between : callable
-            As in `estimate_powers`.
         """
         for _ in range(rounds):
-            between()
             before = self._hiding
             belief = hiding(self.evidence, self.field.shape, walls | self._standing)
             self._hiding = (1.0 - damping) * before + damping * belief

@@ -78,7 +78,7 @@ class KeptPings:
         return len(self._cones)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All of it, with the pings pickled few at a time: no other thread waits for all of them."""
+        """All of it, the pings pickled few at a time: no other thread waits for all of them."""
         some = range(0, len(self), PICKLED_TOGETHER)
         pickled = [pickle.dumps(self._cones[first : first + PICKLED_TOGETHER]) for first in some]
         return vars(self) | {"_cones": pickled}

@@ -63,20 +63,15 @@ class LeaveOneOutMap:
         Pings of each robot that has a part in it; of those from one place few count.
     parameters : MappingParameters
         Of the model.
-    between : callable
-        Called between pieces of work.
     """
 
     def __init__(
-        self,
-        cones: Mapping[str, Sequence[EchoCone]],
-        parameters: MappingParameters,
-        between: Callable[[], None] = lambda: None,
+        self, cones: Mapping[str, Sequence[EchoCone]], parameters: MappingParameters
     ) -> None:
-        self._parameters, self._between = parameters, between
+        self._parameters = parameters
         kept, self._names = kept_pings(cones, parameters), list(cones)
         self._areas = [
-            _Area(kept.pings(group), self._names, parameters, between) for group in kept.islands()
+            _Area(kept.pings(group), self._names, parameters) for group in kept.islands()
         ]
 
     def expected(
@@ -131,7 +126,6 @@ class LeaveOneOutMap:
         noise = table.numbers[rows, NOISE, np.newaxis]
         levels = np.repeat(noise, table.kind.shape[1], axis=1)
         for area in self._areas:
-            self._between()
             inside = area.may_reach(table, rows)
             if inside.any():
                 heard = area.expect(table, rows[inside], frozenset(without))
@@ -166,20 +160,14 @@ class _Believed(NamedTuple):
 class _Area:
     """One joint estimate; parameters are as in `LeaveOneOutMap`."""
 
-    def __init__(
-        self,
-        pings: Pings,
-        names: Sequence[str],
-        parameters: MappingParameters,
-        between: Callable[[], None],
-    ) -> None:
+    def __init__(self, pings: Pings, names: Sequence[str], parameters: MappingParameters) -> None:
         self._opacity = parameters.opacity if parameters.occlusion else 0.0
         self._field = field_around(pings.table, pings.rows, parameters.resolution_m)
         check_size(self._field.rows - 2, self._field.columns - 2, parameters)
         self._estimate = JointEstimate(
             pings.table, pings.rows, pings.weights, pings.echoes, self._field, self._opacity
         )
-        self._estimate.estimate_powers(ROUNDS, between)
+        self._estimate.estimate_powers(ROUNDS)
         self._names = names
         weighed, halves = self._estimate.weighed, halves_of(pings.sources, names)
         self._cells = weighed.number

@@ -15,6 +15,7 @@ from usmap_ros.mapping.joint.sensors import Sensors
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes.workers import Beside
 
 #: All pings are explained together again when there are such a share more than the last time; and
 #: always as long as there are so few.
@@ -126,14 +127,18 @@ class LiveMap:
                     return
                 # Maps are made meanwhile of what was known until now.
                 behind = [ping for ping in self._more if newest < ping[2] <= self._known.newest]
-                behind = behind[: _batch_of(len(behind))]
                 if not behind:
                     self._known = _Known(areas, newest, sensors, earlier)
                     self._first, self._pings, self._is_outdated = number, pings, not has_all
                     self._more = [ping for ping in self._more if ping[2] > number]
                     return
-            has_all &= self._add(areas, behind, sensors)
-            newest = behind[-1][2]
+            given = areas, behind, sensors, self._parameters
+            # Many take as long as some seconds of pings, and few less than to be handed over.
+            is_beside = len(behind) > BATCH * TOGETHER
+            areas, has_these = (
+                Beside(_with_more, *given).result() if is_beside else _with_more(*given)
+            )
+            has_all, newest = has_all and has_these, behind[-1][2]
 
     def renew(self, explain: Callable[[], object]) -> None:
         """Have all pings explained together in a thread beside, unless they are being.
@@ -203,7 +208,8 @@ class LiveMap:
                     is_whole = len(batch) >= BATCH
                     # The others are explained anew with those that come.
                     areas = areas if is_whole else [area.copy() for area in areas]
-                    if not self._add(areas, batch, known.sensors):
+                    areas, has_all = _with_more(areas, batch, known.sensors, self._parameters)
+                    if not has_all:
                         if not in_time:
                             return None
                         with self._lock:
@@ -222,15 +228,33 @@ class LiveMap:
                 self._known = more
             return more
 
-    def _add(self, areas: list[AreaState], batch: list[Numbered], sensors: Sensors) -> bool:
-        """Add some more pings to what is known; whether none of them is in no area, or in two."""
-        kept = KeptPings(self._parameters)
+
+def _with_more(
+    areas: list[AreaState], more: list[Numbered], sensors: Sensors, parameters: MappingParameters
+) -> tuple[list[AreaState], bool]:
+    """What is known with some more pings, and whether none of them is in no area, or in two.
+
+    Parameters
+    ----------
+    areas : list of AreaState
+        What was known; changed.
+    more : list of Numbered
+        The pings, which are explained some at a time.
+    sensors : Sensors
+        What is known of those who heard them.
+    parameters : MappingParameters
+        Of the map.
+    """
+    has_all = True
+    while more:
+        size = _batch_of(len(more))
+        batch, more = more[:size], more[size:]
+        kept = KeptPings(parameters)
         for cone, source, _ in batch:
             kept.add(cone, source)
-        has_all = True
         for group in kept.islands():
             pings = kept.pings(group, sensors=sensors)
-            field = field_around(pings.table, pings.rows, self._parameters.resolution_m)
+            field = field_around(pings.table, pings.rows, parameters.resolution_m)
             here = [place for place, area in enumerate(areas) if area.overlaps(field)]
             if len(here) != 1:
                 has_all = False
@@ -239,8 +263,8 @@ class LiveMap:
             if min(believed) < 1.0 and max(believed) > 0.0:
                 pings = kept.pings(group, areas[here[0]].credit, sensors)
             if max(believed) > 0.0:
-                areas[here[0]] = MorePings(pings, self._parameters).add_to(areas[here[0]])
-        return has_all
+                areas[here[0]] = MorePings(pings, parameters).add_to(areas[here[0]])
+    return areas, has_all
 
 
 def _batch_of(waiting: int) -> int:

@@ -1,7 +1,7 @@
 """Who is wrong, of robots that contradict one another: a screen, and maps without the suspects."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -61,17 +61,12 @@ class RobotComparison:
         Of the maps.
     cones : mapping of str to sequence of EchoCone
         Pings of each robot; and those that it heard earlier, by its name and `EARLIER_PINGS`.
-    between : callable
-        As in `Consistency.findings`.
     """
 
     def __init__(
-        self,
-        parameters: MappingParameters,
-        cones: Mapping[str, Sequence[EchoCone]],
-        between: Callable[[], None],
+        self, parameters: MappingParameters, cones: Mapping[str, Sequence[EchoCone]]
     ) -> None:
-        self._parameters, self._cones, self._between = parameters, cones, between
+        self._parameters, self._cones = parameters, cones
         self._topics = list(cones)
         nothing = np.zeros((len(cones), len(cones)))
         self._said = MutualEvidence(nothing, nothing)
@@ -81,7 +76,7 @@ class RobotComparison:
 
     def screen(self) -> dict[str, Finding]:
         """Judge all by the map that they have made together."""
-        together = LeaveOneOutMap(self._cones, self._parameters, self._between)
+        together = LeaveOneOutMap(self._cones, self._parameters)
         expected = together.expected(self._cones, of_one=self._of_one)
         self._agreements = {topic: agreement(pings) for topic, pings in expected.items()}
         self._said = self._without_self_praise(together.mutual_evidence())
@@ -206,7 +201,7 @@ class RobotComparison:
         robot = robot_of(topic)
         if robot not in self._without:
             others = {t: own for t, own in self._cones.items() if robot_of(t) != robot}
-            apart = LeaveOneOutMap(others, self._parameters, self._between)
+            apart = LeaveOneOutMap(others, self._parameters)
             among_them = apart.expected(others, of_one=self._of_one).values()
             self._without[robot] = apart, [agreement(pings) for pings in among_them]
         apart, among = self._without[robot]

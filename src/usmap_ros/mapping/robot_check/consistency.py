@@ -11,7 +11,7 @@ contradict it: it is the one without which the rest agree.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -113,17 +113,12 @@ class Consistency:
         other._robots = {topic: robot.copy() for topic, robot in self._robots.items()}
         return other
 
-    def findings(self, between: Callable[[], None] = lambda: None) -> dict[str, Finding]:
+    def findings(self) -> dict[str, Finding]:
         """Judge every robot, by topic.
 
         Echoes alone tell much, without a map.  Then comes a screen on the common map; what it finds
         is confirmed on a map that the suspect has no part in.  Then the others are judged again
         without it, for it has spoilt what they are compared with.
-
-        Parameters
-        ----------
-        between : callable
-            Called between pieces of work; what it raises ends the judgement.
         """
         robots = self._alike()
         sources = {topic: robot.latest() for topic, robot in robots.items()}
@@ -133,11 +128,11 @@ class Consistency:
         found = self._stuck()
         found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
         latest = {t: robot.latest() for t, robot in robots.items() if t not in found}
-        heard = _heard(latest, between)
+        heard = _heard(latest)
         found |= displaced(heard)
         judged = {topic: own for topic, own in heard.items() if topic not in found}
         before = {topic: sources.get(topic + EARLIER_PINGS, []) for topic in judged}
-        pairs = RobotPairs(judged, lambda: _heard(before, between), between)
+        pairs = RobotPairs(judged, lambda: _heard(before))
         moved = shifted(pairs)
         found |= {topic: finding for topic, finding in moved.items() if finding.is_suspect}
         while True:
@@ -145,7 +140,7 @@ class Consistency:
             count = len(left.keys() & self._robots.keys())
             if count < 2:
                 return self._of_robots(dict.fromkeys(left, Finding("unknown", {})) | found)
-            comparison = RobotComparison(self._parameters, left, between)
+            comparison = RobotComparison(self._parameters, left)
             screened = comparison.screen()
             # Two that are left after a liar spoilt the map cannot tell which of them is wrong.
             can_tell = not found or count > LEAST_ROBOTS_LEFT
@@ -193,12 +188,12 @@ class Consistency:
         return {topic: found[topic] for topic in sorted(self._robots)}
 
 
-def _heard(sources: Mapping[str, list[EchoCone]], between: Callable[[], None]) -> dict[str, Robot]:
+def _heard(sources: Mapping[str, list[EchoCone]]) -> dict[str, Robot]:
     """Landmarks of those who heard any, if they are to be compared with anybody."""
     if len(sources) < LEAST_ROBOTS_LEFT:
         return {}
     heard = {t: own for t, cones in sources.items() if (own := sightings_of(cones)) is not None}
-    robots = for_each(lambda topic: Robot(sources[topic], heard[topic], between), heard)
+    robots = for_each(lambda topic: Robot(sources[topic], heard[topic]), heard)
     return dict(zip(heard, robots, strict=True))
 
 

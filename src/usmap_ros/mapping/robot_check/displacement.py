@@ -8,7 +8,7 @@ Of a shift nothing shows but in what others hear, see `shifts`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -96,14 +96,10 @@ class Robot:
         Its pings.
     heard : Sightings
         The same.
-    between : callable
-        Called between pieces of work.
     """
 
-    def __init__(
-        self, cones: Sequence[EchoCone], heard: Sightings, between: Callable[[], None]
-    ) -> None:
-        self.heard, self._way, self._between = heard, RobotTrack(cones, heard), between
+    def __init__(self, cones: Sequence[EchoCone], heard: Sightings) -> None:
+        self.heard, self._way = heard, RobotTrack(cones, heard)
         self._every = np.ones(len(heard.ping), np.bool_)
         self.told, self.landmarks = self._explained(heard)
 
@@ -218,7 +214,6 @@ class Robot:
         self, heard: Sightings, wanted: BoolArray | None = None, least: float = -math.inf
     ) -> tuple[float, FloatArray]:
         """Log-likelihood ratio of echoes by landmarks, and these; it may be given up as `least`."""
-        self._between()
         found = np.zeros((MOST, COLUMNS))
         gain, count = explain(heard, self._every if wanted is None else wanted, found, least)
         return gain, found[:count]

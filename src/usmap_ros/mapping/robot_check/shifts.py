@@ -42,8 +42,6 @@ class RobotPairs:
     earlier : callable
         Gives the same by pings before these, of those who have enough: they count where the latest
         ones of the others do not show that a robot is where it says it is.
-    between : callable
-        Called between pieces of work.
 
     Attributes
     ----------
@@ -55,20 +53,17 @@ class RobotPairs:
         self,
         robots: Mapping[str, Robot],
         earlier: Callable[[], Mapping[str, Robot]],
-        between: Callable[[], None],
     ) -> None:
         self.names = sorted(robots)
         # Of each two, and of the same two the other way around.
         self._said: dict[tuple[str, str], FloatArray] = {}
         for number, one in enumerate(self.names):
             for other in self.names[:number]:
-                between()
                 self._add(one, other, _borne_out(robots[one], robots[other]))
         unshown = [name for name in self.names if not self.is_borne_out(name)]
         before = earlier() if unshown else {}
         for one in unshown:
             for other in sorted(before.keys() & robots.keys() - {one}):
-                between()
                 self._add(one, other, _borne_out(robots[one], before[other]))
 
     def _add(self, one: str, other: str, said: FloatArray) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.joint import estimate
+from usmap_ros.mapping.joint import estimate, explanation, survey
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.forward_model import ping_groups
 from usmap_ros.mapping.joint.fusion import JointFusion
@@ -97,7 +97,7 @@ def test_it_is_worked_out_once_for_all_who_ask(
             made.append(rounds)
             super().estimate_powers(rounds)
 
-    monkeypatch.setattr("usmap_ros.mapping.joint.survey.JointEstimate", Counted)
+    monkeypatch.setattr("usmap_ros.mapping.joint.explanation.JointEstimate", Counted)
     fusion = fused(views)
     make = fusion.snapshot()
     assert made == []
@@ -197,8 +197,8 @@ def test_who_fuses_does_not_wait_for_what_leaves_the_window(
     views: list[EchoCone], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[int] = []
-    area = Survey._area
-    monkeypatch.setattr(Survey, "_area", lambda *given: made.append(1) or area(*given))
+    explained = explanation.explained
+    monkeypatch.setattr(survey, "explained", lambda *given: made.append(1) or explained(*given))
     fusion = fused(views[:4], window=4)
     # Each of them lets the oldest go.
     for cone in views[4:8]:

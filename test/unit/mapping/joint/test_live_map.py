@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.joint import live_map, survey
+from usmap_ros.mapping.joint import explanation, live_map
 from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.fusion import JointFusion
@@ -61,7 +61,7 @@ def visits(few: None, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
             counts["more"].append(len(pings.rows))
             super().__init__(pings, parameters)
 
-    monkeypatch.setattr(survey, "JointEstimate", Whole)
+    monkeypatch.setattr(explanation, "JointEstimate", Whole)
     monkeypatch.setattr(live_map, "MorePings", More)
     return counts
 
@@ -271,7 +271,7 @@ def held(few: None, monkeypatch: pytest.MonkeyPatch) -> Held:
                 thread.begun.set()
                 thread.may_go_on.wait(WAIT_S)
 
-    monkeypatch.setattr(survey, "JointEstimate", Whole)
+    monkeypatch.setattr(explanation, "JointEstimate", Whole)
     return thread
 
 
@@ -374,7 +374,7 @@ def test_what_goes_wrong_beside_is_said_the_next_time(
     def wrong(*given: Any, **named: Any) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(survey, "JointEstimate", wrong)
+    monkeypatch.setattr(explanation, "JointEstimate", wrong)
     fusion.live_snapshot(in_time=True)()
     for thread in threading.enumerate():
         if thread.name == live_map.BESIDE:

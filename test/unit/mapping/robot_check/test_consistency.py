@@ -292,7 +292,7 @@ def test_a_turn_that_others_contradict_is_no_fault(
     for topic, own in heard.items():
         sightings = sightings_of(own)
         assert sightings is not None
-        robots[topic] = Robot(own, sightings, lambda: None)
+        robots[topic] = Robot(own, sightings)
 
     def by_itself(robot: Robot) -> Displacement | None:
         is_liar = robot is robots[LIAR]
@@ -360,7 +360,7 @@ def test_nobody_is_accused_by_what_is_said_of_a_few_cells(
     said = MutualEvidence(times * np.array(agreed), times * np.array(contradicted))
     monkeypatch.setattr(LeaveOneOutMap, "mutual_evidence", lambda _: said)
     own = {t: [cone for topic, cone in cones(11) if topic == t] for t in dict(cones(11))}
-    comparison = RobotComparison(MappingParameters(), own, lambda: None)
+    comparison = RobotComparison(MappingParameters(), own)
 
     found = comparison.culprits(comparison.screen())
 
@@ -482,7 +482,7 @@ def test_one_that_hears_nothing_is_deaf_and_not_misplaced() -> None:
 def test_nobody_is_accused_whom_the_others_bear_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Though its pings may fit the others' map badly, as those that hear little of it do."""
     chosen = {t: [cone for topic, cone in cones(11) if topic == t] for t in dict(cones(11))}
-    comparison = RobotComparison(MappingParameters(), chosen, lambda: None)
+    comparison = RobotComparison(MappingParameters(), chosen)
     screened = comparison.screen()
     suspected = Finding("misplaced", {}, "misplaced: its pings fit badly")
 

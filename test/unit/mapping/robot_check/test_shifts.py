@@ -54,7 +54,7 @@ def robot_pairs(monkeypatch: pytest.MonkeyPatch) -> Pairs:
             name: SimpleNamespace(landmarks=f"{name} earlier", heard=f"{name} earlier")
             for name in names
         }
-        return RobotPairs(robots, lambda: before, lambda: None)
+        return RobotPairs(robots, lambda: before)
 
     return pairs
 

@@ -1,0 +1,67 @@
+"""Processes beside this one."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from usmap_ros.processes.workers import Beside
+
+#: Run by itself, since it forks before there are any threads.
+PROGRAM = """
+import os, signal, time
+from usmap_ros.processes.workers import Beside, start_helpers
+
+start_helpers(1)
+helper = Beside(os.getpid).result()
+assert helper != os.getpid()
+assert os.getpriority(os.PRIO_PROCESS, helper) > os.getpriority(os.PRIO_PROCESS, 0)
+calls = []
+Beside(time.sleep, 0.3).result(lambda: calls.append(1))
+assert calls
+try:
+    Beside(int, "none").result()
+except ValueError as error:
+    print(error)
+os.kill(helper, signal.SIGKILL)
+assert Beside(os.getpid).result() == os.getpid()
+print("done")
+"""
+
+
+def test_a_helper_works_beside_and_its_work_is_done_here_when_it_is_killed() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False, timeout=120.0
+    )
+    assert done.stderr == ""
+    assert done.stdout.endswith("done\n")
+    assert "none" in done.stdout
+
+
+def test_without_helpers_work_is_done_here() -> None:
+    work = Beside(os.getpid)
+    assert work.is_done
+    assert work.result() == os.getpid()
+
+
+def test_what_work_raises_is_raised() -> None:
+    with pytest.raises(ValueError, match="none"):
+        Beside(int, "none").result()
+
+
+def test_helpers_end_with_the_process_that_started_them() -> None:
+    program = (
+        "import os, signal\n"
+        "from usmap_ros.processes.workers import Beside, start_helpers\n"
+        "start_helpers(1)\n"
+        "print(Beside(os.getpid).result(), flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    # Its output ends when nobody is left who could write there.
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60.0
+    )
+    assert done.returncode == -signal.SIGKILL
+    assert int(done.stdout) > 0

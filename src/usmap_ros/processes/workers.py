@@ -18,6 +18,8 @@ Result = TypeVar("Result")
 
 #: How often who waits for a helper looks up, s.
 _LOOK_S = 0.1
+#: By how much helpers give way, of 19 in all: nobody waits for them.
+HELPERS_PATIENCE = 19
 _helpers: list[Executor] = []
 
 
@@ -112,7 +114,7 @@ def _forked(processes: int, begin: Callable[[int], None]) -> Executor:
 def _begin_helper(parent: int) -> None:
     """Begin as a worker does, and leave the cores to others while they want them."""
     _begin_worker(parent)
-    give_way()
+    give_way(HELPERS_PATIENCE)
 
 
 def _begin_worker(parent: int) -> None:

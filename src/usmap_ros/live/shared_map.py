@@ -75,6 +75,11 @@ class SharedMap:
             return poses.is_whole if poses.must_correct else self._pipeline.fusion.is_whole
 
     @property
+    def is_map_behind(self) -> bool:
+        """Whether the newest live map lacks pings that had come, which the next one has."""
+        return self._latest.is_behind
+
+    @property
     def doubted(self) -> str:
         """Robots whom others contradict in the newest map, and for how much of it they count."""
         doubted = self._latest.doubted

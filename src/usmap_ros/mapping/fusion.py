@@ -70,6 +70,11 @@ class Fusion(ABC):
         return NO_ERROR
 
     @property
+    def is_behind(self) -> bool:
+        """Whether pings that had come are not in the newest live map that was made in time."""
+        return False
+
+    @property
     @abstractmethod
     def memory_bytes(self) -> int:
         """Memory that what is known takes."""

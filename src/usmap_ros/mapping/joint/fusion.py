@@ -209,6 +209,11 @@ class JointFusion(Fusion):
         is_made = self._survey is not None and self._survey.is_made
         return is_made and not self._is_live_latest
 
+    @property
+    def is_behind(self) -> bool:
+        """Whether pings that had come are not in the newest live map that was made in time."""
+        return self._live is not None and self._is_live_latest and self._live.is_behind
+
     def _surveyed(self) -> Survey:
         """The survey of today's pings, which is worked out when it is asked."""
         if self._survey is None:

@@ -66,6 +66,8 @@ class LiveMap:
     ----------
     epoch : int
         Rises whenever what is known is forgotten.
+    is_behind : bool
+        Whether pings that had come are not in the newest map that was made in time.
     """
 
     def __init__(self, parameters: MappingParameters) -> None:
@@ -73,7 +75,7 @@ class LiveMap:
         self._parameters, self._lock, self._making = parameters, threading.Lock(), threading.Lock()
         self._known = _NOTHING
         self._drawn: _Drawn | None = None
-        self.epoch = 0
+        self.epoch, self.is_behind = 0, False
         # Number of the newest ping by which areas were known at first, and how many those were.
         self._first = self._pings = 0
         # Whether something is known that it does not tell.
@@ -193,12 +195,17 @@ class LiveMap:
         newest : int
             Number of the newest ping that is wanted.
         in_time : bool
-            Whether new pings where nothing is known may be in a later map.
+            Whether new pings where nothing is known may be in a later map, and those beyond the
+            first that are explained at once: the stamp is that of the newest ping that is in it.
         """
         with self._making:
             with self._lock:
                 known = self._known
                 wanted = [ping for ping in self._more if known.newest < ping[2] <= newest]
+            if in_time:
+                wanted, later = wanted[: BATCH * TOGETHER], wanted[BATCH * TOGETHER :]
+                self.is_behind = bool(later)
+                stamp_ns = wanted[-1][0].stamp_ns if later else stamp_ns
             areas, last = known.areas, wanted[-1][2] if wanted else known.newest
             drawn = self._drawn
             if drawn is None or drawn.areas is not areas or drawn.newest != last:

@@ -102,7 +102,7 @@ class MapBringer:
             return _LOOK_S
         self._is_to_be_published = False
         self._publish_if_changed()
-        return None
+        return 0.0 if self._is_to_be_published else None
 
     def _is_better_later(self) -> bool:
         """Whether cones would only wait for longer, and come into a later map, if one was made."""
@@ -126,6 +126,9 @@ class MapBringer:
         try:
             occupancy = self._fusion.live_map(is_last)
             is_whole = self._fusion.is_whole
+            if self._fusion.is_map_behind:
+                # What it lacks is in the next one, at once.
+                self._is_to_be_published, version = True, self._published_version
             if is_last and not self._is_unpublished and not is_whole:
                 # It is being worked out beside, and published when it is there.
                 return

@@ -168,6 +168,24 @@ def test_more_pings_are_explained_at_once_while_many_wait(
     assert visits["more"] == [3 * BATCH, 2 * BATCH]
 
 
+def test_maps_in_time_tell_of_some_while_many_wait(
+    pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    fusion, at_once = known(pings[:10]), known(pings[:10])
+    fuse(fusion, pings[10:21])
+    fuse(at_once, pings[10:21])
+    stamps_ns, are_behind = list[int](), list[bool]()
+    for _ in range(3):
+        occupancy = fusion.live_snapshot(in_time=True)()
+        stamps_ns.append(occupancy.stamp_ns)
+        are_behind.append(fusion.is_behind)
+    # Each says what the newest ping is that it tells of.
+    assert stamps_ns == [13, 17, 20]
+    assert are_behind == [True, True, False]
+    assert_same(occupancy, at_once.live_snapshot()())
+
+
 def test_a_map_without_news_takes_no_work(
     pings: list[EchoCone], visits: dict[str, list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ from usmap_ros.mapping.joint.sensors import Sensors
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
+from usmap_ros.processes.threads import alone
 from usmap_ros.processes.workers import Beside
 
 #: All pings are explained together again when there are such a share more than the last time; and
@@ -215,7 +216,9 @@ class LiveMap:
                     is_whole = len(batch) >= BATCH
                     # The others are explained anew with those that come.
                     areas = areas if is_whole else [area.copy() for area in areas]
-                    areas, has_all = _with_more(areas, batch, known.sensors, self._parameters)
+                    # One core gains as much as two that wait for each other after each loop.
+                    with alone():
+                        areas, has_all = _with_more(areas, batch, known.sensors, self._parameters)
                     if not has_all:
                         if not in_time:
                             return None

@@ -17,8 +17,6 @@ from usmap_ros.parameters.nodes import MapFusionParameters
 #: How many of its periods a map is put off while cones wait to be fused, and how often it is looked
 #: whether they still do.
 _PUT_OFF_PERIODS, _LOOK_S = 2.0, 0.004
-#: By how much maps give way to the pings that come, of the 10 that what takes seconds does.
-_PATIENCE = 5
 #: When nothing has come for so long, all that came is explained together.
 _QUIET_S = 0.5
 
@@ -63,8 +61,7 @@ class MapBringer:
         self._is_to_be_published = self._is_to_be_kept = False
         self._asked_s = 0.0
         self._is_unpublished = self._was_reset = False
-        # A map that comes later has more in it; pings that wait for one would be dropped.
-        self._worker = Worker(node, self._step, patience=_PATIENCE)
+        self._worker = Worker(node, self._step)
 
     def close(self) -> None:
         """End the work, keep the map on disk, and take its topics back."""

@@ -368,6 +368,7 @@ def test_many_that_begin_at_once_wait_for_the_first_of_them_alone(
     pings: list[EchoCone], held: Held, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("usmap_ros.mapping.joint.fusion.FIRST_PINGS", KNOWN)
+    monkeypatch.setattr(live_map, "TOGETHER", 99)
     fusion = fused([])
     fusion.live_snapshot(in_time=True)()
     fuse(fusion, pings)

@@ -6,6 +6,7 @@ before, stamped with the time at which they are sent, and listens to the map; wh
 given as "load cores", and as "others cores" what all other programs took of the machine: where
 they take much, latencies are theirs.  What nodes say of their own part of the latency is given
 beside it: fusion's has the wait for the other robots' cones in it, but not for the next map.
+"Helper cores" are what nodes' processes beside them take of what others leave.
 "Dropped" is what fusion says that it dropped from its queue, "dropped before" what reconstructors
 say.
 

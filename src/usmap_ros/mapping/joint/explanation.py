@@ -23,7 +23,7 @@ from usmap_ros.parameters import MappingParameters
 from usmap_ros.processes.memory import give_back_memory
 
 
-class Explained(NamedTuple):
+class Explanation(NamedTuple):
     """What is known by some pings."""
 
     #: Of each area.
@@ -39,7 +39,7 @@ def explained(
     parameters: MappingParameters,
     earlier: OccupancyMap | None = None,
     more_rounds: int = 0,
-) -> Explained:
+) -> Explanation:
     """What explains pings together, which takes seconds.
 
     Parameters
@@ -53,14 +53,14 @@ def explained(
     more_rounds : int
         Rounds of shadows and sweeps beyond the usual ones.
     """
-    work = _Explanation(kept, parameters, earlier, more_rounds)
+    work = _Areas(kept, parameters, earlier, more_rounds)
     areas = [work.area(group) for group in kept.islands()]
     del work
     give_back_memory()
-    return Explained(areas, kept.sensors(), len(kept))
+    return Explanation(areas, kept.sensors(), len(kept))
 
 
-class _Explanation:
+class _Areas:
     """Work on the areas of some pings; arguments as of `explained`."""
 
     def __init__(

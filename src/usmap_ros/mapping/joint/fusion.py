@@ -11,7 +11,7 @@ from usmap_ros.mapping.common_error import NO_ERROR, CommonError
 from usmap_ros.mapping.fusion import Fusion
 from usmap_ros.mapping.joint.area_state import least_credit
 from usmap_ros.mapping.joint.drawing import copied
-from usmap_ros.mapping.joint.explanation import Explained
+from usmap_ros.mapping.joint.explanation import Explanation
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.live_map import LiveMap
 from usmap_ros.mapping.joint.local_origin import LocalOrigin
@@ -220,7 +220,7 @@ class JointFusion(Fusion):
             live, count = self._live, self._count
             epoch = 0 if live is None else live.epoch
 
-            def tell(known: Explained, earlier: OccupancyMap | None) -> None:
+            def tell(known: Explanation, earlier: OccupancyMap | None) -> None:
                 self._doubted = least_credit(known.areas)
                 self._common_error = known.sensors.common_error
                 if live is not None:

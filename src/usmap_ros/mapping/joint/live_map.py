@@ -8,7 +8,7 @@ from typing import NamedTuple
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.drawing import copied, drawn_map
-from usmap_ros.mapping.joint.explanation import Explained
+from usmap_ros.mapping.joint.explanation import Explanation
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.mapping.joint.sensors import Sensors
@@ -105,7 +105,7 @@ class LiveMap:
 
     def begin(
         self,
-        found: Explained,
+        found: Explanation,
         earlier: OccupancyMap | None,
         number: int,
         epoch: int,
@@ -114,7 +114,7 @@ class LiveMap:
 
         Parameters
         ----------
-        found : Explained
+        found : Explanation
             What is known.
         earlier : OccupancyMap, optional
             What was known before any of them.

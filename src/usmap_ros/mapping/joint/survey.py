@@ -5,13 +5,13 @@ from collections.abc import Callable
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.joint.drawing import copied, drawn_map
-from usmap_ros.mapping.joint.explanation import Explained, explained
+from usmap_ros.mapping.joint.explanation import Explanation, explained
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.processes.memory import give_back_memory
 from usmap_ros.processes.workers import Beside
 
-Tell = Callable[[Explained, OccupancyMap | None], None]
+Tell = Callable[[Explanation, OccupancyMap | None], None]
 
 
 class Survey:

@@ -112,8 +112,18 @@ class Fleet:
     def cpu_seconds(self) -> dict[str, float]:
         """Processor time that each node has used, and helpers of all together."""
         used = {name: cpu_seconds(process.pid) for name, process in self.processes.items()}
-        helpers = [pid for process in self.processes.values() for pid in children(process.pid)]
-        return used | {HELPERS: sum(map(cpu_seconds, helpers))}
+        return used | {HELPERS: sum(map(cpu_seconds, self._helpers()))}
+
+    def _helpers(self) -> list[int]:
+        return [pid for process in self.processes.values() for pid in children(process.pid)]
+
+    def memory_mb(self) -> dict[str, int]:
+        """Memory of all nodes, and of all helpers, what they share divided among them."""
+        nodes = [process.pid for process in self.processes.values()]
+        return {
+            "nodes_mb": round(sum(map(memory_mb, nodes))),
+            "helpers_mb": round(sum(map(memory_mb, self._helpers()))),
+        }
 
     def end(self) -> None:
         """End all processes, those that hang too: Fast DDS can, when others leave."""
@@ -132,6 +142,12 @@ def cpu_seconds(pid: int) -> float:
     """Processor time that a process has used."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_SECOND
+
+
+def memory_mb(pid: int) -> float:
+    """Memory that a process takes, what it shares with others divided among them."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return next(int(line.split()[1]) * 1024 / 1e6 for line in lines if line.startswith("Pss:"))
 
 
 def children(pid: int) -> list[int]:
@@ -235,6 +251,7 @@ def _measure(
         "reconstruction_cores": round(reconstruction_cores, 2),
         "load_cores": round(load_cores, 2),
         "others_cores": round(others_cores, 2),
+        **fleet.memory_mb(),
     }
 
 

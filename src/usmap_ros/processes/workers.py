@@ -91,6 +91,7 @@ class Beside(Generic[Result]):
                 meanwhile()
             with suppress(BrokenProcessPool):
                 return self._future.result()
+            meanwhile()
         return _alone(self._work, *self._given)
 
 
@@ -114,6 +115,8 @@ def _forked(processes: int, begin: Callable[[int], None]) -> Executor:
 def _begin_helper(parent: int) -> None:
     """Begin as a worker does, and leave the cores to others while they want them."""
     _begin_worker(parent)
+    # Who ends all processes of a service at once wants the one that started this to end in order.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     give_way(HELPERS_PATIENCE)
 
 

@@ -25,6 +25,8 @@ try:
     Beside(int, "none").result()
 except ValueError as error:
     print(error)
+os.kill(helper, signal.SIGTERM)
+assert Beside(os.getpid).result() == helper
 os.kill(helper, signal.SIGKILL)
 assert Beside(os.getpid).result() == os.getpid()
 print("done")

@@ -19,7 +19,7 @@ import scenes
 from rangings import first_echoes, range_cones
 
 from usmap_ros.evaluation.scoring import score
-from usmap_ros.localisation import refine_poses
+from usmap_ros.localisation import Refinement, refine_poses
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.fields_of_view import Beam
@@ -87,12 +87,15 @@ def map_score(scene: Scenario, pings: list[Ping]) -> str:
     return f"{found.f1:.2f} / {found.known:.2f} / {found.leak:.3f} / {found.lost:.3f}"
 
 
-def nees(pings: list[Ping], true: Mapping[tuple[str, int], Pose]) -> float:
+def nees(found: Refinement, true: Mapping[tuple[str, int], Pose]) -> float:
     """Mean squared error of places, in units of what the stated covariance makes one expect."""
     off_m = np.array(
-        [one.pose.position_m[:2] - true[topic, one.stamp_ns].position_m[:2] for topic, one in pings]
+        [
+            one.pose.position_m[:2] - true[topic, one.stamp_ns].position_m[:2]
+            for topic, one in found.pings
+        ]
     )
-    known = np.array([one.pose.planar_covariance[:2, :2] for _, one in pings]) + 1e-8 * np.eye(2)
+    known = found.covariances[:, :2, :2] + 1e-8 * np.eye(2)
     return float(np.einsum("ni,nij,nj->n", off_m, np.linalg.inv(known), off_m).mean() / 2.0)
 
 
@@ -117,10 +120,11 @@ def main() -> None:
             if arguments.first_echoes:
                 told = first_echoes(told, scene)
             started_s = time.process_time()
-            refined = refine_poses(told).pings
+            found = refine_poses(told)
+            refined = found.pings
             cost_ms = (time.process_time() - started_s) / len(told) * 1e3
             row = [kind, str(seed), f"{ate_m(told, true):.3f}", f"{ate_m(refined, true):.3f}"]
-            row += [f"{nees(refined, true):.1f}", f"{cost_ms:.1f}"]
+            row += [f"{nees(found, true):.1f}", f"{cost_ms:.1f}"]
             if arguments.maps:
                 exact = [(t, replace(one, pose=true[t, one.stamp_ns])) for t, one in told]
                 row += [map_score(scene, pings) for pings in (told, refined, exact)]

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from usmap_ros.localisation.pose_kind import robot_of
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.geometry import Pose, on_base
@@ -23,10 +25,12 @@ class Anchor:
         topic, cone = ping
         way = self.told.inverse().compose(Pose(cone.pose.position_m, cone.pose.orientation))
         pose = on_base(self.found, way)
-        # What the way from the anchor cost, in the frame that it was found in.
+        # What the way from the anchor cost, in the frame that it was found in: where covariances are
+        # told without how places and headings correlate, not less than nothing.
         until_then = on_base(self.told, way).covariance
         turn = self.found.compose(self.told.inverse())
-        cost = replace(way, covariance=cone.pose.covariance - until_then)
+        values, vectors = np.linalg.eigh(cone.pose.covariance - until_then)
+        cost = replace(way, covariance=(vectors * np.maximum(values, 0.0)) @ vectors.T)
         covariance = pose.covariance + turn.compose(cost).covariance
         moved = Pose(pose.position_m, pose.orientation, covariance)
         return topic, replace(cone, frame_id=self.frame_id, pose=moved)

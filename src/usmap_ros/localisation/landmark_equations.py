@@ -104,6 +104,10 @@ class LandmarkEquations:
         matrix += self._matrix - self._coupling @ self._to_walls
         right += self._right - self._coupling @ self._alone
 
+    def add_to_information(self, matrix: FloatArray) -> None:
+        """Add what echoes tell of the knots where landmarks stand just where they are taken to."""
+        matrix += self._matrix
+
     def moved(self, change: FloatArray) -> Landmarks:
         """Landmarks after a change of the knots, (knots, 3)."""
         changes = (self._alone - self._to_walls @ change.ravel()).reshape(-1, 2)

@@ -68,7 +68,9 @@ def settle(cones: Sequence[EchoCone]) -> FoundPoses | None:
         landmarks = resection.adjust(sigma_m)
     if resection.log_posterior() <= likely_as_told:
         return None
-    return FoundPoses(resection.poses, resection.covariances(landmarks, _SIGMAS_M[-1]))
+    # Of what stands, many pings that are off by themselves tell the place well.
+    known = resection.covariances(landmarks, _SIGMAS_M[-1])
+    return FoundPoses(resection.poses, known, known)
 
 
 def without_chance_lines(landmarks: Landmarks, gathered: FloatArray) -> Landmarks:

@@ -39,19 +39,20 @@ class Refinement:
     """What became of the poses of a recording."""
 
     #: List of (topic, EchoCone): all pings, in the order they came in, with poses that are
-    #: corrected.
+    #: corrected.  What these state is how far they are off against what all pings hear.
     pings: list[Ping]
+    #: (pings, 3, 3) array: covariances of their poses (x, y, yaw) in the frame.
+    covariances: FloatArray
     #: What the poses of each robot are.
     kinds: dict[str, PoseKind]
     #: Root mean square of how far the places of each robot's pings were moved.
     corrections_m: dict[str, float]
 
-    def summary(self) -> dict[str, dict[str, object]]:
-        """By robot, for ``summary.json``."""
-        return {
-            robot: {"poses": kind.value, "correction_m": self.corrections_m.get(robot, 0.0)}
-            for robot, kind in self.kinds.items()
-        }
+    def std_m(self, robot: str) -> float:
+        """How far the places of a robot's pings may be off in the frame, root mean square."""
+        own = [robot_of(topic, cone) == robot for topic, cone in self.pings]
+        places = self.covariances[own][:, :2, :2]
+        return float(np.sqrt(np.trace(places, axis1=1, axis2=2).mean()))
 
 
 def refine_poses(
@@ -83,16 +84,17 @@ def refine_poses(
     """
     rows = _rows_by_robot(pings)
     found = dict(kinds) if kinds is not None else kinds_of(pings, insists=insists)
-    refined = list(pings)
-    corrections_m: dict[str, float] = {}
+    refined, corrections_m = list(pings), dict[str, float]()
+    _, known = told_poses([cone for _, cone in pings])
     for robots in _by_frame(pings, rows):
         if any(found[robot] is PoseKind.NOISY for robot in robots):
             steady = {one: rows[one] for one in robots if not found[one].drifts}
-            corrections_m |= _settle_frame(refined, steady, found)
+            corrections_m |= _settle_frame(refined, known, steady, found)
         if any(found[robot].drifts for robot in robots):
-            moved_m = _refine_frame(refined, {one: rows[one] for one in robots}, found, before)
+            own = {one: rows[one] for one in robots}
+            moved_m = _refine_frame(refined, known, own, found, before)
             corrections_m |= {one: far_m for one, far_m in moved_m.items() if found[one].drifts}
-    return Refinement(refined, {robot: found[robot] for robot in rows}, corrections_m)
+    return Refinement(refined, known, {robot: found[robot] for robot in rows}, corrections_m)
 
 
 def kinds_of(pings: Sequence[Ping], *, insists: bool = False) -> dict[str, PoseKind]:
@@ -128,11 +130,12 @@ def _by_frame(pings: Sequence[Ping], rows: dict[str, NDArray[np.intp]]) -> list[
 
 def _refine_frame(
     pings: list[Ping],
+    covariances: FloatArray,
     rows: dict[str, NDArray[np.intp]],
     kinds: dict[str, PoseKind],
     before: Sequence[Ping] | None,
 ) -> dict[str, float]:
-    """Correct poses in one frame in place; how far each robot's were moved."""
+    """Correct poses in one frame, and covariances, in place; how far each robot's were moved."""
     every = max(_EVERY, -(-sum(map(len, rows.values())) // _MOST_KNOTS))
     all_rows = np.concatenate(list(rows.values()))
     cones = [pings[row][1] for row in all_rows]
@@ -155,17 +158,21 @@ def _refine_frame(
     found = search(Smoother(tracks, tabulate(things, looks)), poses)
     if found is None:
         return dict.fromkeys(rows, 0.0)
-    return _put(pings, rows, told, found)
+    return _put(pings, covariances, rows, told, found)
 
 
 def _settle_frame(
-    pings: list[Ping], rows: dict[str, NDArray[np.intp]], kinds: dict[str, PoseKind]
+    pings: list[Ping],
+    covariances: FloatArray,
+    rows: dict[str, NDArray[np.intp]],
+    kinds: dict[str, PoseKind],
 ) -> dict[str, float]:
-    """Correct poses in one frame that are off by chance; how far each robot's were moved."""
+    """The same with poses that are off by chance, each by itself."""
     all_rows = np.concatenate(list(rows.values()))
     cones = [pings[row][1] for row in all_rows]
     told, _ = told_poses(cones)
-    found = FoundPoses(told.copy(), np.full((len(cones), 3, 3), np.nan))
+    known, to_landmarks = (np.full((len(cones), 3, 3), np.nan) for _ in range(2))
+    found = FoundPoses(told.copy(), known, to_landmarks)
     is_noisy = np.repeat(
         [kinds[robot] is PoseKind.NOISY for robot in rows], [len(own) for own in rows.values()]
     )
@@ -176,11 +183,16 @@ def _settle_frame(
             own = together[is_noisy[together]]
             found.poses[own] = settled.poses[is_noisy[together]]
             found.covariances[own] = settled.covariances[is_noisy[together]]
-    return _put(pings, rows, told, found)
+            found.to_landmarks[own] = settled.to_landmarks[is_noisy[together]]
+    return _put(pings, covariances, rows, told, found)
 
 
 def _put(
-    pings: list[Ping], rows: dict[str, NDArray[np.intp]], told: FloatArray, found: FoundPoses
+    pings: list[Ping],
+    covariances: FloatArray,
+    rows: dict[str, NDArray[np.intp]],
+    told: FloatArray,
+    found: FoundPoses,
 ) -> dict[str, float]:
     """Let pings of some robots, one behind the other, have their poses; how far these moved."""
     moved_m, first, corrections_m = np.hypot(*(found.poses - told)[:, :2].T), 0, {}
@@ -190,16 +202,17 @@ def _put(
                 topic, cone = pings[row]
                 pose = _corrected(cone.pose, told[place], found, place)
                 pings[row] = topic, replace(cone, pose=pose)
+                covariances[row] = found.covariances[place]
         corrections_m[robot] = float(np.sqrt(np.mean(moved_m[first : first + len(own)] ** 2)))
         first += len(own)
     return corrections_m
 
 
 def _corrected(pose: Pose, told: FloatArray, found: FoundPoses, place: int) -> Pose:
-    """A pose turned and shifted in the plane, with the covariance of what was found."""
+    """A pose turned and shifted in the plane, with its covariance against what pings hear."""
     change = found.poses[place] - told
     turn = Pose.planar(0.0, 0.0, float(wrapped(change[2])))
     covariance = pose.covariance.copy()
-    covariance[_PLANE] = found.covariances[place]
+    covariance[_PLANE] = found.to_landmarks[place]
     position_m = pose.position_m + np.array([change[0], change[1], 0.0])
     return Pose(position_m, turn.compose(pose).orientation, covariance)

@@ -1,6 +1,7 @@
 """Poses of all pings together with what they hear."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,15 @@ from usmap_ros.numerics.geometry import wrapped
 
 #: Knots are not moved farther at once, m.
 _LARGEST_STEP_M = 0.3
+
+
+class KnotCovariances(NamedTuple):
+    """How well knots are known."""
+
+    #: (knots, 3, 3) array: in the frame, in which landmarks may be off as well.
+    in_frame: FloatArray
+    #: (knots, 3, 3) array: against the landmarks.
+    to_landmarks: FloatArray
 
 
 class Smoother:
@@ -113,12 +123,20 @@ class Smoother:
         self.move(change)
         return equations.moved(change), factor
 
-    def known_by(self, landmarks: Landmarks, sigma_m: float) -> FloatArray:
-        """Covariances of all knots, (knots, 3, 3), where landmarks stand so."""
+    def known_by(self, landmarks: Landmarks, sigma_m: float) -> KnotCovariances:
+        """How well all knots are known by echoes of landmarks that stand so."""
         heard = associate_echoes(self.echoes, self.poses, self.active, landmarks, sigma_m)
         observed = heard.observed(self.echoes, landmarks.total, sigma_m)
-        _, *both = self._equations(landmarks, observed, sigma_m)
-        return covariances(solve(*both)[1], self.knot_count)
+        equations, *both = self._equations(landmarks, observed, sigma_m)
+        size = 3 * self.knot_count
+        standing, right = np.zeros((size, size)), np.zeros(size)
+        equations.add_to_information(standing)
+        for number in self._free:
+            self._add_odometry(number, standing, right)
+        return KnotCovariances(
+            covariances(solve(*both)[1], self.knot_count),
+            covariances(solve(standing, right)[1], self.knot_count),
+        )
 
     def _equations(
         self, landmarks: Landmarks, heard: DataAssociation, sigma_m: float

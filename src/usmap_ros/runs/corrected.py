@@ -20,6 +20,8 @@ class RobotPoses:
     state: str
     #: Root mean square of how far places were moved within their frame.
     correction_m: float
+    #: Root mean square of how far they may still be off.
+    std_m: float
 
     def summary(self) -> dict[str, object]:
         """Of ``summary.json``."""
@@ -28,6 +30,7 @@ class RobotPoses:
             "frame_id": self.frame_id,
             "state": self.state,
             "correction_m": self.correction_m,
+            "std_m": self.std_m,
         }
 
 

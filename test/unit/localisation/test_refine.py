@@ -86,14 +86,29 @@ def test_what_was_found_before_is_not_lost() -> None:
 
 def test_what_was_found_says_how_well_it_is_known(drifting: Drifting, refined: Refinement) -> None:
     squares = []
-    for (_, found), off_m in zip(refined.pings, errors_m(refined.pings, drifting[1]), strict=True):
+    errors = zip(
+        refined.pings, refined.covariances, errors_m(refined.pings, drifting[1]), strict=True
+    )
+    for (_, found), known, off_m in errors:
         found.validate()
-        known = found.pose.planar_covariance[:2, :2] + 1e-6 * np.eye(2)
-        squares.append(off_m @ np.linalg.solve(known, off_m))
+        squares.append(off_m @ np.linalg.solve(known[:2, :2] + 1e-6 * np.eye(2), off_m))
     # Of two degrees of freedom; some are surer than they should be.
     assert np.median(squares) < 6.0
-    told, last = drifting[0][-1][1].pose, refined.pings[-1][1].pose
-    assert np.trace(last.planar_covariance[:2, :2]) < np.trace(told.planar_covariance[:2, :2])
+    told, last = drifting[0][-1][1].pose, refined.covariances[-1]
+    assert np.trace(last[:2, :2]) < np.trace(told.planar_covariance[:2, :2])
+
+
+def test_maps_are_not_blurred_by_what_all_that_stands_is_off_alike(refined: Refinement) -> None:
+    """By where the robot set out it may all be elsewhere: that makes no arcs miss each other."""
+    to_landmarks = np.array([one.pose.planar_covariance for _, one in refined.pings])
+    variances = [
+        np.trace(known[:, :2, :2], axis1=1, axis2=2)
+        for known in (to_landmarks, refined.covariances)
+    ]
+    assert (variances[0] <= variances[1] * (1.0 + 1e-6)).all()
+    assert variances[0].mean() < 0.6 * variances[1].mean()
+    own = [topic.startswith("/robot1/") for topic, _ in refined.pings]
+    assert refined.std_m("robot1") == pytest.approx(np.sqrt(np.mean(variances[1][own])))
 
 
 def test_pings_keep_all_but_their_poses(drifting: Drifting, refined: Refinement) -> None:

@@ -290,7 +290,6 @@ def test_no_way_makes_a_robot_surer_of_where_it_is() -> None:
     assert np.linalg.eigvalsh(moved.pose.planar_covariance).min() >= 0.0
 
 
-
 def carried_off() -> tuple[list[Ping], list[Ping]]:
     """Pings of a robot as told and as found, that is lost from the second one on."""
     own = {"frame_id": "robot1/odom", "child_frame_id": "robot1/sonar"}

@@ -25,7 +25,7 @@ class Anchor:
         topic, cone = ping
         way = self.told.inverse().compose(Pose(cone.pose.position_m, cone.pose.orientation))
         pose = on_base(self.found, way)
-        # What the way from the anchor cost, in the frame that it was found in; not less than nothing,
+        # What the way from the anchor cost, in the frame it was found in; not less than nothing
         # where covariances are told without how places and headings correlate.
         until_then = on_base(self.told, way).covariance
         turn = self.found.compose(self.told.inverse())

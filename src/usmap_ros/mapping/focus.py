@@ -119,7 +119,10 @@ def meetings(candidates: Mapping[Candidate, Arcs]) -> dict[Candidate, FloatArray
     every = [_askew(arcs) for arcs in candidates.values()]
     reach_m = max(arcs.range_m.max(initial=0.0) for arcs in every) + CELL_M
     x_m, y_m = (np.concatenate(axis) for axis in zip(*((a.x_m, a.y_m) for a in every), strict=True))
-    left_m, bottom_m = float(x_m.min()) - reach_m, float(y_m.min()) - reach_m
+    # The same cells whatever is tried: what is counted hangs a little on where their sides are.
+    left_m, bottom_m = (
+        CELL_M * math.floor((float(axis_m.min()) - reach_m) / CELL_M) for axis_m in (x_m, y_m)
+    )
     shape = (
         int((float(y_m.max()) + reach_m - bottom_m) / CELL_M) + 1,
         int((float(x_m.max()) + reach_m - left_m) / CELL_M) + 1,

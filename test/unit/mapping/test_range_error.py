@@ -6,7 +6,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.focus import LEAST_PINGS, Ping, from_several_places
+from usmap_ros.mapping.focus import (
+    LEAST_PINGS,
+    Ping,
+    arcs_of,
+    from_several_places,
+    meetings,
+)
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.range_error import (
     LEAST_LATE_M,
@@ -105,6 +111,14 @@ def test_all_robots_must_gain(make_cone: Make) -> None:
 def test_it_is_the_same_in_any_order(make_cone: Make) -> None:
     pings = heard_of(POLES_M, make_cone, SLOWER, 200) + heard_of(POLES_M, make_cone, SLOWER, 200, 2)
     assert error_of(pings) == error_of(pings[::-1]) != NOTHING
+
+
+def test_how_many_arcs_meet_does_not_depend_on_what_else_is_tried(make_cone: Make) -> None:
+    """Errors are tried a few at a time: all of them must be counted in the same cells."""
+    told = arcs_of([one for one, _ in heard_of(POLES_M, make_cone, RangeError(), 200)])
+    longer = told._replace(range_m=1.037 * told.range_m)
+    alone, beside = meetings({"told": told}), meetings({"told": told, "longer": longer})
+    np.testing.assert_array_equal(alone["told"], beside["told"])
 
 
 def test_robots_that_are_far_apart_need_no_map_of_all_between(make_cone: Make) -> None:

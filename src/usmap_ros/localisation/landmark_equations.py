@@ -104,9 +104,9 @@ class LandmarkEquations:
         matrix += self._matrix - self._coupling @ self._to_walls
         right += self._right - self._coupling @ self._alone
 
-    def add_to_information(self, matrix: FloatArray) -> None:
-        """Add what echoes tell of the knots where landmarks stand just where they are taken to."""
-        matrix += self._matrix
+    def as_landmarks_stand(self, matrix: FloatArray) -> FloatArray:
+        """The matrix, with these added, if landmarks stood just where they are taken to."""
+        return matrix + self._coupling @ self._to_walls
 
     def moved(self, change: FloatArray) -> Landmarks:
         """Landmarks after a change of the knots, (knots, 3)."""

@@ -47,12 +47,8 @@ class Refinement:
     kinds: dict[str, PoseKind]
     #: Root mean square of how far the places of each robot's pings were moved.
     corrections_m: dict[str, float]
-
-    def std_m(self, robot: str) -> float:
-        """How far the places of a robot's pings may be off in the frame, root mean square."""
-        own = [robot_of(topic, cone) == robot for topic, cone in self.pings]
-        places = self.covariances[own][:, :2, :2]
-        return float(np.sqrt(np.trace(places, axis1=1, axis2=2).mean()))
+    #: How far these may still be off in the frame, root mean square.
+    stds_m: dict[str, float]
 
 
 def refine_poses(
@@ -91,10 +87,16 @@ def refine_poses(
             steady = {one: rows[one] for one in robots if not found[one].drifts}
             corrections_m |= _settle_frame(refined, known, steady, found)
         if any(found[robot].drifts for robot in robots):
-            own = {one: rows[one] for one in robots}
-            moved_m = _refine_frame(refined, known, own, found, before)
+            here = {one: rows[one] for one in robots}
+            moved_m = _refine_frame(refined, known, here, found, before)
             corrections_m |= {one: far_m for one, far_m in moved_m.items() if found[one].drifts}
-    return Refinement(refined, known, {robot: found[robot] for robot in rows}, corrections_m)
+    stds_m = {
+        robot: float(np.sqrt(np.trace(known[own, :2, :2], axis1=1, axis2=2).mean()))
+        for robot, own in rows.items()
+    }
+    return Refinement(
+        refined, known, {robot: found[robot] for robot in rows}, corrections_m, stds_m
+    )
 
 
 def kinds_of(pings: Sequence[Ping], *, insists: bool = False) -> dict[str, PoseKind]:

@@ -127,15 +127,10 @@ class Smoother:
         """How well all knots are known by echoes of landmarks that stand so."""
         heard = associate_echoes(self.echoes, self.poses, self.active, landmarks, sigma_m)
         observed = heard.observed(self.echoes, landmarks.total, sigma_m)
-        equations, *both = self._equations(landmarks, observed, sigma_m)
-        size = 3 * self.knot_count
-        standing, right = np.zeros((size, size)), np.zeros(size)
-        equations.add_to_information(standing)
-        for number in self._free:
-            self._add_odometry(number, standing, right)
+        equations, matrix, right = self._equations(landmarks, observed, sigma_m)
+        both = matrix, equations.as_landmarks_stand(matrix)
         return KnotCovariances(
-            covariances(solve(*both)[1], self.knot_count),
-            covariances(solve(standing, right)[1], self.knot_count),
+            *(covariances(solve(one, right)[1], self.knot_count) for one in both)
         )
 
     def _equations(

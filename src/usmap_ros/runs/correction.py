@@ -59,7 +59,7 @@ def correct_poses(
                 if robot in lost and joining.state(robot) == "alone"
                 else joining.state(robot),
                 refined.corrections_m.get(robot, 0.0),
-                refined.std_m(robot),
+                refined.stds_m[robot],
             )
             for robot, kind in kinds.items()
         },

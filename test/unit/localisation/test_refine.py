@@ -108,7 +108,7 @@ def test_maps_are_not_blurred_by_what_all_that_stands_is_off_alike(refined: Refi
     assert (variances[0] <= variances[1] * (1.0 + 1e-6)).all()
     assert variances[0].mean() < 0.6 * variances[1].mean()
     own = [topic.startswith("/robot1/") for topic, _ in refined.pings]
-    assert refined.std_m("robot1") == pytest.approx(np.sqrt(np.mean(variances[1][own])))
+    assert refined.stds_m["robot1"] == pytest.approx(np.sqrt(np.mean(variances[1][own])))
 
 
 def test_pings_keep_all_but_their_poses(drifting: Drifting, refined: Refinement) -> None:

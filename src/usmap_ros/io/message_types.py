@@ -24,7 +24,7 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
-from usmap_ros.errors import BagError, MalformedMessageError
+from usmap_ros.errors import BagError, FileError, MalformedMessageError
 
 if TYPE_CHECKING:
     from usmap_ros.io.storage import RecordedTopic
@@ -72,13 +72,23 @@ def typestore() -> Typestore:
     """``usmap_msgs``, parsed from the .msg files of this package, and what they are made of.
 
     `learn_standard` adds what else there is in ROS 2 Jazzy.
+
+    Raises
+    ------
+    FileError
+        If a file of the package is missing.
     """
     store = get_typestore(Stores.EMPTY)
     definitions = {}
     for name, text in STANDARD_MESSAGES.items():
         definitions.update(get_types_from_msg(text, name))
     for name in _MESSAGE_NAMES:
-        text = files("usmap_ros.io").joinpath("msg", f"{name}.msg").read_text(encoding="utf-8")
+        file = files("usmap_ros.io").joinpath("msg", f"{name}.msg")
+        try:
+            text = file.read_text(encoding="utf-8")
+        # Otherwise it would be said of the recording that is being read.
+        except OSError as error:
+            raise FileError(str(file), "cannot be read: usmap_ros must be installed anew") from error
         definitions.update(get_types_from_msg(text, f"usmap_msgs/msg/{name}"))
     store.register(definitions)
     return store

@@ -10,7 +10,7 @@ import yaml
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg
 
-from usmap_ros.errors import BagError
+from usmap_ros.errors import BagError, FileError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.io.conversions import trace_to_cdr
@@ -173,6 +173,17 @@ def test_bytes_that_are_no_message_are_skipped(make_trace: MakeTrace, tmp_path: 
     with BagReader([tmp_path / "bag"]) as bag:
         assert len(list(bag.traces())) == 1
         assert bag.skipped.by_field == {"message": 5}
+
+
+def test_a_missing_file_of_the_package_is_not_said_to_be_the_recording(
+    make_trace: MakeTrace, write_bag: WriteBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = write_bag("bag", [("/a", make_trace(0))])
+    typestore.cache_clear()
+    monkeypatch.setattr("usmap_ros.io.message_types.files", lambda package: tmp_path)
+    with pytest.raises(FileError, match="installed anew") as raised:
+        BagReader([bag])
+    assert raised.value.path == tmp_path / "msg" / "Transducer.msg"
 
 
 def test_big_endian_messages_are_read(make_trace: MakeTrace, tmp_path: Path) -> None:

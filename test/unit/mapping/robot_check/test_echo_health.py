@@ -69,6 +69,17 @@ def test_clipped_echoes_are_far_quieter_than_others_and_not_only_alike() -> None
     assert verdicts(replace(clipped, loudest_db=-6.0, spread_db=4.3), other) == {}
 
 
+def test_a_single_louder_echo_shows_that_nothing_clips(heard: EchoCone) -> None:
+    """In the middle of a room a healthy robot's loudest echoes may be as alike, and as faint."""
+    clipped = drive(heard, LOUD)
+    near = replace(clipped[20], amplitudes=np.array([5.0 * LOUD], np.float32))
+    healthy = health([*clipped[:20], near, *clipped[21:]])
+    assert healthy.spread_db is not None
+    assert healthy.spread_db < 1.0
+    assert verdicts(health(clipped), health(drive(heard))) == {"own": "clipped"}
+    assert verdicts(healthy, health(drive(heard))) == {}
+
+
 def test_one_that_hears_nothing_anywhere_is_deaf(heard: EchoCone) -> None:
     nothing = np.empty(0, np.float32)
     silent = [replace(p, ranges_m=nothing, amplitudes=nothing) for p in drive(heard)]

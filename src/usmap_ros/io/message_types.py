@@ -88,7 +88,8 @@ def typestore() -> Typestore:
             text = file.read_text(encoding="utf-8")
         # Otherwise it would be said of the recording that is being read.
         except OSError as error:
-            raise FileError(str(file), "cannot be read: usmap_ros must be installed anew") from error
+            cause = "cannot be read: usmap_ros must be installed anew"
+            raise FileError(str(file), cause) from error
         definitions.update(get_types_from_msg(text, f"usmap_msgs/msg/{name}"))
     store.register(definitions)
     return store

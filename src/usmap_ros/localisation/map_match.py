@@ -28,7 +28,7 @@ _PEAKS, _REFINED = 12, 24
 #: Matches are different if places are so far from each other, root mean square in m, and of another
 #: place altogether from so far on: of maps that are bent, what is right has others less far away
 #: that are nearly as good.
-_APART_M, _ELSEWHERE_M = 0.4, 1.0
+_APART_M, ELSEWHERE_M = 0.4, 1.0
 #: A match is sure from so many pieces on, net of what speaks against it and of both maps, and if
 #: its margin is so large, less so many times the share that stands in the other's free space: poses
 #: that are off contradict each other a little, rooms that are merely alike more for their margin.
@@ -65,7 +65,7 @@ class Match:
         """By what was tried, and what stands in the second map, (n, 2)."""
         margin, elsewhere = (
             margin_elsewhere(places_m, self.change, self.pieces, self.tried, apart)
-            for apart in (_APART_M, _ELSEWHERE_M)
+            for apart in (_APART_M, ELSEWHERE_M)
         )
         return replace(self, margin=margin, elsewhere=elsewhere)
 
@@ -90,9 +90,13 @@ class Match:
         is_sure = self.sureness >= _LEAST_SURENESS
         return self.has_enough and is_sure and self._leads_by(self.margin)
 
-    def bears_out(self, first: Match) -> bool:
-        """Whether it makes sure of another one, by poses refined together as if that were right."""
-        least = max(_BORNE_OUT, min(first.elsewhere + _GAIN, _IS_ENOUGH))
+    def bears_out(self, first: Match | None) -> bool:
+        """Whether it makes sure of another one, by poses refined together as if that were right.
+
+        None stands for one of which maps as they were before tell nothing.
+        """
+        gained = first.elsewhere + _GAIN if first else _IS_ENOUGH
+        least = max(_BORNE_OUT, min(gained, _IS_ENOUGH))
         return self.has_enough and self.elsewhere >= least and self._leads_by(self.elsewhere)
 
     def _leads_by(self, margin: float) -> bool:
@@ -111,10 +115,7 @@ def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
     first, second = Submap.of(one), Submap.of(other)
     if not len(first.places_m) or not len(second.places_m):
         return None
-    found: list[tuple[float, FloatArray]] = []
-    for change in _distinct(second, _search(first, second), _REFINED):
-        found.append(refined(first, second, change))
-    found.sort(key=lambda end: -end[0])
+    found = matches_of(first, second)
     best, change = found[0]
     both, against = counts(first, second, change)
     tried = tuple((end, pieces) for pieces, end in found)
@@ -122,9 +123,22 @@ def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:
     return match.with_margins(second.places_m)
 
 
+def matches_of(first: Submap, second: Submap) -> list[tuple[float, FloatArray]]:
+    """Changes of the second map's frame in the first one's, and what each counts, the best first.
+
+    Parameters
+    ----------
+    first, second : Submap
+        Maps that show something.
+    """
+    changes = _distinct(second, _search(first, second), _REFINED)
+    found = [refined(first, second, change) for change in changes]
+    return sorted(found, key=lambda end: -end[0])
+
+
 def margin_elsewhere(
     places_m: FloatArray, change: FloatArray, pieces: float,
-    tried: Iterable[tuple[FloatArray, float]], apart: float = _ELSEWHERE_M,
+    tried: Iterable[tuple[FloatArray, float]], apart: float = ELSEWHERE_M,
 ) -> float:  # fmt: skip
     """How much less the best of other changes counts, in units of the root of `pieces`.
 

@@ -20,15 +20,14 @@ from usmap_ros.localisation.pose_kind import PoseKind, is_own_frame, robot_of
 from usmap_ros.localisation.refine import refine_poses
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.arrays import FloatArray
-from usmap_ros.numerics.geometry import Pose, on_base
 from usmap_ros.parameters import PipelineParameters
+from usmap_ros.runs.moved_pings import PingsOfFrame
 from usmap_ros.runs.promising import EarlierMatch, Pair, first_look, joined_by
-from usmap_ros.runs.submaps import Way, brought_in_line, map_of, pieces_of_ways
+from usmap_ros.runs.submaps import Way, brought_in_line, map_of, pieces_of_ways, way_of
+from usmap_ros.runs.told_ways import WayInMap, way_in_map
 
 #: Of fewer pings nobody asks what they show.
 _LEAST_PINGS = 20
-#: How far a match may be off: x, y (m) and yaw (rad), standard deviations.
-_OFF = np.array([0.1, 0.1, 0.03])
 #: Maps that are made of poses refined together lie where the match has them, up to so much, m, rad.
 _STAYS_M, _STAYS_RAD = 0.4, 0.15
 
@@ -46,24 +45,8 @@ class JoinedRobots:
     #: What they make of it, and piece by piece of their ways; None: it is not worked out.
     map: OccupancyMap | None = None
     ways: list[Way] | None = None
-
-
-class PingsOfFrame(NamedTuple):
-    """What was heard in one frame."""
-
-    #: List of (topic, EchoCone): with poses as they were told, and as they were refined.
-    told: list[Ping]
-    refined: list[Ping]
-    #: What pieces of ways show, by `refined`.
-    ways: list[Way]
-
-    def moved_by(self, link: Link) -> PingsOfFrame:
-        """In the target of a link whose source this frame is."""
-        return PingsOfFrame(
-            [moved_by(ping, link) for ping in self.told],
-            [moved_by(ping, link) for ping in self.refined],
-            self.ways,
-        )
+    #: What its way shows by odometry as told, if it is one robot's.
+    told_way: Way | None = None
 
 
 class SecondLook(NamedTuple):
@@ -93,6 +76,8 @@ class FrameMatches:
     #: By margins, the largest first; and the first of them that a second look makes sure of.
     _promising: dict[Pair, list[Match]] = field(default_factory=dict)
     _sure: dict[Pair, SecondLook | None] = field(default_factory=dict)
+    #: Ways in the other's map that are promising, by odometry as told.
+    _by_ways: dict[Pair, WayInMap | None] = field(default_factory=dict)
     #: Of frames that have been joined since.
     _earlier: list[EarlierMatch] = field(default_factory=list)
 
@@ -120,14 +105,15 @@ class FrameMatches:
         made = links(sure, ranked, is_own_frame)
         if not made:
             # What is joined tells more of the rest, at less cost than a second look does.
-            made = links(self._borne_out(matches), ranked, is_own_frame)
+            sure = self._borne_out(matches) or self._borne_out_by_ways(matches)
+            made = links(sure, ranked, is_own_frame)
         self._keep(matches, made)
         return made
 
     def forget(self, changed: Iterable[str]) -> None:
         """Work matches of some frames out anew."""
         names = set(changed)
-        for found in (self._found, self._promising, self._sure):
+        for found in (self._found, self._promising, self._sure, self._by_ways):
             for pair in [pair for pair in found if names & set(pair)]:
                 del found[pair]
 
@@ -176,15 +162,48 @@ class FrameMatches:
             self._promising[pair] = by_margin
         return self._promising[pair]
 
-    def _look_again(self, pair: Pair, promising: Sequence[Match]) -> SecondLook | None:
-        one, other = (
-            PingsOfFrame(
-                [self.told[row] for row in self.frames[name].rows],
-                [self.refined[row] for row in self.frames[name].rows],
-                self._ways_of(self.frames[name]),
-            )
-            for name in pair
+    def _borne_out_by_ways(self, pairs: Iterable[Pair]) -> dict[Pair, Match]:
+        """The first way in another's map, by odometry as told, that a second look makes sure of."""
+        asked = {pair: found for pair in pairs if (found := self._ask_ways(pair))}
+        for pair, found in sorted(asked.items(), key=lambda each: -each[1].margin):
+            link = Link(*pair, found.change, found.about_m)
+            again = second_look(found.target, found.source, link, self.kinds, self.parameters)
+            if again and again.match.bears_out(None):
+                self._sure[pair] = again
+                return {pair: again.match}
+            self._by_ways[pair] = None
+        return {}
+
+    def _ask_ways(self, pair: Pair) -> WayInMap | None:
+        if pair not in self._by_ways:
+            self._by_ways[pair] = None
+            frames = [self.frames[name] for name in pair]
+            if frames[0].earlier is None:
+                with suppress(MapSizeError):
+                    maps = [self._map_of(frame) for frame in frames]
+                    told_ways = [self._told_way_of(name) for name in pair]
+                    pings = [self._pings_of(frame) for frame in frames]
+                    self._by_ways[pair] = way_in_map(pings, maps, told_ways)
+        return self._by_ways[pair]
+
+    def _told_way_of(self, name: str) -> Way:
+        """Of a robot that is alone in its frame; nothing of others."""
+        frame = self.frames[name]
+        if frame.told_way is None:
+            is_alone = is_own_frame(name) and len(frame.robots) == 1
+            told = [self.told[row] for row in frame.rows]
+            frame.told_way = way_of(told, range(len(told)), self.parameters) if is_alone else []
+        return frame.told_way
+
+    def _pings_of(self, frame: JoinedRobots) -> PingsOfFrame:
+        return PingsOfFrame(
+            [self.told[row] for row in frame.rows],
+            [self.refined[row] for row in frame.rows],
+            self._ways_of(frame),
         )
+
+    def _look_again(self, pair: Pair, promising: Sequence[Match]) -> SecondLook | None:
+        one, other = (self._pings_of(self.frames[name]) for name in pair)
         looked_at: list[Match] = []
         for match in promising:
             if any(_stays(match.change, before) for before in looked_at):
@@ -260,33 +279,3 @@ def _stays(change: FloatArray, match: Match) -> bool:
     about = np.append(match.about_m, 0.0)
     off = between(compose(change, about), compose(match.change, about))
     return math.hypot(*off[:2]) <= _STAYS_M and abs(off[2]) <= _STAYS_RAD
-
-
-def moved_by(ping: Ping, link: Link) -> Ping:
-    """A ping of a link's source in its target."""
-    x_m, y_m, yaw_rad = map(float, link.change)
-    change = Pose.planar(x_m, y_m, yaw_rad, planar_covariance=np.diag(_OFF**2))
-    return moved(ping, change, link.about_m, link.target)
-
-
-def moved(ping: Ping, change: Pose, about_m: np.ndarray, frame_id: str) -> Ping:
-    """A ping in another frame.
-
-    Parameters
-    ----------
-    ping : (topic, EchoCone)
-        What was heard.
-    change : Pose
-        Of its frame in the other one; its covariance is that at `about_m`.
-    about_m : (2,) array
-        In the ping's frame.
-    frame_id : str
-        The other frame.
-    """
-    topic, cone = ping
-    centre = Pose.planar(float(about_m[0]), float(about_m[1]), 0.0)
-    base = replace(change.compose(centre), covariance=change.covariance)
-    pose = change.compose(cone.pose)
-    lever = on_base(base, centre.inverse().compose(cone.pose)).covariance
-    pose = Pose(pose.position_m, pose.orientation, pose.covariance + lever)
-    return topic, replace(cone, frame_id=frame_id, pose=pose)

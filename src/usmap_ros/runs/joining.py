@@ -17,7 +17,8 @@ from usmap_ros.localisation.refine import refine_poses
 from usmap_ros.mapping.far_off import Ping
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.runs.frame_matches import FrameMatches, JoinedRobots, moved, moved_by
+from usmap_ros.runs.frame_matches import FrameMatches, JoinedRobots
+from usmap_ros.runs.moved_pings import moved, moved_by
 from usmap_ros.runs.submaps import Way
 
 #: The frame of robots that share none, once they are joined (REP 105).
@@ -114,7 +115,7 @@ def join_robots(
             for row in source.rows:
                 base[row], current[row] = moved_by(base[row], link), moved_by(current[row], link)
             rows, robots = target.rows + source.rows, target.robots | source.robots
-            frames[link.target] = replace(target, rows=rows, robots=robots, map=None, ways=None)
+            frames[link.target] = JoinedRobots(rows, robots, target.earlier)
         changed = {name for link in made for name in (link.target, link.source)}
         for name in sorted(changed & set(frames)):
             rows = frames[name].rows

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.localisation.planar import told_poses
+from usmap_ros.localisation.planar import compose, told_poses
 from usmap_ros.localisation.pose_kind import robot_of
 from usmap_ros.localisation.submap import Submap
 from usmap_ros.localisation.submap_graph import PlacedSubmap, edges_between, in_line
@@ -28,6 +28,7 @@ from usmap_ros.runs.set_apart import SetApart, in_one_place
 OF_PIECE, _MOST_PIECES = 100, 20
 #: Pings from knot to knot of the graph that pieces are brought in line by.
 _EVERY = 50
+_ORIGIN = np.zeros(3)
 
 
 class Piece(NamedTuple):
@@ -37,6 +38,9 @@ class Piece(NamedTuple):
     rows: NDArray[np.intp]
     #: What they show.
     submap: Submap
+    #: (3,) array: where the frame in which they are mapped lies in that of the way, if it is bent:
+    #: x, y (m) and yaw (rad).
+    change: FloatArray = _ORIGIN
 
 
 #: A robot's way, piece by piece.
@@ -98,7 +102,8 @@ def brought_in_line(
         rows, gone = np.concatenate([piece.rows for piece in way]), 0
         for piece in way:
             middle = gone + len(piece.rows) // 2
-            placed.append(PlacedSubmap(piece.submap, change, len(tracks), middle))
+            there = compose(change, piece.change)
+            placed.append(PlacedSubmap(piece.submap, there, len(tracks), middle))
             gone += len(piece.rows)
         poses, _ = told_poses([refined[row][1] for row in rows])
         _, known = told_poses([told[row][1] for row in rows])

@@ -14,7 +14,7 @@ from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.corrected import Corrected
 from usmap_ros.runs.correction import correct_poses
-from usmap_ros.runs.frame_matches import moved
+from usmap_ros.runs.moved_pings import moved
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
 from usmap_ros.simulation import Scenario, simulate, true_paths

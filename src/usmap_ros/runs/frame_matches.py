@@ -97,15 +97,13 @@ class FrameMatches:
                 -len(self.frames[name].rows),
             ),
         )
-        matches: dict[Pair, Match] = {}
-        for pair in combinations(ranked, 2):
-            if is_own_frame(pair[1]) and (match := self._match(pair)):
-                matches[pair] = match
+        pairs = [pair for pair in combinations(ranked, 2) if is_own_frame(pair[1])]
+        matches = {pair: match for pair in pairs if (match := self._match(pair))}
         sure = {pair: match for pair, match in matches.items() if match.is_sure}
         made = links(sure, ranked, is_own_frame)
         if not made:
             # What is joined tells more of the rest, at less cost than a second look does.
-            sure = self._borne_out(matches) or self._borne_out_by_ways(matches)
+            sure = self._borne_out(matches) or self._borne_out_by_ways(pairs)
             made = links(sure, ranked, is_own_frame)
         self._keep(matches, made)
         return made
@@ -187,12 +185,13 @@ class FrameMatches:
         return self._by_ways[pair]
 
     def _told_way_of(self, name: str) -> Way:
-        """Of a robot that is alone in its frame; nothing of others."""
+        """Of a robot that is alone in its frame; nothing of others, nor of what is one piece."""
         frame = self.frames[name]
         if frame.told_way is None:
-            is_alone = is_own_frame(name) and len(frame.robots) == 1
-            told = [self.told[row] for row in frame.rows]
-            frame.told_way = way_of(told, range(len(told)), self.parameters) if is_alone else []
+            frame.told_way = []
+            if is_own_frame(name) and [len(way) > 1 for way in self._ways_of(frame)] == [True]:
+                told = [self.told[row] for row in frame.rows]
+                frame.told_way = way_of(told, range(len(told)), self.parameters)
         return frame.told_way
 
     def _pings_of(self, frame: JoinedRobots) -> PingsOfFrame:

@@ -7,6 +7,7 @@ from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.localisation import Match, match_maps
 from usmap_ros.localisation.submap import Submap, in_common
 from usmap_ros.localisation.submap_match import promising_by_submaps
+from usmap_ros.localisation.way_match import match_way
 
 RESOLUTION_M = 0.05
 Segment = tuple[tuple[float, float], tuple[float, float]]
@@ -273,3 +274,30 @@ def test_submaps_tell_which_way_bent_maps_lie(is_mirrored: bool, is_found: bool)
         middle_m = np.array([[6.0, 2.0]])
         off_m = turned(bent(middle_m, 0.015), found.change) - bent(middle_m, -0.015)
         assert np.hypot(*off_m[0]) < 0.4
+
+
+@pytest.mark.parametrize(("is_mirrored", "margins"), [(False, (3.0, 99.0)), (True, (0.0, 2.0))])
+def test_a_way_is_found_piece_by_piece_in_a_map(
+    is_mirrored: bool, margins: tuple[float, float]
+) -> None:
+    stands_m = np.concatenate([along(THREE_ROOMS), IN_THREE_ROOMS])
+    there, _ = submaps(stands_m, 1e-6, 0)
+    if is_mirrored:
+        stands_m = stands_m * [1.0, -1.0] + [0.0, 4.0]
+    _, way = submaps(stands_m, 0.03, 1)
+    found = match_way(Submap.of(there), way)
+    assert found is not None
+    assert margins[0] < found.margin < margins[1]
+    if not is_mirrored:
+        for middle_m, change in zip(
+            ([1.8, 2.0], [6.0, 2.0], [10.2, 2.0]), found.changes, strict=True
+        ):
+            off_m = turned(bent(np.array([middle_m]), 0.03), change) - middle_m
+            assert np.hypot(*off_m[0]) < 0.4
+
+
+def test_a_way_that_shows_nothing_lies_nowhere() -> None:
+    there, way = submaps(np.concatenate([along(THREE_ROOMS), IN_THREE_ROOMS]), 1e-6, 0)
+    nothing = Submap.of(drawn(np.zeros((0, 2)), np.zeros(3)))
+    assert match_way(Submap.of(there), [nothing]) is None
+    assert match_way(nothing, way) is None

@@ -28,7 +28,8 @@ from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.refine import kinds_of
 from usmap_ros.localisation.submap import Submap
 from usmap_ros.parameters import PipelineParameters
-from usmap_ros.runs.frame_matches import PingsOfFrame, SecondLook, second_look
+from usmap_ros.runs.frame_matches import SecondLook, second_look
+from usmap_ros.runs.moved_pings import PingsOfFrame
 from usmap_ros.runs.promising import first_look
 from usmap_ros.runs.submaps import map_of, pieces_of_ways
 from usmap_ros.simulation import Scenario, true_paths

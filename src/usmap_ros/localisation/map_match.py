@@ -36,6 +36,9 @@ _LEAST_PIECES, _LEAST_SURENESS, _DOUBT = 12.0, 3.7, 30.0
 #: Pieces that the next best counts less, at the least: of symmetric rooms that are not one
 #: `benchmarks/margins.py` finds matches that are sure by all else with 25, and a second look 19.
 _LEAST_LEAD = 30.0
+#: The same of a second look at what maps as they were told nothing of, for which twice as much may
+#: have been tried: a right one has 114, wrong ones of symmetric rooms have 27 at the most.
+_LEAST_LEAD_OF_WAYS = 45.0
 #: The margin from which on it is worth while to look again with poses that are refined together;
 #: what it must be then, and how much more than it was, unless that is enough.  Right ones gain 1.3
 #: and more and reach 4.1; wrong ones gain 0.02 at the most.
@@ -95,13 +98,14 @@ class Match:
 
         None stands for one of which maps as they were before tell nothing.
         """
-        gained = first.elsewhere + _GAIN if first else _IS_ENOUGH
-        least = max(_BORNE_OUT, min(gained, _IS_ENOUGH))
-        return self.has_enough and self.elsewhere >= least and self._leads_by(self.elsewhere)
+        least, lead = _IS_ENOUGH, _LEAST_LEAD_OF_WAYS
+        if first:
+            least, lead = max(_BORNE_OUT, min(first.elsewhere + _GAIN, _IS_ENOUGH)), _LEAST_LEAD
+        return self.has_enough and self.elsewhere >= least and self._leads_by(self.elsewhere, lead)
 
-    def _leads_by(self, margin: float) -> bool:
+    def _leads_by(self, margin: float, least: float = _LEAST_LEAD) -> bool:
         """Whether a margin is of enough pieces."""
-        return margin * math.sqrt(self.pieces) >= _LEAST_LEAD
+        return margin * math.sqrt(self.pieces) >= least
 
 
 def match_maps(one: OccupancyMap, other: OccupancyMap) -> Match | None:

@@ -60,7 +60,7 @@ def match_way(there: Submap, way: Sequence[Submap]) -> WayMatch | None:
         return None
     best = max(found, key=lambda match: match.pieces)
     others = (one.pieces for one in found if _apart_m(way, best, one) > ELSEWHERE_M)
-    lead = best.pieces - max(others, default=0.0)
+    lead = best.pieces - max([0.0, *others])
     return best._replace(margin=lead / math.sqrt(max(best.pieces, 1.0)))
 
 

@@ -225,6 +225,17 @@ def test_a_second_look_makes_sure_of_a_match_that_gains_by_it(
     assert again.bears_out(one) == is_sure
 
 
+@pytest.mark.parametrize(
+    ("pieces", "margin", "is_sure"),
+    [(132.0, 9.9, True), (100.0, 4.6, True), (100.0, 4.4, False), (60.0, 5.0, False)],
+)
+def test_a_second_look_at_what_no_map_told_must_make_surer(
+    pieces: float, margin: float, is_sure: bool
+) -> None:
+    again = Match(np.zeros(3), np.zeros(2), pieces, 0.0, 0.1, margin)
+    assert again.bears_out(None) == is_sure
+
+
 def bent(places_m: np.ndarray, rad_per_m: float) -> np.ndarray:
     """Places as a robot has them whose heading drifts on its way along x."""
     angle_rad = rad_per_m * places_m[:, 0]

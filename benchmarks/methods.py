@@ -12,6 +12,8 @@ from recordings import Cones
 
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.yaml_files import validated
+from usmap_ros.mapping.joint import estimate, explanation
+from usmap_ros.mapping.joint.free_space import free_space
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.runs.pipeline import Pipeline
@@ -36,6 +38,9 @@ class Method:
         whatever it says.
     instead : tuple of Instead
         What stands in the places of parts of the product, see `parts`.
+    live_every : int
+        Pings from one live map to the next, of which the one after the last ping counts; 0: the
+        map is made when all pings are there.
     """
 
     shown: str
@@ -43,6 +48,7 @@ class Method:
     merges_by_maximum: bool = False
     trusted_axes: tuple[int, ...] = ()
     instead: tuple[Instead, ...] = ()
+    live_every: int = 0
 
     def parameters(self) -> PipelineParameters:
         """The defaults with the method's own settings.
@@ -69,7 +75,7 @@ class Method:
                 [_fused([one for one in cones if one[0] == topic], parameters) for topic in topics]
             )
         with left_out(self.instead):
-            return _fused(cones, parameters)
+            return _fused(cones, parameters, self.live_every)
 
 
 #: The product with one of its parts left out, to see what each is worth.
@@ -78,9 +84,27 @@ ABLATIONS = {
     for name, part in PARTS.items()
 }
 
+#: Everything that is done until it has settled, or so many times, so many times whether or not.
+TWENTY: tuple[Instead, ...] = (
+    (estimate, "SETTLED", -1.0),
+    (estimate, "FIRST_SWEEPS", (20, 20, 20)),
+    (explanation, "ROUNDS", 20),
+    (estimate, "ALL_ROUNDS", 20),
+    (estimate, "WALL_SHADOWS", 20),
+    (free_space, "FREE_ROUNDS", 20),
+)
+
+#: What shows whether maps have converged, offline and live.
+CONVERGENCE = {
+    "twenty": Method("twenty rounds of each kind", instead=TWENTY),
+    # Three robots ping ten times a second each.
+    "live": Method("live, at the last ping", live_every=30),
+}
+
 METHODS = {
     "ours": Method("ours"),
     **ABLATIONS,
+    **CONVERGENCE,
     "no_covariance": Method("ours, poses' covariance ignored", trusted_axes=(0, 1, 5)),
     "no_heading": Method("ours, headings taken to be exact", trusted_axes=(5,)),
     "additive": Method("additive log-odds", {"mapping.method": "additive"}),
@@ -103,12 +127,17 @@ def _certain(cone: EchoCone, axes: tuple[int, ...]) -> EchoCone:
     return replace(cone, pose=replace(cone.pose, covariance=covariance))
 
 
-def _fused(cones: Cones, parameters: PipelineParameters) -> OccupancyMap:
-    """The map as `usmap map` makes it, with poses corrected where they are not right as told."""
+def _fused(cones: Cones, parameters: PipelineParameters, live_every: int = 0) -> OccupancyMap:
+    """The map as `usmap map` makes it, with poses corrected where they are not right as told.
+
+    Or with `live_every` as nodes publish it at the last ping, before they explain all pings anew.
+    """
     pipeline = Pipeline(parameters)
-    for topic, cone in PoseRun(parameters).corrected(cones):
+    for number, (topic, cone) in enumerate(PoseRun(parameters).corrected(cones), 1):
         pipeline.fuse(cone, topic)
-    return pipeline.occupancy_map()
+        if live_every and number % live_every == 0:
+            pipeline.fusion.live_snapshot()()
+    return pipeline.fusion.live_snapshot()() if live_every else pipeline.occupancy_map()
 
 
 def _max_merged(maps: list[OccupancyMap]) -> OccupancyMap:

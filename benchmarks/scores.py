@@ -7,7 +7,7 @@ right if it holds or touches a surface.  Among lone poles those are asked for th
 to be heard twice, and cells are known "where audible" of those where one would be (`audible`);
 elsewhere that is all that was in sight.  Means over the seeds, with standard deviations behind ±.
 
-python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ... | --targets]
+python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ... | --targets | --compared]
     [--conditions plain ...] [--seeds 901 ... | --report] [--methods ours ...]
     [--nav2-map MAP.yaml ...] [--cache DIR] [--jobs 2] [--page docs/benchmarks.md] [--place poses]
 """
@@ -24,7 +24,7 @@ from pathlib import Path
 
 from audible import audible_poles, known_where_audible
 from kept import KeptResults
-from methods import ABLATIONS, METHODS
+from methods import ABLATIONS, CONVERGENCE, METHODS
 from pages import put, put_with_picture
 from recordings import Cones, cones
 from rich.progress import track
@@ -34,6 +34,7 @@ from score_tables import (
     SHOWN_METHODS,
     Case,
     Result,
+    compared_table,
     markdown,
     readme_table,
     seeds_of,
@@ -184,13 +185,17 @@ def main() -> None:
     output: Path = arguments.output
     (output / "maps").mkdir(parents=True, exist_ok=True)
     seeds, nav2_maps = arguments.seeds, arguments.nav2_map
-    if arguments.targets:
+    if arguments.targets or arguments.compared:
         todo = target_cases(seeds)
     else:
         todo = cases(arguments.scenes, arguments.conditions, seeds, nav2_maps)
     results = all_results(todo, arguments.methods, arguments.cache, output / "maps", arguments.jobs)
     rows = summary(results)
-    table = targets_table(rows) if arguments.targets else markdown(rows)
+    table = markdown(rows)
+    if arguments.compared:
+        table = compared_table(rows)
+    elif arguments.targets:
+        table = targets_table(rows)
     print(table, end="")
     (output / "scores.md").write_text(table, encoding="utf-8")
     (output / "scores.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
@@ -229,7 +234,12 @@ def _parsed() -> argparse.Namespace:
         action="store_true",
         help="run what there are targets for, of ours and range only unless --methods says more",
     )
-    usual = [name for name in METHODS if name not in ABLATIONS]
+    parser.add_argument(
+        "--compared",
+        action="store_true",
+        help="run the same, and say by how much F1 and known of other methods differ from ours",
+    )
+    usual = [name for name in METHODS if name not in ABLATIONS | CONVERGENCE]
     parser.add_argument("--methods", nargs="+", choices=list(METHODS))
     parser.add_argument("--nav2-map", nargs="+", type=Path, default=[], help="further worlds")
     parser.add_argument("--cache", type=Path, help="folder to keep cones and scores in")

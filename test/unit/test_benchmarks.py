@@ -168,6 +168,18 @@ def test_every_method_has_parameters_that_exist(methods: ModuleType) -> None:
         method.parameters()
 
 
+def test_a_live_map_is_of_all_pings_and_not_the_whole_one(
+    methods: ModuleType, scenes: ModuleType
+) -> None:
+    recordings = importlib.import_module("recordings")
+    world = scenes.scenario("poles", "few_pings", 901)
+    cones = recordings.cones(world, methods.METHODS["ours"].parameters().reconstruction, None)
+    whole, live = (methods.METHODS[name].map(cones) for name in ("ours", "live"))
+    assert live.stamp_ns == whole.stamp_ns
+    assert live.predicted().any()
+    assert not np.array_equal(live.log_odds, whole.log_odds)
+
+
 def test_parts_are_left_out_for_the_time_of_a_map_alone(methods: ModuleType) -> None:
     parts = importlib.import_module("parts")
     for part in parts.PARTS.values():

@@ -29,6 +29,8 @@ GATES = {
     "rough_rooms": (Case("rough_rooms", "plain", 4712),),
     "smooth_rooms": (Case("smooth_rooms", "plain", 4713),),
     "corridors": (Case("corridors", "plain", 4714),),
+    # A rough room beside a smooth one, each of which answers otherwise.
+    "mixed": (Case("mixed", "plain", 4723),),
     # Few poles can be heard by so few pings; a single one would decide.
     "few_pings": tuple(Case("poles", "few_pings", seed) for seed in range(4715, 4721)),
     "range_only": (Case("swarm", "ranges", 4721),),

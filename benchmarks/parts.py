@@ -30,6 +30,7 @@ from usmap_ros.mapping.joint.free_space.continuations import Continuations
 from usmap_ros.mapping.joint.free_space.kinds import ORIENTATIONS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import WallDirections
 from usmap_ros.mapping.joint.surfaces import mirror_walls, smooth_surfaces, walls
+from usmap_ros.mapping.joint.surfaces import parts as place_parts
 from usmap_ros.mapping.ping_table import NOISE, PingTable
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -125,7 +126,7 @@ PARTS = {
         "ghosts beside lines stay",
         ((walls, "without_doubles", lambda lines: lines), (walls, "GHOST_MARGIN", -np.inf)),
     ),
-    "mirrors": Part("no smooth walls", ((smooth_surfaces, "mirror_walls", _none),)),
+    "mirrors": Part("no smooth walls", ((place_parts, "mirror_walls", _none),)),
     "usual_mirrors": Part(
         "smooth walls all need as many hits",
         ((mirror_walls, "face_usually", lambda found, among: np.zeros(len(found), bool)),),

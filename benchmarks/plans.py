@@ -62,6 +62,24 @@ def room(rng: np.random.Generator) -> Plan:
     return plan
 
 
+def two_rooms(rng: np.random.Generator) -> Plan:
+    """Two rooms side by side, whose walls are the first two outlines, with a doorway between."""
+    height_m, thick_m = rng.uniform(4.0, 5.5), 0.1
+    left_m, right_m = rng.uniform(3.5, 5.0, 2)
+    low_m = rng.uniform(MARGIN_M, height_m - MARGIN_M - DOOR_M)
+    high_m, begin_m = low_m + DOOR_M, left_m + thick_m
+    end_m = begin_m + right_m
+    plan = Plan()
+    for door_m, far_m in ((left_m, 0.0), (begin_m, end_m)):
+        corners = [(door_m, high_m), (door_m, height_m), (far_m, height_m)]
+        corners += [(far_m, 0.0), (door_m, 0.0), (door_m, low_m)]
+        plan.walls.append((corners, False))
+    plan.walls += [([(left_m, y_m), (begin_m, y_m)], False) for y_m in (low_m, high_m)]
+    for area in ((0.0, left_m, 0.0, height_m), (begin_m, end_m, 0.0, height_m)):
+        _furnish(plan, rng, area, poles=1, pillars=1)
+    return plan
+
+
 def corridor(rng: np.random.Generator) -> Plan:
     """A corridor with rooms along one side."""
     length_m, depth_m, across_m = rng.uniform(8.0, 10.0), rng.uniform(2.5, 3.2), 1.6

@@ -27,6 +27,7 @@ from plans import (
     room,
     swarm_room,
     symmetric,
+    two_rooms,
     warehouse,
 )
 
@@ -268,6 +269,13 @@ def moving(rng: np.random.Generator) -> tuple[World, list[Point]]:
     return {**world, "moving": [walker]}, starts
 
 
+def mixed(rng: np.random.Generator) -> tuple[World, list[Point]]:
+    """A rough room beside a smooth one."""
+    world, starts = built(two_rooms, ROUGH)(rng)
+    world["walls"][1]["surface"] = SMOOTH
+    return world, starts
+
+
 def of_map(path: Path, surface: dict[str, float]) -> tuple[World, list[Point]]:
     """The occupied cells of a nav2 map as walls; robots start on free ones."""
     return {"map": {"path": str(path.resolve()), "surface": surface}}, []
@@ -280,6 +288,7 @@ KINDS: dict[str, Draw] = {
     "smooth_rooms": built(room, SMOOTH),
     "corridors": built(corridor, ROUGH),
     "corners": built(corners, ROUGH),
+    "mixed": mixed,
     "moving": moving,
     "flat_rough": lambda rng: of_map(FLAT, ROUGH),
     "flat_smooth": lambda rng: of_map(FLAT, SMOOTH),

@@ -46,7 +46,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
         (estimate, "hiding"), (estimate, "optical_depth"), (estimate, "cell_log_odds"),
     ],
     "lines": [(estimate, "find_walls")],
-    "mirrors": [(smooth_surfaces, "mirror_walls")],
+    "mirrors": [(smooth_surfaces, "mirrors_of_parts")],
     "columns": [(smooth_surfaces, "round_columns")],
     "response": [
         (listening, "listen"), (silence, "look_at"), (silence, "learn_response"),

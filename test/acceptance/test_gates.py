@@ -10,7 +10,7 @@ import pytest
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 NAMES = (
-    "clutter", "rough_rooms", "smooth_rooms", "corridors", "few_pings", "range_only",
+    "clutter", "rough_rooms", "smooth_rooms", "corridors", "mixed", "few_pings", "range_only",
     "first_echoes", "first_pings",
 )  # fmt: skip
 

@@ -14,7 +14,7 @@ from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
 from usmap_ros.mapping.joint.forward_model.power_estimation import PowerLimits
 from usmap_ros.mapping.joint.forward_model.powers import Settled
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS
-from usmap_ros.mapping.joint.free_space.silence import Silence
+from usmap_ros.mapping.joint.free_space.silence import Answers
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import KnownSurfaces
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -80,8 +80,8 @@ class AreaState:
     smooth: KnownSurfaces
     #: Powers that are of interest there.
     limits: PowerLimits
-    #: What silence says there.
-    silence: Silence
+    #: How it answers.
+    answers: Answers
     #: How much of the trust in each source is left there.
     credit: Mapping[str, float]
 
@@ -112,7 +112,7 @@ class AreaState:
 
     def _on(self, whole: Field) -> AreaState:
         """The same on a field around this one."""
-        larger = _nothing(whole, self.silence)
+        larger = _nothing(whole, self.answers)
         _put(larger, whole, self.cells, self.field)
         return replace(self, field=whole, cells=larger)
 
@@ -140,12 +140,14 @@ def _put(into: CellStates, whole: Field, cells: CellStates, field: Field) -> Non
         old[place] = new
 
 
-def _nothing(field: Field, silence: Silence) -> CellStates:
+def _nothing(field: Field, answers: Answers) -> CellStates:
     """What is known of cells that no ping has reached."""
-    kinds, usual = silence.kinds, np.full(GROUPS, -np.inf)
-    np.maximum.at(usual, kinds[:, 2].astype(np.int64), kinds[:, 1])
-    least = np.finfo(np.float32).min
-    begin: dict[str, Any] = {"worst": np.maximum(usual, least), "belief": NOTHING}
+    worst = np.full((*field.shape, GROUPS), np.finfo(np.float32).min, np.float32)
+    for here, silence in answers.each(field):
+        usual = np.full(GROUPS, -np.inf)
+        np.maximum.at(usual, silence.kinds[:, 2].astype(np.int64), silence.kinds[:, 1])
+        worst[here] = np.maximum(worst[here], usual)
+    begin: dict[str, Any] = {"worst": worst, "belief": NOTHING}
     kinds_of: dict[str, Any] = {"hiding": np.float64, "belief": np.float64}
     kinds_of |= dict.fromkeys(("closed", "free", "occupied", "filled", "standing"), bool)
     depths = {"power": (QUARTERS,), "firmness": (QUARTERS,), "worst": (GROUPS,)}

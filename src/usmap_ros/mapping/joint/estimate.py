@@ -23,6 +23,7 @@ from usmap_ros.mapping.joint.forward_model.weighed_pings import WeighedPings
 from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
 from usmap_ros.mapping.joint.key_pings import key_pings
 from usmap_ros.mapping.joint.surfaces.lone_columns import lone_cells
+from usmap_ros.mapping.joint.surfaces.parts import any_holds
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls, find_walls
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
@@ -30,6 +31,7 @@ from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.witnesses import (
     HALVES,
     LEAST_WITNESSES,
+    MutualEvidence,
     credit,
     halves_of,
     mutual_evidence,
@@ -169,10 +171,17 @@ class JointEstimate:
         names = sorted(set(sources))
         if len(names) < LEAST_WITNESSES:
             return dict.fromkeys(names, 1.0)
-        weighed = self.weighed
-        apart = weighed.evidence_of_parts(halves_of(sources, names), HALVES * len(names))
-        said = mutual_evidence(weighed.number, apart, self.field)
-        return dict(zip(names, credit(said), strict=True))
+        weighed, part, count = self.weighed, halves_of(sources, names), HALVES * len(names)
+        places_m, mirrored = self.table.numbers[self.pings][:, [X, Y]], self._smooth.mirrored
+        if mirrored:
+            # Who stands among mirrors denies what is behind them: that is no contradiction.
+            part += count * any_holds(mirrored, places_m)
+        apart = weighed.evidence_of_parts(part, count * (2 if mirrored else 1))
+        said = [
+            mutual_evidence(weighed.number, apart[first : first + count], self.field)
+            for first in range(0, len(apart), count)
+        ]
+        return dict(zip(names, credit(MutualEvidence(*np.sum(said, axis=0))), strict=True))
 
     @property
     def power(self) -> NDArray[np.float32]:
@@ -251,7 +260,7 @@ class JointEstimate:
             self._proofs, self._first_only,
         )  # fmt: skip
         walls, free = space.find(walls, self._smooth, self._powers, self.evidence)
-        self.heard, self.silence = space.heard, space.silence
+        self.heard, self.answers = space.heard, space.answers
         return walls, free
 
     def known(
@@ -279,4 +288,4 @@ class JointEstimate:
             occupied=walls.occupied, filled=walls.filled, standing=self._standing, belief=belief,
         )  # fmt: skip
         limits = self._powers.limits
-        return AreaState(self.field, cells, self._smooth.recognised, limits, self.silence, credit)
+        return AreaState(self.field, cells, self._smooth.recognised, limits, self.answers, credit)

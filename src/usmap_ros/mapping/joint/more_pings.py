@@ -25,7 +25,7 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.ping_table import X, Y
-from usmap_ros.numerics.arrays import over_last
+from usmap_ros.numerics.arrays import FloatArray, over_last
 from usmap_ros.parameters import MappingParameters
 
 #: Log-likelihood ratios of surfaces are as good as certain from here on.
@@ -72,7 +72,7 @@ class MorePings:
             pings.table, pings.rows, pings.weights, self.field, before.standing, self._stood,
             parameters.proof_rays, pings.first_only,
         )  # fmt: skip
-        more = space.more(walls, before.free, before.worst, smooth, powers, known.silence)
+        more = space.more(walls, before.free, before.worst, smooth, powers, known.answers)
         known.put(self._freed(cells, walls, more, known), self.field)
         return known
 
@@ -99,13 +99,14 @@ class MorePings:
         self, cells: CellStates, walls: Walls, more: Refutations, known: AreaState
     ) -> CellStates:
         """Cells with what silence has freed."""
-        silence, shown = known.silence, walls.shown
+        answers, shown = known.answers, walls.shown
         worst, asked = cells.worst, ~cells.free & ~shown
-        worst[asked] = together(worst[asked], more.worst[asked], silence.shape)
+        shape = np.broadcast_to(answers.of_cells(self.field, "shape"), shown.shape)
+        worst[asked] = together(worst[asked], more.worst[asked], shape[asked][:, np.newaxis])
         proven = cells.proven + more.proven
         closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
         proofs = self._parameters.proof_rays
-        fails = are_refuted(worst, proven, silence.refuted, proofs)
+        fails = are_refuted(worst, proven, answers.of_cells(self.field, "refuted"), proofs)
         is_refuted = over_last(np.logical_and, fails)
         free = ((cells.free | is_refuted) & ~closed & ~shown) | (self._stood & ~shown)
         is_open = (self._stood | cells.free | (proven >= proofs)) & free
@@ -116,7 +117,7 @@ class MorePings:
 
 
 def together(
-    before: NDArray[np.float32], more: NDArray[np.float32], shape: float
+    before: NDArray[np.float32], more: NDArray[np.float32], shape: float | FloatArray
 ) -> NDArray[np.float32]:
     """Log-likelihood ratio of surfaces by two groups of pings, as if all looked from one side.
 
@@ -127,7 +128,7 @@ def together(
     ----------
     before, more : (cells, GROUPS) float32 arrays
         By each of them.
-    shape : float
+    shape : float or (cells, 1) array
         How far looks from one side repeat each other.
     """
     one, other = (

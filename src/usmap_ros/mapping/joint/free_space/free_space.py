@@ -30,7 +30,7 @@ from usmap_ros.mapping.joint.free_space.refutation import (
     refute_for_room,
 )
 from usmap_ros.mapping.joint.free_space.response import HeardBins
-from usmap_ros.mapping.joint.free_space.silence import Silence, learn_silence
+from usmap_ros.mapping.joint.free_space.silence import Answers, Silence, learn_answers
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
@@ -73,11 +73,11 @@ class FreeSpace:
 
     Attributes
     ----------
-    silence, heard : Silence, Refutations
+    answers, heard : Answers, Refutations
         What `find` has learnt.
     """
 
-    silence: Silence
+    answers: Answers
     heard: Refutations
 
     def __init__(
@@ -111,7 +111,7 @@ class FreeSpace:
         hides = occupied | self._standing
         listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
-        self.silence = silence = learn_silence(
+        self.answers = answers = learn_answers(
             self._table, self._pings, field, left, listening, walls, smooth, evidence
         )
         proofs = self._proven(occupied, left, powers, smooth)
@@ -120,13 +120,17 @@ class FreeSpace:
         closed |= smooth.suspected()
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         changed = np.ones(len(self._pings), bool)
-        self._refute(left, listening, silence, wanted | walls.bridged, changed, worst)
+        self._refute(left, listening, answers, wanted | walls.bridged, changed, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
         going_on = alike
-        if not smooth.mirrors:
-            going_on = self._of_lines(walls, left, listening, silence, changed)
+        if smooth.mirrored or not smooth.mirrors:
+            going_on = self._of_lines(walls, left, listening, answers, changed)
+            if smooth.mirrored:
+                (inside, _), _ = answers.each(field)
+                going_on = np.where(inside, alike, going_on)
         worst[walls.bridged] = 0.0
-        is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
+        refuted = answers.of_cells(field, "refuted")
+        is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
         walls, may_be = continued(walls, going_on, proven | stood, self._stood, field.resolution_m)
@@ -139,17 +143,18 @@ class FreeSpace:
         for turn in range(FREE_ROUNDS):
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
-                refute_for_room(is_refuted, worst, wanted, walls.all_lines, silence)
+                here, silence = next(answers.each(field))
+                refute_for_room(is_refuted, worst, wanted & here, walls.all_lines, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
             left_before = left
-            left = self._left(self._held(walls, free, worst, silence), ended_m)
+            left = self._left(self._held(walls, free, worst, answers), ended_m)
             changed = _differ(left, left_before)
-            self._refute(left, listening, silence, wanted, changed, worst)
-            is_refuted = are_refuted(worst, proofs, silence.refuted, self._proofs)
+            self._refute(left, listening, answers, wanted, changed, worst)
+            is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, stood, proven, walls)
 
@@ -160,9 +165,9 @@ class FreeSpace:
         worst: NDArray[np.float32],
         smooth: SmoothSurfaces,
         powers: Powers,
-        silence: Silence,
+        answers: Answers,
     ) -> Refutations:
-        """What these pings say of cells beside those that `silence` was learnt from.
+        """What these pings say of cells beside those that `answers` was learnt from.
 
         Parameters
         ----------
@@ -174,48 +179,49 @@ class FreeSpace:
             What pings before said of the others, by `refute_surfaces`.
         powers
             Of what stands.
-        silence : Silence
+        answers : Answers
             What was learnt of the place.
         """
         hides = walls.shown | self._standing
         listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         proofs = self._proven(walls.shown, left, powers, smooth)
-        left = self._left(self._held(walls, free, worst, silence), ended_m)
+        left = self._left(self._held(walls, free, worst, answers), ended_m)
         # How usual surfaces are has been counted with what was heard of them before.
-        alike = silence.kinds.copy()
-        alike[:ORIENTATIONS, 1] = alike[ROUND, 1] = 0.0
-        mirrored = alike[ORIENTATIONS:ROUND, 1]
-        mirrored[:] = mirrored.max()
         more = np.zeros_like(worst)
         wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
-        self._refute(left, listening, silence._replace(kinds=alike), wanted, changed, more)
+        self._refute(left, listening, answers.by(_alike), wanted, changed, more)
         return Refutations(more, proofs, np.zeros(self._field.shape, bool))
 
     def _refute(
         self,
         left: NDArray[np.uint8],
         listening: HeardBins,
-        silence: Silence,
+        answers: Answers,
         wanted: BoolArray,
         changed: BoolArray,
         worst: NDArray[np.float32],
     ) -> None:
         """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
-        for_each(
-            lambda band: refute_surfaces(
-                self._table, self._pings, band[1], left, listening, silence.log_silent,
-                silence.shape, silence.kinds, wanted[band[0]], changed, worst[band[0]],
-            ),
-            self._field.bands(BAND),
-        )  # fmt: skip
+
+        def refute(asked: BoolArray, silence: Silence) -> None:
+            for_each(
+                lambda band: refute_surfaces(
+                    self._table, self._pings, band[1], left, listening, silence.log_silent,
+                    silence.shape, silence.kinds, asked[band[0]], changed, worst[band[0]],
+                ),
+                self._field.bands(BAND),
+            )  # fmt: skip
+
+        for here, silence in answers.each(self._field):
+            refute(wanted & here, silence)
 
     def _of_lines(
         self,
         walls: Walls,
         left: NDArray[np.uint8],
         listening: HeardBins,
-        silence: Silence,
+        answers: Answers,
         changed: BoolArray,
     ) -> NDArray[np.float32]:
         """Log-likelihood ratio of a surface where lines are, or may go on: it faces as they do.
@@ -226,18 +232,16 @@ class FreeSpace:
         reach[:, BEGIN] -= far_cells
         reach[:, END] += far_cells
         asked = over_block(drawn(reach, self._field.shape)) | walls.bridged
-        kinds = silence.kinds.copy()
-        kinds[:ORIENTATIONS, 1] = 0.0
         said = np.zeros((*self._field.shape, GROUPS), np.float32)
-        self._refute(left, listening, silence._replace(kinds=kinds), asked, changed, said)
+        self._refute(left, listening, answers.by(_facing_anyhow), asked, changed, said)
         return over_last(np.maximum, said[:, :, :MIRRORS])
 
     def _held(
-        self, walls: Walls, free: BoolArray, worst: NDArray[np.float32], silence: Silence
+        self, walls: Walls, free: BoolArray, worst: NDArray[np.float32], answers: Answers
     ) -> FloatArray:
         """Belief that each cell holds sound back, by what stands, is free, and was refuted."""
         hides = walls.shown | self._standing
-        held = beliefs(hides, free, worst, silence.unknown)
+        held = beliefs(hides, free, worst, answers.of_cells(self._field, "unknown"))
         most_cells = GOING_ON_M / self._field.resolution_m
         goes_on = may_go_on(walls.mirrors, hides, free, most_cells)
         held[goes_on] = np.maximum(held[goes_on], GOING_ON)
@@ -288,6 +292,22 @@ class FreeSpace:
         )  # fmt: skip
         smooth.trace_open(proven, self._weights)
         return proven
+
+
+def _facing_anyhow(kinds: FloatArray) -> FloatArray:
+    """Kinds of which walls that answer from any side are as usual whichever way they face."""
+    kinds = kinds.copy()
+    kinds[:ORIENTATIONS, 1] = 0.0
+    return kinds
+
+
+def _alike(kinds: FloatArray) -> FloatArray:
+    """Kinds that are all as usual, mirrors as the most usual of them."""
+    kinds = _facing_anyhow(kinds)
+    kinds[ROUND, 1] = 0.0
+    mirrored = kinds[ORIENTATIONS:ROUND, 1]
+    mirrored[:] = mirrored.max()
+    return kinds
 
 
 def _differ(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> BoolArray:

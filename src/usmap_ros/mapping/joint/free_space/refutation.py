@@ -1,6 +1,5 @@
 """What pings refute in cells, and what holds sound back in the others."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +30,10 @@ class Refutations(NamedTuple):
 
 
 def are_refuted(
-    worst: NDArray[np.float32], proven: NDArray[np.float32], refuted: float, proofs: float
+    worst: NDArray[np.float32],
+    proven: NDArray[np.float32],
+    refuted: float | FloatArray,
+    proofs: float,
 ) -> BoolArray:
     """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
 
@@ -44,7 +46,7 @@ def are_refuted(
         Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
     proven : (rows, columns) float32 array
         Pings whose sound is known to have passed it.
-    refuted : float
+    refuted : float or (rows, columns) array
         Log-likelihood ratio at which silence alone refutes a surface.
     proofs : float
         Pings that do, alone.
@@ -55,7 +57,7 @@ def are_refuted(
 
 
 def beliefs(
-    hides: BoolArray, free: BoolArray, worst: NDArray[np.float32], unknown: float
+    hides: BoolArray, free: BoolArray, worst: NDArray[np.float32], unknown: float | FloatArray
 ) -> FloatArray:
     """Belief that each cell holds sound back.
 
@@ -68,13 +70,13 @@ def beliefs(
         Cells that are occupied, and those that are free.
     worst : (rows, columns, GROUPS) float32 array
         Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
-    unknown : float
+    unknown : float or (rows, columns) array
         Belief in the others where echoes speak for nothing.
     """
     several = np.maximum(over_last(np.maximum, worst) - MOST_A_SECTOR, 0.0)
     # Of most cells nothing is said, and logarithms take long.
-    others, speaks = np.full(several.shape, unknown), several > 0.0
-    odds = several[speaks] + math.log(unknown / (1.0 - unknown))
+    others, speaks = np.broadcast_to(unknown, several.shape).copy(), several > 0.0
+    odds = several[speaks] + np.log(others[speaks] / (1.0 - others[speaks]))
     others[speaks] = logistic(odds)
     others = np.minimum(others, OCCUPIED)
     held: FloatArray = np.where(hides & ~free, OCCUPIED, np.where(free, 0.0, others))

@@ -1,5 +1,6 @@
 """What silence says of an area, by how the surfaces that are believed answer."""
 
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +22,13 @@ from usmap_ros.mapping.joint.free_space.response import (
 )
 from usmap_ros.mapping.joint.free_space.usual_directions import facing, lengths, log_priors
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y, points_on
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
+from usmap_ros.mapping.joint.surfaces.parts import Part, any_holds
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_bins import ECHO
-from usmap_ros.mapping.ping_table import PingTable
+from usmap_ros.mapping.ping_table import PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
@@ -56,7 +59,38 @@ class Silence(NamedTuple):
     unknown: float
 
 
-def learn_silence(
+class Answers(NamedTuple):
+    """How an area answers: where it has mirrors, and elsewhere."""
+
+    #: Of all of it; or in and outside of `mirrored`.
+    silences: list[Silence]
+    #: Parts that mirrors are in, if not in all of it.
+    mirrored: list[Part]
+
+    def each(self, field: Field) -> Iterator[tuple[BoolArray, Silence]]:
+        """Cells of a field, and what silence says there."""
+        inside = self.inside(field)
+        return zip((inside, ~inside), self.silences, strict=False)
+
+    def of_cells(self, field: Field, name: str) -> float | FloatArray:
+        """One of the numbers: of the area, or of each cell."""
+        values = [float(getattr(silence, name)) for silence in self.silences]
+        return values[0] if len(values) == 1 else np.where(self.inside(field), *values)
+
+    def by(self, change: Callable[[FloatArray], FloatArray]) -> "Answers":
+        """The same with other kinds of surfaces."""
+        silences = [each._replace(kinds=change(each.kinds)) for each in self.silences]
+        return self._replace(silences=silences)
+
+    def inside(self, field: Field) -> BoolArray:
+        """Which cells of a field are in parts that have mirrors, or all."""
+        if not self.mirrored:
+            return np.ones(field.shape, bool)
+        centers_m = field.geometry().cell_centers_m(*np.indices(field.shape).reshape(2, -1))
+        return any_holds(self.mirrored, centers_m).reshape(field.shape)
+
+
+def learn_answers(
     table: PingTable,
     pings: NDArray[np.int64],
     field: Field,
@@ -65,8 +99,8 @@ def learn_silence(
     walls: Walls,
     smooth: SmoothSurfaces,
     evidence: CellEvidence,
-) -> Silence:
-    """Learn what silence says of an area.
+) -> Answers:
+    """Learn how an area answers, and parts of it that have mirrors while others have none.
 
     Parameters
     ----------
@@ -83,6 +117,44 @@ def learn_silence(
     walls, smooth, evidence
         What stands.
     """
+    given, columns, answers = (table, pings, field), smooth.columns_likely, Answers([], [])
+    stands = _Standing(np.ones(len(pings), bool), walls, smooth.mirrors, columns)
+    places = [stands]
+    if smooth.mirrored:
+        answers = Answers([], smooth.mirrored)
+        inside = answers.inside(field)
+        own = any_holds(smooth.mirrored, table.numbers[pings][:, [X, Y]])
+        # Who looks into a part from elsewhere tells of its surfaces, too.
+        places = [
+            _Standing(own, walls.within(inside), smooth.mirrors, columns),
+            _Standing(~own, walls.within(~inside), [], columns),
+        ]
+    answers.silences.extend(_learnt(*given, left, listening, place, evidence) for place in places)
+    return answers
+
+
+class _Standing(NamedTuple):
+    """What stands in an area, or in a part of it."""
+
+    #: (pings,) bool array: which pings were sent there.
+    own: BoolArray
+    walls: Walls
+    mirrors: list[MirrorWall]
+    #: How many columns are likely.
+    columns: float
+
+
+def _learnt(
+    table: PingTable,
+    pings: NDArray[np.int64],
+    field: Field,
+    left: NDArray[np.uint8],
+    listening: HeardBins,
+    place: _Standing,
+    evidence: CellEvidence,
+) -> Silence:
+    """Learn what silence says there; other arguments as of `learn_answers`."""
+    own, walls, mirrors, columns = place
     surfaces, on_lines = _surfaces(walls, evidence, field)
     things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     views = look_at(table, pings, field, left, listening, surfaces)
@@ -93,17 +165,15 @@ def learn_silence(
     log_silent = learn_response(views, surfaces)
     walled = _walled(walls.shown, on_lines)
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
-    chances = listening.chance[table.kind[pings] == ECHO]
+    chances = listening.chance[own][table.kind[pings[own]] == ECHO]
     mirrored = max(
         mirror_share(views, surfaces, log_silent, 1.0 - walled),
-        unexplained_share(chances, len(pings), 1.0 - walled),
+        unexplained_share(chances, int(np.count_nonzero(own)), 1.0 - walled),
     )
-    walls_facing = facing(smooth.mirrors, walls.lines, field.resolution_m)
-    kinds = log_priors(
-        walls_facing, len(smooth.mirrors), smooth.columns_likely, things, alone_m, mirrored
-    )
+    walls_facing = facing(mirrors, walls.lines, field.resolution_m)
+    kinds = log_priors(walls_facing, len(mirrors), columns, things, alone_m, mirrored)
     long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
-    refuted, unknown = _thresholds(walled, bool(smooth.mirrors))
+    refuted, unknown = _thresholds(walled, bool(mirrors))
     return Silence(
         log_silent, learn_shape(views, log_silent), kinds, long_and_short, refuted, unknown
     )

@@ -44,6 +44,25 @@ def drawn(lines: NDArray[np.float64], shape: tuple[int, int]) -> BoolArray:
     return mask
 
 
+def middles_in(lines: NDArray[np.float64], cells: BoolArray) -> NDArray[np.float64]:
+    """Those of some lines whose middles are in some cells.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        The lines.
+    cells : (rows, columns) bool array
+        The cells.
+    """
+    middles = 0.5 * (lines[:, BEGIN] + lines[:, END])
+    are_in = [
+        bool((drawn(np.array([[*line[:BEGIN], at, at]]), cells.shape) & cells).any())
+        for line, at in zip(lines, middles, strict=True)
+    ]
+    found: NDArray[np.float64] = lines[np.array(are_in, bool)]
+    return found
+
+
 def off_line(
     line: NDArray[np.float64], rows: NDArray[np.int64], columns: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

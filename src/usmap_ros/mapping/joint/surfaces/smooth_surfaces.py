@@ -11,13 +11,14 @@ from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead
-from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls, perpendicular_walls
+from usmap_ros.mapping.joint.surfaces.mirror_walls import perpendicular_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
     are_corners,
     out_of_sight,
     reflected,
 )
+from usmap_ros.mapping.joint.surfaces.parts import Part, any_holds, mirrors_of_parts
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
     discs,
@@ -65,6 +66,8 @@ class KnownSurfaces(NamedTuple):
     columns: list[RoundColumn]
     #: Columns that are not.
     suspected: list[RoundColumn]
+    #: Parts of the place that mirrors are in, if not in all of it.
+    mirrored: list[Part]
 
 
 class SmoothSurfaces:
@@ -88,6 +91,8 @@ class SmoothSurfaces:
         self._table, self._pings, self._echoes, self._field = table, pings, echoes, field
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
+        #: Parts of the place that mirrors are in, if not in all of it.
+        self.mirrored: list[Part] = []
         self._suspected: list[RoundColumn] = []
         # Those that other pings found.
         self._known_mirrors: list[MirrorWall] = []
@@ -119,7 +124,9 @@ class SmoothSurfaces:
         left = cast_all_rays(table, pings, self._field, depth)
         is_usable = ~first_only[self.places.ping] | self._mirror_first_returns(first_only)
         is_explained = is_explained | ~is_usable
-        found = mirror_walls(table, pings, echoes, is_explained, is_usable, first_only)
+        found, self.mirrored = mirrors_of_parts(
+            table, pings, echoes, is_explained, is_usable, first_only
+        )
         for wall in found:
             is_explained[wall.echoes] = True
         may_follow = ~is_explained & ~first_only[self.places.ping]
@@ -165,11 +172,12 @@ class SmoothSurfaces:
     @property
     def recognised(self) -> KnownSurfaces:
         """Those that are known now."""
-        return KnownSurfaces(self.mirrors, self.columns, self._suspected)
+        return KnownSurfaces(self.mirrors, self.columns, self._suspected, self.mirrored)
 
     def recognise(self, known: KnownSurfaces) -> None:
         """Take over the smooth things that other pings found, with these pings' echoes of them."""
         self._suspected, self._known_mirrors = known.suspected, known.mirrors
+        self.mirrored = known.mirrored
         for wall in known.mirrors:
             own = np.flatnonzero(self.places.are_of_mirror(wall))
             self.mirrors.append(replace(wall, pings=self.places.ping[own], echoes=own))
@@ -240,6 +248,9 @@ class SmoothSurfaces:
         for column in self.columns:
             is_found |= self.places.are_of_column(column)
         ends = ~is_found & (level > MIRROR_SHARE * np.exp(usual))
+        if self.mirrored:
+            # Rough walls of other parts are as loud.
+            ends &= any_holds(self.mirrored, self.places.numbers[:, [X, Y]])
         np.minimum.at(ended_m, self.places.ping[ends], self._echoes.range_m[ends])
         return ended_m
 

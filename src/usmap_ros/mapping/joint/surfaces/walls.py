@@ -5,7 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn, off_line, without_doubles
+from usmap_ros.mapping.joint.surfaces.lines import (
+    BEGIN,
+    END,
+    drawn,
+    middles_in,
+    off_line,
+    without_doubles,
+)
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.surface_lines import (
     ON_LINE_CELLS,
@@ -70,6 +77,19 @@ class Walls:
         """
         gaps = self.bridged & refuted
         return replace(self, filled=self.filled & ~gaps, bridged=self.bridged & ~gaps)
+
+    def within(self, cells: BoolArray) -> "Walls":
+        """What of them is in some cells; lines if their middles are.
+
+        Parameters
+        ----------
+        cells : (rows, columns) bool array
+            The cells.
+        """
+        return Walls(
+            self.occupied & cells, self.filled & cells, self.bridged & cells,
+            middles_in(self.lines, cells), middles_in(self.mirrors, cells),
+        )  # fmt: skip
 
     @property
     def shown(self) -> BoolArray:

@@ -1,0 +1,40 @@
+"""A place is cut where what pings hear changes, and nowhere else."""
+
+import numpy as np
+
+from usmap_ros.mapping.joint.surfaces.parts import ALL, any_holds, halves
+
+
+def places(count: int, left_m: float, right_m: float, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.stack([rng.uniform(left_m, right_m, count), rng.uniform(0.0, 4.0, count)], axis=1)
+
+
+def test_two_rooms_that_answer_otherwise_are_told_apart() -> None:
+    rough_m, smooth_m = places(200, 0.0, 4.0, 1), places(100, 4.2, 8.0, 2)
+    rng = np.random.default_rng(3)
+    loudest = np.exp(rng.normal([1.0] * 200 + [-0.5] * 100, 0.6))
+    loudest[::7] = 0.0
+    parts = halves(ALL, np.concatenate([rough_m, smooth_m]), loudest)
+    assert len(parts) == 2
+    in_rough, in_smooth = (max(part.holds(rough_m).mean() for part in parts),
+                           max(part.holds(smooth_m).mean() for part in parts))  # fmt: skip
+    assert min(in_rough, in_smooth) > 0.95
+    assert any_holds(parts, rough_m).all()
+    assert not (parts[0].holds(rough_m) & parts[1].holds(rough_m)).any()
+
+
+def test_one_room_stays_whole() -> None:
+    room_m = places(300, 0.0, 8.0, 1)
+    loudest = np.exp(np.random.default_rng(4).normal(1.0, 1.0, 300))
+    assert halves(ALL, room_m, loudest) == []
+    assert halves(ALL, room_m[:50], np.where(room_m[:50, 0] < 4.0, 9.0, 1.0)) == []
+
+
+def test_parts_are_cut_again_within_their_edges() -> None:
+    left, right = ALL.beside(np.array([1.0, 0.0]), 4.0)
+    low, high = left.beside(np.array([0.0, 1.0]), 2.0)
+    points_m = np.array([[1.0, 1.0], [1.0, 3.0], [5.0, 1.0]])
+    assert [part.holds(points_m).tolist() for part in (low, high, right)] == [
+        [True, False, False], [False, True, False], [False, False, True],
+    ]  # fmt: skip

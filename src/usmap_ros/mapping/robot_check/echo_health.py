@@ -27,9 +27,9 @@ MADE_UP, TIMES_OTHERS = 100.0, 3.0
 #: this share of what their ranges make of them; and dB by which others' are louder.
 UPPER, TOP = 0.6, 0.95
 LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.2, 0.4, 8.0
-#: dB above the lower one from which on a single echo shows that nothing clips there: what clipped
-#: ones are, which overlap, was 6.3 in 30 fleets, and in the middle of a room a healthy robot's 12.
-LOUDER_DB = 8.0
+#: dB above the higher one from which on a single echo shows that nothing clips there: two clipped
+#: ones that overlap are as much, 2.7 were seen in 30 fleets, and 9 of a healthy robot in a hall.
+LOUDER_DB = 6.0
 #: dB by which an echo fades with ln(range): as its square.
 FADING_DB = 40.0 / math.log(10.0)
 
@@ -49,7 +49,7 @@ class EchoHealth:
     spread_db: float | None = None
     #: By how much the ranges of those echoes let expect that they differ.
     faded_db: float | None = None
-    #: By how much the loudest of all is above the lower quantile.
+    #: By how much the loudest of all is above `loudest_db`.
     most_db: float = 0.0
 
 
@@ -73,7 +73,7 @@ def echo_health(cones: Sequence[EchoCone]) -> EchoHealth | None:
     return EchoHealth(
         health.places, health.silent, health.echoes,
         float(top_db), float(top_db - upper_db), FADING_DB * math.log(far_m / near_m),
-        float(loud_db.max() - upper_db),
+        float(loud_db.max() - top_db),
     )  # fmt: skip
 
 

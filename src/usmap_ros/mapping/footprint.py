@@ -34,15 +34,29 @@ class Footprint:
     log_unit_amplitude: RealArray
 
 
-def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
+def footprint(cone: EchoCone, resolution_m: float, farthest_m: float = np.inf) -> Footprint:
     """Cells whose centres lie in the beam of `cone`, between its least and greatest range.
 
     Only cells in the box around the cone are looked at: the cost follows the cone, not the map.
+
+    Parameters
+    ----------
+    cone : EchoCone
+        Of which ping.
+    resolution_m : float
+        Side of a cell.
+    farthest_m : float
+        Range beyond which cells are of no interest, though they may be in the cone.
+
+    Returns
+    -------
+    cells : Footprint
+        Row by row.
     """
-    beam = cone.transducer.beam
+    beam, reach_m = cone.transducer.beam, min(cone.transducer.max_range_m, farthest_m)
     x_m, y_m = cone.pose.position_m[:2]
     yaw_rad = cone.pose.yaw_rad
-    columns, rows = _cells_in_box(cone, resolution_m)
+    columns, rows = _cells_in_box(cone, resolution_m, reach_m)
     height_m = cone.pose.position_m[2] + cone.object_rise_m
     east_m = (columns + 0.5) * resolution_m - x_m
     north_m = (rows + 0.5) * resolution_m - y_m
@@ -58,8 +72,7 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
         in_beam = np.abs(off_axis) < beam.half_angle_rad
     else:
         in_beam = ahead_m > range_m * np.cos(min(beam.half_angle_rad, np.pi))
-    transducer = cone.transducer
-    in_range = (range_m > transducer.min_range_m) & (range_m < transducer.max_range_m)
+    in_range = (range_m > cone.transducer.min_range_m) & (range_m < reach_m)
     row, column = np.nonzero(in_beam & in_range)
     centers_m = np.stack([columns[column] + 0.5, rows[row] + 0.5], axis=-1) * resolution_m
     range_m, bearing_rad = cone.pose.polar(
@@ -82,10 +95,12 @@ def footprint(cone: EchoCone, resolution_m: float) -> Footprint:
     )
 
 
-def _cells_in_box(cone: EchoCone, resolution_m: float) -> tuple[IndexArray, IndexArray]:
-    """Columns and rows of the box around the sector that the beam covers."""
+def _cells_in_box(
+    cone: EchoCone, resolution_m: float, reach_m: float
+) -> tuple[IndexArray, IndexArray]:
+    """Columns and rows of the box around the sector that the beam covers up to some range."""
     x_m, y_m = cone.pose.position_m[:2]
-    reach_m, half_angle = cone.transducer.max_range_m, cone.transducer.beam.half_angle_rad
+    half_angle = cone.transducer.beam.half_angle_rad
     if cone.pose.is_tilted or cone.object_rise_m:
         half_angle = np.pi
     # The extremes of a sector lie at its edges or where it crosses an axis.

@@ -5,6 +5,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
@@ -93,6 +94,7 @@ class _MovingMap:
         self._paths = paths
         shown = extent_m or shown_extent(maps[-1:], paths)
         self._figure = style.new_figure(*figure_size_in(shown), _DOTS_PER_INCH)
+        self._canvas = FigureCanvasAgg(self._figure)
         self._axes = self._figure.subplots()
         self._image = draw_probability(self._axes, maps[-1])
         self._image.set_extent(self._geometry.extent_m)
@@ -109,8 +111,13 @@ class _MovingMap:
         self._beams = {topic: self._beam(number) for number, topic in enumerate(topics)}
         draw_legend(self._figure, self._axes)
         # The layout is that of the first drawing: to find it again takes longer than to draw.
-        self._figure.canvas.draw()
+        self._canvas.draw()
         self._figure.set_layout_engine("none")
+        # All but the map stays as it is, and is drawn once.
+        self._axes.set_visible(False)
+        self._canvas.draw()
+        self._around = self._canvas.copy_from_bbox(self._figure.bbox)
+        self._axes.set_visible(True)
 
     def draw(self, frame: MapFrame, start_ns: int) -> Image.Image:
         """Draw a frame; `start_ns` is the time of the first one."""
@@ -120,11 +127,10 @@ class _MovingMap:
             behind = self._paths.positions_m[topic][: frame.positions[topic]]
             self._trails[topic].set_data(*np.transpose(behind))
             self._beams[topic].set_xy(_cone_outline(cone))
-        # Taking the pixels from the canvas spares the detour over a compressed picture; that it is
-        # Agg's, which has them, matplotlib's types do not say.
-        self._figure.canvas.draw()
-        pixels = np.asarray(self._figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
-        return Image.fromarray(pixels[..., :3])
+        self._canvas.restore_region(self._around)
+        self._figure.draw_artist(self._axes)
+        # Taking the pixels from the canvas spares the detour over a compressed picture.
+        return Image.fromarray(np.asarray(self._canvas.buffer_rgba())[..., :3])
 
     def _trail(self, number: int, topic: str) -> Line2D:
         color, name = style.robot_color(number), robot_name(topic)

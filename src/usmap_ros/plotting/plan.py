@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
-from scipy.ndimage import binary_dilation
 
 from usmap_ros.grids import OccupancyMap, TruthMap
+from usmap_ros.numerics.special import running_maximum
 from usmap_ros.plotting import style
 
 
@@ -22,7 +22,7 @@ def draw_truth(axes: Axes, truth: TruthMap) -> None:
     """Outline all that lies within one cell of the truth, which is what counts as right."""
     limits = axes.get_xlim(), axes.get_ylim()
     margin = 2
-    near = binary_dilation(np.pad(truth.occupied, margin), np.ones((3, 3), dtype=bool))
+    near = running_maximum(running_maximum(np.pad(truth.occupied, margin), 3).T, 3).T
     geometry = truth.geometry
     rows, columns = near.shape
     x = geometry.origin_m[0] + (np.arange(columns) + 0.5 - margin) * geometry.resolution_m

@@ -142,4 +142,9 @@ def save_figure(figure: Figure, path: Path) -> None:
     # Without these, the same picture would differ from run to run.
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
     with file_errors(FileError, path), styled():
+        engine = figure.get_layout_engine()
+        if suffix == "png" and engine is not None:
+            # Matplotlib would draw all of it once to lay it out, and once more.
+            engine.execute(figure)
+            figure.set_layout_engine("none")
         figure.savefig(path, metadata=metadata.get(suffix))

@@ -5,6 +5,8 @@ of it become freer, cells at it more occupied, the more so the nearer they are t
 ``range_sensor_layer`` and Moravec & Elfes, "High resolution maps from wide angle sonar", 1985.
 """
 
+import math
+
 import numpy as np
 
 from usmap_ros.mapping.footprint import footprint
@@ -20,6 +22,8 @@ HALF_BELIEF_M = 1.2
 LEAST_NEWS = 0.005
 #: No single reading makes a cell surer than this.
 GREATEST_PROBABILITY = 0.98
+#: Range from which on no reading is news.
+FARTHEST_M = HALF_BELIEF_M + 0.5 * math.atanh(1.0 - 4.0 * LEAST_NEWS)
 
 
 class RangeSensorFusion(CellFusion):
@@ -37,7 +41,7 @@ class RangeSensorFusion(CellFusion):
 
     def _take_up(self, cone: EchoCone, source: str) -> None:
         """Take up the range of a cone's first echo, or its silence."""
-        cells = footprint(cone, self.parameters.resolution_m)
+        cells = footprint(cone, self.parameters.resolution_m, FARTHEST_M)
         probability = occupied_probability(
             cells.range_m,
             cells.bearing_rad / cone.transducer.beam.half_angle_rad,

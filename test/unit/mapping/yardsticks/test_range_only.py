@@ -3,7 +3,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.yardsticks.range_only import RangeSensorFusion, occupied_probability
+from usmap_ros.mapping.yardsticks.range_only import (
+    FARTHEST_M,
+    LEAST_NEWS,
+    RangeSensorFusion,
+    occupied_probability,
+)
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -20,6 +25,12 @@ def test_a_reading_frees_what_is_before_it_and_fills_what_is_at_it() -> None:
 def test_silence_frees_the_whole_beam() -> None:
     probability = occupied_probability(np.array([0.5, 1.0]), np.zeros(2), np.inf, 0.05)
     assert (probability < 0.5).all()
+
+
+@pytest.mark.parametrize("echo_m", [FARTHEST_M, np.inf])
+def test_what_is_far_off_is_no_news(echo_m: float) -> None:
+    at, beyond = occupied_probability(FARTHEST_M + np.array([-0.01, 0.0]), np.zeros(2), echo_m, 0.1)
+    assert abs(at - 0.5) > LEAST_NEWS >= abs(beyond - 0.5) - 1e-12
 
 
 @pytest.mark.parametrize("others", [(), (1.5, 2.0)])

@@ -30,6 +30,7 @@ from usmap_ros.cli import (
 from usmap_ros.errors import UsmapError
 from usmap_ros.processes.cores import keep_linear_algebra_to_one_core
 from usmap_ros.processes.memory import look_for_garbage_rarely
+from usmap_ros.processes.threads import take_short_turns
 
 app = typer.Typer(
     name="usmap",
@@ -94,6 +95,7 @@ def main() -> None:
     """
     keep_linear_algebra_to_one_core()
     look_for_garbage_rarely()
+    take_short_turns()
     is_program = signal.getsignal(signal.SIGINT) is signal.SIG_DFL
     if is_program:
         signal.signal(signal.SIGINT, signal.default_int_handler)

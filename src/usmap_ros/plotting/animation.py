@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
@@ -94,7 +96,8 @@ class _MovingMap:
         self._paths = paths
         shown = extent_m or shown_extent(maps[-1:], paths)
         self._figure = style.new_figure(*figure_size_in(shown), _DOTS_PER_INCH)
-        self._canvas = FigureCanvasAgg(self._figure)
+        # Any: matplotlib leaves what Agg alone can do without types.
+        self._canvas: Any = FigureCanvasAgg(self._figure)
         self._axes = self._figure.subplots()
         self._image = draw_probability(self._axes, maps[-1])
         self._image.set_extent(self._geometry.extent_m)
@@ -111,13 +114,10 @@ class _MovingMap:
         self._beams = {topic: self._beam(number) for number, topic in enumerate(topics)}
         draw_legend(self._figure, self._axes)
         # The layout is that of the first drawing: to find it again takes longer than to draw.
-        self._canvas.draw()
+        self._figure.canvas.draw()
         self._figure.set_layout_engine("none")
         # All but the map stays as it is, and is drawn once.
-        self._axes.set_visible(False)
-        self._canvas.draw()
-        self._around = self._canvas.copy_from_bbox(self._figure.bbox)
-        self._axes.set_visible(True)
+        self._around = _drawn_without(self._axes, self._canvas)
 
     def draw(self, frame: MapFrame, start_ns: int) -> Image.Image:
         """Draw a frame; `start_ns` is the time of the first one."""
@@ -142,6 +142,14 @@ class _MovingMap:
         beam = Polygon(np.zeros((1, 2)), facecolor=face, edgecolor=color, linewidth=1.0)
         self._axes.add_patch(beam)
         return beam
+
+
+def _drawn_without(axes: Axes, canvas: Any) -> Any:
+    """A canvas with all that is on it but some axes, for its `restore_region`."""
+    axes.set_visible(False)
+    canvas.draw()
+    axes.set_visible(True)
+    return canvas.copy_from_bbox(canvas.figure.bbox)
 
 
 def _cone_outline(cone: EchoCone) -> FloatArray:

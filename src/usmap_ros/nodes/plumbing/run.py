@@ -19,14 +19,12 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from usmap_ros.errors import UsmapError
+from usmap_ros.processes.threads import take_short_turns
 
 _ASKED_TO_END = (signal.SIGINT, signal.SIGTERM)
 #: Time for ROS to let go of a node, s; it takes a twentieth of one, and with a supervisor's 8 there
 #: is time enough for the map to be kept before.
 _PATIENCE_S = 5
-#: How long a thread may keep the others from the interpreter: whoever receives must not wait for
-#: heavy work, and there are several threads of that.
-_TURN_S = 0.0005
 _INIT_FAILED = "failed to initialize rcl: "
 
 
@@ -97,7 +95,7 @@ def run_node(
         Whether it looks for topics that it was not told of.
     """
     prepare_environment()
-    sys.setswitchinterval(_TURN_S)
+    take_short_turns()
     name = program or PurePath(sys.argv[0]).stem
     if has_loops:
         # Here, because it takes half as long to load as all that a node without loops does.

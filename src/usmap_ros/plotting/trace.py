@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from usmap_ros.numerics.arrays import FloatArray
@@ -17,21 +16,6 @@ if TYPE_CHECKING:
 
 #: Amplitudes below are drawn at the bottom of the picture.
 _FLOOR_DB = -80.0
-
-
-def trace_figure(reconstruction: Reconstruction) -> Figure:
-    """Draw a trace with its reconstruction, and the residual below.
-
-    Parameters
-    ----------
-    reconstruction : Reconstruction
-        What `usmap_ros.reconstruction.reconstructor.reconstruct` made of a trace.
-    """
-    with style.styled():
-        figure = style.new_figure(8.0, 4.8)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.3])
-        draw_trace(upper, lower, reconstruction)
-    return figure
 
 
 def draw_trace(upper: Axes, lower: Axes, reconstruction: Reconstruction) -> None:

@@ -26,7 +26,6 @@ from usmap_ros.plotting.map import map_figure, robot_name
 from usmap_ros.plotting.overview import overview_figure
 from usmap_ros.plotting.shown import MapFrame, shown_extent
 from usmap_ros.plotting.style import save_figure
-from usmap_ros.plotting.trace import trace_figure
 from usmap_ros.reconstruction.explained import Reconstruction
 from usmap_ros.reconstruction.reconstructor import reconstruct
 
@@ -78,7 +77,8 @@ def labelled(axes: Axes) -> bool:
 def test_a_trace_is_drawn_with_its_reconstruction_and_residual(
     trace: EchoTrace, reconstruction: Reconstruction
 ) -> None:
-    upper, lower = trace_figure(reconstruction).axes
+    candidates = candidate_cells(reconstruction.cone, MappingParameters())
+    upper, lower, *_ = overview_figure(reconstruction, candidates).axes
     assert legend_of(upper) == {"received", "reconstructed", "detection limit", "1 echo"}
     assert legend_of(lower) == {"residual", "receiver noise"}
     assert lower.get_xlabel() == "range (m)"

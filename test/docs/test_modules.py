@@ -7,6 +7,14 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "usmap_ros"
+#: Modules, classes and functions that sources and pages refer to.
+REFERENCES = sorted(
+    {
+        reference
+        for path in [*PACKAGE.rglob("*.py"), *ROOT.glob("docs/*.md"), *ROOT.glob("*.md")]
+        for reference in re.findall(r"`(usmap_ros(?:\.\w+)+)`", path.read_text("utf-8"))
+    }
+)
 #: Pages with a table of all modules of a package, under a heading that names it.
 TABLES = [
     (page.name, package, table)
@@ -38,3 +46,16 @@ def test_the_steps_of_reconstruction_have_modules() -> None:
     assert len(named) >= 5
     modules = {path.stem for path in PACKAGE.rglob("*.py")}
     assert named <= modules | {"chirp_sweep_hz"}
+
+
+@pytest.mark.parametrize("reference", REFERENCES)
+def test_what_a_text_refers_to_is_there(reference: str) -> None:
+    _, *names = reference.split(".")
+    place = PACKAGE
+    while names and (place / names[0]).is_dir():
+        place /= names.pop(0)
+    module = place / (
+        names.pop(0) if names and (place / f"{names[0]}.py").is_file() else "__init__"
+    )
+    text = module.with_suffix(".py").read_text(encoding="utf-8")
+    assert all(re.search(rf"\b{name}\b", text) for name in names[:1])

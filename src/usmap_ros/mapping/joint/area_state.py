@@ -38,7 +38,7 @@ class CellStates(NamedTuple):
     asked: NDArray[np.float32]
     #: Belief that each hides what is behind it.
     hiding: FloatArray
-    #: As in `usmap_ros.mapping.joint.free_space.free_space.Heard`.
+    #: As in `usmap_ros.mapping.joint.free_space.refutation.Refutations`.
     worst: NDArray[np.float32]
     proven: NDArray[np.float32]
     closed: BoolArray

@@ -56,7 +56,7 @@ def test_what_a_command_loads(command, bag, tmp_path):
 OF_MAPS: dict[str, set[str]] = {
     "evaluate": {"llvmlite", "numba", "scipy"},
     "merge": set(),
-    "plot": {"matplotlib", "scipy"},
+    "plot": {"matplotlib"},
     "walls": set(),
 }
 NOT_OF_MAPS = {

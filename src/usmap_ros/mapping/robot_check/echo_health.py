@@ -24,9 +24,10 @@ SILENT, USUALLY_SILENT = 0.93, 0.75
 #: Echoes in a ping that sound cannot tell apart, and how many times what others hear they must be.
 MADE_UP, TIMES_OTHERS = 100.0, 3.0
 #: Quantiles of pings' loudest echoes, between which healthy robots' are `LEAST_SPREAD_DB` apart and
-#: this share of what their ranges make of them; and dB by which others' are louder.
+#: this share of what their ranges make of them; and dB by which others' are louder for their
+#: ranges.
 UPPER, TOP = 0.6, 0.95
-LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.2, 0.4, 8.0
+LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.2, 0.4, 5.0
 #: dB above the higher one from which on a single echo shows that nothing clips there: two clipped
 #: ones that overlap are as much, 2.7 were seen in 30 fleets, and 9 of a healthy robot in a hall.
 LOUDER_DB = 6.0
@@ -44,12 +45,13 @@ class EchoHealth:
     silent: float
     #: Median number of echoes in a ping.
     echoes: float
-    #: A quantile of each ping's loudest echo, dB, and by how much it is above another.
+    #: A quantile of how loud each ping's loudest echo would be as a mirror's from 1 m, dB.
     loudest_db: float | None = None
+    #: A quantile of how loud it is, over another.
     spread_db: float | None = None
     #: By how much the ranges of those echoes let expect that they differ.
     faded_db: float | None = None
-    #: By how much the loudest of all is above `loudest_db`.
+    #: By how much the loudest of all is above the former.
     most_db: float = 0.0
 
 
@@ -72,8 +74,8 @@ def echo_health(cones: Sequence[EchoCone]) -> EchoHealth | None:
     near_m, far_m = np.quantile(range_m[loud_db >= upper_db], [0.1, 0.9])
     return EchoHealth(
         health.places, health.silent, health.echoes,
-        float(top_db), float(top_db - upper_db), FADING_DB * math.log(far_m / near_m),
-        float(loud_db.max() - top_db),
+        float(np.quantile(loud_db + 20.0 * np.log10(range_m), TOP)), float(top_db - upper_db),
+        FADING_DB * math.log(far_m / near_m), float(loud_db.max() - top_db),
     )  # fmt: skip
 
 
@@ -113,7 +115,7 @@ def _clipped(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
         return None
     reason = (
         f"its loudest echoes lie within {own.spread_db:.1f} dB, though by their ranges within"
-        f" {own.faded_db:.0f}, and {quieter_db:.0f} dB below the others'"
+        f" {own.faded_db:.0f}, and {quieter_db:.0f} dB below the others' for their ranges"
     )
     return Finding("clipped", asdict(own) | {"quieter_db": quieter_db}, f"clipped: {reason}")
 

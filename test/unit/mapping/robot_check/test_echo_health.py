@@ -66,7 +66,22 @@ def test_clipped_echoes_are_far_quieter_than_others_and_not_only_alike() -> None
     clipped = EchoHealth(40, 0.0, 20.0, loudest_db=-24.0, spread_db=5.0, faded_db=19.0)
     other = replace(clipped, loudest_db=1.0, spread_db=12.0)
     assert verdicts(clipped, other) == {"own": "clipped"}
-    assert verdicts(replace(clipped, loudest_db=-6.0, spread_db=4.3), other) == {}
+    assert verdicts(replace(clipped, loudest_db=-3.0, spread_db=4.3), other) == {}
+
+
+def test_who_hears_from_farther_away_is_quieter_for_that(heard: EchoCone) -> None:
+    """In the middle of a room of mirrors all echoes may be alike, and fainter than at its walls."""
+
+    def among(ranges_m: np.ndarray) -> EchoHealth:
+        pings = [
+            replace(ping, ranges_m=np.float32([range_m]), amplitudes=np.float32([0.5 / range_m]))
+            for ping, range_m in zip(drive(heard), ranges_m, strict=True)
+        ]
+        return health(pings)
+
+    at_walls = among(np.linspace(0.5, 1.5, 40))
+    in_the_middle = replace(among(np.linspace(2.5, 3.5, 40)), spread_db=0.5)
+    assert verdicts(in_the_middle, at_walls) == {}
 
 
 def test_a_single_louder_echo_shows_that_nothing_clips(heard: EchoCone) -> None:

@@ -165,23 +165,15 @@ def targets_table(rows: list[dict[str, Any]]) -> str:
 
 
 def compared_table(rows: list[dict[str, Any]]) -> str:
-    """F1 and known of ours for every target, and by how much those of other methods differ."""
+    """F1 and known of ours in every scene, and by how much those of other methods differ."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     headings = [f"{METHODS[method].shown}: F1 | known" for method in methods]
-    lines = [f"| scenes | {' | '.join(headings)} |", "|---|" + "---:|" * (2 * len(methods))]
-    for target in TARGETS:
-        figures = {
-            method: [
-                np.mean([row[name] for row in rows
-                         if row["method"] == method
-                         and (row["scene"], row["condition"]) in target.cases])
-                for name in ("f1", "known")
-            ]
-            for method in methods
-        }  # fmt: skip
-        ours = figures.pop("ours")
-        cells = [f"{value:.3f}" for value in ours]
-        for others in figures.values():
-            cells += [f"{float(other - own):+.3f}" for own, other in zip(ours, others, strict=True)]
-        lines.append(f"| {target.shown} | {' | '.join(cells)} |")
+    lines = [f"| scene | {' | '.join(headings)} |", "|---|" + "---:|" * (2 * len(methods))]
+    for _, group in groupby(rows, key=lambda row: (row["scene"], row["condition"])):
+        by_method = {row["method"]: row for row in group}
+        ours = by_method.pop("ours")
+        cells = [f"{ours[name]:.3f}" for name in ("f1", "known")]
+        for row in by_method.values():
+            cells += [f"{row[name] - ours[name]:+.3f}" for name in ("f1", "known")]
+        lines.append(f"| {shown_scene(ours)} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

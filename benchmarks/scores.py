@@ -7,7 +7,7 @@ right if it holds or touches a surface.  Among lone poles those are asked for th
 to be heard twice, and cells are known "where audible" of those where one would be (`audible`);
 elsewhere that is all that was in sight.  Means over the seeds, with standard deviations behind ±.
 
-python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ... | --targets | --compared]
+python benchmarks/scores.py [-o bench_output/scores] [--scenes poles ... | --targets] [--compared]
     [--conditions plain ...] [--seeds 901 ... | --report] [--methods ours ...]
     [--nav2-map MAP.yaml ...] [--cache DIR] [--jobs 2] [--page docs/benchmarks.md] [--place poses]
 """
@@ -185,7 +185,7 @@ def main() -> None:
     output: Path = arguments.output
     (output / "maps").mkdir(parents=True, exist_ok=True)
     seeds, nav2_maps = arguments.seeds, arguments.nav2_map
-    if arguments.targets or arguments.compared:
+    if arguments.targets:
         todo = target_cases(seeds)
     else:
         todo = cases(arguments.scenes, arguments.conditions, seeds, nav2_maps)
@@ -237,7 +237,7 @@ def _parsed() -> argparse.Namespace:
     parser.add_argument(
         "--compared",
         action="store_true",
-        help="run the same, and say by how much F1 and known of other methods differ from ours",
+        help="say by how much F1 and known of other methods differ from ours",
     )
     usual = [name for name in METHODS if name not in ABLATIONS | CONVERGENCE]
     parser.add_argument("--methods", nargs="+", choices=list(METHODS))

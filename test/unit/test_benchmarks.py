@@ -81,6 +81,17 @@ def test_a_missed_target_stands_out(benchmark: ModuleType) -> None:
     )
 
 
+@pytest.mark.usefixtures("benchmark")
+def test_other_methods_are_compared_with_ours() -> None:
+    tables = importlib.import_module("score_tables")
+    rows = [
+        {"scene": "depot", "condition": "plain", "method": method, "f1": f1, "known": 0.5}
+        for method, f1 in (("ours", 0.9), ("live", 0.85))
+    ]
+    _, _, depot = tables.compared_table(rows).splitlines()
+    assert depot == "| depot | 0.900 | 0.500 | -0.050 | +0.000 |"
+
+
 def test_robots_stand_before_they_drive_the_same_way(scenes: ModuleType) -> None:
     parked, driving = (scenes.scenario("poles", name, 3) for name in ("100_parked", "100_pings"))
     assert (parked.ping_count, driving.ping_count) == (1200, 300)

@@ -65,6 +65,7 @@ def test_a_minimal_one_has_sensible_defaults():
         ({"medium": {"temperature_c": 300.0}}, "temperature_c"),
         ({"medium": {"temperature_c": 30.0, "sound_speed_m_s": 343.0}}, "medium.sound_speed_m_s: "),
         # What would take terabytes, or for ever.
+        ({"stated": {"floor_height_m": 1e5}}, "stated.floor_height_m"),
         (robot(transducers=[resonant(quality=1e-9)]), "resonances.0.quality"),
         (robot(transducers=[resonant(quality=0.5, duration_s=0.2)]), "500000 are taken"),
         (robot(motion={"kind": "random_walk", "step_s": 1e-9}), "step_s"),

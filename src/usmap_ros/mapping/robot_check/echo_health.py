@@ -27,7 +27,7 @@ MADE_UP, TIMES_OTHERS = 100.0, 3.0
 #: this share of what their ranges make of them; and dB by which others' are louder for their
 #: ranges.
 UPPER, TOP = 0.6, 0.95
-LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.2, 0.4, 5.0
+LEAST_SPREAD_DB, LEAST_SHARE, QUIETER_DB = 5.2, 0.4, 4.0
 #: dB above the higher one from which on a single echo shows that nothing clips there: two clipped
 #: ones that overlap are as much, 2.7 were seen in 30 fleets, and 9 of a healthy robot in a hall.
 LOUDER_DB = 6.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,6 +98,15 @@ def map_bags(
             " for one of --jobs processes. Its workers need the bags and DIR under the same names.",
         ),
     ] = None,
+    tile: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            min=1.0,
+            help="Divide areas into tiles of this side (m) at the most, each for one worker; for"
+            " folders of recordings, and for clusters.",
+        ),
+    ] = None,
     passes: Annotated[
         int,
         typer.Option(
@@ -122,10 +132,14 @@ def map_bags(
         "--poses": ("poses.use", poses),
     }
     parameters = pipeline_parameters(parameters_file, with_short_options(settings, short))
-    order = _Order(output, parameters, jobs, passes, without or [], frame or "")
+    order = _Order(output, parameters, jobs, passes, without or [], frame or "", tile or math.inf)
     _refuse_idle(order, scheduler)
     recordings = find_recordings(bags, besides=output)
     if scheduler is None and set(recordings) == set(bags):
+        if tile:
+            raise typer.BadParameter(
+                "goes with folders of recordings, or a --scheduler", param_hint="'--tile'"
+            )
         _map_together(order, bags, resume, as_json=as_json)
     elif resume is not None:
         raise typer.BadParameter("--resume goes with single recordings, on this machine")
@@ -147,6 +161,7 @@ class _Order:
     passes: int
     without: list[str]
     frame: str
+    tile_m: float
 
 
 def _refuse_idle(order: _Order, scheduler: str | None) -> None:
@@ -255,7 +270,8 @@ def _map_collection(
     ):
         done = map_collection(
             recordings, order.output, order.parameters, executor,
-            wishes=AreaOptions(order.passes, tuple(order.without), order.frame), step=step,
+            wishes=AreaOptions(order.passes, tuple(order.without), order.frame, order.tile_m),
+            step=step,
         )  # fmt: skip
     summary = save_map(
         order.output, done.occupancy, done.paths, lambda: done.summary(seconds_since_start())

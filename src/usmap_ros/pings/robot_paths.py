@@ -68,10 +68,14 @@ class RobotPaths:
         self._rows.setdefault(topic, array("d")).frombytes(table.astype(np.float64).tobytes())
 
     def extend(self, other: RobotPaths) -> None:
-        """Append the pings of other paths."""
+        """Take in the pings of other paths, each topic's in the order of stamps."""
         for topic, rows in other._rows.items():
             self._rows.setdefault(topic, array("d")).extend(rows)
             self._stamps_ns.setdefault(topic, array("q")).extend(other._stamps_ns[topic])
+            stamps_ns = np.array(self._stamps_ns[topic], np.int64)
+            order = np.argsort(stamps_ns, kind="stable")
+            self._rows[topic] = array("d", self._table(topic)[order].tobytes())
+            self._stamps_ns[topic] = array("q", stamps_ns[order].tobytes())
 
     @property
     def positions_m(self) -> dict[str, FloatArray]:

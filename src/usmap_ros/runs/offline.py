@@ -105,6 +105,7 @@ def map_bag(
     on_cone: ConeCallback | None = None,
     workers: Reconstructors | None = None,
     without: Collection[str] = (),
+    wanted: Callable[[EchoCone], bool] = lambda cone: True,
 ) -> MappingRun:
     """Put every ping of an open recording into a pipeline's map.
 
@@ -123,6 +124,8 @@ def map_bag(
         without them the caller's does, and what its receivers are is learnt first.
     without : collection of str
         Topics, or robots, whose pings stay out of the map.
+    wanted : callable
+        Which pings go into the map, by their poses as they are used.
 
     Raises
     ------
@@ -138,8 +141,9 @@ def map_bag(
         learn_reception(bag, pipeline)
         workers = Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
-    wanted = _wanted(recorded_cones(bag, workers), without, left_out)
-    for topic, cone in pings_of_one_map(run.poses.corrected(wanted), pipeline, apart):
+    heard = run.poses.corrected(_wanted(recorded_cones(bag, workers), without, left_out))
+    mapped = ((topic, cone) for topic, cone in heard if wanted(cone))
+    for topic, cone in pings_of_one_map(mapped, pipeline, apart):
         try:
             seen.add(cone)
             pipeline.fuse(cone, topic)

@@ -48,6 +48,10 @@ IDLE = {
         (*MAP, "--jobs", "3", "--scheduler", "tcp://nobody:1"),
         "'--jobs': is up to the cluster's workers",
     ),
+    "tiles of a single recording, which is mapped as a whole": (
+        (*MAP, "--tile", "20"),
+        "'--tile': goes with folders of recordings, or a --scheduler",
+    ),
     "a method in two ways": (
         (*MAP, "--method", "additive", "--set", "mapping.method=joint"),
         "'--method': mapping.method is set by --set as well",

@@ -24,6 +24,7 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.shared_noise import SharedNoise
 from usmap_ros.runs.collection.code_state import PACKAGE, reconstruction_state
+from usmap_ros.runs.collection.tiles import Box, around
 from usmap_ros.runs.offline import nothing_usable
 from usmap_ros.runs.parallel import Reconstructors, stretch_cones
 from usmap_ros.runs.pipeline import Pipeline
@@ -39,8 +40,8 @@ class Cones:
 
     #: Recordings that hold them.
     paths: list[str]
-    #: Lowest x and y, and highest x and y, that its pings reach.
-    box_m: tuple[float, float, float, float]
+    #: What its pings reach.
+    box_m: Box
     #: Number of pings left out, by the field of the message that was to blame.
     skipped: dict[str, int]
     #: What there was to be said of the recording.
@@ -176,11 +177,8 @@ def joined(name: Path, parts: Sequence[Cones]) -> Cones:
     paths = [path for part in parts for path in part.paths]
     if not paths:
         raise nothing_usable([name], skipped)
-    boxes = np.array([part.box_m for part in parts])
-    west, south = map(float, boxes[:, :2].min(axis=0))
-    east, north = map(float, boxes[:, 2:].max(axis=0))
     warnings = [text for part in parts for text in part.warnings]
-    return keep(name, Cones(paths, (west, south, east, north), dict(skipped), warnings))
+    return keep(name, Cones(paths, around([part.box_m for part in parts]), dict(skipped), warnings))
 
 
 def keep(name: Path, cones: Cones) -> Cones:

@@ -23,6 +23,7 @@ from usmap_ros.runs.collection.cones import (
     cones_of_stretch,
     joined,
 )
+from usmap_ros.runs.collection.tiles import Tile, around, tiles_of
 from usmap_ros.runs.offline import MappingRun
 
 #: Folder, beside the map, of the cones of all recordings: a second run finds them there.
@@ -39,9 +40,10 @@ class Collected:
     paths: RobotPaths
     #: What became of their pings.
     run: MappingRun
-    #: How many there were.
+    #: How many there were; tiles of areas, an area that is not divided being one.
     recordings: int
     areas: int
+    tiles: int
     #: Why recordings, or areas by the names of their recordings, could not be used.
     failed: dict[str, str]
     #: What there is to be said of others.
@@ -49,7 +51,10 @@ class Collected:
 
     def summary(self, seconds: float) -> dict[str, Any]:
         """Contents of ``summary.json``."""
-        counts = {"recordings": self.recordings, "areas": self.areas, "failed": self.failed}
+        counts = {
+            "recordings": self.recordings, "areas": self.areas, "tiles": self.tiles,
+            "failed": self.failed,
+        }  # fmt: skip
         return self.run.summary(self.occupancy, seconds) | counts
 
 
@@ -92,34 +97,49 @@ def map_collection(
     names = {str(file.paths): str(recordings[number]) for number, file in files.items()}
     fuse = partial(fuse_area, parameters=parameters, wishes=wishes)
     maps: dict[int, AreaMap] = {}
-    work = [([path for file in area for path in file.paths],) for area in areas]
+    whose = [(n, tile) for n, area in enumerate(areas) for tile in _tiles(area, wishes)]
+    left = Counter(n for n, _ in whose)
+    work = [(_paths(areas[n], tile), tile) for n, tile in whose]
     for number, fused in results(executor, fuse, work):
-        for _ in areas[number]:
+        area = areas[whose[number][0]]
+        left[whose[number][0]] -= 1
+        for _ in area if not left[whose[number][0]] else ():
             step()
         if isinstance(fused, Failure):
-            failed[", ".join(names[str(file.paths)] for file in areas[number])] = fused.cause
-        else:
+            failed[", ".join(names[str(file.paths)] for file in area)] = fused.cause
+        elif fused is not None:
             maps[number] = fused
     for number in _in_other_frames(maps):
         frame = maps.pop(number).occupancy.frame_id
-        name = ", ".join(names[str(file.paths)] for file in areas[number])
+        name = ", ".join(names[str(file.paths)] for file in areas[whose[number][0]])
         failed[name] = f"is in the frame '{frame}', and most of the others are not"
     if not maps:
         raise UsmapError("; ".join(f"{name}: {cause}" for name, cause in failed.items()))
     warnings = [text for number in sorted(files) for text in files[number].warnings]
     merged = [maps[number] for number in sorted(maps)]
     paths = RobotPaths()
-    for area in merged:
-        paths.extend(area.paths)
+    for one in merged:
+        paths.extend(one.paths)
     skipped = Counter[str]()
     for file in files.values():
         skipped.update(file.skipped)
     return Collected(
-        merge_maps([area.occupancy for area in merged], parameters.mapping),
+        merge_maps([one.occupancy for one in merged], parameters.mapping),
         paths,
-        _joined_runs([area.run for area in merged], skipped),
-        len(recordings), len(merged), failed, warnings,
+        _joined_runs([one.run for one in merged], skipped),
+        len(recordings), len({whose[number][0] for number in maps}), len(maps), failed, warnings,
     )  # fmt: skip
+
+
+def _tiles(area: Sequence[Cones], wishes: AreaOptions) -> list[Tile]:
+    """Tiles of an area that any of its recordings may reach."""
+    tiles = tiles_of(around([file.box_m for file in area]), wishes.tile_m)
+    return [tile for tile in tiles if any(tile.is_near(file.box_m) for file in area)]
+
+
+def _paths(area: Sequence[Cones], tile: Tile) -> list[str]:
+    """Recordings of cones that may reach a tile of their area."""
+    return [path for file in area if tile.is_near(file.box_m) for path in file.paths]
 
 
 def _in_other_frames(maps: Mapping[int, AreaMap]) -> list[int]:

@@ -78,6 +78,26 @@ class ScaleEquation(NamedTuple):
         track.scale += self.right / self.information
 
 
+def chain_blocks(track: Track, knots: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What odometry says of each two knots of a track that follow one another.
+
+    Parameters
+    ----------
+    track : Track
+        Whose.
+    knots : (n, 3) array
+        Poses.
+
+    Returns
+    -------
+    matrix, right : (n - 1, 6, 6) and (n - 1, 6) arrays
+        Both sides of their equations.
+    """
+    errors, change = odometry_errors(track, knots), derivatives(knots[:-1], knots[1:])
+    weighed = np.swapaxes(change, 1, 2) @ track.informations
+    return weighed @ change, -np.einsum("nij,nj->ni", weighed, errors)
+
+
 def add_chain(
     track: Track, knots: FloatArray, matrix: FloatArray, right: FloatArray, first: int
 ) -> None:
@@ -94,10 +114,7 @@ def add_chain(
     first : int
         The row of the first knot there.
     """
-    errors, change = odometry_errors(track, knots), derivatives(knots[:-1], knots[1:])
-    weighed = np.swapaxes(change, 1, 2) @ track.informations
-    both, pull = weighed @ change, -np.einsum("nij,nj->ni", weighed, errors)
-    for step, (block, force) in enumerate(zip(both, pull, strict=True)):
+    for step, (block, force) in enumerate(zip(*chain_blocks(track, knots), strict=True)):
         at = slice(first + 3 * step, first + 3 * step + 6)
         matrix[at, at] += block
         right[at] += force

@@ -68,3 +68,26 @@ def test_a_wrong_closure_that_is_forced_into_the_graph_does_not_bend_it() -> Non
     right, closures = right_edges(), ((2.0, -1.0, 1.0), (0.8, 0.0, 0.0), (0.0, 0.0, 3.1))
     for off in closures:
         assert off_m([*right, edge(2, 5, off)]) < off_m(right) + 0.01
+
+
+def test_a_long_way_that_comes_back_again_and_again_is_brought_in_line() -> None:
+    # 2,000 knots, each seen from the one a round before: dense equations of them are 288 MB.
+    rounds, knots = 100, 20
+    turns_rad = np.linspace(0.0, 2.0 * np.pi * rounds, rounds * knots + 1)
+    true = np.stack([3.0 * np.sin(turns_rad), -3.0 * np.cos(turns_rad), turns_rad], axis=-1)
+    steps = between(true[:-1], true[1:])
+    steps[:, 2] += 0.004
+    told = [true[0]]
+    for step in steps:
+        told.append(compose(told[-1], step))
+    count = len(told)
+    known = np.arange(1, count + 1)[:, np.newaxis, np.newaxis] * np.diag([1e-4, 1e-4, 1e-3])
+    way = Track(np.arange(count), np.array(told), known, np.zeros(count, np.int64), 1)
+    assert len(way.knots) == count
+    edges = [
+        Edge((0, at), (0, at + knots), between(true[at], true[at + knots]))
+        for at in range(count - knots)
+    ]
+    (poses,) = in_line([way], edges)
+    assert np.abs(way.told[:, :2] - true[:, :2]).max() > 1.0
+    assert np.abs(poses[:, :2] - true[:, :2]).max() < 0.3

@@ -177,9 +177,9 @@ def _heard_by(
     gain = np.interp(entry, np.arange(GAIN_STEPS + 1), ping.power_gain)
     weight = np.maximum(gain * np.exp(-ping.absorption_per_m * distance) / distance**4, 1e-12)
     middle = (distance - ping.least_range_m) / ping.bin_m
-    depth = 0.5 * side_m / ping.bin_m * (np.abs(x) + np.abs(y)) / distance
-    spread = np.sqrt(depth**2 + 3.0 * (ping.range_std_m / ping.bin_m) ** 2)
-    spread = np.maximum(np.minimum(spread, MOST_BLUR_BINS), depth)
+    half_bins = 0.5 * side_m / ping.bin_m * (np.abs(x) + np.abs(y)) / distance
+    spread = np.sqrt(half_bins**2 + 3.0 * (ping.range_std_m / ping.bin_m) ** 2)
+    spread = np.maximum(np.minimum(spread, MOST_BLUR_BINS), half_bins)
     echo = _nearest_echo(ping, middle - spread, middle + spread)
     is_heard = is_inside & (echo >= 0)
     at = np.where(is_heard, echo, np.clip(middle, 0, len(ping.kind) - 1).astype(np.int64))

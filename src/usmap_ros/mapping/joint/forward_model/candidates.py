@@ -114,7 +114,7 @@ def _see_row(
     up = np.float32(numbers[AXIS_Y] * y_m + numbers[AXIS_Z] * numbers[RISE])
     wide, to_entry = np.float32(cos_half * abs(cos_half)), np.float32(GAIN_STEPS / (1.0 - cos_half))
     least, reach = np.float32(numbers[LEAST_RANGE]), np.float32(numbers[GREATEST_RANGE])
-    per_m, deep = np.float32(1.0 / bin_m), np.float32(0.5 * res / bin_m)
+    per_m, half_side = np.float32(1.0 / bin_m), np.float32(0.5 * res / bin_m)
     blur, most = np.float32(3.0 * (numbers[RANGE_STD] / bin_m) ** 2), np.float32(MOST_BLUR_BINS)
     absorption, nothing = np.float32(-numbers[ABSORPTION]), np.float32(0.0)
     for place in range(right - left):
@@ -124,9 +124,9 @@ def _see_row(
         is_inside &= ahead * abs(ahead) > squared * wide
         squared = max(squared, least * least)
         distance = np.sqrt(squared)
-        depth = deep * (abs(x) + abs(y)) / distance
+        half_bins = half_side * (abs(x) + abs(y)) / distance
         middle = (distance - least) * per_m
-        blurred = min(np.sqrt(depth * depth + blur), most)
+        blurred = min(np.sqrt(half_bins * half_bins + blur), most)
         column = left + place
         seen.early[column] = min(int(max(middle - blurred, nothing)), bins)
         seen.middle[column] = min(int(middle), bins - 1)

@@ -269,9 +269,9 @@ def _place(
             continue
         distance = np.sqrt(near.squared[k])
         part = scatterers.part[near.scatterer[k]]
-        depth = _HALF_SIDE[part] * side * (abs(near.x[k]) + abs(near.y[k])) / distance
+        half_bins = _HALF_SIDE[part] * side * (abs(near.x[k]) + abs(near.y[k])) / distance
         middle = (distance - begin_m) * per_m
-        blurred = max(min(np.sqrt(depth * depth + blur), most_blur), depth)
+        blurred = max(min(np.sqrt(half_bins * half_bins + blur), most_blur), half_bins)
         echo = table.next_echo[ping, min(int(max(middle - blurred, np.float32(0.0))), bins)]
         heard = echo <= middle + blurred
         if heard and table.bearing_weight[ping, echo] > 0.0:
@@ -279,12 +279,12 @@ def _place(
             weight *= exp32(-table.bearing_weight[ping, echo] * beside * beside)
             if weight < faintest:
                 continue
-        around = blurred if heard else depth
+        around = blurred if heard else half_bins
         low, high = max(middle - around, np.float32(0.0)), min(middle + around, most)
         if low >= high:
             continue
         rows.scatterer[start], rows.heard[start] = near.scatterer[k], heard
-        rows.weight[start] = np.float32(0.5) * weight / depth
+        rows.weight[start] = np.float32(0.5) * weight / half_bins
         rows.low[start], rows.high[start] = low, high
         rows.ray[start] = min(max(int((near.off[k] + np.float32(half)) * to_ray), 0), RAYS - 1)
         rows.step[start] = min(max(int((distance - own_m) * to_step), 0), STEPS - 1)

@@ -19,7 +19,7 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     continued,
     may_go_on,
 )
-from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIONS, ROUND
+from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual, facing_anyhow
 from usmap_ros.mapping.joint.free_space.listening import listening_beside
 from usmap_ros.mapping.joint.free_space.open_space import BAND, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import (
@@ -190,7 +190,7 @@ class FreeSpace:
         # How usual surfaces are has been counted with what was heard of them before.
         more = np.zeros_like(worst)
         wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
-        self._refute(left, listening, answers.by(_alike), wanted, changed, more)
+        self._refute(left, listening, answers.by(all_usual), wanted, changed, more)
         return Refutations(more, proofs, np.zeros(self._field.shape, bool))
 
     def _refute(
@@ -233,7 +233,7 @@ class FreeSpace:
         reach[:, END] += far_cells
         asked = over_block(drawn(reach, self._field.shape)) | walls.bridged
         said = np.zeros((*self._field.shape, GROUPS), np.float32)
-        self._refute(left, listening, answers.by(_facing_anyhow), asked, changed, said)
+        self._refute(left, listening, answers.by(facing_anyhow), asked, changed, said)
         return over_last(np.maximum, said[:, :, :MIRRORS])
 
     def _held(
@@ -292,22 +292,6 @@ class FreeSpace:
         )  # fmt: skip
         smooth.trace_open(proven, self._weights)
         return proven
-
-
-def _facing_anyhow(kinds: FloatArray) -> FloatArray:
-    """Kinds of which walls that answer from any side are as usual whichever way they face."""
-    kinds = kinds.copy()
-    kinds[:ORIENTATIONS, 1] = 0.0
-    return kinds
-
-
-def _alike(kinds: FloatArray) -> FloatArray:
-    """Kinds that are all as usual, mirrors as the most usual of them."""
-    kinds = _facing_anyhow(kinds)
-    kinds[ROUND, 1] = 0.0
-    mirrored = kinds[ORIENTATIONS:ROUND, 1]
-    mirrored[:] = mirrored.max()
-    return kinds
 
 
 def _differ(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> BoolArray:

@@ -25,6 +25,22 @@ GROUPS, ALONG, ACROSS, OTHERS, MIRRORS = 4, 0, 1, 2, 3
 SHARES = 32
 
 
+def facing_anyhow(kinds: FloatArray) -> FloatArray:
+    """Kinds of which walls that answer from any side are as usual whichever way they face."""
+    kinds = kinds.copy()
+    kinds[:ORIENTATIONS, 1] = 0.0
+    return kinds
+
+
+def all_usual(kinds: FloatArray) -> FloatArray:
+    """Kinds that are all as usual, mirrors as the most usual of them."""
+    kinds = facing_anyhow(kinds)
+    kinds[ROUND, 1] = 0.0
+    mirrored = kinds[ORIENTATIONS:ROUND, 1]
+    mirrored[:] = mirrored.max()
+    return kinds
+
+
 @inlined
 def incidence_classes(kinds: FloatArray) -> NDArray[np.int32]:
     """Class of incidence of a direction of view in degrees, for each orientation."""

@@ -290,7 +290,7 @@ class FreeSpace:
             self._table, self._pings, self._field, left, powers.expected, believed, proven,
             self._weights,
         )  # fmt: skip
-        smooth.trace_open(proven, self._weights)
+        smooth.places.trace_open(smooth.things, self._field, proven, self._weights)
         return proven
 
 

@@ -29,7 +29,6 @@ from usmap_ros.mapping.joint.surfaces.round_columns import (
 from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.joint.visibility.open_ways import trace_open
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
 from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.mapping.ping_table import (
@@ -40,19 +39,10 @@ from usmap_ros.mapping.ping_table import (
 )
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Range bins around a smooth thing's echo that say nothing of cells.
-AROUND_BINS = 2
 #: Share of suspected columns that are some.
 SUSPECTED_SHARE = 0.5
 #: Power that smooth things return, over what would have been reported.
 LOUD = 100.0
-#: Pings that one counts for as a proof that its way is open: its loudness is that of the thing.
-PROOFS = 2.0
-#: The way to a smooth thing is proven to be open up to so many cells before it.
-PROVEN_CELLS = 1.5
-#: How far beside the way nothing stands, either, that would let no sound through, m: the first
-#: Fresnel zone of an echo of 40 kHz is so wide from 0.25 m on.
-BESIDE_M = (-0.04, 0.0, 0.04)
 #: An echo as loud as this, as a share of what the place's mirrors return on the beam's axis, is of
 #: a mirror that is struck squarely within the beam, or of something as near as it is large.
 MIRROR_SHARE = 0.5
@@ -286,40 +276,15 @@ class SmoothSurfaces:
         """Cells that columns may cover which are not certain."""
         return discs(self._suspected, self._field)
 
-    def trace_open(self, proven: NDArray[np.float32], weights: NDArray[np.float32]) -> None:
-        """Count pings whose sound came back through each cell from smooth things.
-
-        Parameters
-        ----------
-        proven : (rows, columns) float32 array
-            Added to.
-        weights : (pings,) float32 array
-            How much each ping counts.
-        """
-        last = np.full(self._field.shape, -1, np.int32)
-        for thing in self._things():
-            for ping, echo in zip(thing.pings.tolist(), thing.echoes.tolist(), strict=True):
-                x_m, y_m = self._table.numbers[self._pings[ping], [X, Y]]
-                way_m = self._echoes.range_m[echo] - PROVEN_CELLS * self._field.resolution_m
-                bearing_rad = thing.bearing_from(x_m, y_m)
-                for beside_m in BESIDE_M:
-                    left_m = -beside_m * np.sin(bearing_rad), beside_m * np.cos(bearing_rad)
-                    trace_open(
-                        x_m + left_m[0], y_m + left_m[1], bearing_rad, way_m, self._field, ping,
-                        last, proven, PROOFS * weights[ping],
-                    )  # fmt: skip
-
-    def _things(self) -> list[MirrorWall | RoundColumn]:
+    @property
+    def things(self) -> list[MirrorWall | RoundColumn]:
+        """Those that are certain."""
         return [*self.mirrors, *self.columns]
 
     def _echo_places(self) -> Iterator[tuple[int, slice, int]]:
         """Ping, range bins around, and the middle one, of each echo of smooth things."""
-        own = [thing.echoes for thing in self._things()]
-        for echo in np.concatenate([*own, np.flatnonzero(self._reflected)]).tolist():
-            if self.places.inside[echo]:
-                middle = int(self.places.bin[echo])
-                around = slice(max(0, middle - AROUND_BINS), middle + AROUND_BINS + 1)
-                yield int(self.places.ping[echo]), around, middle
+        own = [thing.echoes for thing in self.things]
+        return self.places.around([*own, np.flatnonzero(self._reflected)])
 
 
 def _but_corners(columns: list[RoundColumn], mirrors: list[MirrorWall]) -> list[RoundColumn]:

@@ -7,7 +7,8 @@ and flats are one whatever the seed; all other pairs share nothing, and whatever
 them is wrong.  ``symmetric`` are rooms that are the same after half a turn.  Where a match is
 promising, but not sure, or another one is by submaps, it says how far that one is off, m, and what
 becomes of its margin over matches elsewhere at a second look, with poses refined together as if it
-were right; ``-`` where maps lie elsewhere then.
+were right; ``-`` where maps lie elsewhere then.  The last column says the same of the way of one,
+as odometry tells it, in the map of the other.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.frame_matches import SecondLook, second_look
 from usmap_ros.runs.moved_pings import PingsOfFrame
 from usmap_ros.runs.promising import first_look
-from usmap_ros.runs.submaps import map_of, pieces_of_ways
+from usmap_ros.runs.submaps import Way, map_of, pieces_of_ways, way_of
+from usmap_ros.runs.told_ways import WayInMap, way_in_map
 from usmap_ros.simulation import Scenario, true_paths
 
 PARAMETERS = PipelineParameters()
@@ -55,6 +57,8 @@ class Mapped:
         What it heard.
     map : OccupancyMap
         In its own frame.
+    told_way : list of Piece
+        Its way as odometry tells it; empty if that is one piece.
     origin : (3,) array
         True pose of that frame, as its way tells it: x, y (m) and yaw (rad).
     """
@@ -64,6 +68,7 @@ class Mapped:
     robot: str
     pings: PingsOfFrame
     map: OccupancyMap
+    told_way: Way
     origin: FloatArray
 
     def shares_place_with(self, other: Mapped) -> bool:
@@ -108,19 +113,39 @@ def mapped(scene: Scenario, kind: str, seed: int) -> list[Mapped]:
         ]
         origin = laid_over(*np.swapaxes(way, 0, 1))
         pings_of = PingsOfFrame(told[robot], own, pieces_of_ways(own, PARAMETERS))
-        found.append(Mapped(kind, seed, robot, pings_of, map_of(own, PARAMETERS), origin))
+        told_way = way_of(told[robot], range(len(own)), PARAMETERS)
+        told_way = told_way if len(told_way) > 1 else []
+        own_map = map_of(own, PARAMETERS)
+        found.append(Mapped(kind, seed, robot, pings_of, own_map, told_way, origin))
     return found
 
 
-def again(match: Match, one: Mapped, other: Mapped) -> SecondLook | None:
+def again(match: Match | WayInMap, ours: PingsOfFrame, theirs: PingsOfFrame) -> SecondLook | None:
     """What a second look makes of a match; None if maps lie elsewhere then."""
-    ours, theirs = one.pings, other.pings
     frames = (pings.told[0][1].frame_id for pings in (ours, theirs))
     link, kinds = Link(*frames, match.change, match.about_m), kinds_of(ours.told + theirs.told)
     return second_look(ours, theirs, link, kinds, PARAMETERS)
 
 
-def off_m(match: Match, one: Mapped, other: Mapped) -> float:
+def said(first: Match | WayInMap, margin: float, looked: SecondLook | None, apart_m: float) -> str:
+    """How far a match is off, its margin, and what became of that."""
+    then = f"{looked.match.elsewhere:.2f}" if looked else "-"
+    is_sure = looked and looked.match.bears_out(first if isinstance(first, Match) else None)
+    return f"{apart_m:.2f}, {margin:.2f}: {then}" + (", sure" if is_sure else "")
+
+
+def by_ways(one: Mapped, other: Mapped) -> str:
+    """What a second look makes of a way in the other's map, if it is promising."""
+    robots = one, other
+    maps, ways = [robot.map for robot in robots], [robot.told_way for robot in robots]
+    way = way_in_map([robot.pings for robot in robots], maps, ways)
+    if way is None:
+        return ""
+    looked = again(way, way.target, way.source)
+    return said(way, way.margin, looked, off_m(way, one, other))
+
+
+def off_m(match: Match | WayInMap, one: Mapped, other: Mapped) -> float:
     """How far a match puts what stands in the second map from where it is."""
     if not one.shares_place_with(other):
         return math.inf
@@ -162,7 +187,8 @@ def main() -> None:
         for seed in arguments.seeds
         for robot in mapped(unknown_starts(kind, seed, *how), kind, seed)
     ]
-    columns = "one", "other", "pieces", "margin", "against", "sureness", "off, m", "second look"
+    columns = "one", "other", "pieces", "margin", "against", "sureness", "off, m"
+    columns += "second look", "way"
     print("| " + " | ".join(columns) + " |\n" + "|---" * len(columns) + "|")
     matches = []
     for one, other in combinations(robots, 2):
@@ -173,11 +199,10 @@ def main() -> None:
         row = f"{one} | {other} | {match.pieces:.0f} | {match.margin:.2f} | {match.against:.3f}"
         later = ""
         if first := first_look(match, one.pings.ways, other.pings.ways):
-            looked = again(first, one, other)
-            later = f"{off_m(first, one, other):.2f}, {first.elsewhere:.2f}: "
-            later += f"{looked.match.elsewhere:.2f}" if looked else "-"
-            later += ", sure" if looked and looked.match.bears_out(first) else ""
-        print(f"| {row} | {match.sureness:.2f} | {apart_m:.2f} | {later} |", flush=True)
+            looked = again(first, one.pings, other.pings)
+            later = said(first, first.elsewhere, looked, off_m(first, one, other))
+        row += f" | {match.sureness:.2f} | {apart_m:.2f} | {later} | {by_ways(one, other)}"
+        print(f"| {row} |", flush=True)
         sureness = match.sureness if match.has_enough else -math.inf
         matches.append((one.shares_place_with(other), sureness, apart_m < RIGHT_M))
     print("\n" + table(matches))

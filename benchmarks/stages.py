@@ -20,7 +20,7 @@ from unittest.mock import patch
 import recordings
 import scenes
 
-from usmap_ros.mapping.joint import estimate, explanation
+from usmap_ros.mapping.joint import drawing, estimate, explanation
 from usmap_ros.mapping.joint.forward_model import powers
 from usmap_ros.mapping.joint.free_space import free_space, listening, silence
 from usmap_ros.mapping.joint.fusion import JointFusion
@@ -53,6 +53,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     ],
     "refutation": [(free_space, "refute_surfaces")],
     "first pings": [(explanation, "first_log_odds")],
+    "normals and ambiguity": [(drawing, "surface_normals"), (drawing, "undecided")],
 }  # fmt: skip
 
 

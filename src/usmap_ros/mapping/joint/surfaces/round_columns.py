@@ -55,8 +55,8 @@ SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
 #: A wall so near to a column, in cells, touches it, and is none if it is shorter: columns' sides
 #: look like that, too.
 TOUCHING_CELLS, WALL_CELLS = 1.5, 20.0
-#: Candidates of votes lie near columns, but not so near that few steps lead there: of what is rough,
-#: some fits ended by a radius beside it.
+#: Candidates of votes lie near columns, but not so near that few steps lead there: some fits of
+#: rough columns ended by a radius beside them.
 FROM_VOTES = LevenbergMarquardt(12, np.full(3, 0.16))
 
 

@@ -1,10 +1,12 @@
 """How far poses are off as odometry tells them, and as the echoes correct them.
 
 Three robots whose odometry drifts, in scenes drawn at random: ``python benchmarks/poses.py --seeds
-31 32 33``.  NEES is the squared error of places over what the stated covariance makes one expect: 1
-if it is right.  The maps that come of told, refined and true poses are compared with ``--maps``,
-which takes some minutes: F1, known, leak and lost.  ``swarm`` are five robots with sensors that
-measure ranges only, and with ``--first-echoes`` all report the first echo of each ping alone.
+31 32 33``.  Aligned is what each robot's way is off once it is laid over its true one as a stiff
+body: the rest is a shift and a turn of all that the robot knows, which its start tells and no
+range.  NEES is the squared error of places over what the stated covariance makes one expect: 1 if
+it is right.  The maps that come of told, refined and true poses are compared with ``--maps``, which
+takes some minutes: F1, known, leak and lost.  ``swarm`` are five robots with sensors that measure
+ranges only, and with ``--first-echoes`` all report the first echo of each ping alone.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import scenes
 from rangings import first_echoes, range_cones
 
 from usmap_ros.evaluation.scoring import score
+from usmap_ros.evaluation.trajectories import score_paths
 from usmap_ros.localisation import Refinement, refine_poses
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.pings.cone import EchoCone
@@ -76,6 +79,21 @@ def ate_m(pings: list[Ping], true: Mapping[tuple[str, int], Pose]) -> float:
     return float(np.sqrt(np.mean(np.sum(np.square(off_m), axis=1))))
 
 
+def aligned_ate_m(pings: list[Ping], true: Mapping[tuple[str, int], Pose]) -> float:
+    """The same of ways that are laid over their true ones, each as a stiff body."""
+    squares, count = 0.0, 0
+    for robot in sorted({topic for topic, _ in pings}):
+        own = [one for topic, one in pings if topic == robot]
+        stamps_ns = np.array([one.stamp_ns for one in own])
+        ways = (
+            Trajectory.planar(stamps_ns, np.array([[*p.position_m[:2], p.yaw_rad] for p in poses]))
+            for poses in ([one.pose for one in own], [true[robot, one.stamp_ns] for one in own])
+        )
+        found = score_paths(*({robot: way} for way in ways), aligned=True)[robot]
+        squares, count = squares + found.poses * found.ate_m**2, count + found.poses
+    return float(np.sqrt(squares / count))
+
+
 def map_score(scene: Scenario, pings: list[Ping]) -> str:
     """F1, known, leak and lost of the map that comes of pings."""
     pipeline, paths = Pipeline(), RobotPaths()
@@ -110,7 +128,7 @@ def main() -> None:
     parser.add_argument("--first-echoes", action="store_true", help="as sonars' Range has them")
     arguments = parser.parse_args()
     more = ("told: F1 / known / leak / lost", "refined", "true") if arguments.maps else ()
-    columns = ("scene", "seed", "told", "refined", "NEES", "ms a ping", *more)
+    columns = ("scene", "seed", "told", "refined", "aligned", "NEES", "ms a ping", *more)
     print("| " + " | ".join(columns) + " |")
     print("|" + "---|" * len(columns))
     for kind in arguments.kinds:
@@ -124,6 +142,7 @@ def main() -> None:
             refined = found.pings
             cost_ms = (time.process_time() - started_s) / len(told) * 1e3
             row = [kind, str(seed), f"{ate_m(told, true):.3f}", f"{ate_m(refined, true):.3f}"]
+            row += [f"{aligned_ate_m(refined, true):.3f}"]
             row += [f"{nees(found, true):.1f}", f"{cost_ms:.1f}"]
             if arguments.maps:
                 exact = [(t, replace(one, pose=true[t, one.stamp_ns])) for t, one in told]

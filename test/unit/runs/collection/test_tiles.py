@@ -7,7 +7,6 @@ from pathlib import Path
 from unittest.mock import ANY
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -66,15 +65,13 @@ def test_maps_that_are_cut_join_to_what_they_were_cut_from(
     np.testing.assert_array_equal(joined.observed, whole.observed)
 
 
-@pytest.fixture(scope="module")
-def row(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give one recording of robots in two places, 20 m apart, that are one area."""
-    bag = tmp_path_factory.mktemp("row") / "bag"
-    heard = list(islice(simulate(Scenario.load(SCENARIO)), 90))
+def recorded(bag: Path, apart_m: tuple[float, float], pings: int) -> Path:
+    """Record robots in two places that are so far apart."""
+    heard = list(islice(simulate(Scenario.load(SCENARIO)), pings))
     with new_bag(bag) as writer:
         for place in (0, 1):
             for topic, trace in heard:
-                position_m = trace.pose.position_m + np.array([20.0 * place, 0.0, 0.0])
+                position_m = trace.pose.position_m + place * np.array([*apart_m, 0.0])
                 pose = replace(trace.pose, position_m=position_m)
                 stamp_ns = trace.stamp_ns + place * 10**11
                 writer.write_trace(topic, replace(trace, pose=pose, stamp_ns=stamp_ns))
@@ -87,8 +84,9 @@ def collected(bag: Path, folder: Path, tile_m: float) -> Collected:
     return map_collection([bag], folder, PipelineParameters(), wishes=options)
 
 
-def test_an_area_in_tiles_has_the_same_walls_pings_and_ways(row: Path, tmp_path: Path) -> None:
-    whole, tiled = (collected(row, tmp_path, tile_m) for tile_m in (math.inf, 25.0))
+def test_an_area_in_tiles_has_the_same_walls_pings_and_ways(tmp_path: Path) -> None:
+    row = recorded(tmp_path / "bag", (20.0, 0.0), 90)
+    whole, tiled = (collected(row, tmp_path / "map", tile_m) for tile_m in (math.inf, 25.0))
     assert (whole.areas, whole.tiles, tiled.areas, tiled.tiles) == (1, 1, 1, 2)
     assert (tiled.run.pings, tiled.run.echoes) == (whole.run.pings, whole.run.echoes) == (180, ANY)
     assert tiled.paths == whole.paths
@@ -101,8 +99,8 @@ def test_an_area_in_tiles_has_the_same_walls_pings_and_ways(row: Path, tmp_path:
     assert (walls[0] != walls[1]).sum() <= 0.05 * walls[0].sum()
 
 
-def test_a_tile_that_no_ping_reaches_is_left_out(row: Path, tmp_path: Path) -> None:
-    # Robots wander in the middle of what their pings might reach.
-    tiled = collected(row, tmp_path, 2.5)
-    assert 20 < tiled.tiles < 16 * 8
-    assert (tiled.run.pings, tiled.failed) == (180, {})
+def test_tiles_that_no_ping_reaches_are_left_out(tmp_path: Path) -> None:
+    corners = recorded(tmp_path / "bag", (40.0, 40.0), 12)
+    tiled = collected(corners, tmp_path / "map", 20.0)
+    assert (tiled.areas, tiled.run.pings, tiled.failed) == (1, 24, {})
+    assert 2 <= tiled.tiles < 9

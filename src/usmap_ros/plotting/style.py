@@ -143,7 +143,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
     with file_errors(FileError, path), styled():
         engine = figure.get_layout_engine()
-        if suffix == "png" and engine is not None:
+        if suffix == "png" and engine is not None and figure.axes:
             # Matplotlib would draw all of it once to lay it out, and once more.
             engine.execute(figure)
             figure.set_layout_engine("none")

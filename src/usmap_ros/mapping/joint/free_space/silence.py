@@ -23,7 +23,7 @@ from usmap_ros.mapping.joint.free_space.response import (
 from usmap_ros.mapping.joint.free_space.usual_directions import facing, lengths, log_priors
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y, points_on
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
-from usmap_ros.mapping.joint.surfaces.parts import Part, any_holds
+from usmap_ros.mapping.joint.surfaces.parts import PartOfPlace, any_holds
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
@@ -65,7 +65,7 @@ class Answers(NamedTuple):
     #: Of all of it; or in and outside of `mirrored`.
     silences: list[Silence]
     #: Parts that mirrors are in, if not in all of it.
-    mirrored: list[Part]
+    mirrored: list[PartOfPlace]
 
     def each(self, field: Field) -> Iterator[tuple[BoolArray, Silence]]:
         """Cells of a field, and what silence says there."""

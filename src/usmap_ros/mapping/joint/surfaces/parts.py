@@ -25,7 +25,7 @@ CUTS, DIRECTIONS, SHARES = 2, 12, np.linspace(0.1, 0.9, 17)
 LEAST_PINGS, LEAST_EXPLAINED = 60, 0.25
 
 
-class Part(NamedTuple):
+class PartOfPlace(NamedTuple):
     """A convex part of the plane: all places p with n·p ≤ d for each of its edges."""
 
     #: (edges, 3) array: unit normals n, and d, m.
@@ -36,17 +36,17 @@ class Part(NamedTuple):
         inside = points_m @ self.edges[:, :2].T <= self.edges[:, 2]
         return np.asarray(inside.all(axis=-1))
 
-    def beside(self, normal: FloatArray, distance_m: float) -> "list[Part]":
+    def beside(self, normal: FloatArray, distance_m: float) -> "list[PartOfPlace]":
         """What of it lies on either side of a line."""
         edges = np.array([[*normal, distance_m], [*-normal, -distance_m]])
-        return [Part(np.concatenate([self.edges, edge[np.newaxis]])) for edge in edges]
+        return [PartOfPlace(np.concatenate([self.edges, edge[np.newaxis]])) for edge in edges]
 
 
 #: All of a place.
-ALL = Part(np.zeros((0, 3)))
+ALL = PartOfPlace(np.zeros((0, 3)))
 
 
-def any_holds(parts: list[Part], points_m: FloatArray) -> BoolArray:
+def any_holds(parts: list[PartOfPlace], points_m: FloatArray) -> BoolArray:
     """Which of some (points, 2) places are in any of some parts."""
     inside: BoolArray = np.any([part.holds(points_m) for part in parts], axis=0)
     return inside
@@ -59,7 +59,7 @@ def mirrors_of_parts(
     is_explained: BoolArray,
     is_usable: BoolArray,
     first_only: BoolArray,
-) -> tuple[list[MirrorWall], list[Part]]:
+) -> tuple[list[MirrorWall], list[PartOfPlace]]:
     """Mirrors of a place or, if it seems to have none, of parts that hear otherwise, and which.
 
     Parameters
@@ -71,14 +71,14 @@ def mirrors_of_parts(
     -------
     found : list of MirrorWall
         The mirrors.
-    mirrored : list of Part
+    mirrored : list of PartOfPlace
         Parts that they are in; none if they are of all of the place.
     """
     found = mirror_walls(table, pings, echoes, is_explained, is_usable, first_only)
     if found:
         return found, []
     places_m, loudest = table.numbers[pings][:, [X, Y]], _loudest(table, pings, echoes)
-    mirrored, others = list[Part](), [ALL]
+    mirrored, others = list[PartOfPlace](), [ALL]
     for _ in range(CUTS):
         tried = [half for part in others for half in halves(part, places_m, loudest)]
         others = []
@@ -101,14 +101,14 @@ def _loudest(table: PingTable, pings: NDArray[np.int64], echoes: Echoes) -> Floa
     return loudest
 
 
-def halves(part: Part, places_m: FloatArray, loudest: FloatArray) -> list[Part]:
+def halves(part: PartOfPlace, places_m: FloatArray, loudest: FloatArray) -> list[PartOfPlace]:
     """What a part is cut into where its pings' loudest echoes change most; nothing if little.
 
     A step of a regression tree, by ranks, since how loud echoes are varies by orders of magnitude.
 
     Parameters
     ----------
-    part : Part
+    part : PartOfPlace
         The part.
     places_m : (pings, 2) array
         Where pings were sent.

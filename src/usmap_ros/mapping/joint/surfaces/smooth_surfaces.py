@@ -18,7 +18,7 @@ from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
     out_of_sight,
     reflected,
 )
-from usmap_ros.mapping.joint.surfaces.parts import Part, any_holds, mirrors_of_parts
+from usmap_ros.mapping.joint.surfaces.parts import PartOfPlace, any_holds, mirrors_of_parts
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
     discs,
@@ -57,7 +57,7 @@ class KnownSurfaces(NamedTuple):
     #: Columns that are not.
     suspected: list[RoundColumn]
     #: Parts of the place that mirrors are in, if not in all of it.
-    mirrored: list[Part]
+    mirrored: list[PartOfPlace]
 
 
 class SmoothSurfaces:
@@ -82,7 +82,7 @@ class SmoothSurfaces:
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
         #: Parts of the place that mirrors are in, if not in all of it.
-        self.mirrored: list[Part] = []
+        self.mirrored: list[PartOfPlace] = []
         self._suspected: list[RoundColumn] = []
         # Those that other pings found.
         self._known_mirrors: list[MirrorWall] = []

@@ -125,7 +125,8 @@ def map_bag(
     without : collection of str
         Topics, or robots, whose pings stay out of the map.
     wanted : callable
-        Which pings go into the map, by their poses as they are used.
+        Which pings go into the map, by their poses as they are used; if none does, the run is of
+        no pings.
 
     Raises
     ------
@@ -142,8 +143,8 @@ def map_bag(
         workers = Reconstructors(pipeline)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
     heard = run.poses.corrected(_wanted(recorded_cones(bag, workers), without, left_out))
-    mapped = ((topic, cone) for topic, cone in heard if wanted(cone))
-    for topic, cone in pings_of_one_map(mapped, pipeline, apart):
+    asked = Counter[bool]()
+    for topic, cone in pings_of_one_map(_asked_for(heard, wanted, asked), pipeline, apart):
         try:
             seen.add(cone)
             pipeline.fuse(cone, topic)
@@ -163,6 +164,8 @@ def map_bag(
             logger.warning("%s: %s", topic, problem)
     run.skipped, run.without = dict(bag.skipped.by_field), sorted(left_out)
     run.set_apart = apart.summary()
+    if asked[False] and not asked[True]:
+        return run
     if not run.pings:
         raise _why_nothing(bag, left_out, apart)
     # What either leaves of the cores, the other takes; nobody being doubted, the map stands.
@@ -179,6 +182,17 @@ def _wanted(pings: Iterable[Ping], without: Collection[str], left_out: set[str])
         if is_of(topic, without):
             left_out.add(topic)
         else:
+            yield topic, cone
+
+
+def _asked_for(
+    pings: Iterable[Ping], wanted: Callable[[EchoCone], bool], asked: Counter[bool]
+) -> Iterator[Ping]:
+    """Pings that are wanted; how many are, and how many are not, goes into `asked`."""
+    for topic, cone in pings:
+        is_wanted = wanted(cone)
+        asked[is_wanted] += 1
+        if is_wanted:
             yield topic, cone
 
 

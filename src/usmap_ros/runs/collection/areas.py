@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from usmap_ros.errors import UsmapError
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.parameters import PipelineParameters
@@ -114,26 +113,15 @@ def fuse_area(
     UsmapError
         If nothing in them can be used, or the map would be too large.
     """
-    pipeline, own, reached = Pipeline(parameters), _OwnPings(tile), 0
-
-    def reaches(cone: EchoCone) -> bool:
-        nonlocal reached
-        is_reached = tile.is_reached_by(cone)
-        reached += is_reached
-        return is_reached
-
+    pipeline, own = Pipeline(parameters), _OwnPings(tile)
     pipeline.fusion.frame_id = wishes.frame_id
     pipeline.refine(wishes.passes)
-    try:
-        with BagReader([Path(path) for path in cones]) as bag:
-            run = map_bag(
-                bag, pipeline, RobotPaths(), own.add, without=wishes.without, wanted=reaches
-            )
-    except UsmapError:
-        if reached or tile.is_all:
-            raise
-        return None
-    occupancy = tile.cut(pipeline.occupancy_map())
+    with BagReader([Path(path) for path in cones]) as bag:
+        run = map_bag(
+            bag, pipeline, RobotPaths(), own.add, without=wishes.without,
+            wanted=tile.is_reached_by,
+        )  # fmt: skip
+    occupancy = tile.cut(pipeline.occupancy_map()) if run.pings else None
     if occupancy is None:
         return None
     run.pings, run.echoes = own.pings, own.echoes

@@ -98,12 +98,12 @@ def map_collection(
     fuse = partial(fuse_area, parameters=parameters, wishes=wishes)
     maps: dict[int, AreaMap] = {}
     whose = [(n, tile) for n, area in enumerate(areas) for tile in _tiles(area, wishes)]
-    left = Counter(n for n, _ in whose)
+    area_of, left = [n for n, _ in whose], Counter(n for n, _ in whose)
     work = [(_paths(areas[n], tile), tile) for n, tile in whose]
     for number, fused in results(executor, fuse, work):
-        area = areas[whose[number][0]]
-        left[whose[number][0]] -= 1
-        for _ in area if not left[whose[number][0]] else ():
+        area = areas[area_of[number]]
+        left[area_of[number]] -= 1
+        for _ in area if not left[area_of[number]] else ():
             step()
         if isinstance(fused, Failure):
             failed[", ".join(names[str(file.paths)] for file in area)] = fused.cause
@@ -111,7 +111,7 @@ def map_collection(
             maps[number] = fused
     for number in _in_other_frames(maps):
         frame = maps.pop(number).occupancy.frame_id
-        name = ", ".join(names[str(file.paths)] for file in areas[whose[number][0]])
+        name = ", ".join(names[str(file.paths)] for file in areas[area_of[number]])
         failed[name] = f"is in the frame '{frame}', and most of the others are not"
     if not maps:
         raise UsmapError("; ".join(f"{name}: {cause}" for name, cause in failed.items()))
@@ -127,7 +127,7 @@ def map_collection(
         merge_maps([one.occupancy for one in merged], parameters.mapping),
         paths,
         _joined_runs([one.run for one in merged], skipped),
-        len(recordings), len({whose[number][0] for number in maps}), len(maps), failed, warnings,
+        len(recordings), len({area_of[number] for number in maps}), len(maps), failed, warnings,
     )  # fmt: skip
 
 

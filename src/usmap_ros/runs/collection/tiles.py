@@ -25,18 +25,13 @@ Box = tuple[float, float, float, float]
 
 
 class Tile(NamedTuple):
-    """A rectangle of an area; the outer ones have no end."""
+    """A rectangle of an area; the outer ones have no end, and one alone has none at all."""
 
     #: Lowest x and y, and highest x and y.
     west_m: float = -math.inf
     south_m: float = -math.inf
     east_m: float = math.inf
     north_m: float = math.inf
-
-    @property
-    def is_all(self) -> bool:
-        """Whether it is the whole plane."""
-        return self == WHOLE
 
     def holds(self, x_m: float, y_m: float) -> bool:
         """Whether a place is in it: each is in one of an area's tiles."""
@@ -76,10 +71,6 @@ class Tile(NamedTuple):
             observed=occupancy.observed[here],
             layers={name: layer[here] for name, layer in occupancy.layers.items()},
         )
-
-
-#: All of an area that is not divided.
-WHOLE = Tile()
 
 
 def tiles_of(box_m: Box, most_m: float) -> list[Tile]:

@@ -7,15 +7,17 @@ from pathlib import Path
 from unittest.mock import ANY
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from usmap_ros.errors import UsmapError
 from usmap_ros.grids import GridGeometry, OccupancyMap
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.mapping.merging import merge_maps
 from usmap_ros.parameters import MappingParameters, PipelineParameters
 from usmap_ros.runs.collection import AreaOptions, Collected, map_collection
-from usmap_ros.runs.collection.tiles import WHOLE, tiles_of
+from usmap_ros.runs.collection.tiles import Tile, tiles_of
 from usmap_ros.simulation import Scenario, simulate
 
 SCENARIO = Path(__file__).parents[4] / "config" / "scenarios" / "poles.yaml"
@@ -42,8 +44,8 @@ def test_no_side_is_longer_than_asked_for(side_m: float) -> None:
 
 
 def test_what_is_not_divided_is_one_tile() -> None:
-    assert tiles_of(BOX_M, math.inf) == [WHOLE]
-    assert tiles_of(BOX_M, 44.0) == [WHOLE]
+    assert tiles_of(BOX_M, math.inf) == [Tile()]
+    assert tiles_of(BOX_M, 44.0) == [Tile()]
 
 
 @given(sides_m, st.sampled_from([0.02, 0.05, 0.1]), st.integers(-40, 40))
@@ -104,3 +106,12 @@ def test_tiles_that_no_ping_reaches_are_left_out(tmp_path: Path) -> None:
     tiled = collected(corners, tmp_path / "map", 20.0)
     assert (tiled.areas, tiled.run.pings, tiled.failed) == (1, 24, {})
     assert 2 <= tiled.tiles < 9
+
+
+def test_cones_that_cannot_be_read_are_no_tiles_that_no_ping_reaches(tmp_path: Path) -> None:
+    bag, folder = recorded(tmp_path / "bag", (40.0, 40.0), 12), tmp_path / "map"
+    collected(bag, folder, 20.0)
+    for kept in (folder / "cones").glob("*/*.mcap"):
+        kept.write_bytes(b"not a recording")
+    with pytest.raises(UsmapError, match="is not an MCAP file"):
+        collected(bag, folder, 20.0)

@@ -6,6 +6,7 @@ Nodes under test run in the test's own thread, so that an error in a callback fa
 import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -60,6 +61,9 @@ _WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 _RUN = zlib.crc32(os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid())).encode())
 _DOMAIN_COUNT = 100 // _WORKERS * _WORKERS
 _DOMAINS = itertools.count(_RUN * _WORKERS + _WORKER, _WORKERS)
+#: Participants of a domain whose ports are looked at, and the first one's (RTPS 2.2, 9.6.1.1).
+_PARTICIPANTS = 16
+_FIRST_PORT, _PORTS_A_DOMAIN, _PORTS_A_PARTICIPANT = 7410, 250, 2
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -68,10 +72,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.ros)
 
 
+def is_empty(domain: int) -> bool:
+    """Whether nobody on this machine listens in a domain."""
+    first_port = _FIRST_PORT + _PORTS_A_DOMAIN * domain
+    for participant in range(_PARTICIPANTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unicast:
+            try:
+                unicast.bind(("", first_port + _PORTS_A_PARTICIPANT * participant))
+            except OSError:
+                return False
+    return True
+
+
 @pytest.fixture
 def domain(monkeypatch: pytest.MonkeyPatch) -> int:
-    """Give a ROS domain of the test's own."""
-    number = 1 + next(_DOMAINS) % _DOMAIN_COUNT
+    """Give a ROS domain of the test's own.
+
+    There are fewer than tests, and a node is in its domain until it is collected as garbage.
+    """
+    in_turn = (1 + number % _DOMAIN_COUNT for number in _DOMAINS)
+    number = next(filter(is_empty, itertools.islice(in_turn, _DOMAIN_COUNT)))
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     return number
 

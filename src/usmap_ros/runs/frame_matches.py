@@ -81,8 +81,8 @@ class FrameMatches:
     #: Of frames that have been joined since.
     _earlier: list[EarlierMatch] = field(default_factory=list)
 
-    def links(self) -> list[Link]:
-        """How frames lie in others of which it is sure how they relate."""
+    def links(self, looks_again: bool) -> list[Link]:
+        """How frames lie in others for sure, if wanted after a second look."""
         # Of frames that several robots share, nobody asks how they relate.
         enough = [
             name
@@ -101,7 +101,7 @@ class FrameMatches:
         matches = {pair: match for pair in pairs if (match := self._match(pair))}
         sure = {pair: match for pair, match in matches.items() if match.is_sure}
         made = links(sure, ranked, is_own_frame)
-        if not made:
+        if not made and looks_again:
             # What is joined tells more of the rest, at less cost than a second look does.
             sure = self._borne_out(matches) or self._borne_out_by_ways(pairs)
             made = links(sure, ranked, is_own_frame)

@@ -108,22 +108,30 @@ def join_robots(
     if earlier is not None:
         frames.setdefault(earlier.frame_id, JoinedRobots([], set())).earlier = earlier
     matches = FrameMatches(frames, base, current, kinds, parameters)
-    while made := matches.links():
+    # Frames whose pings are not refined together yet.  That may bend all of them alike, so that who
+    # is left fits them no more: it is first compared with what each frame was found to be.
+    waiting: set[str] = set()
+    while (made := matches.links(looks_again=not waiting)) or waiting:
         looked_at = matches.refined_by(made)
         for link in made:
             target, source = frames[link.target], frames.pop(link.source)
             for row in source.rows:
                 base[row], current[row] = moved_by(base[row], link), moved_by(current[row], link)
             rows, robots = target.rows + source.rows, target.robots | source.robots
-            frames[link.target] = JoinedRobots(rows, robots, target.earlier)
-        changed = {name for link in made for name in (link.target, link.source)}
-        for name in sorted(changed & set(frames)):
-            rows = frames[name].rows
-            told_here, before = [base[row] for row in rows], [current[row] for row in rows]
-            together = looked_at or refine_poses(told_here, kinds=kinds, before=before).pings
-            for row, ping in zip(rows, together, strict=True):
+            for row, ping in zip(rows, looked_at or (), strict=looked_at is not None):
                 current[row] = ping
-            rows.sort()
+            frames[link.target] = JoinedRobots(sorted(rows), robots, target.earlier)
+        changed = {name for link in made for name in (link.target, link.source)}
+        if not made:
+            for name in sorted(waiting):
+                rows = frames[name].rows
+                told_here, before = [base[row] for row in rows], [current[row] for row in rows]
+                together = refine_poses(told_here, kinds=kinds, before=before).pings
+                for row, ping in zip(rows, together, strict=True):
+                    current[row] = ping
+            changed, waiting = waiting, set()
+        elif looked_at is None:
+            waiting = (waiting | changed) & set(frames)
         matches.forget(changed)
     _name(frames, current, world)
     return Joining(

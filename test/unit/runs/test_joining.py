@@ -1,13 +1,14 @@
 """Robots in frames of their own: joined where their maps tell how these relate."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.localisation import Match, refine_poses
+from usmap_ros.localisation import Match, Refinement, refine_poses
 from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.pose_kind import PoseKind
 from usmap_ros.numerics.geometry import Pose
@@ -273,7 +274,9 @@ def test_a_match_that_is_nearly_sure_is_looked_at_with_poses_refined_together(
         assert np.hypot(*(origin - true).T).max() < 0.3
 
 
-def test_nobody_looks_again_while_others_are_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_is_sure_is_joined_before_anybody_looks_again_or_is_bent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Once two are joined, their map tells more of the third than it does of either."""
     starts = STARTS | {"robot3": np.array([0.5, -1.0, -1.0])}
     monkeypatch.setitem(STARTS, "robot3", starts["robot3"])
@@ -290,11 +293,18 @@ def test_nobody_looks_again_while_others_are_sure(monkeypatch: pytest.MonkeyPatc
     )
     looks: list[object] = []
     monkeypatch.setattr("usmap_ros.runs.frame_matches.second_look", lambda *of: looks.append(of))
+    together: list[int] = []
+
+    def refined_together(pings: list[Ping], **known: Any) -> Refinement:
+        together.append(len(pings))
+        return refine_poses(pings, **known)
+
+    monkeypatch.setattr("usmap_ros.runs.joining.refine_poses", refined_together)
     done = correct_poses(
         [ping for one in starts for ping in going_round(one)], PipelineParameters()
     )
     assert {one.state for one in done.robots.values()} == {"joined"}
-    assert (len(matches), looks) == (0, [])
+    assert (len(matches), looks, together) == (0, [], [60])
 
 
 def test_what_was_promising_before_others_were_joined_is_looked_at_with_all_of_them(
@@ -309,6 +319,8 @@ def test_what_was_promising_before_others_were_joined_is_looked_at_with_all_of_t
         Match(lies, np.zeros(2), 60.0, 6.0, 0.0),
         Match(np.zeros(3), np.zeros(2), 30.0, 0.5, 0.1),
         Match(from_2, np.array([2.0, 1.0]), 30.0, 2.5, 0.1, 2.5),
+        # Before pings of both are refined together, and after.
+        Match(np.zeros(3), np.zeros(2), 30.0, 0.5, 0.1),
         Match(np.zeros(3), np.zeros(2), 30.0, 0.5, 0.1),
         # The second look.
         Match(np.array([0.1, 0.0, 0.0]), np.zeros(2), 40.0, 5.0, 0.0, 5.0),

@@ -227,15 +227,18 @@ def _set_loudness(table: PingTable, ping: int, count: int, near: _Near) -> None:
     cosine, sine = np.float32(math.cos(numbers[HEADING])), np.float32(math.sin(numbers[HEADING]))
     scale = np.float32(GAIN_STEPS / (1.0 - numbers[COS_HALF_ANGLE]))
     absorption, one = np.float32(-numbers[ABSORPTION]), np.float32(1.0)
+    # Of numbers of 32 bits the processor takes as many at once as it can, but not from tables.
     for k in range(count):
         squared, x, y = near.squared[k], near.x[k], near.y[k]
         distance = np.sqrt(squared)
-        entry = (one - near.ahead[k] / distance) * scale
-        at = min(max(int(entry), 0), GAIN_STEPS - 1)
-        low_gain, high_gain = table.power_gain[ping, at], table.power_gain[ping, at + 1]
-        gain = low_gain + (high_gain - low_gain) * (entry - np.float32(at))
-        near.weight[k] = gain / (squared * squared) * exp32(absorption * distance)
+        near.weight[k] = exp32(absorption * distance) / (squared * squared)
         near.off[k] = atan2_32(cosine * y - sine * x, cosine * x + sine * y)
+        near.ahead[k] = (one - near.ahead[k] / distance) * scale
+    gains = table.power_gain[ping]
+    for k in range(count):
+        entry = near.ahead[k]
+        at = np.uint64(min(max(int(entry), 0), GAIN_STEPS - 1))
+        near.weight[k] *= gains[at] + (gains[at + 1] - gains[at]) * (entry - np.float32(at))
 
 
 @inlined

@@ -10,6 +10,7 @@ from usmap_ros.mapping.joint.visibility.beams import (
     WITHIN_GREATEST_M,
     WITHIN_LEAST_M,
     amplitude_gain,
+    is_beside,
     off_axis,
 )
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
@@ -38,8 +39,8 @@ LEAST_FITTED = 6
 FAINTEST, LOUD, CLEAR_SHARE = 0.3, 1.3, 0.6
 #: Least amplitude gain of a beam.
 LEAST_GAIN = 1e-4
-#: Longest step to a circle, m.
-LONGEST_STEP_M = 0.05
+#: Longest step to a circle, m; and how far it goes before pings that may see it are found anew.
+LONGEST_STEP_M, AROUND_M = 0.05, 0.2
 
 
 @compiled
@@ -64,12 +65,17 @@ def descend(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     Ends early where there are fewer hits than a circle can be fitted to.  The first ones may be
     twice as far off as the usual tolerance.
     """
-    hits, misses = 0, 0
+    hits, misses, count, near = 0, 0, 0, np.empty(len(pings), np.int64)
+    from_x, from_y = np.inf, np.inf
     for step in range(steps + 1):
         tolerance = 2.0 if step == 0 else 1.0
+        if math.hypot(place[0] - from_x, place[1] - from_y) > AROUND_M:
+            from_x, from_y = place[0], place[1]
+            count = _near(table, pings, place, most_radius_m, near)
         hits, misses = _look_at(
-            table, pings, echoes, is_open, left, place, tolerance, hit_pings, hit_echoes
-        )
+            table, pings, echoes, is_open, left, place, tolerance, near[:count], hit_pings,
+            hit_echoes,
+        )  # fmt: skip
         if hits < LEAST_FITTED or step == steps:
             break
         _step(
@@ -78,6 +84,25 @@ def descend(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         )  # fmt: skip
         place[2] = min(max(place[2], least_radius_m), most_radius_m)
     return hits, misses
+
+
+@inlined
+def _near(
+    table: PingTable,
+    pings: NDArray[np.int64],
+    place: FloatArray,
+    most_radius_m: float,
+    near: NDArray[np.int64],
+) -> int:
+    """Set the pings that may see a circle around a place; returns how many there are."""
+    count = 0
+    for index in range(len(pings)):
+        numbers = table.numbers[pings[index]]
+        x, y = place[0] - numbers[X], place[1] - numbers[Y]
+        far = numbers[GREATEST_RANGE] + most_radius_m + AROUND_M
+        near[count] = index
+        count += x * x + y * y < far * far and not is_beside(numbers, x, y, AROUND_M)
+    return count
 
 
 @inlined
@@ -124,12 +149,13 @@ def _look_at(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     left: NDArray[np.uint8],
     place: FloatArray,
     tolerance: float,
+    near: NDArray[np.int64],
     hit_pings: NDArray[np.int64],
     hit_echoes: NDArray[np.int64],
 ) -> tuple[int, int]:
-    """Pings that heard a column, and how many should have but did not."""
+    """Pings that heard a column, of those that may, and how many should have but did not."""
     hits, misses = 0, 0
-    for index in range(len(pings)):
+    for index in near:
         ping = pings[index]
         numbers = table.numbers[ping]
         x, y = place[0] - numbers[X], place[1] - numbers[Y]

@@ -131,7 +131,9 @@ def fitted_circle(
         spread=float(np.linalg.eigvalsh(directions.T @ directions / hits)[0]),
         log_ratio=_log_ratio(ranges_m - across_m, stds_m, crowd, misses),
         is_corner=_is_corner(echoes, hit_pings, across_m, stds_m),
-        nearest_m=float(np.hypot(*(table.numbers[pings][:, [X, Y]] - place[:2]).T).min()),
+        nearest_m=float(
+            np.hypot(table.numbers[pings, X] - place[0], table.numbers[pings, Y] - place[1]).min()
+        ),
     )  # fmt: skip
 
 

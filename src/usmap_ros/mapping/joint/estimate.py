@@ -217,15 +217,19 @@ class JointEstimate:
         rounds : int
             At the most.
         """
-        for _ in range(rounds):
+        for turn in range(rounds):
             before = self._hiding
             belief = hiding(self.evidence, self.field.shape, walls | self._standing)
             self._hiding = (1.0 - damping) * before + damping * belief
             self.depth = optical_depth(self._hiding, self._opacity)
             powers.renew_shadows(self.depth)
             powers.sweep(SWEEPS)
-            self._weigh(powers)
-            if np.abs(self._hiding - before).sum() <= SETTLED * self._hiding.sum():
+            has_settled = np.abs(self._hiding - before).sum() <= SETTLED * self._hiding.sum()
+            is_last = has_settled or turn == rounds - 1
+            # By key pings alone nothing but what hides is told.
+            if not is_last or powers is self._powers:
+                self._weigh(powers)
+            if is_last:
                 break
 
     # ------------------------------------------------------------------ walls

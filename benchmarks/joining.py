@@ -18,8 +18,9 @@ from itertools import combinations
 import numpy as np
 import scenes
 from poses import Ping, places, scenario
-from tours import tours
+from tours import FloatArray, tours
 
+from usmap_ros.localisation.planar import compose
 from usmap_ros.localisation.submap import Submap, in_common
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import PipelineParameters
@@ -55,16 +56,22 @@ def heard(scene: Scenario, prefix: str = "") -> list[Ping]:
 
 def off_m(done: Corrected, true: dict[tuple[str, int], Pose], robots: list[str]) -> float:
     """How far places of robots in one frame are off, laid over the true ones (RMS)."""
-    found, real = [], []
-    for topic, cone in done.pings:
-        if topic.split("/")[1] in robots:
-            found.append(cone.pose.position_m[:2])
-            real.append(true[topic, cone.stamp_ns].position_m[:2])
-    ours, theirs = np.array(found), np.array(real)
-    ours, theirs = ours - ours.mean(axis=0), theirs - theirs.mean(axis=0)
-    left, _, right = np.linalg.svd(theirs.T @ ours)
-    turn = left @ np.diag([1.0, np.linalg.det(left @ right)]) @ right
-    return float(np.sqrt(np.mean(np.sum((ours @ turn.T - theirs) ** 2, axis=1))))
+    ways = [
+        (cone.pose.position_m[:2], true[topic, cone.stamp_ns].position_m[:2])
+        for topic, cone in done.pings
+        if topic.split("/")[1] in robots
+    ]
+    found_m, true_m = np.swapaxes(ways, 0, 1)
+    there = compose(laid_over(found_m, true_m), np.column_stack([found_m, np.zeros(len(ways))]))
+    return float(np.sqrt(np.mean(np.sum((there[:, :2] - true_m) ** 2, axis=1))))
+
+
+def laid_over(found_m: FloatArray, true_m: FloatArray) -> FloatArray:
+    """Pose of a frame in which places are found in the one in which they truly are."""
+    one, other = (places_m - places_m.mean(axis=0) for places_m in (found_m, true_m))
+    turn = np.vdot(one @ [1.0, 1.0j], other @ [1.0, 1.0j])
+    turned = compose(np.array([0.0, 0.0, np.angle(turn)]), np.append(found_m.mean(axis=0), 0.0))
+    return np.append(true_m.mean(axis=0) - turned[:2], np.angle(turn))
 
 
 def shared(pings: list[Ping], true: dict[tuple[str, int], Pose]) -> str:

@@ -7,8 +7,10 @@ and flats are one whatever the seed; all other pairs share nothing, and whatever
 them is wrong.  ``symmetric`` are rooms that are the same after half a turn.  Where a match is
 promising, but not sure, or another one is by submaps, it says how far that one is off, m, and what
 becomes of its margin over matches elsewhere at a second look, with poses refined together as if it
-were right; ``-`` where maps lie elsewhere then.  The last column says the same of the way of one,
-as odometry tells it, in the map of the other.
+were right; ``-`` where maps lie elsewhere then.  The column after that says the same of the way of
+one, as odometry tells it, in the map of the other; the last one how many pieces maps have in common
+where they truly lie, and at the most where others of those that were tried have them, 1 m away or
+more, and little is contradicted.
 """
 
 from __future__ import annotations
@@ -18,16 +20,17 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from joining import heard, options, unknown_starts
+from joining import heard, laid_over, options, unknown_starts
 from numpy.typing import NDArray
 from poses import Ping, places
 
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.localisation import Match, match_maps, refine_poses
 from usmap_ros.localisation.linked_frames import Link
+from usmap_ros.localisation.map_match import ELSEWHERE_M
 from usmap_ros.localisation.planar import between, compose
 from usmap_ros.localisation.refine import kinds_of
-from usmap_ros.localisation.submap import Submap
+from usmap_ros.localisation.submap import Submap, apart_m, counts, refined
 from usmap_ros.parameters import PipelineParameters
 from usmap_ros.runs.frame_matches import SecondLook, second_look
 from usmap_ros.runs.moved_pings import PingsOfFrame
@@ -41,6 +44,8 @@ FloatArray = NDArray[np.float64]
 #: A match is right that is off by no more, root mean square of what stands, m: poses of either map
 #: may be off by a decimetre.
 RIGHT_M = 0.6
+#: Little is contradicted if that is no more of what is in common.
+LITTLE = 0.03
 #: Of surenesses it is said how many matches reach them.
 LEAST = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
 
@@ -80,21 +85,10 @@ class Mapped:
         return f"{self.kind} {self.seed} {self.robot}"
 
 
-def laid_over(found_m: FloatArray, true_m: FloatArray) -> FloatArray:
-    """Pose of a frame in which places are found in the one in which they truly are."""
-    one, other = (places_m - places_m.mean(axis=0) for places_m in (found_m, true_m))
-    turn = np.vdot(one @ [1.0, 1.0j], other @ [1.0, 1.0j])
-    turned = compose(np.array([0.0, 0.0, np.angle(turn)]), np.append(found_m.mean(axis=0), 0.0))
-    return np.append(true_m.mean(axis=0) - turned[:2], np.angle(turn))
-
-
 def mapped(scene: Scenario, kind: str, seed: int) -> list[Mapped]:
     """Robots of a scene, each by itself."""
-    true, told, refined = (
-        places(true_paths(scene)),
-        dict[str, list[Ping]](),
-        dict[str, list[Ping]](),
-    )
+    true = places(true_paths(scene))
+    told, refined = dict[str, list[Ping]](), dict[str, list[Ping]]()
     # Robots of several scenes are not one.
     prefix = f"{kind}_{seed}_"
     pings = heard(scene, prefix)
@@ -104,14 +98,9 @@ def mapped(scene: Scenario, kind: str, seed: int) -> list[Mapped]:
         refined.setdefault(robot, []).append(then)
     found = []
     for robot, own in refined.items():
-        way = [
-            (
-                cone.pose.position_m[:2],
-                true[topic.replace(prefix, ""), cone.stamp_ns].position_m[:2],
-            )
-            for topic, cone in own
-        ]
-        origin = laid_over(*np.swapaxes(way, 0, 1))
+        real = (true[topic.replace(prefix, ""), cone.stamp_ns] for topic, cone in own)
+        poses = [cone.pose for _, cone in own], real
+        origin = laid_over(*(np.array([pose.position_m[:2] for pose in way]) for way in poses))
         pings_of = PingsOfFrame(told[robot], own, pieces_of_ways(own, PARAMETERS))
         told_way = way_of(told[robot], range(len(own)), PARAMETERS)
         told_way = told_way if len(told_way) > 1 else []
@@ -127,11 +116,11 @@ def again(match: Match | WayInMap, ours: PingsOfFrame, theirs: PingsOfFrame) -> 
     return second_look(ours, theirs, link, kinds, PARAMETERS)
 
 
-def said(first: Match | WayInMap, margin: float, looked: SecondLook | None, apart_m: float) -> str:
+def said(first: Match | WayInMap, margin: float, looked: SecondLook | None, off: float) -> str:
     """How far a match is off, its margin, and what became of that."""
     then = f"{looked.match.elsewhere:.2f}" if looked else "-"
     is_sure = looked and looked.match.bears_out(first if isinstance(first, Match) else None)
-    return f"{apart_m:.2f}, {margin:.2f}: {then}" + (", sure" if is_sure else "")
+    return f"{off:.2f}, {margin:.2f}: {then}" + (", sure" if is_sure else "")
 
 
 def by_ways(one: Mapped, other: Mapped) -> str:
@@ -154,6 +143,24 @@ def off_m(match: Match | WayInMap, one: Mapped, other: Mapped) -> float:
     true = compose(between(one.origin, other.origin), stands)
     off = (compose(match.change, stands) - true)[:, :2]
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+
+
+def other_places(match: Match, one: Mapped, other: Mapped) -> str:
+    """Pieces in common where maps truly lie, and elsewhere than by a match, if not contradicted."""
+    first, second = Submap.of(one.map), Submap.of(other.map)
+
+    def pieces(change: FloatArray) -> float:
+        both, against = counts(first, second, change)
+        return both if against <= LITTLE * both else 0.0
+
+    ends = [end for end, _ in match.tried]
+    places_m = second.places_m
+    elsewhere = [end for end in ends if apart_m(places_m, end, match.change) > ELSEWHERE_M]
+    most = max(map(pieces, elsewhere), default=0.0)
+    if not one.shares_place_with(other):
+        return f"-, {most:.0f}"
+    _, true = refined(first, second, between(one.origin, other.origin))
+    return f"{counts(first, second, true)[0]:.0f}, {most:.0f}"
 
 
 def table(matches: list[tuple[bool, float, bool]]) -> str:
@@ -188,23 +195,24 @@ def main() -> None:
         for robot in mapped(unknown_starts(kind, seed, *how), kind, seed)
     ]
     columns = "one", "other", "pieces", "margin", "against", "sureness", "off, m"
-    columns += "second look", "way"
+    columns += "second look", "way", "truly, elsewhere"
     print("| " + " | ".join(columns) + " |\n" + "|---" * len(columns) + "|")
     matches = []
     for one, other in combinations(robots, 2):
         match = match_maps(one.map, other.map)
         if match is None:
             continue
-        apart_m = off_m(match, one, other)
+        off = off_m(match, one, other)
         row = f"{one} | {other} | {match.pieces:.0f} | {match.margin:.2f} | {match.against:.3f}"
         later = ""
         if first := first_look(match, one.pings.ways, other.pings.ways):
             looked = again(first, one.pings, other.pings)
             later = said(first, first.elsewhere, looked, off_m(first, one, other))
-        row += f" | {match.sureness:.2f} | {apart_m:.2f} | {later} | {by_ways(one, other)}"
+        row += f" | {match.sureness:.2f} | {off:.2f} | {later} | {by_ways(one, other)}"
+        row += f" | {other_places(match, one, other)}"
         print(f"| {row} |", flush=True)
         sureness = match.sureness if match.has_enough else -math.inf
-        matches.append((one.shares_place_with(other), sureness, apart_m < RIGHT_M))
+        matches.append((one.shares_place_with(other), sureness, off < RIGHT_M))
     print("\n" + table(matches))
 
 

@@ -10,7 +10,7 @@ them as it may be off (multiple hypotheses: Jensfelt & Kristensen, IEEE Trans. R
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,22 +70,13 @@ def _followed(
     """A match of one piece, and what follows from it for those before and after it."""
     changes = [change] * len(way)
     for numbers in (range(first + 1, len(way)), range(first - 1, -1, -1)):
-        pieces += _follow(there, way, numbers, changes, change)
+        last = change
+        for number in numbers:
+            if len(way[number].places_m):
+                counted, last = refined(there, way[number], last, _HELD)
+                pieces += counted
+            changes[number] = last
     return WayMatch(pieces, 0.0, first, changes)
-
-
-def _follow(
-    there: Submap, way: Sequence[Submap], numbers: Iterable[int], changes: list[FloatArray],
-    change: FloatArray,
-) -> float:  # fmt: skip
-    """Lay pieces there one after the other; what they count."""
-    pieces = 0.0
-    for number in numbers:
-        if len(way[number].places_m):
-            counted, change = refined(there, way[number], change, _HELD)
-            pieces += counted
-        changes[number] = change
-    return pieces
 
 
 def _apart_m(way: Sequence[Submap], one: WayMatch, other: WayMatch) -> float:

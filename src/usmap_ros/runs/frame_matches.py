@@ -266,9 +266,7 @@ def second_look(
     with suppress(MapSizeError):
         maps = together[:count], together[count:]
         match = match_maps(*(map_of(each, parameters) for each in maps))
-    if match is None:
-        return None
-    if not _stays(np.zeros(3), match):
+    if match is None or not _stays(np.zeros(3), match):
         return None
     return SecondLook(replace(match, change=link.change, about_m=link.about_m), together)
 

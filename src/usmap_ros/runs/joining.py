@@ -63,16 +63,12 @@ def with_starts(
         robot: Pose.planar(*start, planar_covariance=np.diag(_STATED**2))
         for robot, start in starts.items()
     }
-    done = []
-    for topic, cone in pings:
-        change = changes.get(robot_of(topic, cone).strip("/"))
-        is_known = change is not None and is_own_frame(cone.frame_id)
-        done.append(
-            moved((topic, cone), change, np.zeros(2), frame_id)
-            if change is not None and is_known
-            else (topic, cone)
-        )
-    return done
+    return [
+        moved((topic, cone), change, np.zeros(2), frame_id)
+        if is_own_frame(cone.frame_id) and (change := changes.get(robot_of(topic, cone).strip("/")))
+        else (topic, cone)
+        for topic, cone in pings
+    ]
 
 
 def join_robots(

@@ -278,10 +278,9 @@ def test_who_is_sure_is_joined_before_anybody_looks_again_or_is_bent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Once two are joined, their map tells more of the third than it does of either."""
-    starts = STARTS | {"robot3": np.array([0.5, -1.0, -1.0])}
-    monkeypatch.setitem(STARTS, "robot3", starts["robot3"])
-    lies = {name: between(starts["robot1"], start) for name, start in starts.items()}
-    from_2 = compose(between(starts["robot2"], np.zeros(3)), starts["robot3"])
+    monkeypatch.setitem(STARTS, "robot3", np.array([0.5, -1.0, -1.0]))
+    lies = {name: between(STARTS["robot1"], start) for name, start in STARTS.items()}
+    from_2 = between(STARTS["robot2"], STARTS["robot3"])
     matches = [
         Match(lies["robot2"], np.zeros(2), 60.0, 6.0, 0.0),
         Match(lies["robot3"], np.zeros(2), 30.0, 2.5, 0.1),
@@ -300,9 +299,8 @@ def test_who_is_sure_is_joined_before_anybody_looks_again_or_is_bent(
         return refine_poses(pings, **known)
 
     monkeypatch.setattr("usmap_ros.runs.joining.refine_poses", refined_together)
-    done = correct_poses(
-        [ping for one in starts for ping in going_round(one)], PipelineParameters()
-    )
+    pings = [ping for robot in STARTS for ping in going_round(robot)]
+    done = correct_poses(pings, PipelineParameters())
     assert {one.state for one in done.robots.values()} == {"joined"}
     assert (len(matches), looks, together) == (0, [], [60])
 
@@ -311,10 +309,9 @@ def test_what_was_promising_before_others_were_joined_is_looked_at_with_all_of_t
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The map of those that are joined no longer shows where the third is."""
-    starts = STARTS | {"robot3": np.array([0.5, -1.0, -1.0])}
-    monkeypatch.setitem(STARTS, "robot3", starts["robot3"])
-    lies = between(starts["robot1"], starts["robot2"])
-    from_2 = between(starts["robot2"], starts["robot3"])
+    monkeypatch.setitem(STARTS, "robot3", np.array([0.5, -1.0, -1.0]))
+    lies = between(STARTS["robot1"], STARTS["robot2"])
+    from_2 = between(STARTS["robot2"], STARTS["robot3"])
     matches = [
         Match(lies, np.zeros(2), 60.0, 6.0, 0.0),
         Match(np.zeros(3), np.zeros(2), 30.0, 0.5, 0.1),
@@ -328,7 +325,7 @@ def test_what_was_promising_before_others_were_joined_is_looked_at_with_all_of_t
     monkeypatch.setattr(
         "usmap_ros.runs.frame_matches.match_maps", lambda one, other: matches.pop(0)
     )
-    pings = [ping for robot in starts for ping in going_round(robot)]
+    pings = [ping for robot in STARTS for ping in going_round(robot)]
     done = correct_poses(pings, PipelineParameters())
     assert {one.state for one in done.robots.values()} == {"joined"}
     found, true = places(done.pings)[:, :2], np.concatenate([circle(20)] * 3)[:, :2]

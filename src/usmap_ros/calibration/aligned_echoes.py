@@ -14,6 +14,8 @@ FINER = 8
 #: Rounds of shifting and averaging, and share of the echoes that are kept: those least like the
 #: mean have others beside them.
 _ROUNDS, _KEPT = 5, 0.6
+#: Misfit of an echo that nothing is beside, and below which none counts more for being smaller.
+_LONE = 0.02
 #: Echoes that are told apart in the neighbourhood of the strongest, itself among them, and rounds
 #: in which each is fitted beside the others.
 _ECHOES, _SWEEPS = 4, 2
@@ -23,8 +25,8 @@ _ECHOES, _SWEEPS = 4, 2
 class AlignedEchoes:
     """Echoes on the template's grid, shifted and scaled to it: (echoes, points) and (points,).
 
-    `echoes` and `misfits` are of those that the template is the mean of, freed of others beside
-    them; `crowded` are all, with what is beside them.
+    `echoes` and `misfits` are of those that the template is the weighted mean of, freed of others
+    beside them; `crowded` are all, with what is beside them.
     """
 
     echoes: Signal
@@ -53,7 +55,9 @@ def align(snippets: Signal, apart: int) -> AlignedEchoes:
     for _ in range(_ROUNDS):
         shifted, crowded, misfits = _onto(spectra, template, apart)
         kept = misfits <= np.quantile(misfits, _KEPT)
-        template = shifted[kept].mean(axis=0)
+        # The loneliest count most: of walls, few echoes have none beside them.
+        weights = np.maximum(misfits[kept], _LONE) ** -2.0
+        template = weights @ shifted[kept] / weights.sum()
     fine = _finer(template[np.newaxis])[0]
     return AlignedEchoes(_finer(shifted[kept]), fine, misfits[kept], _finer(crowded))
 

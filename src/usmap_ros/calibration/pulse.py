@@ -26,16 +26,19 @@ _BEFORE_S, _BEHIND_S = 0.4e-3, 1.6e-3
 #: Loudness over noise of an echo that tells the pulse, and echoes that are needed.
 _LOUD = 20.0
 _LEAST_ECHOES = 12
+#: Echoes of each trace that tell a pulse which is not the stated one.
+_MORE = 3
 #: The template begins and ends where so little of its peak is left.
 _SILENT = 0.02
-#: Misfit of the stated pulse from which on a measured one is worth having, of a measured one that
-#: can be relied on, and by how much the latter must be smaller.
-_STATED_MISFIT, _MEASURED_MISFIT, _IMPROVEMENT = 0.12, 0.35, 0.6
+#: Misfit of the stated pulse from which on a measured one is worth having, and by how much that of
+#: the latter must be smaller where other echoes are beside most.
+_STATED_MISFIT, _IMPROVEMENT = 0.12, 0.8
 #: What a measured pulse may leave of the echo that it explains best, over what the stated one does:
-#: resonant sensors in rough rooms come to 0.47, rough walls heard by sensors as stated to 0.52.
-_LONELIEST = 0.5
-#: Quantile of the pings whose leftovers the model error covers, and its least value.
-_COVERED, _LEAST_ERROR = 0.75, 0.02
+#: resonant sensors come to 0.22 at most, rough walls heard by sensors as stated to 0.41 at least.
+_LONELIEST = 0.3
+#: Share of the echoes that have least beside them, quantile of those whose leftovers the model
+#: error covers, and its least value.
+_LONE, _COVERED, _LEAST_ERROR = 0.25, 0.75, 0.02
 #: Qualities to start from, and bounds of quality and of the resonance over the carrier.
 _QUALITIES = (5.0, 20.0, 60.0)
 _LEAST_QUALITY, _GREATEST_QUALITY = 1.0, 300.0
@@ -83,42 +86,57 @@ def measure_pulse(
     parameters : ReconstructionParameters
         What is known of them beside.
     """
-    snippets, rate_hz, seen = _snippets(traces, parameters)
+    snippets, rate_hz, seen = _snippets(traces, parameters, 1)
+    if len(snippets) < _LEAST_ECHOES:
+        snippets, rate_hz, seen = _snippets(traces, parameters, _MORE)
     if len(snippets) < _LEAST_ECHOES or seen is None or not seen.pulse.has_carrier:
         return None
     pulse = seen.pulse
     apart = max(2, round(pulse.length_s * rate_hz))
     aligned = align(snippets, apart)
-    fine_hz = FINER * rate_hz
-    # What is farther beside it in every ping, as it is while a robot stands, is not the pulse.
-    risen, faded = _extent(aligned.template, fine_hz, pulse)
     as_stated = _as_sampled(seen, snippets.shape[1], rate_hz)
     left_as_stated = misfits(snippets, as_stated, apart)
     stated = float(np.median(left_as_stated))
     residual = float(np.median(aligned.misfits))
     is_better = (
         stated > _STATED_MISFIT
-        and residual < min(_MEASURED_MISFIT, _IMPROVEMENT * stated)
+        and residual < _IMPROVEMENT * stated
         and _least_left(snippets, apart) < _LONELIEST * left_as_stated.min()
     )
     if not is_better:
         return MeasuredPulse(PulseParameters(), residual, stated, _LEAST_ERROR, len(snippets))
-    template = _from_onset(aligned.template, risen, faded, fine_hz, pulse)
-    told_pulse = PulseParameters(
-        kind="measured",
-        template_rate_hz=float(fine_hz),
-        template_i=[float(f"{one:.4g}") for one in template.real],
-        template_q=[float(f"{one:.4g}") for one in template.imag],
-    )
+    # Others than the loudest may be lonelier, and take longer to look at.
+    aligned = align(_snippets(traces, parameters, _MORE)[0], apart)
+    return _measured(aligned, FINER * rate_hz, pulse, stated)
+
+
+def _measured(
+    aligned: AlignedEchoes, rate_hz: float, pulse: Pulse, stated_residual: float
+) -> MeasuredPulse:
+    """The pulse that echoes are aligned to, whose template has values at a rate."""
+    # What is farther beside it in every ping, as it is while a robot stands, is not the pulse.
+    risen, faded = _extent(aligned.template, rate_hz, pulse)
+    template = _from_onset(aligned.template, risen, faded, rate_hz, pulse)
     own_error = _own_error(aligned)
-    model_error = _model_error(aligned, len(template), own_error)
-    return MeasuredPulse(told_pulse, residual, stated, model_error, len(snippets), own_error)
+    return MeasuredPulse(
+        parameters=PulseParameters(
+            kind="measured",
+            template_rate_hz=float(rate_hz),
+            template_i=[float(f"{one:.4g}") for one in template.real],
+            template_q=[float(f"{one:.4g}") for one in template.imag],
+        ),
+        residual=float(np.median(aligned.misfits)),
+        stated_residual=stated_residual,
+        model_error=_model_error(aligned, len(template), own_error),
+        echoes=len(aligned.crowded),
+        own_error=own_error,
+    )
 
 
 def _snippets(
-    traces: Sequence[EchoTrace], parameters: ReconstructionParameters
+    traces: Sequence[EchoTrace], parameters: ReconstructionParameters, most: int
 ) -> tuple[Signal, float, Template | None]:
-    """Baseband around the loudest sample of each loud trace, (echoes, samples), and its rate.
+    """Baseband around so many echoes of each loud trace, (echoes, samples), and its rate.
 
     And what an echo of the stated pulse looks like in it.
     """
@@ -135,22 +153,26 @@ def _snippets(
         rate_hz = rate_hz or baseband.sampling.sample_rate_hz
         if seen != baseband.template or baseband.sampling.sample_rate_hz != rate_hz:
             continue
-        snippet = _around_loudest(baseband, seen.pulse)
-        if snippet is not None:
-            found.append(snippet)
+        found += _around_loudest(baseband, seen.pulse, most)
     return np.array(found), rate_hz, seen
 
 
-def _around_loudest(baseband: Baseband, pulse: Pulse) -> Signal | None:
+def _around_loudest(baseband: Baseband, pulse: Pulse, most: int) -> list[Signal]:
+    """Around the loudest sample, and the loudest of those that are not near it, in turn."""
     magnitude = np.abs(baseband.signal)
-    loudest = int(np.argmax(magnitude))
     rate_hz = baseband.sampling.sample_rate_hz
     before = int(np.ceil((_BEFORE_S + pulse.length_s) * rate_hz))
     behind = int(np.ceil((_BEHIND_S + pulse.length_s) * rate_hz))
-    first, stop = loudest - before, loudest + behind
-    if first < 0 or stop > len(magnitude) or magnitude[loudest] < _LOUD * baseband.noise_std:
-        return None
-    return np.asarray(baseband.signal[first:stop], dtype=np.complex128)
+    found: list[Signal] = []
+    for _ in range(most):
+        loudest = int(np.argmax(magnitude))
+        first, stop = loudest - before, loudest + behind
+        if magnitude[loudest] < _LOUD * baseband.noise_std:
+            break
+        if first >= 0 and stop <= len(magnitude):
+            found.append(np.asarray(baseband.signal[first:stop], dtype=np.complex128))
+        magnitude[max(0, first) : loudest + before] = 0.0
+    return found
 
 
 def _least_left(snippets: Signal, apart: int) -> float:
@@ -197,8 +219,9 @@ def _from_onset(template: Signal, risen: int, faded: int, rate_hz: float, pulse:
 
 
 def _own_error(aligned: AlignedEchoes) -> float:
-    """What a matched filter makes of leftovers of echoes that are freed of others."""
-    freed = _answers(aligned.echoes, aligned.template).max(axis=1)
+    """What a matched filter makes of leftovers of the loneliest echoes, freed of others."""
+    loneliest = aligned.misfits <= np.quantile(aligned.misfits, _LONE)
+    freed = _answers(aligned.echoes[loneliest], aligned.template).max(axis=1)
     return float(np.clip(np.quantile(freed, _COVERED), _LEAST_ERROR, 0.5))
 
 

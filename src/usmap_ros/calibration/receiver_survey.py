@@ -14,19 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from usmap_ros.calibration.own_sound import OwnSound, own_sound_of
 from usmap_ros.calibration.pulse import MeasuredPulse, measure_pulse
 from usmap_ros.calibration.ringing import Ringing, ringing_of
+from usmap_ros.calibration.traces_apart import TracesApart
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.parameters import ReconstructionParameters
-from usmap_ros.pings.preparation.prepare import prepared
+from usmap_ros.pings.preparation.prepare import corrected, prepared
 from usmap_ros.pings.preparation.units import unit_of
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.reconstruction.baseband import estimated_noise_std
 
 #: Every so manyth trace of a topic is kept, so many at most, and of no more bytes than this.
 _EVERY, _KEPT, _KEPT_BYTES = 2, 40, 4_000_000
-#: So many more are kept that were sent so far apart from one another, m.
-_APART_M = 0.05
 #: Traces of a topic, the first ones, after which no more are wanted, though a robot still stands.
 SURVEYED = 1000
 #: Traces that tell the noise at the least, and how much louder than stated the quietest tenth of
@@ -42,8 +42,19 @@ class Judgement(NamedTuple):
 
     #: Its pulse, if that explains echoes much better than the stated one.
     pulse: MeasuredPulse | None = None
-    #: What it hears of itself.
+    #: What it hears of itself, and can be taken off; and what is left of that.
+    own_sound: OwnSound | None = None
     ringing: Ringing | None = None
+
+    def added_to(self, stated: ReconstructionParameters) -> ReconstructionParameters:
+        """What is known with it."""
+        known = _with_pulse(stated, self.pulse)
+        ringing = known.ringing if self.ringing is None else self.ringing.parameters
+        if self.own_sound is not None:
+            ringing = self.own_sound.added_to(ringing)
+        if ringing is known.ringing:
+            return known
+        return known.model_copy(update={"ringing": ringing})
 
 
 class Judging(NamedTuple):
@@ -57,10 +68,17 @@ class Judging(NamedTuple):
 
     def judgement(self) -> Judgement:
         """What these say."""
-        measured = measure_pulse(self.traces, self.stated) if self.traces else None
-        pulse = measured if measured is not None and measured.is_known else None
-        ringing = ringing_of(self.apart, _with_pulse(self.stated, pulse)) if self.apart else None
-        return Judgement(pulse, ringing)
+        found = Judgement()
+        if self.apart:
+            found = Judgement(own_sound=own_sound_of(self.apart, self.stated))
+        measured = measure_pulse(self.traces, found.added_to(self.stated)) if self.traces else None
+        if measured is not None and measured.is_known:
+            found = found._replace(pulse=measured)
+        if self.apart:
+            # Ringing is looked for in traces as they are, and left out of corrected ones.
+            as_heard = [corrected(trace, self.stated.correction) for trace in self.apart]
+            found = found._replace(ringing=ringing_of(as_heard, found.added_to(self.stated)))
+        return found
 
 
 class ReceiverSurvey:
@@ -86,8 +104,8 @@ class ReceiverSurvey:
         self._units: dict[str, float] = {}
         self._seen: defaultdict[str, int] = defaultdict(int)
         self._first: defaultdict[str, list[EchoTrace]] = defaultdict(list)
-        self._apart: defaultdict[str, list[EchoTrace]] = defaultdict(list)
-        # With how many traces from places apart it was judged.
+        self._apart: defaultdict[str, TracesApart] = defaultdict(TracesApart)
+        # When how many traces from places apart had been taken.
         self._learnt: dict[str, tuple[int, Judgement]] = {}
 
     def add(self, topic: str, trace: EchoTrace) -> None:
@@ -96,15 +114,14 @@ class ReceiverSurvey:
         self._seen[topic] += 1
         if self._finds_unit and not self._units.get(topic):
             self._units[topic] = unit_of(trace)
-        first, apart = self._first[topic], self._apart[topic]
+        first = self._first[topic]
         most = min(_KEPT, _KEPT_BYTES // max(trace.samples.nbytes, 1))
         if self._judges_pulse and number % _EVERY == 0 and len(first) < most:
             first.append(trace)
         if self._judges_noise and number % _EVERY == 0 and len(self._noise[topic]) < _KEPT:
             self._noise[topic] += self._noise_of(trace)
-        is_wanted = self._judges_pulse or self._finds_ringing
-        if is_wanted and len(apart) < most and _is_apart(trace, apart):
-            apart.append(trace)
+        if self._wants_apart:
+            self._apart[topic].add(trace)
 
     def _noise_of(self, trace: EchoTrace) -> list[float]:
         """Noise of a trace over what it states, if both can be told."""
@@ -133,19 +150,24 @@ class ReceiverSurvey:
         return self._seen[topic] >= _EVERY * _KEPT
 
     def has_moved(self, topic: str) -> bool:
-        """Whether they come from places enough, so that no more are wanted."""
-        return len(self._apart[topic]) >= _KEPT or not (self._judges_pulse or self._finds_ringing)
+        """Whether they come from places enough to tell the pulse."""
+        return not self._wants_apart or self._apart[topic].were_enough
+
+    def has_turned(self, topic: str) -> bool:
+        """Whether they tell what a transducer hears of itself, so that no more are wanted."""
+        return not self._wants_apart or self._apart[topic].have_turned
+
+    @property
+    def _wants_apart(self) -> bool:
+        return self._judges_pulse or self._finds_ringing
 
     def transducers(self, topic: str) -> set[str]:
         """Frames of the transducers whose traces of a topic were taken into account."""
-        return {trace.child_frame_id for trace in (*self._first[topic], *self._apart[topic])}
+        return {trace.child_frame_id for trace in (*self._first[topic], *self._apart[topic].traces)}
 
     def known(self, topic: str) -> ReconstructionParameters | None:
         """Parameters for the transducers of one topic; None if nothing was learnt of them."""
-        measured, ringing = self._judged(topic)
-        known = _with_pulse(self._in_units(topic), measured)
-        if ringing is not None:
-            known = known.model_copy(update={"ringing": ringing.parameters})
+        known = self._judged(topic).added_to(self._in_units(topic))
         return None if known is self._parameters else known
 
     def _in_units(self, topic: str) -> ReconstructionParameters:
@@ -163,24 +185,24 @@ class ReceiverSurvey:
     def _judged(self, topic: str) -> Judgement:
         """What was found last, or now if there are traces from more places since."""
         judged, found = self._learnt.get(topic, (-1, Judgement()))
-        if judged < len(self._apart[topic]):
+        if judged < self._apart[topic].taken:
             found = self.judging(topic).judgement()
             self.take_up(topic, found)
         return found
 
     def judging(self, topic: str) -> Judging:
         """What there is to be judged of a topic."""
-        apart = self._apart[topic]
-        traces = apart if self.has_moved(topic) else self._first[topic]
-        if not self._judges_pulse:
-            traces = []
+        apart = list(self._apart[topic].traces)
+        traces = apart if self.has_moved(topic) else list(self._first[topic])
         return Judging(
-            list(traces), list(apart) if self._finds_ringing else [], self._in_units(topic)
+            traces if self._judges_pulse else [],
+            apart if self._finds_ringing else [],
+            self._in_units(topic),
         )
 
     def take_up(self, topic: str, found: Judgement) -> None:
         """Take what was found for what is known of a topic, until it is judged again."""
-        self._learnt[topic] = len(self._apart[topic]), found
+        self._learnt[topic] = self._apart[topic].taken, found
 
     def problems(self) -> dict[str, str]:
         """What is wrong, by topic, in one line; topics of which nothing is are left out."""
@@ -189,7 +211,7 @@ class ReceiverSurvey:
 
     def problem(self, topic: str) -> str:
         """What is wrong with the receiver of one topic; empty if nothing is."""
-        measured, ringing = self._judged(topic)
+        measured, own_sound, ringing = self._judged(topic)
         said = []
         if self.is_in_other_units(topic):
             said.append(_said_of_unit(self._units[topic]))
@@ -200,6 +222,11 @@ class ReceiverSurvey:
             )
         if measured is not None:
             said.append(_said_of_pulse(measured, is_learnt=self._parameters.pulse.learn))
+        if own_sound is not None:
+            said.append(
+                f"it hears itself in every ping, until {1e3 * own_sound.end_s:.1f} ms, which is"
+                " taken off its traces (reconstruction.ringing.learn)"
+            )
         if ringing is not None:
             where = ", ".join(f"{range_m:.2f}" for range_m in ringing.ranges_m)
             said.append(
@@ -207,11 +234,6 @@ class ReceiverSurvey:
                 " object (reconstruction.ringing.learn)"
             )
         return "; ".join(said)
-
-
-def _is_apart(trace: EchoTrace, others: list[EchoTrace]) -> bool:
-    here_m = trace.pose.position_m[:2]
-    return all(np.hypot(*(here_m - one.pose.position_m[:2])) > _APART_M for one in others)
 
 
 def _said_of_unit(unit: float) -> str:

@@ -116,24 +116,34 @@ def _is_an_object(table: EchoTable, members: IndexArray, target: Target | None) 
     """Whether echoes that are always as far away may come from something that is so, too."""
     range_m = float(np.median(table.ranges_m[members]))
     if target is None:
-        return _could_stand_as_far(table.positions_m[table.pings[members]], range_m)
+        return could_stand_as_far(table.positions_m[table.pings[members]], range_m)
     offset_m = table.positions_m[table.pings[members]] - (target.x_m, target.y_m)
     away_m = np.hypot(*offset_m.T) - target.radius_m
     is_near = abs(float(np.median(table.ranges_m[members] - away_m))) < WIDEST_OFFSET_M
     return is_near and float(np.std(away_m)) < _WIDTH_M
 
 
-def _could_stand_as_far(positions_m: FloatArray, range_m: float) -> bool:
-    """Whether a wall along a path, or an object in its middle, would be always as far away."""
+def could_stand_as_far(positions_m: FloatArray, range_m: float, off_m: float = _OFF_M) -> bool:
+    """Whether a wall along a path, or an object in its middle, would be always as far away.
+
+    Parameters
+    ----------
+    positions_m : (n, 2) array
+        Where pings were sent from.
+    range_m : float
+        How far away it was heard.
+    off_m : float
+        RMS of how far from a line, or a circle, the path must be for neither.
+    """
     from_mean_m = positions_m - positions_m.mean(axis=0)
     across_m = from_mean_m @ np.linalg.svd(from_mean_m, full_matrices=False)[2][-1]
-    if float(np.std(across_m)) < _OFF_M:
+    if float(np.std(across_m)) < off_m:
         return True
     # A circle by least squares (Kåsa, 1976): 2 c·p + k = |p|², with k = R² − |c|².
     columns = np.column_stack([2.0 * from_mean_m, np.ones(len(from_mean_m))])
     centre_and_k = np.linalg.lstsq(columns, np.sum(from_mean_m**2, axis=1), rcond=None)[0]
     away_m = np.hypot(*(from_mean_m - centre_and_k[:2]).T)
-    is_round = float(np.std(away_m)) < _OFF_M
+    is_round = float(np.std(away_m)) < off_m
     return is_round and float(np.mean(away_m)) < range_m + WIDEST_OFFSET_M
 
 

@@ -50,8 +50,9 @@ from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.processes.workers import Beside
 from usmap_ros.runs.pipeline import Pipeline
 
-#: How often a receiver is judged: once its pulse can be told, and once its robot has moved.
-_JUDGEMENTS = 2
+#: How often a receiver is judged: once its pulse can be told, once its robot has moved, and once it
+#: has turned.
+_JUDGEMENTS = 3
 #: How often it is looked whether one has been, while no traces come.
 _LOOK_S = 0.1
 
@@ -163,7 +164,7 @@ class ConeReconstructor(Node):
         self._judging: dict[str, Beside[Judgement]] = {}
 
     def _survey(self, topic: str, trace: EchoTrace) -> None:
-        """Judge the receiver by the first traces of a transducer: its pulse, then its ringing."""
+        """Judge the receiver by the first traces of a transducer: its pulse, and its own sound."""
         judged = self._judged.get(topic, 0)
         if judged == _JUDGEMENTS:
             return
@@ -172,7 +173,8 @@ class ConeReconstructor(Node):
             # The first trace tells: no cone is to be in other units than those after it.
             self._judged[topic] = 0
             self._learn_reception(topic)
-        is_known = [self._receivers.is_full(topic), self._receivers.has_moved(topic)]
+        survey = self._receivers
+        is_known = [survey.is_full(topic), survey.has_moved(topic), survey.has_turned(topic)]
         if is_known[0] and sum(is_known) > judged and topic not in self._judging:
             # Judged, whatever comes of it; robots that began at once are all at the same time.
             self._judged[topic] = sum(is_known)

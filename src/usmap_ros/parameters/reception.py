@@ -122,6 +122,17 @@ class RingingParameters(ParameterGroup):
         "m",
     )
     amplitudes: Numbers = quantity([0.0], "How loud, one for each; 0: nothing is heard.")
+    waveform: Numbers = quantity(
+        [0.0],
+        "The same sample by sample, as in traces once they are corrected, I and Q in turn: it is"
+        " taken off those whose samples are taken at the same times.",
+    )
+    waveform_rate_hz: float = quantity(
+        0.0, "Rate of the waveform's samples, or pairs; 0: there is none.", "Hz", ge=0.0, le=1e8
+    )
+    waveform_start_s: float = quantity(
+        0.0, "Of its first one, after the start of emission.", "s", ge=-1.0, le=100.0
+    )
     learn: bool = quantity(
         True,
         "Whether it is looked for in the first traces of each transducer that moves, where nothing"
@@ -134,4 +145,6 @@ class RingingParameters(ParameterGroup):
             raise ValueError("amplitudes: need one for each of ranges_m")
         if min(self.amplitudes) < 0.0:
             raise ValueError("amplitudes: must not be below 0")
+        if any(self.waveform) != bool(self.waveform_rate_hz):
+            raise ValueError("waveform_rate_hz: needs a waveform, and a waveform needs it")
         return self

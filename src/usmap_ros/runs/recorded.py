@@ -41,7 +41,7 @@ def learn_reception(bag: BagReader, pipeline: Pipeline) -> None:
     waiting = {one.name for one in bag.topics if one.message_type == ECHO_TRACE and one.count}
     for topic, trace in bag.first_traces(SURVEYED):
         survey.add(topic, trace)
-        if survey.is_full(topic) and survey.has_moved(topic):
+        if survey.is_full(topic) and survey.has_turned(topic):
             waiting.discard(topic)
             if not waiting:
                 break

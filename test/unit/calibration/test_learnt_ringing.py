@@ -6,19 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import usmap_ros
 from usmap_ros.calibration.learnt import LearntReception
 from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import ReconstructionParameters, RingingParameters
-from usmap_ros.pings.trace import EchoTrace
+from usmap_ros.pings.trace import EchoTrace, Encoding
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.recorded import learn_reception
 from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.simulation.receiver import Receiver
 
 #: Delays (s) and amplitudes of what the mount returns.
 OWN = {0.0018: 0.5, 0.0026: 0.3}
 STANDING = {"kind": "waypoints", "waypoints_m": [[1.0, 1.0]], "speed_m_s": 0.0}
+#: A way without poles.
+CORNERS_M = ((0.4, 3.2), (4.1, 3.2), (2.0, 3.65))
 TOPIC, STATED = "/robot1/echo", ReconstructionParameters()
 
 
@@ -46,6 +50,28 @@ def driven(own: dict[float, float] = OWN, duration_s: float = 8.0) -> list[EchoT
     return recorded(own, motion, duration_s)
 
 
+def straight(*corners_m: tuple[float, float]) -> dict[str, object]:
+    return {"kind": "waypoints", "waypoints_m": [list(one) for one in corners_m], "speed_m_s": 0.5}
+
+
+def as_envelope(trace: EchoTrace) -> EchoTrace:
+    magnitude = np.abs(trace.signal()).astype(np.float32)
+    return replace(trace, encoding=Encoding.ENVELOPE, samples=magnitude)
+
+
+def with_point(trace: EchoTrace, range_m: float, reflectivity: float) -> EchoTrace:
+    alone = usmap_ros.hear(
+        [(range_m, 0.0)],
+        reflectivity,
+        transducer=trace.transducer,
+        receiver=Receiver(trace.encoding, trace.sample_rate_hz, trace.start_delay_s, 0.0),
+        channel=trace.channel,
+    )
+    samples = trace.samples.copy()
+    samples += alone.samples[: len(samples)]
+    return replace(trace, samples=samples)
+
+
 def learnt(
     traces: list[EchoTrace], stated: ReconstructionParameters = STATED
 ) -> ReconstructionParameters:
@@ -55,22 +81,66 @@ def learnt(
     return LearntReception(stated).with_those_of(survey, TOPIC).of(traces[:1])
 
 
-def test_what_the_mount_returns_is_learnt_and_left_out() -> None:
-    traces = driven()
-    known = learnt(traces)
-    ranges_m = [0.5 * 343.0 * at_s for at_s in OWN]
-    assert known.ringing.ranges_m == pytest.approx(ranges_m, abs=0.01)
-    assert known.ringing.amplitudes == pytest.approx(list(OWN.values()), rel=0.2)
-    stated, better = Pipeline(), Pipeline()
+def pipelines(traces: list[EchoTrace]) -> tuple[Pipeline, Pipeline]:
+    """Two: as traces state, and with what they tell."""
+    better = Pipeline()
     survey = ReceiverSurvey(ReconstructionParameters())
     for trace in traces:
         survey.add(TOPIC, trace)
     better.learn_reception(survey, TOPIC)
+    return Pipeline(), better
+
+
+def test_what_the_mount_returns_is_learnt_and_taken_off() -> None:
+    traces = driven()
+    ringing = learnt(traces).ringing
+    signal = np.abs(np.array(ringing.waveform).view(np.complex128))
+    at = (np.array(list(OWN)) - ringing.waveform_start_s) * ringing.waveform_rate_hz
+    for begin, amplitude in zip(at, OWN.values(), strict=True):
+        assert signal[round(begin) : round(begin) + 10].max() == pytest.approx(amplitude, rel=0.2)
+    stated, better = pipelines(traces)
     for trace in traces[::9]:
         near, clean = stated.reconstruct(trace), better.reconstruct(trace)
         assert np.count_nonzero(near.ranges_m < 0.5) >= 2
         assert not np.any(clean.ranges_m < 0.46)
         assert len(clean.ranges_m) >= len(near.ranges_m) - 3
+
+
+def test_objects_are_heard_where_the_mount_answers() -> None:
+    """Though fainter than that is."""
+    traces = driven()
+    _, better = pipelines(traces)
+    own_m = 0.5 * 343.0 * min(OWN)
+    for trace in traces[::9]:
+        cone = better.reconstruct(with_point(trace, own_m, 0.3))
+        nearest = int(np.argmin(np.abs(cone.ranges_m - own_m)))
+        assert cone.ranges_m[nearest] == pytest.approx(own_m, abs=0.01)
+        assert cone.amplitudes[nearest] == pytest.approx(0.3 / own_m**2, rel=0.2)
+
+
+def test_what_a_magnitude_holds_of_the_mount_is_left_out_where_it_is() -> None:
+    """Without its phase it cannot be taken off."""
+    traces = [as_envelope(trace) for trace in driven()]
+    known = learnt(traces)
+    ranges_m = [0.5 * 343.0 * at_s for at_s in OWN]
+    assert known.ringing.ranges_m == pytest.approx(ranges_m, abs=0.01)
+    assert known.ringing.amplitudes == pytest.approx(list(OWN.values()), rel=0.2)
+    stated, better = pipelines(traces)
+    for trace in traces[::9]:
+        assert np.count_nonzero(stated.reconstruct(trace).ranges_m < 0.5) >= 2
+        assert not np.any(better.reconstruct(trace).ranges_m < 0.46)
+
+
+def test_what_is_left_out_is_in_units_of_corrected_traces() -> None:
+    """Such as those of a converter that counts."""
+    traces = [as_envelope(trace) for trace in driven()]
+    counted = [
+        replace(trace, samples=np.float32(1e4) * trace.samples, noise_std=1e4 * trace.noise_std)
+        for trace in traces
+    ]
+    known = learnt(counted)
+    assert known.correction.gain == pytest.approx(1e4)
+    assert known.ringing.amplitudes == pytest.approx(list(OWN.values()), rel=0.2)
 
 
 def test_a_recording_says_what_was_learnt(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -86,8 +156,8 @@ def test_a_recording_says_what_was_learnt(tmp_path: Path, caplog: pytest.LogCapt
     pipeline = Pipeline()
     with BagReader([tmp_path / "bag"]) as bag:
         learn_reception(bag, pipeline)
-    assert f"{TOPIC}: it hears itself in every ping, 0.31, 0.45 m away" in caplog.text
-    assert len(pipeline.reception.of(moving[:1]).ringing.ranges_m) == 2
+    assert f"{TOPIC}: it hears itself in every ping, until 3.0 ms" in caplog.text
+    assert any(pipeline.reception.of(moving[:1]).ringing.waveform)
 
 
 @pytest.mark.parametrize("name", ["poles", "floor", "room", "nav2_map"])
@@ -107,7 +177,14 @@ def test_nothing_is_learnt_of_a_sensor_that_does_not_hear_itself(
 
 def test_a_robot_that_stands_may_look_at_something() -> None:
     traces = recorded(OWN, STANDING)
-    assert not any(learnt(traces).ringing.amplitudes)
+    assert learnt(traces).ringing == RingingParameters()
+
+
+def test_a_robot_that_goes_straight_on_may_go_along_something() -> None:
+    traces = recorded(OWN, straight(*CORNERS_M[:2]))
+    assert learnt(traces).ringing == RingingParameters()
+    turned = recorded(OWN, straight(*CORNERS_M), 16.0)
+    assert any(learnt(turned).ringing.waveform)
 
 
 def test_who_does_not_want_it_or_knows_better_is_obeyed() -> None:

@@ -5,8 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.calibration.aligned_echoes import FINER, align
 from usmap_ros.calibration.pulse import measure_pulse
+from usmap_ros.calibration.receiver_survey import ReceiverSurvey
+from usmap_ros.numerics.arrays import Signal
 from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.preparation.received_pulse import driven_resonators
 from usmap_ros.simulation import Scenario, simulate
 
 AS_REAL = Path(__file__).parents[3] / "config/scenarios/as_real.yaml"
@@ -35,3 +40,73 @@ def test_what_stands_beside_most_echoes_is_model_error() -> None:
     assert clean.model_error < 0.07
     # As loud as the copy, or twice that where the mean pulse has taken up one of its signs.
     assert 0.08 < crowded.model_error < 0.3
+
+
+def test_the_loneliest_echoes_tell_the_pulse():
+    """Of walls most echoes have others nearer than the pulse is long, each at another distance."""
+    rng = np.random.default_rng(3)
+    pulse = np.concatenate([np.zeros(20), np.arange(8) / 8.0, np.exp(-np.arange(32) / 8.0)])
+    pulse = np.concatenate([pulse, np.zeros(20)]).astype(complex)
+
+    def snippet(others):
+        heard = pulse.copy()
+        for later in rng.uniform(2, 12, size=others).astype(int):
+            turned = 0.4 * np.exp(2j * np.pi * rng.uniform())
+            heard += turned * np.concatenate([np.zeros(later), pulse[:-later]])
+        noise = rng.normal(size=(2, len(pulse))) * 0.002
+        return heard + noise[0] + 1j * noise[1]
+
+    crowded = np.array([snippet(3 if number % 8 else 0) for number in range(40)])
+    template = align(crowded, 6).template[::FINER]
+    scale = np.vdot(pulse, template) / np.vdot(pulse, pulse)
+    assert np.linalg.norm(template / scale - pulse) < 0.05 * np.linalg.norm(pulse)
+
+
+def driven(pulse: Pulse, qualities: dict[float, float], rate_hz: float, count: int) -> Signal:
+    """Values of a burst through resonators, with silence before it."""
+    received = driven_resonators(pulse, tuple(qualities.items()))
+    return received((np.arange(count) - 200) / rate_hz)
+
+
+def test_what_the_sensor_hears_of_itself_is_not_its_pulse():
+    """Two answers of its mount overlap, and are louder than all echoes."""
+    resonances = {40e3: 30.0, 40.5e3: 30.0}
+    own = [{"delay_s": 0.0021, "amplitude": 0.5}, {"delay_s": 0.0033, "amplitude": 0.3}]
+    transducer = {
+        "pulse": {
+            "shape": "tone_burst",
+            "carrier_hz": 40e3,
+            "duration_s": 3e-4,
+            "resonances": [
+                {"frequency_hz": frequency_hz, "quality": quality}
+                for frequency_hz, quality in resonances.items()
+            ],
+        },
+        "receiver": {
+            "encoding": "raw",
+            "sample_rate_hz": 200e3,
+            "noise_std": 0.003,
+            "own_echoes": own,
+        },
+    }
+    content = {
+        "seed": 5,
+        "duration_s": 8.0,
+        "world": {"area_m": [0.0, 5.0, 0.0, 5.0], "random_poles": {"count": 8}},
+        "robots": [
+            {
+                "name": "robot1",
+                "motion": {"kind": "random_walk", "speed_m_s": 0.8},
+                "transducers": [transducer],
+            }
+        ],
+    }
+    survey = ReceiverSurvey(ReconstructionParameters())
+    for topic, trace in simulate(Scenario.from_mapping(content, "own echoes")):
+        survey.add(topic, trace)
+    known = survey.known("/robot1/echo").pulse
+    learnt = np.array(known.template_i) + 1j * np.array(known.template_q)
+    rate_hz = known.template_rate_hz
+    true = driven(trace.transducer.pulse.driven, resonances, rate_hz, len(learnt) + 400)
+    alike = np.abs(np.correlate(true, learnt, "valid")).max()
+    assert alike > 0.995 * np.linalg.norm(true) * np.linalg.norm(learnt)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from usmap_ros.mapping.robot_check.finding import Finding, Verdict
+from usmap_ros.numerics.arrays import quantiles
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.range_cones import is_deaf_behind
 
@@ -15,6 +16,8 @@ LEAST_PINGS = 10
 ODD_LIMIT_DB = 10.0
 #: A robot with fewer echoes than this share of the fleet's does not hear them.
 FEW_ECHOES = 0.4
+#: Quantile of a ping's detection limits that its noise sets: above it, its loud echoes may.
+_QUIET = 0.1
 #: Share of pings that are as full as the fullest, from which on noise fills them.
 FULL_SHARE = 0.8
 
@@ -27,7 +30,7 @@ class ReceiverHealth:
     echoes: float
     #: Share of its pings with as many echoes as the fullest.
     full: float
-    #: Median detection limit, dB re amplitude 1.
+    #: Median over pings of the detection limit where it is quiet, dB re amplitude 1.
     limit_db: float
     #: Median amplitude of its echoes, dB; None without any.
     loudness_db: float | None
@@ -46,7 +49,7 @@ def receiver_health(cones: Sequence[EchoCone]) -> ReceiverHealth | None:
         return None
     counts = np.array([len(cone.ranges_m) for cone in cones])
     amplitudes = np.concatenate([cone.amplitudes for cone in cones]).astype(float)
-    limits = [np.median(cone.limit_amplitudes()) for cone in cones]
+    limits = [quantiles(cone.limit_amplitudes(), _QUIET)[0] for cone in cones]
     return ReceiverHealth(
         echoes=float(counts.mean()),
         full=float(np.mean(counts == counts.max())),

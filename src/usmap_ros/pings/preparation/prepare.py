@@ -15,6 +15,7 @@ from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import CorrectionParameters, ReconstructionParameters
 from usmap_ros.pings.preparation.dc_offset import without_dc_offset
 from usmap_ros.pings.preparation.received_pulse import with_profile
+from usmap_ros.pings.preparation.ring_down import without_own_sound
 from usmap_ros.pings.preparation.valid_part import valid_part
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.pings.transducer_array import ArrayElement, TransducerArray
@@ -44,7 +45,9 @@ def prepared(trace: EchoTrace, parameters: ReconstructionParameters) -> EchoTrac
     trace = corrected(trace, parameters.correction)
     trace = with_profile(trace, parameters.pulse)
     trace = with_receiver_at(trace, parameters.receiver_offset_m)
+    # Its own sound tells when it has rung out.
     trace = valid_part(trace, parameters.valid_from_s, parameters.valid_until_s)
+    trace = without_own_sound(trace, parameters.ringing)
     if parameters.upright_objects:
         return trace
     rise_m = parameters.object_height_m - float(trace.pose.position_m[2])

@@ -1,5 +1,7 @@
 """Receivers that are deaf, noisy or wrongly scaled are told from one another without a map."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,11 @@ from usmap_ros.mapping.robot_check.receiver_health import (
     odd_receivers,
     receiver_health,
 )
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.range_cones import RangeReading
+from usmap_ros.reconstruction.reconstructor import reconstruct
 
 USUAL = [
     ReceiverHealth(echoes=3.0, full=0.1, limit_db=-34.0, loudness_db=-25.0),
@@ -81,3 +86,19 @@ def test_sensors_of_ranges_that_look_at_near_and_far_things_are_not_odd() -> Non
     healths = {f"/{range_m}": health(range_m) for range_m in (0.8, 4.0, np.inf)}
 
     assert odd_receivers({topic: own for topic, own in healths.items() if own}) == {}
+
+
+def test_a_receiver_is_not_deaf_because_loud_echoes_mask_most_of_a_ping(hear: Any) -> None:
+    """As walls do beside a robot, the more so the less is known of its pulse."""
+    uncertain = ReconstructionParameters(model_error=0.2)
+
+    def health(ranges_m: FloatArray) -> ReceiverHealth | None:
+        trace = hear([(range_m, 0.0) for range_m in ranges_m], noise_std=0.002)
+        return receiver_health([reconstruct(trace, uncertain).cone] * 20)
+
+    hall = health(np.array([3.0]))
+    narrow = health(np.arange(0.5, 4.0, 0.25))
+
+    assert hall is not None
+    assert narrow is not None
+    assert odd_receivers({"/1": hall, "/2": hall, "/3": narrow}) == {}

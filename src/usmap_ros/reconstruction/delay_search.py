@@ -141,12 +141,15 @@ def _between_samples(
 
 def _overlaps(dictionary: DelayDictionary, support: IndexArray, delays_s: FloatArray) -> FloatArray:
     """Correlation of each two of several direct echoes, 0 of one with itself, (k, k)."""
-    numbers, later_s = dictionary.pulse_numbers(support), delays_s[:, np.newaxis] - delays_s
-    overlaps = np.zeros(later_s.shape)
-    for first, one in enumerate(dictionary.templates):
-        for second, other in enumerate(dictionary.templates):
-            pairs = np.ix_(numbers == first, numbers == second)
-            overlaps[pairs] = one.overlap(other, later_s[pairs])
+    templates, later_s = dictionary.templates, delays_s[:, np.newaxis] - delays_s
+    overlaps = templates[0].overlap(templates[0], later_s)
+    # To pick pairs out takes as long as all else here, and most sensors have one pulse.
+    if len(templates) > 1:
+        of_pulse = [dictionary.pulse_numbers(support) == n for n in range(len(templates))]
+        for rows, one in zip(of_pulse, templates, strict=True):
+            for columns, other in zip(of_pulse, templates, strict=True):
+                pairs = np.ix_(rows, columns)
+                overlaps[pairs] = one.overlap(other, later_s[pairs])
     np.fill_diagonal(overlaps, 0.0)
     return overlaps
 

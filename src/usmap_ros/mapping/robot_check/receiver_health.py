@@ -30,10 +30,12 @@ class ReceiverHealth:
     echoes: float
     #: Share of its pings with as many echoes as the fullest.
     full: float
-    #: Median over pings of the detection limit where it is quiet, dB re amplitude 1.
+    #: Median detection limit, dB re amplitude 1.
     limit_db: float
     #: Median amplitude of its echoes, dB; None without any.
     loudness_db: float | None
+    #: Median over pings of the detection limit where it is quiet, dB re amplitude 1.
+    quiet_limit_db: float
 
 
 def receiver_health(cones: Sequence[EchoCone]) -> ReceiverHealth | None:
@@ -49,12 +51,14 @@ def receiver_health(cones: Sequence[EchoCone]) -> ReceiverHealth | None:
         return None
     counts = np.array([len(cone.ranges_m) for cone in cones])
     amplitudes = np.concatenate([cone.amplitudes for cone in cones]).astype(float)
-    limits = [quantiles(cone.limit_amplitudes(), _QUIET)[0] for cone in cones]
+    limits = np.array([quantiles(cone.limit_amplitudes(), _QUIET, 0.5) for cone in cones])
+    quiet, usual = np.median(limits, axis=0)
     return ReceiverHealth(
         echoes=float(counts.mean()),
         full=float(np.mean(counts == counts.max())),
-        limit_db=_decibels(float(np.median(limits))),
+        limit_db=_decibels(usual),
         loudness_db=_decibels(float(np.median(amplitudes))) if len(amplitudes) else None,
+        quiet_limit_db=_decibels(quiet),
     )
 
 
@@ -119,8 +123,9 @@ def _cause(
         return None
     louder_db = own.loudness_db - _middle(known)
     if louder_db * above_db < 0.0 or abs(louder_db) < 0.5 * abs(above_db):
-        # Its echoes are as loud as others': it is only the noise.
-        return ("deaf", limit) if above_db > 0.0 else None
+        # Its echoes are as loud as others': it is only the noise, unless they mask most of it.
+        quiet_db = own.quiet_limit_db - _middle([other.quiet_limit_db for other in others])
+        return ("deaf", limit) if min(above_db, quiet_db) > ODD_LIMIT_DB else None
     doubt = "; or the only other robot's gain is wrong" if len(others) == 1 else ""
     if louder_db > 0.0:
         return "loud", f"its noise and echoes are {louder_db:.0f} dB louder than others'{doubt}"

@@ -38,7 +38,7 @@ _STATED_MISFIT, _IMPROVEMENT = 0.12, 0.8
 _LONELIEST = 0.3
 #: Share of the echoes that have least beside them, quantile of those whose leftovers the model
 #: error covers, and its least value.
-_LONE, _COVERED, _LEAST_ERROR = 0.25, 0.75, 0.02
+_LONELY_SHARE, _COVERED, _LEAST_ERROR = 0.25, 0.75, 0.02
 #: Qualities to start from, and bounds of quality and of the resonance over the carrier.
 _QUALITIES = (5.0, 20.0, 60.0)
 _LEAST_QUALITY, _GREATEST_QUALITY = 1.0, 300.0
@@ -220,7 +220,7 @@ def _from_onset(template: Signal, risen: int, faded: int, rate_hz: float, pulse:
 
 def _own_error(aligned: AlignedEchoes) -> float:
     """What a matched filter makes of leftovers of the loneliest echoes, freed of others."""
-    loneliest = aligned.misfits <= np.quantile(aligned.misfits, _LONE)
+    loneliest = aligned.misfits <= np.quantile(aligned.misfits, _LONELY_SHARE)
     freed = _answers(aligned.echoes[loneliest], aligned.template).max(axis=1)
     return float(np.clip(np.quantile(freed, _COVERED), _LEAST_ERROR, 0.5))
 

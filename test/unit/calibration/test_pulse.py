@@ -1,17 +1,21 @@
 """The pulse as it is received, and how far it can be relied on."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.calibration import calibrate
 from usmap_ros.calibration.aligned_echoes import FINER, align
 from usmap_ros.calibration.pulse import measure_pulse
 from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.numerics.arrays import Signal
-from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.parameters import PulseParameters, ReconstructionParameters
 from usmap_ros.pings.preparation.received_pulse import driven_resonators
+from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.simulation import Scenario, simulate
 
 AS_REAL = Path(__file__).parents[3] / "config/scenarios/as_real.yaml"
@@ -68,7 +72,25 @@ def driven(pulse: Pulse, qualities: dict[float, float], rate_hz: float, count: i
     return received((np.arange(count) - 200) / rate_hz)
 
 
-def test_what_the_sensor_hears_of_itself_is_not_its_pulse():
+def by_survey(topic: str, traces: Sequence[EchoTrace]) -> PulseParameters:
+    survey = ReceiverSurvey(ReconstructionParameters())
+    for trace in traces:
+        survey.add(topic, trace)
+    known = survey.known(topic)
+    assert known is not None
+    return known.pulse
+
+
+def by_calibration(topic: str, traces: Sequence[EchoTrace]) -> PulseParameters:
+    found = calibrate(traces).pulse
+    assert found is not None
+    return found.parameters
+
+
+@pytest.mark.parametrize("learn", [by_survey, by_calibration])
+def test_what_the_sensor_hears_of_itself_is_not_its_pulse(
+    learn: Callable[[str, Sequence[EchoTrace]], PulseParameters],
+) -> None:
     """Two answers of its mount overlap, and are louder than all echoes."""
     resonances = {40e3: 30.0, 40.5e3: 30.0}
     own = [{"delay_s": 0.0021, "amplitude": 0.5}, {"delay_s": 0.0033, "amplitude": 0.3}]
@@ -101,12 +123,10 @@ def test_what_the_sensor_hears_of_itself_is_not_its_pulse():
             }
         ],
     }
-    survey = ReceiverSurvey(ReconstructionParameters())
-    for topic, trace in simulate(Scenario.from_mapping(content, "own echoes")):
-        survey.add(topic, trace)
-    known = survey.known("/robot1/echo").pulse
+    traces = [trace for _, trace in simulate(Scenario.from_mapping(content, "own echoes"))]
+    known = learn("/robot1/echo", traces)
     learnt = np.array(known.template_i) + 1j * np.array(known.template_q)
     rate_hz = known.template_rate_hz
-    true = driven(trace.transducer.pulse.driven, resonances, rate_hz, len(learnt) + 400)
+    true = driven(traces[0].transducer.pulse.driven, resonances, rate_hz, len(learnt) + 400)
     alike = np.abs(np.correlate(true, learnt, "valid")).max()
     assert alike > 0.995 * np.linalg.norm(true) * np.linalg.norm(learnt)

@@ -24,12 +24,10 @@ from usmap_ros.calibration.loudness import (
     gain_from_target,
     log_reflectivities,
 )
-from usmap_ros.calibration.own_sound import own_sound_of
 from usmap_ros.calibration.pulse import measure_pulse
 from usmap_ros.calibration.result import Calibration, Estimate
 from usmap_ros.calibration.ringing import Ringing, ringing_of
 from usmap_ros.calibration.target import Target
-from usmap_ros.calibration.traces_apart import TracesApart
 from usmap_ros.errors import UsmapError
 from usmap_ros.parameters import PipelineParameters, ReconstructionParameters
 from usmap_ros.pings.trace import EchoTrace
@@ -77,7 +75,7 @@ def calibrate(
     first = list(islice(remaining, _PULSE_PINGS))
     pulse, reconstruction = None, parameters.reconstruction
     if reconstruction.pulse.kind == "stated":
-        pulse = measure_pulse(first, _without_own_sound(first, reconstruction))
+        pulse = measure_pulse(first, reconstruction)
         if pulse is not None and pulse.is_known:
             found = {"pulse": pulse.parameters, "model_error": pulse.model_error}
             reconstruction = reconstruction.model_copy(update=found)
@@ -115,19 +113,6 @@ def calibrate(
         stated_speed_m_s=table.stated.sound_speed_m_s,
         remarks=remarks,
     )
-
-
-def _without_own_sound(
-    traces: list[EchoTrace], parameters: ReconstructionParameters
-) -> ReconstructionParameters:
-    """Parameters by which what a transducer hears of itself is taken off its traces."""
-    apart = TracesApart()
-    for trace in traces:
-        apart.add(trace)
-    own = own_sound_of(apart.traces, parameters)
-    if own is None:
-        return parameters
-    return parameters.model_copy(update={"ringing": own.added_to(parameters.ringing)})
 
 
 def _ringing(

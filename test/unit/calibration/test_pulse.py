@@ -88,10 +88,10 @@ def by_calibration(topic: str, traces: Sequence[EchoTrace]) -> PulseParameters:
 
 
 @pytest.mark.parametrize("learn", [by_survey, by_calibration])
-def test_what_the_sensor_hears_of_itself_is_not_its_pulse(
+def test_two_answers_of_the_mount_that_overlap_are_no_long_pulse(
     learn: Callable[[str, Sequence[EchoTrace]], PulseParameters],
 ) -> None:
-    """Two answers of its mount overlap, and are louder than all echoes."""
+    """They are as far apart in every ping."""
     resonances = {40e3: 30.0, 40.5e3: 30.0}
     own = [{"delay_s": 0.0021, "amplitude": 0.5}, {"delay_s": 0.0033, "amplitude": 0.3}]
     transducer = {

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -68,10 +69,11 @@ def own_sound_of(
     parameters : ReconstructionParameters
         What is known of them.
     """
-    heard = _on_one_grid(_with_phase(traces, parameters))
-    if len(heard) < _LEAST_TRACES:
+    placed = _on_one_grid(_with_phase(traces, parameters))
+    if len(placed) < _LEAST_TRACES:
         return None
-    signals, start_s = _stacked(heard)
+    signals, start_s = _stacked(placed)
+    heard = [trace for trace, _ in placed]
     rate_hz = heard[0].sample_rate_hz
     usual = _quantile(signals.real, 0.5) + 1j * _quantile(signals.imag, 0.5)
     is_own = _is_alike(signals, usual, heard[0])
@@ -120,35 +122,34 @@ def _with_phase(
     return found
 
 
-def _on_one_grid(traces: list[EchoTrace]) -> list[EchoTrace]:
-    """Those sampled at the same times as the middle one."""
+def _on_one_grid(traces: list[EchoTrace]) -> list[tuple[EchoTrace, int]]:
+    """Those sampled at the same times as the middle one, and how many samples later they begin."""
     if not traces:
         return []
     middle = traces[len(traces) // 2]
     return [
-        trace
+        (trace, begin)
         for trace in traces
         if trace.encoding is middle.encoding
         and trace.sample_rate_hz == middle.sample_rate_hz
-        and on_grid(trace, middle.start_delay_s) is not None
+        and (begin := on_grid(trace, middle.start_delay_s)) is not None
     ]
 
 
-def _stacked(traces: list[EchoTrace]) -> tuple[Signal, float]:
+def _stacked(traces: list[tuple[EchoTrace, int]]) -> tuple[Signal, float]:
     """Their signals by time, (traces, samples), NaN where one did not listen; and when they begin.
 
     Only times at which enough of them listened.
     """
-    start_s = min(trace.start_delay_s for trace in traces)
-    begins = [on_grid(trace, start_s) or 0 for trace in traces]
-    samples = max(trace.sampling.sample_count for trace in traces) + max(begins)
+    earliest, least = min(traces, key=itemgetter(1))
+    samples = max(begin - least + trace.sampling.sample_count for trace, begin in traces)
     signals = np.full((len(traces), samples), np.nan, dtype=np.complex128)
-    for row, trace, begin in zip(signals, traces, begins, strict=True):
-        row[begin : begin + trace.sampling.sample_count] = trace.signal()
-    least = max(_LEAST_TRACES, _SHARE * len(traces))
-    enough = np.flatnonzero(np.sum(~np.isnan(signals.real), axis=0) >= least)
+    for row, (trace, begin) in zip(signals, traces, strict=True):
+        row[begin - least :][: trace.sampling.sample_count] = trace.signal()
+    listening = np.sum(~np.isnan(signals.real), axis=0)
+    enough = np.flatnonzero(listening >= max(_LEAST_TRACES, _SHARE * len(traces)))
     first, stop = (enough[0], enough[-1] + 1) if len(enough) else (0, 0)
-    return signals[:, first:stop], start_s + first / traces[0].sample_rate_hz
+    return signals[:, first:stop], earliest.start_delay_s + first / earliest.sample_rate_hz
 
 
 def _quantile(values: FloatArray, share: float) -> FloatArray:

@@ -8,6 +8,7 @@ import pytest
 
 import usmap_ros
 from usmap_ros.calibration.learnt import LearntReception
+from usmap_ros.calibration.own_sound import own_sound_of
 from usmap_ros.calibration.receiver_survey import ReceiverSurvey
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
@@ -104,6 +105,27 @@ def test_what_the_mount_returns_is_learnt_and_taken_off() -> None:
         assert np.count_nonzero(near.ranges_m < 0.5) >= 2
         assert not np.any(clean.ranges_m < 0.46)
         assert len(clean.ranges_m) >= len(near.ranges_m) - 3
+
+
+def test_it_is_learnt_of_traces_that_begin_earlier_and_later() -> None:
+    """On grids that are a little before and behind the middle one's."""
+    traces = driven()
+    early_s, late_s = (part / traces[0].sample_rate_hz for part in (-0.015, 0.015))
+    begun = [
+        replace(trace, start_delay_s=trace.start_delay_s + early_s)
+        if number % 2
+        else replace(trace, start_delay_s=trace.start_delay_s + late_s).cut(45)
+        for number, trace in enumerate(traces)
+    ]
+    begun[len(begun) // 2] = traces[len(begun) // 2]
+    expected, found = own_sound_of(traces, STATED), own_sound_of(begun, STATED)
+    assert expected is not None
+    assert found is not None
+    # Where all have begun.
+    both = min(len(expected.signal), len(found.signal))
+    assert both > 10
+    assert found.end_s == pytest.approx(expected.end_s, abs=1e-6)
+    assert found.signal[-both:] == pytest.approx(expected.signal[-both:], abs=0.01)
 
 
 def test_objects_are_heard_where_the_mount_answers() -> None:

@@ -1,5 +1,6 @@
 """A bag mapped offline, and replayed through the nodes as processes, gives the same map."""
 
+import signal
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from usmap_ros.grids import OCCUPIED_PROBABILITY, OccupancyMap
 from usmap_ros.io.bags import write_bag
 from usmap_ros.io.map_files import load_map
+from usmap_ros.live.ordering import QUIET_S
 from usmap_ros.simulation import Scenario, simulate
 
 pytestmark = pytest.mark.slow
@@ -102,3 +104,20 @@ def test_replay_through_the_nodes_gives_the_offline_map(
     settings: dict[str, Any],
 ) -> None:
     same_cells(replayed(bags[pings], pings, rate, settings), offline(bags[pings], settings))
+
+
+def test_a_reader_that_hangs_for_some_seconds_is_not_late(
+    live: Any, processes: Any, diagnostics: Any, bags: dict[int, Path]
+) -> None:
+    """The replay waits for it, and so must who fuses."""
+    processes.start("map_fusion", use_sim_time="true")
+    first, *_ = [
+        processes.start("cone_reconstructor", robot, use_sim_time="true") for robot in ROBOTS
+    ]
+    processes.start("bag_replay", bag=bags[FEW], rate=1.0, wait_s=DEADLINE_S)
+    live.until(lambda: diagnostics.total("/map_fusion", "fused") > 0, DEADLINE_S)
+    first.send_signal(signal.SIGSTOP)
+    live.spin(QUIET_S + 2.0)
+    first.send_signal(signal.SIGCONT)
+    live.until(lambda: diagnostics.total("/map_fusion", "fused") == FEW, DEADLINE_S)
+    assert diagnostics.total("/map_fusion", "late") == 0

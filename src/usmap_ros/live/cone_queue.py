@@ -111,6 +111,11 @@ class ConeQueue:
                 else:
                     self._order.remove_source(source)
 
+    def stand_still(self) -> None:
+        """Note that the cones' time stands still, so that none can be expected."""
+        with self._lock:
+            self._order.stand_still(self._clock())
+
     def push(self, topic: str, cone: EchoCone) -> None:
         """Take a cone in."""
         now_s = self._clock()

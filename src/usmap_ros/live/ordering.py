@@ -12,6 +12,9 @@ OTHER_TIME_S = 60.0
 #: Without any item from anybody for so many times the wait, and for so long, nobody is waited for
 #: any more.  It is long, because all may be busy at once; only the last items ever wait for it.
 QUIET_WAITS, QUIET_S = 4.0, 5.0
+#: Nor is that time counted while the stamps' time stands still, as a replay's does that waits for a
+#: slow reader: for so long after the last item.
+STANDSTILL_S = 60.0
 
 _Item = TypeVar("_Item")
 
@@ -44,7 +47,7 @@ class StampOrder(Generic[_Item]):
     waited for again when it speaks.  It counts as silent when an item has waited for it for
     `wait_s`, and another source has sent one that is newer by as much: a receiver that has been
     busy, or a recording that is played fast, makes nobody silent.  If nothing comes from any
-    source for some seconds, what is held goes out as well.
+    source for some seconds, in which time has not stood still, what is held goes out as well.
 
     Nothing here asks for the time: callers pass a clock reading that never runs backwards.
 
@@ -75,7 +78,8 @@ class StampOrder(Generic[_Item]):
         self._sources: dict[str, _Source] = {}
         self._released_ns: int | None = None
         self._newest_ns = 0
-        self._last_push_s = 0.0
+        # When an item last came, and since when nothing has come although time passed.
+        self._last_push_s = self._quiet_since_s = 0.0
         self._numbers = itertools.count()
 
     def __len__(self) -> int:
@@ -90,6 +94,11 @@ class StampOrder(Generic[_Item]):
         """Wait for a source no longer; its items stay."""
         self._sources.pop(source, None)
 
+    def stand_still(self, now_s: float) -> None:
+        """Note that the stamps' time stands still: nobody is silent who sends nothing meanwhile."""
+        if now_s - self._last_push_s <= STANDSTILL_S:
+            self._quiet_since_s = now_s
+
     def push(self, source: str, stamp_ns: int, item: _Item, now_s: float) -> None:
         """Take an item that was received at `now_s`."""
         known = self._sources.setdefault(source, _Source())
@@ -99,7 +108,7 @@ class StampOrder(Generic[_Item]):
             self.late += 1
             self.last_late = f"{source}, {(self._released_ns - stamp_ns) / 1e9:.3g} s behind"
         self._newest_ns = max(self._newest_ns, stamp_ns)
-        self._last_push_s = now_s
+        self._last_push_s = self._quiet_since_s = now_s
         entry = _Entry(stamp_ns, source, next(self._numbers), item, now_s)
         heapq.heappush(self._heap, entry)
         self._arrivals.append(entry)
@@ -184,7 +193,7 @@ class StampOrder(Generic[_Item]):
         if self._newest_ns >= stamp_ns + round(self.wait_s * 1e9):
             return self._oldest_arrival_s() + self.wait_s
         quiet_s = max(QUIET_WAITS * self.wait_s, QUIET_S) if self.wait_s else 0.0
-        return self._last_push_s + quiet_s
+        return self._quiet_since_s + quiet_s
 
     def _all_are_past(self, stamp_ns: int) -> bool:
         latest = [s.latest_ns for s in self._sources.values() if s.latest_ns is not None]

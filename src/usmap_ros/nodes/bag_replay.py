@@ -238,6 +238,9 @@ class BagReplay(Node):
             self._rewind()
             return
         self.destroy_timer(self._timer)
+        if self._clock_publisher is not None:
+            # Time that stands still for ever would have others wait for it.
+            self.destroy_publisher(self._clock_publisher)
         self.get_logger().info(f"published {self.health.total('published')} messages")
         self._on_end()
 

@@ -19,9 +19,12 @@ from usmap_ros.nodes.plumbing.frames import Transforms
 from usmap_ros.nodes.plumbing.map_session import MapSession
 from usmap_ros.nodes.plumbing.parameter_server import ParameterServer
 from usmap_ros.nodes.plumbing.run import run_node
+from usmap_ros.nodes.plumbing.standstill import Standstill
 from usmap_ros.parameters.fields import is_among
 from usmap_ros.parameters.nodes import MapFusionParameters
 
+#: How often it is looked whether time passes.
+_CLOCK_PERIOD_S = 0.5
 #: Of the time that the map on disk may lag behind, when the next checkpoint is begun: the rest is
 #: for writing it, and for what else there is to do.
 _BEGUN_AFTER = 0.75
@@ -100,7 +103,10 @@ class MapFusion(LifecycleNode):
         listed = self.parameters.value.cone_topics
         self._topics = topics = ConeTopics(self, listed, receive, session.settle)
         look = partial(self._look_for_robots, session, topics)
-        callbacks: tuple[Callable[[], None], ...] = (look, session.maps.publish, session.maps.keep)
+        watch = partial(_note_standstill, session, Standstill(self))
+        callbacks: tuple[Callable[[], None], ...] = (
+            look, session.maps.publish, session.maps.keep, watch,
+        )  # fmt: skip
         self._timers_of_life = [
             every(self, period_s, callback)
             for period_s, callback in zip(self._periods_s(), callbacks, strict=True)
@@ -185,10 +191,10 @@ class MapFusion(LifecycleNode):
             timer.timer_period_ns = round(period_s * 1e9)
 
     def _periods_s(self) -> tuple[float, ...]:
-        """How often an active node looks for robots, publishes, and keeps the map."""
+        """How often an active node looks for robots, publishes, keeps the map, looks at time."""
         now = self.parameters.value
         begun_s = _BEGUN_AFTER * now.checkpoint_period_s
-        return now.discovery_period_s, 1.0 / now.publish_rate_hz, begun_s
+        return now.discovery_period_s, 1.0 / now.publish_rate_hz, begun_s, _CLOCK_PERIOD_S
 
     # ---- cones
 
@@ -236,6 +242,11 @@ class MapFusion(LifecycleNode):
         response.success = True
         response.message = "paused: cones are not fused" if self._is_paused else "fusing"
         return response
+
+
+def _note_standstill(session: MapSession, is_standing: Standstill) -> None:
+    if is_standing():
+        session.fusion.queue.stand_still()
 
 
 def main() -> None:

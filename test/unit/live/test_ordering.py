@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from usmap_ros.live.ordering import QUIET_S, StampOrder
+from usmap_ros.live.ordering import QUIET_S, STANDSTILL_S, StampOrder
 
 WAIT_S = 0.5
 SECOND = 1_000_000_000
@@ -62,6 +62,25 @@ def test_what_is_held_goes_out_when_nothing_comes_any_more() -> None:
     order.push("a", 20, "a20", 1.0)
     assert order.due_in_s(1.0) == QUIET_S
     assert _drain(order, 1.0 + QUIET_S) == ["a10", "a20"]
+
+
+def test_nobody_is_silent_while_time_stands_still() -> None:
+    order = _order()
+    order.push("a", 10, "a10", 0.0)
+    for second in range(1, int(STANDSTILL_S)):
+        order.stand_still(float(second))
+        assert _drain(order, float(second)) == []
+    order.push("b", 5, "b5", STANDSTILL_S)
+    assert _drain(order, STANDSTILL_S) == ["b5"]
+    assert order.late == 0
+
+
+def test_time_that_stands_still_for_ever_holds_nothing_back_for_ever() -> None:
+    order = _order()
+    order.push("a", 10, "a10", 0.0)
+    for second in range(1, int(STANDSTILL_S + QUIET_S) + 2):
+        order.stand_still(float(second))
+    assert _drain(order, STANDSTILL_S + QUIET_S) == ["a10"]
 
 
 def test_a_source_that_left_is_not_waited_for() -> None:

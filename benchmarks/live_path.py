@@ -241,6 +241,7 @@ def _measure(
         "dropped": observed.total("/map_fusion", "dropped"),
         "dropped_before": sum(observed.total(name, "dropped") for name in used),
         "late": observed.total("/map_fusion", "late"),
+        "thinned": observed.total("/map_fusion", "thinned"),
         "latency_p50_ms": round(1000 * float(np.percentile(latencies_s, 50)), 1),
         "latency_p95_ms": round(1000 * float(np.percentile(latencies_s, 95)), 1),
         BY_SECOND: _p95_by_second_ms(sent_s, latencies_s),

@@ -80,6 +80,11 @@ class SharedMap:
         return self._latest.is_behind
 
     @property
+    def thinned(self) -> int:
+        """Pings that more came than could be explained with, and that went for it."""
+        return self._latest.thinned
+
+    @property
     def doubted(self) -> str:
         """Robots whom others contradict in the newest map, and for how much of it they count."""
         doubted = self._latest.doubted

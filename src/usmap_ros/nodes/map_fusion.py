@@ -29,8 +29,8 @@ _CLOCK_PERIOD_S = 0.5
 #: for writing it, and for what else there is to do.
 _BEGUN_AFTER = 0.75
 _COUNTED = (
-    "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "paused", "failed",
-    "left out", "elsewhere", "set apart", "jumped", "published",
+    "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "thinned",
+    "paused", "failed",    "left out", "elsewhere", "set apart", "jumped", "published",
 )  # fmt: skip
 
 

@@ -23,8 +23,8 @@ from usmap_ros.pings.cone import EchoCone
 #: Variance of a bearing, rad², below which its weight may be beyond all numbers.
 LEAST_VARIANCE = 1e-30
 #: Share of the window that goes at once when it is full; what it said stays in the map.
-RETIRED_SHARE = 4
-#: So many times that may be kept until what it said has been worked out: as much as a window.
+RETIRED_SHARE = 2
+#: So many times that may be kept until what it said has been worked out: as much as two windows.
 MOST_WAITING = 4
 #: A live map begins with so many pings at the most: those beyond wait for less beside them.
 FIRST_PINGS = 64
@@ -49,7 +49,7 @@ class JointFusion(Fusion):
         # From which all is counted that is kept, by the first ping or an earlier map.
         self._origin: LocalOrigin | None = None
         # What those before the window have said.
-        self._earlier: Callable[[], OccupancyMap] | None = None
+        self._earlier: Callable[[bool], OccupancyMap] | None = None
         self._retired: Survey | None = None
         # The same of all whose map may not be made yet; only who needs them keeps them.
         self._waiting: list[weakref.ref[Survey]] = []
@@ -57,7 +57,7 @@ class JointFusion(Fusion):
         self._survey: Survey | None = None
         self._doubted: dict[str, float] = {}
         self._common_error = NO_ERROR
-        self._count = 0
+        self._count = self._thinned = 0
         # None as long as nobody asks for the map while pings come.
         self._live: LiveMap | None = None
         # The survey that it begins with, as long as it has not.
@@ -84,15 +84,19 @@ class JointFusion(Fusion):
     def _retire(self) -> None:
         """Let the oldest pings go, and what they said stay.
 
-        That is worked out when the next map is, or beside; here only where there would be more
-        pings in memory than two windows hold, for whoever fuses has to wait for it.
+        That is worked out when the next map is, or beside.  Where there would be more pings in
+        memory than three windows hold, whoever fuses waits for it; but live, nobody may wait, and
+        a share of the window goes and says no more.
         """
-        self._retired = self._surveyed()
-        self._earlier = self._retired.occupancy_map
         living = [survey for each in self._waiting if (survey := each()) is not None]
         waiting = [survey for survey in living if not survey.is_made]
         if len(waiting) >= MOST_WAITING:
+            if self._live is not None:
+                self._thinned += self._kept.thin()
+                return
             waiting.pop(0).occupancy_map()
+        self._retired = self._surveyed()
+        self._earlier = self._retired.occupancy_map
         self._waiting = [weakref.ref(survey) for survey in (*waiting, self._retired)]
         self._kept.drop_oldest(max(1, self.parameters.window // RETIRED_SHARE))
 
@@ -115,10 +119,10 @@ class JointFusion(Fusion):
             return wrong
         if self._earlier is None:
             return 0
-        before = self._earlier()
+        before = self._earlier(False)
         cells = ~np.isfinite(before.log_odds)
         before.log_odds[cells], before.observed[cells] = logit(self.parameters.prior), False
-        self._earlier = lambda: before
+        self._earlier = lambda is_beside: before
         self._changed()
         return int(np.count_nonzero(cells))
 
@@ -155,6 +159,11 @@ class JointFusion(Fusion):
     def common_error(self) -> CommonError:
         """What is wrong with all pings, and is not in the newest map of all pings any more."""
         return self._common_error
+
+    @property
+    def thinned(self) -> int:
+        """Pings that went before what they said was worked out, since more came than could be."""
+        return self._thinned
 
     @property
     def memory_bytes(self) -> int:
@@ -246,7 +255,7 @@ class JointFusion(Fusion):
                 *occupancy.geometry.origin_m, self.parameters.resolution_m
             )
         before = self._origin.from_here(copied(occupancy))
-        self._earlier, self._retired = (lambda: before), None
+        self._earlier, self._retired = (lambda is_beside: before), None
         self._changed()
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.sensors import Sensors, sensors_of
+from usmap_ros.mapping.joint.thinning import Thinning
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.ping_bins import ping_bins_of
 from usmap_ros.mapping.ping_table import PingTable, stacked
@@ -71,6 +72,7 @@ class KeptPings:
         self._sensors: Sensors | None = None
         #: How much each source's pings count, where that is less than wholly: 0 to 1.
         self.trust: dict[str, float] = {}
+        self._thinning = Thinning()
         # Since when pings of these are doubtful.
         self._doubtful_since_ns: dict[str, int] = {}
 
@@ -132,6 +134,14 @@ class KeptPings:
         """Let the oldest go."""
         for _ in range(count):
             self._remove(0)
+        self._thinning.let_go(count)
+
+    def thin(self) -> int:
+        """Let a share of the pings of each time go; returns how many went."""
+        going = self._thinning.going(len(self))
+        for index in going[::-1].tolist():
+            self._remove(index)
+        return len(going)
 
     def drop_newest(self) -> None:
         """Let the one go that came last."""

@@ -112,6 +112,9 @@ class LiveMap:
     ) -> None:
         """Go on from what is known by all pings, with those that have come since.
 
+        Where more have come than are known, or come than can be added meanwhile, all goes on from
+        what was known before.
+
         Parameters
         ----------
         found : Explanation
@@ -124,6 +127,7 @@ class LiveMap:
             When they were told: nothing holds that was told before the last `forget` or `outdate`.
         """
         (areas, sensors, pings), newest, has_all = found, number, True
+        most = pings
         while True:
             with self._lock:
                 if number < self._first or epoch != self.epoch:
@@ -138,6 +142,9 @@ class LiveMap:
             given = areas, behind, sensors, self._parameters
             # Many take as long as some seconds of pings, and few less than to be handed over.
             is_beside = len(behind) > BATCH * TOGETHER
+            if is_beside and len(behind) > most:
+                return
+            most = len(behind) - 1
             areas, has_these = (
                 Beside(_with_more, *given).result() if is_beside else _with_more(*given)
             )

@@ -24,7 +24,8 @@ class Survey:
     parameters : MappingParameters
         Of the map.
     earlier : callable, optional
-        Returns what was known before, which holds where the pings say nothing.
+        Returns what was known before, which holds where the pings say nothing; told `is_beside`, as
+        `occupancy_map` is.
     more_rounds : int
         Rounds of shadows and sweeps beyond the usual ones.
     frame_id, stamp_ns
@@ -37,7 +38,7 @@ class Survey:
         self,
         kept: KeptPings,
         parameters: MappingParameters,
-        earlier: Callable[[], OccupancyMap] | None,
+        earlier: Callable[[bool], OccupancyMap] | None,
         more_rounds: int,
         frame_id: str,
         stamp_ns: int,
@@ -58,7 +59,7 @@ class Survey:
         """
         with self._lock:
             if self._map is None:
-                earlier = self._before and self._before()
+                earlier = self._before and self._before(is_beside)
                 given = self._kept, self._parameters, earlier, self._more_rounds
                 known = Beside(explained, *given).result() if is_beside else explained(*given)
                 self._map = drawn_map(

@@ -27,6 +27,8 @@ _LOSSES = {
     "dropped": "cones come faster than they are fused",
     "late": "cones came after newer ones had been fused; order_wait_s may be too short, or a"
     " robot's clock wrong",
+    "thinned": "pings come from new places faster than they can be explained together: maps that"
+    " are made of all of them are made of a share",
 }
 
 
@@ -187,11 +189,12 @@ class MapSession:
         return 0.0
 
     def _note_losses(self) -> None:
-        now = {"dropped": self.fusion.queue.dropped, "late": self.fusion.queue.late}
+        queue = self.fusion.queue
+        now = {"dropped": queue.dropped, "late": queue.late, "thinned": self.fusion.thinned}
         for what, number in now.items():
             if number > self._noted[what]:
                 reason = _LOSSES[what]
                 if what == "late":
-                    reason = f"{self.fusion.queue.last_late}: {reason}"
+                    reason = f"{queue.last_late}: {reason}"
                 self._health.problem(what, reason, number=number - self._noted[what])
         self._noted = now

@@ -211,6 +211,25 @@ def test_who_fuses_does_not_wait_for_what_leaves_the_window(
     assert_same(fusion.occupancy_map(), at_once.occupancy_map())
 
 
+def test_who_fuses_live_never_waits_for_what_leaves_the_window(
+    views: list[EchoCone], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("usmap_ros.mapping.joint.fusion.MOST_WAITING", 1)
+    fusion = fused(views[:4], window=4)
+    fusion.live_snapshot()()
+    made: list[int] = []
+    explained = explanation.explained
+    monkeypatch.setattr(survey, "explained", lambda *given: made.append(1) or explained(*given))
+    more = [replace(cone, stamp_ns=1000 + cone.stamp_ns) for cone in views]
+    for cone in (*views[4:], *(moved(cone, 0.3) for cone in more)):
+        fusion.fuse(cone)
+    assert not made
+    assert fusion.thinned > 0
+    assert fusion.occupancy_map().observed.any()
+    # Who is not asked for maps while pings come has time.
+    assert fused([*views, *more], window=4).thinned == 0
+
+
 def test_nothing_is_kept_of_what_maps_were_made_from(views: list[EchoCone]) -> None:
     def alive() -> dict[type, int]:
         gc.collect()

@@ -317,6 +317,25 @@ def test_maps_are_made_in_time_while_all_pings_are_explained_together(
     assert_same(fusion.occupancy_map(), fused(pings).occupancy_map())
 
 
+def test_what_has_come_meanwhile_stays_on_maps_where_it_is_too_much_to_be_added(
+    pings: list[EchoCone], held: Held, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of it would take longer than the next pings take to come."""
+    fusion = fused(pings[:KNOWN])
+    fusion.live_snapshot(in_time=True)()
+    fuse(fusion, pings[KNOWN:13])
+    fusion.live_snapshot(in_time=True)()
+    held.wait()
+    for ping in pings[13:]:
+        fusion.fuse(ping)
+        fusion.live_snapshot(in_time=True)()
+    meanwhile = fusion.live_snapshot(in_time=True)()
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    held.finish()
+    assert_same(fusion.live_snapshot(in_time=True)(), meanwhile)
+    assert_same(fusion.occupancy_map(), fused(pings).occupancy_map())
+
+
 def test_who_is_left_out_meanwhile_does_not_come_back(pings: list[EchoCone], held: Held) -> None:
     fusion = JointFusion(MappingParameters())
     for number, ping in enumerate(pings[:20]):

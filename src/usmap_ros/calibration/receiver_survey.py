@@ -97,7 +97,8 @@ class ReceiverSurvey:
         self._parameters = parameters
         ringing = parameters.ringing
         self._judges_pulse = parameters.pulse.kind == "stated"
-        self._finds_ringing = ringing.learn and not any(ringing.amplitudes)
+        is_stated = any(ringing.amplitudes) or any(ringing.waveform)
+        self._finds_ringing = ringing.learn and not is_stated
         self._finds_unit = parameters.correction.gain == 1.0
         self._judges_noise = parameters.correction.noise_factor == 1.0
         self._noise: defaultdict[str, list[float]] = defaultdict(list)
@@ -155,7 +156,7 @@ class ReceiverSurvey:
 
     def has_turned(self, topic: str) -> bool:
         """Whether they tell what a transducer hears of itself, so that no more are wanted."""
-        return not self._wants_apart or self._apart[topic].have_turned
+        return self._apart[topic].have_turned if self._finds_ringing else self.has_moved(topic)
 
     @property
     def _wants_apart(self) -> bool:

@@ -215,3 +215,15 @@ def test_who_does_not_want_it_or_knows_better_is_obeyed() -> None:
     assert learnt(traces, unwanted) == unwanted
     told = ReconstructionParameters(ringing=RingingParameters(ranges_m=[0.3], amplitudes=[0.1]))
     assert learnt(traces, told) == told
+    of_part = learnt(traces).ringing.model_copy(update={"learn": True})
+    waveform = [*of_part.waveform[: len(of_part.waveform) // 4 * 2]]
+    told = ReconstructionParameters(ringing=of_part.model_copy(update={"waveform": waveform}))
+    assert learnt(traces, told) == told
+
+
+def test_a_pulse_alone_is_told_without_a_turn() -> None:
+    survey = ReceiverSurvey(ReconstructionParameters(ringing=RingingParameters(learn=False)))
+    for trace in recorded(OWN, straight(*CORNERS_M[:2])):
+        survey.add(TOPIC, trace)
+    assert survey.has_moved(TOPIC)
+    assert survey.has_turned(TOPIC)

@@ -40,7 +40,22 @@ def for_each(work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Resu
     threads = min(available_cores(), len(parts))
     if threads < 2 or getattr(_of_thread, "is_alone", False):
         return [work(part) for part in parts]
-    return list(_executor(os.getpid(), threads).map(work, parts))
+    results: dict[int, Result] = {}
+    waiting = iter(enumerate(parts))
+
+    def take() -> None:
+        for place, part in waiting:
+            results[place] = work(part)
+
+    # This thread works, too: it does not wait to be woken, nor for who has not begun.
+    helpers = [_executor(os.getpid(), threads - 1).submit(take) for _ in range(threads - 1)]
+    try:
+        take()
+    finally:
+        for helper in helpers:
+            if not helper.cancel():
+                helper.result()
+    return [results[place] for place in range(len(parts))]
 
 
 def in_turn(

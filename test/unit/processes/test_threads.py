@@ -38,7 +38,21 @@ def test_a_thread_that_is_to_work_alone_asks_no_other(monkeypatch: pytest.Monkey
     monkeypatch.setattr(threads, "available_cores", lambda: 2)
     with alone():
         assert set(for_each(lambda _: threading.get_ident(), range(9))) == {threading.get_ident()}
-    assert threading.get_ident() not in for_each(lambda _: threading.get_ident(), range(9))
+    together = threading.Barrier(2, timeout=10.0)
+    assert sorted(for_each(lambda _: together.wait(), range(2))) == [0, 1]
+
+
+def test_a_part_may_be_divided_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody waits for a thread that waits for it."""
+    monkeypatch.setattr(threads, "available_cores", lambda: 2)
+    together = threading.Barrier(2, timeout=10.0)
+
+    def work(part: int) -> list[int]:
+        together.wait()
+        return for_each(lambda number: number + part, range(9))
+
+    found = begun(lambda: for_each(work, [0, 10])).result(timeout=30.0)
+    assert found == [list(range(9)), list(range(10, 19))]
 
 
 @pytest.mark.parametrize("cores", [1, 2, 5])

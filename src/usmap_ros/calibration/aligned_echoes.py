@@ -116,8 +116,8 @@ def _best_place(
     if away_from is not None:
         lags, apart = away_from
         places = np.arange(correlation.shape[1]) / FINER
-        distance = np.abs((places - lags[:, np.newaxis] + 0.5 * width) % width - 0.5 * width)
-        correlation[distance < apart] = 0.0
+        distance = np.abs(places - lags[:, np.newaxis])
+        correlation[np.minimum(distance, width - distance) < apart] = 0.0
     best = correlation.argmax(axis=1)
     rows, count = np.arange(len(best)), correlation.shape[1]
     left, middle, right = (correlation[rows, (best + step) % count] for step in (-1, 0, 1))

@@ -93,16 +93,16 @@ def measure_pulse(
         return None
     pulse = seen.pulse
     apart = max(2, round(pulse.length_s * rate_hz))
-    aligned = align(snippets, apart)
     as_stated = _as_sampled(seen, snippets.shape[1], rate_hz)
     left_as_stated = misfits(snippets, as_stated, apart)
-    stated = float(np.median(left_as_stated))
-    residual = float(np.median(aligned.misfits))
-    is_better = (
-        stated > _STATED_MISFIT
-        and residual < _IMPROVEMENT * stated
-        and _least_left(snippets, apart) < _LONELIEST * left_as_stated.min()
-    )
+    stated = residual = float(np.median(left_as_stated))
+    is_better = stated > _STATED_MISFIT
+    if is_better:
+        residual = float(np.median(align(snippets, apart).misfits))
+        is_better = (
+            residual < _IMPROVEMENT * stated
+            and _least_left(snippets, apart) < _LONELIEST * left_as_stated.min()
+        )
     if not is_better:
         return MeasuredPulse(PulseParameters(), residual, stated, _LEAST_ERROR, len(snippets))
     # Others than the loudest may be lonelier, and take longer to look at.

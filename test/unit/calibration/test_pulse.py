@@ -18,7 +18,8 @@ from usmap_ros.pings.preparation.received_pulse import driven_resonators
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.simulation import Scenario, simulate
 
-AS_REAL = Path(__file__).parents[3] / "config/scenarios/as_real.yaml"
+SCENARIOS = Path(__file__).parents[3] / "config/scenarios"
+AS_REAL = SCENARIOS / "as_real.yaml"
 #: Level at which samples of that scenario rest, and samples from an echo to another beside it.
 RESTING, LATER = 2048.0, 80
 
@@ -44,6 +45,18 @@ def test_what_stands_beside_most_echoes_is_model_error() -> None:
     assert clean.model_error < 0.07
     # As loud as the copy, or twice that where the mean pulse has taken up one of its signs.
     assert 0.08 < crowded.model_error < 0.3
+
+
+def test_where_the_stated_pulse_explains_echoes_no_other_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """That takes five times as long, before anything is mapped."""
+    scenario = Scenario.load(SCENARIOS / "poles.yaml").model_copy(update={"duration_s": 4.0})
+    traces = [trace for topic, trace in simulate(scenario) if topic == "/robot1/echo"]
+    monkeypatch.delattr("usmap_ros.calibration.pulse.align")
+    measured = measure_pulse(traces, ReconstructionParameters())
+    assert not measured.is_known
+    assert measured.residual == measured.stated_residual < 0.1
 
 
 def test_the_loneliest_echoes_tell_the_pulse():

@@ -103,7 +103,7 @@ def test_an_echo_may_be_far_from_where_a_column_should_be_heard(
     every = np.arange(10)
     far = Circle(
         X_M, Y_M, RADIUS_M + 1.1 * CROWD_M, every, every, misses=0, spread=0.3, log_ratio=0.0,
-        is_corner=False, nearest_m=0.8,
+        is_corner=False,
     )  # fmt: skip
     assert math.isfinite(log_ratio_of_point(ping_set, far))
 

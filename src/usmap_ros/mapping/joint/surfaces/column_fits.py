@@ -84,19 +84,12 @@ class Circle(NamedTuple):
     log_ratio: float
     #: Whether most is heard before it: two walls are heard before their corner.
     is_corner: bool
-    #: How near to its middle a robot went.
-    nearest_m: float
-
-    @property
-    def may_stand(self) -> bool:
-        """Whether it is more than a point, and no robot went through it."""
-        return LEAST_RADIUS_M < self.radius_m < self.nearest_m - CLEARANCE_M
 
 
 def fitted_circle(
     ping_set: PingSet, is_open: BoolArray, place: FloatArray, descent: LevenbergMarquardt
 ) -> Circle | None:
-    """The circle near a place, if there is one.
+    """The circle near a place, if there is one that may stand there: no robot went through it.
 
     Parameters
     ----------
@@ -120,6 +113,11 @@ def fitted_circle(
     )  # fmt: skip
     if hits < LEAST_FITTED:
         return None
+    to_middle_m = np.hypot(table.numbers[pings, X] - place[0], table.numbers[pings, Y] - place[1])
+    # Points, of no radius, may stand anywhere.
+    is_column = descent.radii_m[1] > LEAST_RADIUS_M
+    if is_column and not LEAST_RADIUS_M < place[2] < to_middle_m.min() - CLEARANCE_M:
+        return None
     hit_pings, hit_echoes = hit_pings[:hits], hit_echoes[:hits]
     numbers, ranges_m = table.numbers[pings[hit_pings]], echoes.range_m[hit_echoes]
     offsets = place[:2] - numbers[:, [X, Y]]
@@ -131,9 +129,6 @@ def fitted_circle(
         spread=float(np.linalg.eigvalsh(directions.T @ directions / hits)[0]),
         log_ratio=_log_ratio(ranges_m - across_m, stds_m, crowd, misses),
         is_corner=_is_corner(echoes, hit_pings, across_m, stds_m),
-        nearest_m=float(
-            np.hypot(table.numbers[pings, X] - place[0], table.numbers[pings, Y] - place[1]).min()
-        ),
     )  # fmt: skip
 
 

@@ -127,8 +127,7 @@ def _may_be_round(circle: Circle) -> bool:
     """Whether a circle was heard often enough, from whatever side."""
     hits = len(circle.pings)
     return (
-        circle.may_stand
-        and hits >= LEAST_HITS
+        hits >= LEAST_HITS
         and circle.log_ratio >= max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits)
         and circle.misses < MOST_MISSED * hits
         and not circle.is_corner

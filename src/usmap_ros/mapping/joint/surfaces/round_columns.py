@@ -131,8 +131,7 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
             return None
         if any(math.hypot(x_m - c.x_m, y_m - c.y_m) < radius_m + c.radius_m for c in found):
             return None
-        circle = fitted_circle(ping_set, is_open, np.array(place), FROM_VOTES)
-        return circle if circle is not None and circle.may_stand else None
+        return fitted_circle(ping_set, is_open, np.array(place), FROM_VOTES)
 
     def take(place: tuple[float, float, float], circle: Circle | None) -> bool:
         if circle is None:

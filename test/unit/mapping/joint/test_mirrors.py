@@ -19,10 +19,11 @@ from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
 
-def mirrors_of(cones: list[EchoCone]) -> list[MirrorWall]:
+def mirrors_of(cones: list[EchoCone], faint: float = 0.0) -> list[MirrorWall]:
+    """Mirrors, where cells explain what is fainter than that."""
     table, rows, _, echoes = kept_pings({"robot": cones}, MappingParameters()).pings()[:4]
-    explained = np.zeros(len(echoes.range_m), bool)
-    return mirror_walls(table, rows, echoes, explained, ~explained, np.zeros(len(rows), bool))
+    explained, usable = echoes.amplitude < faint, np.ones(len(echoes.range_m), bool)
+    return mirror_walls(table, rows, echoes, explained, usable, np.zeros(len(rows), bool))
 
 
 def test_a_mirror_is_where_its_echoes_are_square_to_it(
@@ -87,17 +88,25 @@ def followed_echoes(
     x_m: float,
     wall_m: float,
 ) -> list[EchoCone]:
-    """Pings along a wall whose echo varies in loudness, and is followed by five more."""
+    """Pings along a wall whose echo varies in loudness, and is followed by five more.
+
+    What varies is a sum of what many places return: it is as far away as chance has it, too, and
+    some of them are nearer than others.
+    """
     beam, cones, chance = BeamPattern.linear(), [], np.random.default_rng(6)
+    is_rough = varies > 0.0
     for number in range(pings):
         off_rad, level = 0.3 * math.sin(1.3 * number), math.exp(varies * math.sin(2.1 * number))
         amplitude = loudness * level * float(beam.gain(off_rad)) / (2.0 * wall_m)
         # Each from somewhere on the wall: what lay on one line would be a mirror, too.
         away_m = wall_m + np.sort(chance.uniform(0.05, 0.55, 5))
         scattered = list(zip(away_m, 0.05 * chance.rayleigh(size=5), strict=True))
+        near_m, off_m = wall_m - chance.uniform(0.1, 0.5, 2), chance.uniform(-0.02, 0.02)
+        nearer = [(float(each_m), 0.02) for each_m in np.sort(near_m)] if is_rough else []
+        own = wall_m + (float(off_m) if is_rough else 0.0), amplitude
         pose = {"x_m": x_m + 0.1 * number, "yaw_rad": 0.5 * math.pi + off_rad}
         stamp_ns = round(1e6 * x_m) + number
-        cones.append(make_cone((wall_m, amplitude), *scattered, stamp_ns=stamp_ns, **pose))
+        cones.append(make_cone(*nearer, own, *scattered, stamp_ns=stamp_ns, **pose))
     return cones
 
 
@@ -141,12 +150,13 @@ def test_square_walls_that_scatter_and_mirror_alike_are_mirrors(
         level = 0.3 * 1.25**number
         wall = followed_echoes(make_cone, 25, level, 0.3, 200.0 + 10.0 * number, mirror_m)
         cones += [turned(cone, 0.17 * number, 0.0) for cone in wall]
-    assert len(mirrors_of(cones)) == walls
+    # Cells are found for what scatters, but not for what mirrors.
+    assert len(mirrors_of(cones, faint=0.1 if rough_pings else 0.0)) == walls
 
 
-@pytest.mark.parametrize(("turned_rad", "walls"), [(0.5 * math.pi, 5), (0.7, 0)])
-def test_square_walls_may_differ_by_more_in_loudness(
-    make_cone: Callable[..., EchoCone], mirror_m: float, turned_rad: float, walls: int
+@pytest.mark.parametrize("turned_rad", [0.5 * math.pi, 0.7])
+def test_steady_walls_may_differ_in_loudness(
+    make_cone: Callable[..., EchoCone], mirror_m: float, turned_rad: float
 ) -> None:
     """Twelve pings each, at poses that are a little off, had no two of five walls alike."""
     beam, cones, chance = BeamPattern.linear(), list[EchoCone](), np.random.default_rng(9)
@@ -159,7 +169,7 @@ def test_square_walls_may_differ_by_more_in_loudness(
             other = mirror_m + float(chance.uniform(0.2, 1.3)), 0.03
             cone = make_cone(echo, other, stamp_ns=100 * wall + number, **pose)
             cones.append(turned(cone, turned_rad * wall, 30.0 * wall))
-    assert len(mirrors_of(cones)) == walls
+    assert len(mirrors_of(cones)) == 5
 
 
 @pytest.mark.parametrize(("is_first", "walls"), [(True, 2), (False, 1)])

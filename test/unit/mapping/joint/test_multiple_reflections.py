@@ -104,8 +104,8 @@ def test_what_stands_in_walls_that_scatter_proves_them_mirrors(
 
 def test_a_wall_of_the_next_room_is_heard_by_nobody_before_this_one() -> None:
     pings = np.arange(50)
-    near = MirrorWall(0.0, 2.0, 0.0, 2.0, pings[:20], pings[:20], 0.0, 0.0, 0.0, 9.0)
-    far = MirrorWall(0.0, 4.0, 0.0, 5.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
+    near = MirrorWall(0.0, 2.0, 0.0, 2.0, pings[:20], pings[:20], 0.0, 0.0, 0.0, 0.0, 9.0)
+    far = MirrorWall(0.0, 4.0, 0.0, 5.0, pings, pings, 0.0, 0.0, 0.0, 0.0, 9.0)
     # Twenty are before the near wall, and thirty beside it, from where the far one is heard.
     places_m = np.stack([np.ones(50), np.linspace(0.0, 5.0, 50)], axis=1)
     kept = seen_directly([near, far], places_m)
@@ -117,12 +117,12 @@ def test_a_wall_of_the_next_room_is_heard_by_nobody_before_this_one() -> None:
 def test_a_circle_that_two_mirrors_have_behind_their_corner_is_the_corner() -> None:
     """Echoes by way of both walls made columns that let sound out of a room."""
     pings, places_m = np.arange(20), [(4.0, 3.0), (4.1, 3.3), (3.6, 2.8), (4.3, 2.8), (4.1, 3.3)]
-    east = MirrorWall(0.0, 4.0, 0.0, 2.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
-    north = MirrorWall(0.5 * math.pi, 3.0, -3.0, -1.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
+    east = MirrorWall(0.0, 4.0, 0.0, 2.0, pings, pings, 0.0, 0.0, 0.0, 0.0, 9.0)
+    north = MirrorWall(0.5 * math.pi, 3.0, -3.0, -1.0, pings, pings, 0.0, 0.0, 0.0, 0.0, 9.0)
     radii_m = np.array([0.3, math.hypot(0.1, 0.3), math.hypot(0.4, 0.2), math.hypot(0.3, 0.2), 0.1])
     # Only the second one is behind both and passes through where they meet.
     told = are_corners(np.array(places_m), radii_m, [east, north])
     assert told.tolist() == [False, True, False, False, False]
     assert not are_corners(np.array(places_m), radii_m, [east]).any()
-    far = MirrorWall(0.5 * math.pi, 3.0, 3.0, 5.0, pings, pings, 0.0, 0.0, 0.0, 9.0)
+    far = MirrorWall(0.5 * math.pi, 3.0, 3.0, 5.0, pings, pings, 0.0, 0.0, 0.0, 0.0, 9.0)
     assert not are_corners(np.array(places_m), radii_m, [east, far]).any()

@@ -25,7 +25,7 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 def wall(normal_rad: float, length_m: float) -> MirrorWall:
     """Make a wall of some length, that was heard once each decimetre."""
     heard = np.arange(round(10 * length_m))
-    return MirrorWall(normal_rad, 2.0, 0.0, length_m, heard, heard, 0.0, -0.7, 0.1, 9.0)
+    return MirrorWall(normal_rad, 2.0, 0.0, length_m, heard, heard, 0.0, 0.0, -0.7, 0.1, 9.0)
 
 
 ROOM = [wall(0.3, 4.0), wall(0.3 + 0.5 * math.pi, 3.0), wall(0.31 - math.pi, 2.0), wall(1.1, 0.6)]

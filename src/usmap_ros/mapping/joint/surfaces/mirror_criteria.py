@@ -16,8 +16,8 @@ from usmap_ros.numerics.arrays import FloatArray
 
 #: Largest median deviation of the logarithm of one's reflectivity from its median.
 MOST_DEVIATION = 0.45
-#: Stretch behind an echo in which others of a rough wall would follow, m.
-FOLLOWING_M = 0.05, 0.6
+#: Stretches in which others are counted, before and behind an echo of a wall, m.
+BEFORE_M, FOLLOWING_M = (-0.6, -0.03), (0.05, 0.6)
 #: Sum of squares of what errors of poses explain, over that of their standard deviations; and of
 #: what they are off from one ping of a wall to the next, for they wander slowly; whatever is
 #: stated, odometry does not jump by more than a share of so much, m.
@@ -106,11 +106,13 @@ def _judged(
         return None
     point = _point_misfit(search.echoes, hits.ping, across_m, feet_m)
     over_point = 0.5 * len(feet_m) * math.log((point + wandering) / (wall + wandering))
-    begin_m, end_m = (across_m + beyond_m for beyond_m in FOLLOWING_M)
-    following = count_between(search.echoes, hits.ping, begin_m, end_m).mean()
+    before, following = (
+        float(count_between(search.echoes, hits.ping, across_m + begin_m, across_m + end_m).mean())
+        for begin_m, end_m in (BEFORE_M, FOLLOWING_M)
+    )
     return MirrorWall(
         normal_rad, distance_m, float(feet_m.min()), float(feet_m.max()),
-        hits.ping, hits.echo, float(following), log_mirror, deviation, over_point,
+        hits.ping, hits.echo, following, before, log_mirror, deviation, over_point,
     )  # fmt: skip
 
 

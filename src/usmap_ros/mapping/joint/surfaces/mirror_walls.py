@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirror_criteria import ANY, USUAL, MirrorCriteria, fitted
 from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
+from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
-    are_square,
     face_usually,
     squared,
     without_doubles,
@@ -36,23 +36,11 @@ LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
 MOST_WALLS = 60
 #: Echoes that follow a mirror's own at the most, on the mean.
 MOST_FOLLOWING = 3.2
-#: One whose loudness varies less than this, as a median deviation of its logarithm, is a mirror
-#: whatever follows, for a wall that mirrors most may scatter the rest: sums of what many places of
-#: a rough wall return vary by 0.25 as a rule, and by less than this along few lines only.
-STEADY = 0.07
-#: One that so many heard steadily is a mirror whatever stands beside it: chance lines up 16 such
-#: echoes of rough walls.
-CERTAIN_HITS = 35
-#: Some that are as loud as each other, parallel or square, and vary by less than this, are mirrors
-#: whatever follows, if they are so many and have such a share of all hits: among rough walls no two
-#: have such a share, by chance up to 0.21; two may be what is left beside cells that explain it.
-SQUARE_STEADY, LEAST_SQUARE, SQUARE_SHARE = 0.25, 3, 0.5
-#: Share of the hits of all candidates that such mirrors must have: chance finds some anywhere.
-LEAST_SHARE = 0.6
-#: Walls of one place are mostly alike: logarithms of reflectivities that differ by less, and share
-#: of all hits that the most of those have (chance: 0.1 to 0.23), and how many hits; by how much
-#: those differ that are square to each other.
-ALIKE, LEAST_ALIKE, LEAST_HITS_ALIKE, NEARLY_ALIKE = 0.1, 0.33, 15, 0.2
+#: One whose loudness varies less than this, as a median deviation of its logarithm, and that many
+#: heard, is a mirror whatever else is heard: along rough walls chance lines up 16 such echoes.
+STEADY, CERTAIN_HITS = 0.07, 35
+#: Walls of one place are mostly alike: logarithms of reflectivities that differ by less.
+ALIKE = 0.25
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
 BAND = 0.4
 #: What comes first came by way of no other mirror: if it varies less than this, and few follow, it
@@ -90,7 +78,8 @@ def mirror_walls(
     """
     among = perpendicular_walls(table, pings, echoes, ~is_explained, first_only)
     places_m = table.numbers[pings][:, [X, Y]]
-    usual = _usual_mirror(among, places_m)
+    explained = np.count_nonzero(is_explained) / max(len(is_explained), 1)
+    usual = _usual_mirror(among, places_m, explained)
     if usual is None:
         return []
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
@@ -134,50 +123,30 @@ def _is_bare(wall: MirrorWall) -> bool:
     return wall.following < MOST_FOLLOWING
 
 
-def _usual_mirror(found: list[MirrorWall], places_m: FloatArray) -> float | None:
+def _usual_mirror(found: list[MirrorWall], places_m: FloatArray, explained: float) -> float | None:
     """Logarithm of the reflectivity of most mirrors among what was heard squarely, if any are.
 
-    Nothing that scatters is added to what comes over several mirrors: that is the steadier, and
-    fainter, and proves those in which it stands.  What scatters beside a mirror is its double.
+    What came over several mirrors is the steadier, and fainter: it speaks for those in which it
+    stands.
     """
     found = without_doubles(found)
     if not found:
         return None
     hits = np.array([len(wall.echoes) for wall in found])
-    logs = np.array([wall.log_mirror for wall in found])
-    apart = np.abs(logs - logs[:, np.newaxis])
-    are_alike = apart < ALIKE
-    is_steady = np.array([wall.deviation < STEADY for wall in found])
-    are_mirrors = is_steady | np.array([_is_bare(wall) for wall in found])
-    # One that was heard steadily by many is a mirror, whatever stands beside it.
-    are_certain, is_image = is_steady & (hits >= CERTAIN_HITS), images(found, places_m)
+    odds, is_image = mirror_odds(found, explained), images(found, places_m)
+    # One that was heard steadily by many is a mirror, whatever else stands there.
+    are_certain = (hits >= CERTAIN_HITS) & [wall.deviation < STEADY for wall in found]
     are_direct = ~is_image.any(axis=1)
-    are_certain = is_image[are_certain].any(axis=0) | (are_certain & are_direct)
-    is_nearly = are_direct & np.array([wall.deviation < SQUARE_STEADY for wall in found])
-    if are_certain.any():
-        are_mirrors, hits = are_certain, np.where(are_certain, hits, 0)
-    elif hits[are_mirrors].sum() < LEAST_SHARE * hits.sum():
-        are_mirrors = _most_square(found, are_alike, is_nearly)
-        if hits[are_mirrors].sum() < SQUARE_SHARE * hits[are_direct].sum():
+    likely = is_image[are_certain].any(axis=0) | (are_certain & are_direct)
+    if not likely.any():
+        if odds.sum() < LEAST_ODDS:
             return None
-    groups = are_alike & are_mirrors
-    alike, least = groups[int(np.argmax(groups @ hits))], LEAST_ALIKE
-    if hits[alike].sum() < LEAST_ALIKE * hits.sum():
-        # What few hits at poses that are a little off say of a reflectivity is less sure.
-        alike = _most_square(found, apart < NEARLY_ALIKE, is_nearly & are_mirrors)
-        least = SQUARE_SHARE
-    if hits[alike].sum() < max(least * hits.sum(), LEAST_HITS_ALIKE):
-        return None
+        likely = odds > 0.0
+        likely = likely & are_direct if (likely & are_direct).any() else likely
+    logs = np.array([wall.log_mirror for wall in found])
+    groups = (np.abs(logs - logs[:, np.newaxis]) < ALIKE) & likely
+    alike = groups[int(np.argmax(groups @ hits))]
     return float(np.average(logs[alike], weights=hits[alike]))
-
-
-def _most_square(found: list[MirrorWall], are_alike: BoolArray, is_one: BoolArray) -> BoolArray:
-    """Of some walls, alike in pairs, the most that are parallel or square; none if few are."""
-    hits = np.array([len(wall.echoes) for wall in found])
-    groups = are_alike & is_one & is_one[:, np.newaxis] & are_square(found, found)
-    groups &= (groups.sum(axis=1) >= LEAST_SQUARE)[:, np.newaxis]
-    most: BoolArray = groups[int(np.argmax(groups @ hits))]
-    return most
 
 
 def perpendicular_walls(

@@ -35,6 +35,8 @@ class MirrorWall:
     echoes: NDArray[np.int64]
     #: Echoes that follow behind one of its own, on the mean.
     following: float
+    #: Echoes that came before one of its own, on the mean.
+    before: float
     #: Logarithm of its amplitude reflectivity.
     log_mirror: float
     #: Median deviation of what its echoes tell of that.

@@ -1,0 +1,153 @@
+"""How well it is told whether a place has mirrors, and the weights by which it is.
+
+Rooms with smooth and with rough walls, and poles, are recorded by sensors that differ from the
+usual one, their walls by surfaces that do; what was heard squarely is looked at.  Weights of
+`usmap_ros.mapping.joint.surfaces.mirror_odds` are fitted by logistic regression to all seeds but
+one, and judged by that one, for each in turn; those of the product are judged by all.
+
+python benchmarks/mirror_odds.py [--seeds 1000 1001 1002 1003]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+from scenes import scenario
+
+from usmap_ros.mapping.joint.surfaces import mirror_odds, mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
+from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.simulation import Scenario, simulate
+
+FloatArray = NDArray[np.float64]
+SMOOTH = ("columns_smooth", "turned_smooth", "flat_smooth", "smooth_rooms")
+ROUGH = (
+    "flat_rough", "columns_rough", "turned_rough", "depot", "corridors", "corners", "clutter",
+    "warehouse", "arena", "swarm",
+)  # fmt: skip
+#: Mirror and scattering reflectivities of walls, of which one each is drawn.
+SURFACES = {
+    True: ((0.35, 0.5, 0.8), (0.1, 0.3, 0.6)),
+    False: ((0.05, 0.1, 0.2), (3.0, 5.0, 8.0)),
+}
+#: What differs of transducers, by name.
+SENSORS: dict[str, dict[str, Any]] = {
+    "usual": {},
+    "raw": {"receiver": {"encoding": "raw", "sample_rate_hz": 250_000.0}},
+    "envelope": {"receiver": {"encoding": "envelope", "sample_rate_hz": 40_000.0}},
+    "noisy": {"receiver": {"noise_std": 0.03}},
+    "wide": {"beam": {"kind": "linear", "half_angle_rad": 1.2}},
+    "piston": {"beam": {"kind": "piston"}},
+    "narrow": {"beam": {"kind": "senscomp_600"}},
+    "far": {"max_range_m": 10.0},
+    "long pulse": {"pulse": {"shape": "hann_burst", "carrier_hz": 40_000.0, "duration_s": 0.001}},
+}
+CONDITIONS = ("100_pings", "plain", "few_pings", "headings_off")
+#: Ridge of the fit.
+RIDGE = 0.01
+
+
+class Heard(NamedTuple):
+    """What was heard squarely in one recording."""
+
+    #: ``smooth``, ``rough`` or ``poles``.
+    kind: str
+    seed: int
+    #: (walls, signs) array.
+    signs: FloatArray
+
+
+def recordings(seeds: Sequence[int]) -> Iterator[tuple[str, int, Scenario]]:
+    """Kind, seed and scenario of what is recorded."""
+    cases = [("100_pings", name) for name in SENSORS] + [(each, "usual") for each in CONDITIONS[1:]]
+    for seed in seeds:
+        for condition, sensor in cases:
+            draw = random.Random(f"{seed} {condition} {sensor}")
+            for kind in (*draw.sample(SMOOTH, 2), *draw.sample(ROUGH, 2), "poles"):
+                content = json.loads(
+                    scenario(kind, condition, seed).model_dump_json(exclude_unset=True)
+                )
+                for robot in content["robots"]:
+                    robot["transducers"] = [_varied(t, sensor) for t in robot["transducers"]]
+                if kind != "poles":
+                    mirror, scatter = map(draw.choice, SURFACES[kind in SMOOTH])
+                    surface = {"specular_reflectivity": mirror, "diffuse_reflectivity": scatter}
+                    content["world"].get("map", content["world"])["surface"] |= surface
+                of = "poles" if kind == "poles" else "smooth" if kind in SMOOTH else "rough"
+                yield of, seed, Scenario.from_mapping(content, f"{kind} {seed}")
+
+
+def _varied(transducer: dict[str, Any], sensor: str) -> dict[str, Any]:
+    """A transducer with what differs of a sensor."""
+    differs = SENSORS[sensor]
+    receiver = transducer["receiver"] | differs.get("receiver", {})
+    return transducer | differs | {"receiver": receiver}
+
+
+def heard(kind: str, seed: int, world: Scenario) -> Heard:
+    """Map a recording, and note what is told of the walls that it hears squarely."""
+    pipeline, noted = Pipeline(), list[FloatArray]()
+    for topic, trace in simulate(world):
+        pipeline.fuse(pipeline.reconstruct(trace), topic)
+
+    def note(walls: Sequence[MirrorWall], explained: float) -> FloatArray:
+        noted.append(mirror_odds.signs_of(walls, explained))
+        return mirror_odds.mirror_odds(walls, explained)
+
+    with patch.object(mirror_walls, "mirror_odds", note):
+        pipeline.occupancy_map()
+    return Heard(kind, seed, noted[0] if noted else np.zeros((0, len(mirror_odds.WEIGHTS))))
+
+
+def fitted(among: Sequence[Heard]) -> FloatArray:
+    """Weights, such that each wall is as likely a mirror as not before it is looked at."""
+    signs = np.concatenate([each.signs for each in among])
+    is_mirror = np.concatenate([np.full(len(each.signs), each.kind == "smooth") for each in among])
+    weights = np.zeros(signs.shape[1])
+    for _ in range(50):
+        likely = 1.0 / (1.0 + np.exp(-signs @ weights))
+        ridge = RIDGE * np.eye(len(weights))
+        hessian = signs.T @ (signs * (likely * (1.0 - likely))[:, np.newaxis]) + ridge
+        slope = signs.T @ (is_mirror - likely) - RIDGE * weights
+        weights += np.linalg.solve(hessian, slope)
+    weights[0] -= np.log(is_mirror.mean() / (1.0 - is_mirror.mean()))
+    return weights
+
+
+def found(each: Heard, weights: Sequence[float] | FloatArray) -> bool:
+    """Whether a place is said to have mirrors, but for those that are certain."""
+    odds = np.clip(each.signs @ weights, -mirror_odds.MOST_ODDS, mirror_odds.MOST_ODDS)
+    return bool(odds.sum() >= mirror_odds.LEAST_ODDS)
+
+
+def main() -> None:
+    """Print weights, and how many places of each kind are said to have mirrors."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1000, 1001, 1002, 1003])
+    seeds = parser.parse_args().seeds
+    todo = list(recordings(seeds))
+    all_heard = [heard(*each) for each in track(todo, description="Listening", transient=True)]
+    by_others = {
+        seed: fitted([each for each in all_heard if each.seed != seed or len(seeds) == 1])
+        for seed in seeds
+    }
+    print("weights", fitted(all_heard).round(2).tolist())
+    print("| kind | recordings | with mirrors, by the other seeds' weights | by the product's |")
+    print("|---|---:|---:|---:|")
+    for kind in ("smooth", "rough", "poles"):
+        those = [each for each in all_heard if each.kind == kind]
+        others = np.mean([found(each, by_others[each.seed]) for each in those])
+        product = np.mean([found(each, mirror_odds.WEIGHTS) for each in those])
+        print(f"| {kind} | {len(those)} | {others:.1%} | {product:.1%} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -117,7 +117,7 @@ def test_a_reader_that_hangs_for_some_seconds_is_not_late(
     processes.start("bag_replay", bag=bags[FEW], rate=1.0, wait_s=DEADLINE_S)
     live.until(lambda: diagnostics.total("/map_fusion", "fused") > 0, DEADLINE_S)
     first.send_signal(signal.SIGSTOP)
-    live.spin(QUIET_S + 2.0)
+    live.spin(QUIET_S + 1.0)
     first.send_signal(signal.SIGCONT)
     live.until(lambda: diagnostics.total("/map_fusion", "fused") == FEW, DEADLINE_S)
     assert diagnostics.total("/map_fusion", "late") == 0

@@ -53,6 +53,14 @@ def test_where_a_robot_turned_hides_nothing_of_a_mirror_farther_along(
     assert wall.begin_m == pytest.approx(-2.3, abs=0.05)
 
 
+def test_so_few_echoes_in_line_are_no_mirror(mirror_pings: list[EchoCone], mirror_m: float) -> None:
+    """Two poles that nothing else was heard of lined up six."""
+    assert len(mirror_pings) >= 24
+    every_second = mirror_pings[::2]
+    assert mirrors_of(every_second[:8]) == []
+    assert len(mirrors_of(every_second[:12])) == 1
+
+
 def test_a_mirror_far_from_the_origin_is_found_too(
     mirror_pings_at: Callable[..., list[EchoCone]], mirror_m: float
 ) -> None:

@@ -39,6 +39,8 @@ MOST_FOLLOWING = 3.2
 #: One whose loudness varies less than this, as a median deviation of its logarithm, and that many
 #: heard, is a mirror whatever else is heard: along rough walls chance lines up 16 such echoes.
 STEADY, CERTAIN_HITS = 0.07, 35
+#: Pings that must have heard likely mirrors: two poles make a line of six.
+LEAST_HITS = 9
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less.
 ALIKE = 0.25
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
@@ -139,9 +141,9 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray, explained: floa
     are_direct = ~is_image.any(axis=1)
     likely = is_image[are_certain].any(axis=0) | (are_certain & are_direct)
     if not likely.any():
-        if odds.sum() < LEAST_ODDS:
-            return None
         likely = odds > 0.0
+        if odds.sum() < LEAST_ODDS or hits[likely].sum() < LEAST_HITS:
+            return None
         likely = likely & are_direct if (likely & are_direct).any() else likely
     logs = np.array([wall.log_mirror for wall in found])
     groups = (np.abs(logs - logs[:, np.newaxis]) < ALIKE) & likely

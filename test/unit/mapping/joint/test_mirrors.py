@@ -136,6 +136,19 @@ def test_rough_walls_beside_a_steady_mirror_do_not_speak_against_it(
     assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
 
 
+def test_what_is_heard_in_other_parts_of_a_place_does_not_speak_against_a_mirror(
+    make_cone: Callable[..., EchoCone], mirror_m: float
+) -> None:
+    here = followed_echoes(make_cone, 24, 0.9, 0.0, 0.0, mirror_m)
+    elsewhere = followed_echoes(make_cone, 120, 0.9, 0.3, 50.0, mirror_m)
+    cones = {"robot": [*here, *elsewhere]}
+    table, rows, _, echoes = kept_pings(cones, MappingParameters()).pings()[:4]
+    is_here = np.repeat(np.arange(len(rows)) < len(here), np.diff(echoes.start))
+    none = np.zeros(len(rows), bool)
+    (wall,) = mirror_walls(table, rows, echoes, ~is_here, is_here, none)
+    assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
+
+
 def turned(cone: EchoCone, by_rad: float, away_m: float) -> EchoCone:
     """A cone as it would be heard in a place that is turned, and moved along."""
     x_m, y_m = cone.pose.position_m[:2]

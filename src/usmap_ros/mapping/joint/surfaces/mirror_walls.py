@@ -80,7 +80,8 @@ def mirror_walls(
     """
     among = perpendicular_walls(table, pings, echoes, ~is_explained, first_only)
     places_m = table.numbers[pings][:, [X, Y]]
-    explained = np.count_nonzero(is_explained) / max(len(is_explained), 1)
+    # Of echoes of other parts of the place nothing is asked.
+    explained = np.count_nonzero(is_explained & is_usable) / max(np.count_nonzero(is_usable), 1)
     usual = _usual_mirror(among, places_m, explained)
     if usual is None:
         return []

@@ -81,7 +81,7 @@ def mirror_walls(
     among = perpendicular_walls(table, pings, echoes, ~is_explained, first_only)
     places_m = table.numbers[pings][:, [X, Y]]
     # Of echoes of other parts of the place nothing is asked.
-    explained = np.count_nonzero(is_explained & is_usable) / max(np.count_nonzero(is_usable), 1)
+    explained = int((is_explained & is_usable).sum()) / max(int(is_usable.sum()), 1)
     usual = _usual_mirror(among, places_m, explained)
     if usual is None:
         return []

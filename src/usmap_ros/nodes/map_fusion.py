@@ -30,7 +30,7 @@ _CLOCK_PERIOD_S = 0.5
 _BEGUN_AFTER = 0.75
 _COUNTED = (
     "received", "fused", "malformed", "refused", "repeated", "dropped", "late", "thinned",
-    "paused", "failed",    "left out", "elsewhere", "set apart", "jumped", "published",
+    "paused", "failed", "left out", "elsewhere", "set apart", "jumped", "published",
 )  # fmt: skip
 
 

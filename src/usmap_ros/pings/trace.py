@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -227,11 +228,20 @@ class EchoTrace:
 
         Its echoes are where they seem to be, but louder than they seem.
         """
-        # An envelope clips at one end only.
+        return len(self.saturated_s()) > 0
+
+    def saturated_s(self) -> FloatArray:
+        """Delays of samples (or I/Q pairs) at either end of its scale; none unless it clips."""
+        # An envelope clips at one end only; I and Q have half of the noise's power each.
+        noise_std = self.noise_std * (math.sqrt(0.5) if self.encoding is Encoding.IQ else 1.0)
         ends = {float(self.samples.max()), min(0.0, float(self.samples.min()))} - {0.0}
-        repeated = sum(np.count_nonzero(self.samples == end) - 1 for end in ends)
-        is_loud = any(abs(end) > SATURATED_OVER_NOISE * self.noise_std for end in ends)
-        return bool(is_loud and repeated >= SATURATED_SAMPLES)
+        loud = [end for end in ends if abs(end) > SATURATED_OVER_NOISE * noise_std]
+        at_end = [np.flatnonzero(self.samples == end) for end in loud]
+        if sum(len(which) - 1 for which in at_end) < SATURATED_SAMPLES:
+            return np.empty(0)
+        at_end = [which for which in at_end if len(which) > 1]
+        values = 2 if self.encoding is Encoding.IQ else 1
+        return self.sample_times_s()[np.unique(np.concatenate(at_end) // values)]
 
     def validate(self) -> None:
         """Raise `MalformedMessageError` naming the first field that cannot be true."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.pings.cone import EchoCone, encode_limits
@@ -64,6 +65,7 @@ def make_cone(
     )
     columns = columns[:, np.argsort(echoes.ranges_m)].astype(np.float32)
     ranges_m, range_stds_m, amplitudes, amplitude_stds = columns
+    amplitude_stds = np.where(_is_clipped(trace, ranges_m), amplitudes, amplitude_stds)
     cone = EchoCone(
         stamp_ns=trace.stamp_ns,
         frame_id=trace.frame_id,
@@ -84,3 +86,12 @@ def make_cone(
     # What it has of the trace was valid there.
     cone.validate_echoes()
     return cone
+
+
+def _is_clipped(trace: EchoTrace, ranges_m: NDArray[np.float32]) -> BoolArray:
+    """Which echoes' samples the receiver cut off: how loud they were nobody knows."""
+    saturated_s = trace.saturated_s()
+    begin_s = 2.0 / trace.channel.sound_speed_m_s * ranges_m.astype(float)
+    ends_s = begin_s, begin_s + trace.transducer.pulse.length_s
+    before, until = (np.searchsorted(saturated_s, end_s) for end_s in ends_s)
+    return until > before

@@ -55,6 +55,14 @@ def test_clipped_samples_are_known_by_their_like():
     assert replace(TRACE, samples=clipped).is_saturated
 
 
+def test_of_the_noise_of_a_pair_either_sample_has_half():
+    """A converter whose full scale was six times the noise of pairs did not seem to clip."""
+    samples = np.array([0.0, 0.06, 0.06, 0.01, 0.03, 0.06, -0.02, 0.0], dtype=np.float32)
+    trace = replace(TRACE, encoding=Encoding.IQ, noise_std=0.01, samples=samples)
+    np.testing.assert_allclose(trace.saturated_s(), trace.sample_times_s()[:3])
+    assert not replace(trace, encoding=Encoding.RAW).is_saturated
+
+
 @pytest.mark.parametrize("level", [0.0, 0.01])
 def test_silence_is_not_saturation(level):
     """Not even behind a converter that gives noise few values to take."""

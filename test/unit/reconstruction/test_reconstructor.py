@@ -96,8 +96,8 @@ def test_echoes_before_a_late_start_are_not_reported(hear, reception):
     assert unheard[0] > 20.0
 
 
-def test_saturated_echo_keeps_its_place(hear):
-    trace = hear([(0.6, 0.0)], [1.0], reception="iq", noise_std=0.002)
+def test_saturated_echo_keeps_its_place_and_nobody_knows_how_loud_it_is(hear):
+    trace = hear([(0.6, 0.0), (3.0, 0.0)], [1.0, 1.0], reception="iq", noise_std=0.002)
     clipped = replace(trace, samples=np.clip(trace.samples, -1.0, 1.0))
     cone = reconstruct(clipped, PARAMETERS).cone
 
@@ -105,6 +105,9 @@ def test_saturated_echo_keeps_its_place(hear):
     assert not trace.is_saturated
     strongest = np.argmax(cone.amplitudes)
     assert cone.ranges_m[strongest] == pytest.approx(0.6, abs=0.01)
+    np.testing.assert_array_equal(
+        cone.amplitude_stds >= cone.amplitudes, np.abs(cone.ranges_m - 0.6) < 0.05
+    )
 
 
 def test_there_are_never_more_echoes_than_the_sparsity(hear):

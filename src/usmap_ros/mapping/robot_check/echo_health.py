@@ -1,7 +1,8 @@
 """What a robot's echoes say of its receiver, before any map is looked at.
 
-One that is dead hears nothing from anywhere, one that clips hears what is near no louder than what
-is far, and one that reports more echoes than sound can tell apart makes them up.
+One that is dead hears nothing from anywhere, one that clips cuts off what others hear louder, or
+hears what is near no louder than what is far, and one that reports more echoes than sound can tell
+apart makes them up.
 """
 
 import math
@@ -12,6 +13,7 @@ import numpy as np
 
 from usmap_ros.mapping.joint.kept_pings import STEP_M, STEP_RAD
 from usmap_ros.mapping.robot_check.finding import Finding
+from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import way_between
 from usmap_ros.pings.cone import EchoCone
 
@@ -23,6 +25,9 @@ LEAST_PLACES, LEAST_LOUDEST = 20, 12
 SILENT, USUALLY_SILENT = 0.93, 0.75
 #: Echoes in a ping that sound cannot tell apart, and how many times what others hear they must be.
 MADE_UP, TIMES_OTHERS = 100.0, 3.0
+#: Share of pings' loudest echoes that are cut off, of those who clip, and dB by which others' that
+#: are not are louder: in 240 fleets 0.2 and 10 at the least, and none of healthy ones.
+LEAST_CUT_OFF, HEADROOM_DB = 0.1, 6.0
 #: Quantiles of pings' loudest echoes, between which healthy robots' are `LEAST_SPREAD_DB` apart and
 #: this share of what their ranges make of them; and dB by which others' are louder for their
 #: ranges.
@@ -53,6 +58,11 @@ class EchoHealth:
     faded_db: float | None = None
     #: By how much the loudest of all is above the former.
     most_db: float = 0.0
+    #: Share of those echoes whose samples the receiver cut off, and how loud they are in the
+    #: median; and a quantile of how loud the others are, dB.
+    cut_off: float = 0.0
+    cut_off_db: float | None = None
+    whole_db: float | None = None
 
 
 def echo_health(cones: Sequence[EchoCone]) -> EchoHealth | None:
@@ -70,12 +80,17 @@ def echo_health(cones: Sequence[EchoCone]) -> EchoHealth | None:
         [float(cone.amplitudes[i]) for cone, i in zip(heard, which, strict=True)]
     )
     range_m = np.array([float(cone.ranges_m[i]) for cone, i in zip(heard, which, strict=True)])
+    is_cut_off = np.array(
+        [c.amplitude_stds[i] >= c.amplitudes[i] for c, i in zip(heard, which, strict=True)]
+    )
     upper_db, top_db = np.quantile(loud_db, [UPPER, TOP])
     near_m, far_m = np.quantile(range_m[loud_db >= upper_db], [0.1, 0.9])
     return EchoHealth(
         health.places, health.silent, health.echoes,
         float(np.quantile(loud_db + 20.0 * np.log10(range_m), TOP)), float(top_db - upper_db),
         FADING_DB * math.log(far_m / near_m), float(loud_db.max() - top_db),
+        float(is_cut_off.mean()), _quantile(loud_db[is_cut_off], 0.5),
+        _quantile(loud_db[~is_cut_off], TOP),
     )  # fmt: skip
 
 
@@ -101,7 +116,22 @@ def _odd(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
         silent = f"{own.silent:.0%} of its pings have no echo, {usually:.0%} of the others'"
         reason = f"from {own.places} places {silent}"
         return Finding("deaf", asdict(own), f"deaf: {reason}")
-    return _clipped(own, others)
+    return _cut_off(own, others) or _clipped(own, others)
+
+
+def _cut_off(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
+    """Whether it cuts off what others hear louder."""
+    if own.cut_off_db is None or own.cut_off < LEAST_CUT_OFF:
+        return None
+    louder_db = max((o.whole_db for o in others if o.whole_db is not None), default=own.cut_off_db)
+    louder_db -= own.cut_off_db
+    if louder_db < HEADROOM_DB:
+        return None
+    reason = (
+        f"it cuts off the loudest echo of {own.cut_off:.0%} of its pings, others hear"
+        f" {louder_db:.0f} dB louder"
+    )
+    return Finding("clipped", asdict(own) | {"louder_db": louder_db}, f"clipped: {reason}")
 
 
 def _clipped(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
@@ -118,6 +148,10 @@ def _clipped(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
         f" {own.faded_db:.0f}, and {quieter_db:.0f} dB below the others' for their ranges"
     )
     return Finding("clipped", asdict(own) | {"quieter_db": quieter_db}, f"clipped: {reason}")
+
+
+def _quantile(values: FloatArray, share: float) -> float | None:
+    return float(np.quantile(values, share)) if len(values) else None
 
 
 def _from_places(cones: Sequence[EchoCone]) -> list[EchoCone]:

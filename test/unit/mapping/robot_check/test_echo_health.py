@@ -54,6 +54,36 @@ def test_one_that_clips_is_named(heard: EchoCone) -> None:
     assert verdicts(health(drive(heard, LOUD)), health(drive(heard))) == {"own": "clipped"}
 
 
+@pytest.mark.parametrize(
+    ("cut_off", "whole_db", "found"),
+    [
+        (0.2, -10.0, {"own": "clipped"}),
+        (0.05, -10.0, {}),
+        (0.2, -20.0, {}),
+        (0.2, None, {}),
+    ],
+    ids=["below what others hear", "rarely", "at their full scale", "others know no louder ones"],
+)
+def test_one_that_cuts_off_what_others_hear_louder_is_named(
+    cut_off: float, whole_db: float | None, found: dict[str, str]
+) -> None:
+    """However much its loudest echoes differ, as among walls that are far away."""
+    own = EchoHealth(40, 0.0, 20.0, cut_off=cut_off, cut_off_db=-22.0, whole_db=-24.0)
+    other = EchoHealth(40, 0.0, 20.0, whole_db=whole_db)
+    assert verdicts(own, other) == found
+
+
+def test_echoes_that_are_cut_off_are_counted(heard: EchoCone) -> None:
+    pings = drive(heard)
+    cut = [replace(p, amplitude_stds=p.amplitudes) for p in pings[:10]]
+    whole = [replace(p, amplitude_stds=0.1 * p.amplitudes) for p in pings[10:]]
+    own = health([*cut, *whole])
+    assert own.cut_off == 0.25
+    assert own.cut_off_db is not None
+    assert own.whole_db is not None
+    assert own.whole_db > own.cut_off_db
+
+
 def test_one_that_is_parked_does_not_clip(heard: EchoCone) -> None:
     """Whatever it hears is always as loud."""
     parked = health(drive(heard, moves=False))

@@ -15,6 +15,7 @@ from usmap_ros.mapping.robot_check.landmarks import (
     A,
     B,
     fits_level,
+    fits_range,
     level_of,
     wrap,
 )
@@ -44,7 +45,7 @@ def evidence_of_ping(
         miss = (heard.range_m[echo] - far_m) / STD_M
         is_hidden = is_hidden or miss < WITHIN
         if abs(miss) < WITHIN:
-            fits = at_peak * math.exp(-0.5 * miss * miss)
+            fits = at_peak * fits_range(miss)
             fits *= fits_level(heard.level_db[echo] - level_db)
             best = max(best, math.log(1.0 - HEARD + HEARD * fits))
     if best > 0.0:

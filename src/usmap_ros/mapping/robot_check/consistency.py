@@ -171,7 +171,9 @@ class Consistency:
             for place, cone in enumerate(robot.cones):
                 if cone.child_frame_id not in first_only:
                     robot.cones[place] = without_error(cone, topic, error, tracks)
-        return robots
+        # Their landmarks tell more closely whether all of them are better without it.
+        told, without = (_told(each) for each in (self._robots, robots))
+        return robots if without >= told else self._robots
 
     def _stuck(self) -> dict[str, Finding]:
         """Those who repeat themselves while they move."""
@@ -195,6 +197,12 @@ def _heard(sources: Mapping[str, list[EchoCone]]) -> dict[str, Robot]:
     heard = {t: own for t, cones in sources.items() if (own := sightings_of(cones)) is not None}
     robots = for_each(lambda topic: Robot(sources[topic], heard[topic]), heard)
     return dict(zip(heard, robots, strict=True))
+
+
+def _told(robots: Mapping[str, _Robot]) -> float:
+    """What landmarks make of all that robots heard last, of log-likelihood."""
+    heard = _heard({topic: robot.latest() for topic, robot in robots.items()})
+    return sum(own.told for own in heard.values())
 
 
 def _by_themselves(sources: Mapping[str, list[EchoCone]]) -> dict[str, Finding]:

@@ -18,8 +18,9 @@ from usmap_ros.numerics.compiled import compiled_within
 #: which places along it they were heard.
 POINT, WALL = 0.0, 1.0
 KIND, A, B, GAIN, LEVEL, LOW, HIGH, COLUMNS = range(8)
-#: Standard deviations of ranges (with those of poses), m, and of levels, dB.
-RANGE_STD_M, LEVEL_STD_DB = 0.03, 4.0
+#: Standard deviations of ranges (with those of poses), m, and of levels, dB; and share of the
+#: former that that of every other echo is, where poses are exact and nothing else is heard beside.
+RANGE_STD_M, LEVEL_STD_DB, SHARP = 0.03, 4.0, 0.1
 #: Echoes that a landmark needs.
 LEAST_ECHOES = 4
 #: Probability of hearing it, share of echoes whose level is any, and between which levels, dB.
@@ -27,7 +28,7 @@ HEARD, ANY_LEVEL, LEVELS_DB = 0.5, 0.1, 30.0
 #: Standard deviations within which an echo may be a landmark's, and within which it is.
 WITHIN, SURELY_WITHIN = 3.0, 2.0
 #: Steps of a fit, and how well each unknown is known beforehand.
-STEPS, KNOWN = 4, 0.3
+STEPS, KNOWN, UNLIKELY = 8, 0.3, 0.3
 TINY, FAR_M = 1e-9, 1e9
 
 
@@ -73,6 +74,13 @@ def room_for(heard: Sightings) -> LandmarkMatches:
 
 
 @compiled_within
+def fits_range(miss: float) -> float:
+    """How likely a range is that is off by so many standard deviations, over that of none."""
+    sharp = miss / SHARP
+    return 0.5 * math.exp(-0.5 * miss * miss) + 0.5 / SHARP * math.exp(-0.5 * sharp * sharp)
+
+
+@compiled_within
 def match(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatches) -> int:
     """Set which of the echoes that are left may be from a landmark; how many there are."""
     count, angle, is_point = 0, mark[A], mark[KIND] == POINT
@@ -114,11 +122,15 @@ def votes(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatc
 @compiled_within
 def fit(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatches) -> None:
     """Move a landmark to where its echoes have it, by least squares."""
-    for _ in range(STEPS):
+    for step in range(STEPS):
         aa, ab, bb, right_a, right_b = KNOWN, 0.0, KNOWN, 0.0, 0.0
         for number in range(match(mark, heard, left, its)):
             miss, angle = its.miss[number], its.angle_rad[number]
             ping, weight = heard.ping[its.echo[number]], math.exp(-0.5 * miss * miss)
+            if 2 * step >= STEPS:
+                # Sharp ones say most, once it is known which those are.
+                sharp = math.exp(-0.5 * (miss / SHARP) ** 2) / SHARP
+                weight = (weight + sharp / SHARP**2) / (UNLIKELY + weight + sharp)
             by_a, by_b = math.cos(angle), math.sin(angle)
             if mark[KIND] == WALL:
                 by_a = math.sin(angle) * heard.x_m[ping] - math.cos(angle) * heard.y_m[ping]
@@ -156,7 +168,7 @@ def judge(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatc
     at_peak = HEARD / (math.sqrt(2.0 * math.pi) * RANGE_STD_M * heard.background)
     for number in range(count):
         miss, ping = its.miss[number], heard.ping[its.echo[number]]
-        fits = at_peak * math.exp(-0.5 * miss * miss)
+        fits = at_peak * fits_range(miss)
         mark[GAIN] += math.log(1.0 + fits * fits_level(levels_db[number] - mark[LEVEL]))
         along_m = math.cos(mark[A]) * heard.y_m[ping] - math.sin(mark[A]) * heard.x_m[ping]
         mark[LOW], mark[HIGH] = min(mark[LOW], along_m), max(mark[HIGH], along_m)

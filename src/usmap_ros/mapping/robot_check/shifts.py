@@ -18,18 +18,21 @@ from usmap_ros.numerics.arrays import FloatArray
 #: Places that are tried, m: where it is told first.
 STEPS_M = np.linspace(-1.5, 1.5, 41)
 SHIFTS_M = np.array([(0.0, 0.0), *((x_m, y_m) for x_m in STEPS_M for y_m in STEPS_M)])
+#: And around the best of them, one step after the other.
+AROUND = np.array([(x, y) for x in range(-3, 4) for y in range(-3, 4)], float)
+CLOSER_M = (0.0125, 0.004)
 #: Gain of a shift that others contradict, of whom what they say of it where it is told is taken
 #: off so many times; how much that must be; and gain of one that they do not contradict.
-LEAST_GAIN, TIMES_TOLD, LEAST_AGAINST, GAIN_ALONE = 28.0, 2.0, 6.0, 60.0
+LEAST_GAIN, TIMES_TOLD, LEAST_AGAINST, GAIN_ALONE = 48.0, 2.0, 6.0, 60.0
 #: The least shift, m, more than a column is across, of which either hears another side; and how
 #: well others must bear out the one who is shifted, there.
 LEAST_M, LEAST_THERE = 0.5, 8.0
 #: Gain over that of anybody else's being shifted instead.  What walls of two that fit somewhere
 #: gain, the other one gains as well by the opposite shift: only a third one tells which of them.
-MARGIN = 15.0
+MARGIN = 10.0
 #: How well others must bear out a robot where it says it is, for it to be there; and as a share of
 #: what they would elsewhere.
-BORNE_OUT, HERE = 4.0, 0.5
+BORNE_OUT, HERE = 4.0, 0.35
 
 
 class RobotPairs:
@@ -57,17 +60,22 @@ class RobotPairs:
         self.names = sorted(robots)
         # Of each two, and of the same two the other way around.
         self._said: dict[tuple[str, str], FloatArray] = {}
+        # What is said of a robot in any place: pairs, and whether it is the first of the two.
+        self._pairs: dict[str, list[tuple[Robot, Robot, float]]] = {n: [] for n in self.names}
         for number, one in enumerate(self.names):
             for other in self.names[:number]:
-                self._add(one, other, _borne_out(robots[one], robots[other]))
+                self._add(one, other, robots[one], robots[other])
         unshown = [name for name in self.names if not self.is_borne_out(name)]
         before = earlier() if unshown else {}
         for one in unshown:
             for other in sorted(before.keys() & robots.keys() - {one}):
-                self._add(one, other, _borne_out(robots[one], before[other]))
+                self._add(one, other, robots[one], before[other])
 
-    def _add(self, one: str, other: str, said: FloatArray) -> None:
+    def _add(self, one: str, other: str, first: Robot, second: Robot) -> None:
         """Add what two bear out of each other, were the first one elsewhere, or else the other."""
+        said = _borne_out(first, second, SHIFTS_M)
+        self._pairs[one].append((first, second, 1.0))
+        self._pairs[other].append((first, second, -1.0))
         # The places are the same the other way around, but for where it is told.
         opposite = np.append(said[0], said[:0:-1])
         for pair, more in (((one, other), said), ((other, one), opposite)):
@@ -76,9 +84,17 @@ class RobotPairs:
     def shift(self, name: str) -> Displacement:
         """How a robot would most likely be shifted by what others hear."""
         total = sum(self._said_of(name), start=np.zeros(len(SHIFTS_M)))
-        best = int(total.argmax())
-        x_m, y_m = (-SHIFTS_M[best]).tolist()
-        return Displacement("moved", (x_m, y_m), float(total[best] - total[0]), float(total[0]))
+        told, there, best_m = float(total[0]), float(total.max()), SHIFTS_M[int(total.argmax())]
+        for step_m in CLOSER_M if best_m.any() else ():
+            near_m = best_m + step_m * AROUND
+            pairs = self._pairs[name]
+            total = sum(
+                (_borne_out(one, other, by * near_m) for one, other, by in pairs),
+                start=np.zeros(len(near_m)),
+            )
+            there, best_m = float(total.max()), near_m[int(total.argmax())]
+        x_m, y_m = (-best_m).tolist()
+        return Displacement("moved", (x_m, y_m), there - told, told)
 
     def is_borne_out(self, name: str) -> bool:
         """Whether anybody bears a robot out where it says it is."""
@@ -126,11 +142,11 @@ def shifted(pairs: RobotPairs) -> dict[str, Finding]:
     }
 
 
-def _borne_out(one: Robot, other: Robot) -> FloatArray:
+def _borne_out(one: Robot, other: Robot, shifts_m: FloatArray) -> FloatArray:
     """What two robots bear out of each other, were the first one elsewhere."""
-    said = np.zeros(len(SHIFTS_M))
-    borne_out(one.landmarks, other.heard, SHIFTS_M, said)
-    borne_out(other.landmarks, one.heard, -SHIFTS_M, said)
+    said = np.zeros(len(shifts_m))
+    borne_out(one.landmarks, other.heard, shifts_m, said)
+    borne_out(other.landmarks, one.heard, -shifts_m, said)
     return said
 
 

@@ -1,44 +1,85 @@
 """Whose ranges are too long, by what is gained at other scales."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from usmap_ros.mapping.robot_check.displacement import SCALES, scale_error
+from usmap_ros.mapping.robot_check.displacement import Robot, scale_error
+from usmap_ros.mapping.robot_check.sightings import sightings_of
+from usmap_ros.numerics.geometry import Pose
+from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.pings.cone import EchoCone
+from usmap_ros.reconstruction.reconstructor import reconstruct
+from usmap_ros.simulation.points import hear
 
-#: Log-likelihoods of healthy robots, and of some with a speed of sound that is 5 % too high, among
-#: smooth and rough walls, and echoes a metre that nothing known explains.
-BY_CHANCE = (210.2, 209.0, 201.3, 190.0, 197.7, 196.2, 192.2), 0.92
-STEADY = (206.8, 208.1, 210.9, 213.3, 209.7, 207.9, 202.8), 0.77
-LEANING = (287.4, 292.4, 290.6, 270.9, 262.9, 256.0, 244.2), 1.09
-SMOOTH = (303.1, 306.1, 305.2, 296.0, 278.8, 264.6, 252.3), 0.84
-ROUGH = (332.9, 332.7, 330.7, 315.8, 294.1, 282.6, 274.8), 1.1
+POLES_M = np.array([(1.6, 0.5), (2.0, -0.4), (2.6, 0.2)])
 
 
 @pytest.mark.parametrize(
-    ("said", "error"),
+    ("scale", "own", "theirs", "background", "error"),
     [
-        (BY_CHANCE, None),
-        (STEADY, None),
-        (LEANING, None),
-        (SMOOTH, 1.0 / 0.95 - 1.0),
-        (ROUGH, 1.0 / 0.93 - 1.0),
+        (0.9675, 23.2, 2.5, 1.13, None),
+        (0.9525, 13.3, 2.3, 0.71, None),
+        (0.95, 24.9, 3.0, 1.105, 1.0 / 0.95 - 1.0),
+        (0.955, 5.7, 14.9, 0.77, 1.0 / 0.955 - 1.0),
+        (0.955, -5.7, 34.9, 0.77, None),
+        (1.025, 19.7, 2.9, 0.63, None),
+        (1.05, 60.0, 0.0, 0.63, 1.0 / 1.05 - 1.0),
     ],
-    ids=["by chance", "steady", "leaning", "smooth", "rough"],
+    ids=[
+        "healthy among rough walls",
+        "healthy among smooth walls",
+        "5 % too long among rough walls",
+        "5 % too long among smooth walls",
+        "by what others hear alone",
+        "round columns answer from in front",
+        "too short",
+    ],
 )
-def test_ranges_are_too_long_if_all_that_are_shorter_fit_better(
-    said: tuple[tuple[float, ...], float], error: float | None
+def test_ranges_are_wrong_if_enough_is_gained_for_what_is_unexplained(
+    scale: float, own: float, theirs: float, background: float, error: float | None
 ) -> None:
-    """A healthy robot was said to have a wrong speed of sound by the one scale that fitted best."""
-    own, background = dict(zip(SCALES, said[0], strict=True)), said[1]
-
-    found = scale_error(own, dict.fromkeys(SCALES, 0.0), background)
+    """Healthy ones are those that gained most of 1,600, the others of those that gained least."""
+    found = scale_error(scale, np.array([own, theirs]), background)
 
     assert (found and found[0]) == pytest.approx(error)
 
 
-def test_ranges_are_said_to_be_too_short_only_if_far_more_is_gained() -> None:
-    """Round columns answer from in front of the point that they seem to be."""
-    longer = dict(zip(SCALES, reversed(SMOOTH[0]), strict=True))
+def passing(factor: float, error_m: float) -> list[EchoCone]:
+    """Give twelve pings on the way past three poles, whose ranges and places are off."""
+    heard = reconstruct(hear([(1.5, 0.2), (2.5, -0.3)]), ReconstructionParameters()).cone
+    rng, pings = np.random.default_rng(3), []
+    for part in np.linspace(-0.5, 0.5, 12):
+        x_m, y_m = 1.2 * part, part**2
+        ranges_m = factor * np.sort(np.hypot(*(POLES_M - (x_m, y_m)).T))
+        off_m = rng.normal(0.0, error_m, 2)
+        pings.append(
+            replace(
+                heard,
+                pose=Pose.planar(x_m + off_m[0], y_m + off_m[1], 0.0),
+                ranges_m=ranges_m.astype(np.float32),
+                range_stds_m=np.full(3, 1e-3, np.float32),
+                amplitudes=(0.3 / ranges_m**2).astype(np.float32),
+                amplitude_stds=np.full(3, 1e-3, np.float32),
+            )
+        )
+    return pings
 
-    assert scale_error(longer, dict.fromkeys(SCALES, 0.0), SMOOTH[1]) is None
-    times = {scale: 3.0 * said for scale, said in longer.items()}
-    assert scale_error(times, dict.fromkeys(SCALES, 0.0), SMOOTH[1]) is not None
+
+@pytest.mark.parametrize(
+    ("factor", "error_m", "is_sure"), [(1.0, 0.0, False), (1.05, 0.0, True), (1.05, 0.06, False)]
+)
+def test_the_more_exact_poses_are_the_fewer_pings_tell_of_ranges(
+    factor: float, error_m: float, *, is_sure: bool
+) -> None:
+    """A wrong speed of sound was found in half of the rooms, as if all poses were off by 3 cm."""
+    cones = passing(factor, error_m)
+    heard = sightings_of(cones)
+    assert heard is not None
+
+    wrong = Robot(cones, heard).scaling([])
+
+    assert (wrong is not None) == is_sure
+    if wrong:
+        assert wrong.error[0] == pytest.approx(factor - 1.0, abs=0.004)

@@ -13,7 +13,7 @@ from usmap_ros.mapping.robot_check.shifts import SHIFTS_M, RobotPairs, is_sure, 
 from usmap_ros.numerics.arrays import FloatArray
 
 #: A place among those that are tried: 0.9 m to the north.
-THERE = int(np.argmin(np.hypot(*(SHIFTS_M - (0.0, 0.9)).T)))
+THERE, TINY_M = int(np.argmin(np.hypot(*(SHIFTS_M - (0.0, 0.9)).T))), 1e-6
 
 #: What two robots bear out of each other where they are said to be, and were the first one there.
 Said = tuple[float, float]
@@ -43,9 +43,8 @@ def robot_pairs(monkeypatch: pytest.MonkeyPatch) -> Pairs:
             told, there = latest.get((marks, by), (0.0, 0.0))
             if by.endswith("earlier"):
                 told, there = earlier.get((marks, by.removesuffix(" earlier")), (0.0, 0.0))
-            if tried_m is SHIFTS_M:
-                out[0] += told
-                out[THERE] += there
+            for place_m, borne_out in ((SHIFTS_M[0], told), (SHIFTS_M[THERE], there)):
+                out[np.hypot(*(tried_m - place_m).T) < TINY_M] += borne_out
 
         monkeypatch.setattr(shifts, "borne_out", heard)
         names = ("one", "two", "three")

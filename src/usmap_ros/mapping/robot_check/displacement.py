@@ -44,10 +44,10 @@ WORTH_A_LOOK = 0.5
 LEAST_TURN_RAD, LEAST_LATE_S = math.radians(12.0), 0.2
 #: For ranges the gain times the share that they are too long by must exceed this, since what is
 #: hardly wrong fits by chance; more where more echoes a metre are unexplained than so many, and so
-#: many times if ranges are too short.  1,440 healthy robots, of three each, came to 0.51 at the
-#: most, 224 of two to 0.66, and to half of what is asked if ranges are too short.  Steps around
-#: the best scale.
-LEAST_WRONG_GAIN, DENSE, TIMES_IF_SHORT = 0.7, 0.6, 3.0
+#: many times if ranges are too short, or best multiplied by less than so much.  1,440 healthy
+#: robots, of three each, came to 0.51 at the most, 224 of two to 0.66, to half of what is asked
+#: if ranges are too short, and with poses off by 3 cm to 1.5 at 0.925.  Steps around the best.
+LEAST_WRONG_GAIN, DENSE, TIMES_IF_ODD, LEAST_USUAL_SCALE = 0.7, 0.6, 3.0, 0.935
 CLOSER_SCALE = (0.01, 0.005, 0.0025)
 #: The same for turns and delays with what others hear of it, which may speak against them: more
 #: where more is unexplained, of which chance makes as much as the root of it.
@@ -254,8 +254,9 @@ def scale_error(scale: float, gains: FloatArray, background: float) -> tuple[flo
     """
     own, gain, size = float(gains[0]), float(gains.sum()), 1.0 / scale - 1.0
     least = LEAST_WRONG_GAIN * max(1.0, background / DENSE)
-    # Round columns answer from in front of the point that they seem to be.
-    least *= TIMES_IF_SHORT if size < 0.0 else 1.0
+    # Round columns answer from in front of the point that they seem to be, and what is not exact
+    # fits as well what is far nearer.
+    least *= 1.0 if LEAST_USUAL_SCALE <= scale <= 1.0 else TIMES_IF_ODD
     return (size, gain) if own >= 0.0 and gain * abs(size) >= least else None
 
 

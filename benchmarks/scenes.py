@@ -45,6 +45,7 @@ FLAT = ROOT / "config" / "maps" / "flat.yaml"
 SANDBOX = Path(os.environ.get("USMAP_SHARED", ROOT.parent / "shared")) / "maps" / "tb3_sandbox.yaml"
 ROUGH = {"specular_reflectivity": 0.1, "diffuse_reflectivity": 5.0, "scatterers_per_m": 20.0}
 SMOOTH = {"specular_reflectivity": 0.5, "diffuse_reflectivity": 0.3, "scatterers_per_m": 20.0}
+PANE = {"specular_reflectivity": 0.9, "diffuse_reflectivity": 0.1, "scatterers_per_m": 20.0}
 #: Angles by which rooms are turned against the map's grid, if not at all or by any.
 SLIGHTLY_RAD, NOT_AT_ALL_RAD, ANYHOW_RAD = (-0.5, 0.5), (0.0, 0.0), (0.0, 0.5 * np.pi)
 #: Directions in which a small robot of a swarm measures ranges, and half the angle of each beam.
@@ -276,6 +277,19 @@ def mixed(rng: np.random.Generator) -> tuple[World, list[Point]]:
     return world, starts
 
 
+def panes(rng: np.random.Generator) -> tuple[World, list[Point]]:
+    """A room turned anyhow, each wall of which is rough, smooth, or nearly all mirror."""
+    world, starts = built(room, ROUGH, ANYHOW_RAD)(rng)
+    sides = [
+        [corners[number - 1], corners[number]]
+        for corners, closed in ((wall["corners_m"], wall["closed"]) for wall in world["walls"])
+        for number in range(0 if closed else 1, len(corners))
+    ]
+    kinds = ROUGH, SMOOTH, PANE
+    walls = [{"corners_m": side, "surface": kinds[rng.integers(len(kinds))]} for side in sides]
+    return {**world, "walls": walls}, starts
+
+
 def of_map(path: Path, surface: dict[str, float]) -> tuple[World, list[Point]]:
     """The occupied cells of a nav2 map as walls; robots start on free ones."""
     return {"map": {"path": str(path.resolve()), "surface": surface}}, []
@@ -289,6 +303,7 @@ KINDS: dict[str, Draw] = {
     "corridors": built(corridor, ROUGH),
     "corners": built(corners, ROUGH),
     "mixed": mixed,
+    "panes": panes,
     "moving": moving,
     "flat_rough": lambda rng: of_map(FLAT, ROUGH),
     "flat_smooth": lambda rng: of_map(FLAT, SMOOTH),

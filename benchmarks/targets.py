@@ -76,6 +76,7 @@ TARGETS: tuple[Target, ...] = (
     Target("flat, smooth walls", _plain("flat_smooth"), 0.77, 0.63),
     Target("round columns, half smooth", _plain("columns_rough", "columns_smooth"), 0.82, 0.70),
     Target("turned rooms, half smooth", _plain("turned_rough", "turned_smooth"), 0.82, 0.77),
+    Target("some walls of glass, others rough", _plain("panes"), 0.0),
     Target("hexagon with nine columns", _plain("arena"), 0.95, 0.95),
     Target("depot", _plain("depot"), 0.86, 0.70),
     Target("warehouse, sparsely visited", _plain("warehouse"), 0.68, 0.65, lost=0.05),

@@ -11,7 +11,7 @@ import pytest
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
-from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls, mirrors_beside
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.ping_table import RANGE_STD
 from usmap_ros.numerics.geometry import Pose
@@ -146,6 +146,22 @@ def test_what_is_heard_in_other_parts_of_a_place_does_not_speak_against_a_mirror
     is_here = np.repeat(np.arange(len(rows)) < len(here), np.diff(echoes.start))
     none = np.zeros(len(rows), bool)
     (wall,) = mirror_walls(table, rows, echoes, ~is_here, is_here, none)
+    assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
+
+
+def test_a_pane_beside_bricks_that_return_far_more_is_likely(
+    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone], mirror_m: float
+) -> None:
+    """A robot left through it: it was too faint for a mirror, and the few cells it was heard at
+    explained it."""
+    bricks = followed_echoes(make_cone, 90, 9.0, 0.3, 20.0, mirror_m - 0.4)
+    cones = {"robot": [*mirror_pings, *bricks]}
+    table, rows, _, echoes = kept_pings(cones, MappingParameters()).pings()[:4]
+    is_usable, none = np.ones(len(echoes.range_m), bool), np.zeros(len(rows), bool)
+    is_explained = np.repeat(np.arange(len(rows)) < len(mirror_pings), np.diff(echoes.start))
+    given = table, rows, echoes, is_explained, is_usable, none
+    assert mirror_walls(*given) == []
+    wall = max(mirrors_beside(*given), key=lambda wall: len(wall.echoes))
     assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
 
 

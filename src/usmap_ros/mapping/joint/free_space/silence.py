@@ -118,8 +118,8 @@ def learn_answers(
         What stands.
     """
     given, columns, answers = (table, pings, field), smooth.columns_likely, Answers([], [])
-    stands = _Standing(np.ones(len(pings), bool), walls, smooth.mirrors, columns)
-    places = [stands]
+    everywhere = np.ones(len(pings), bool)
+    places = [_Standing(everywhere, walls, smooth.mirrors, columns, len(smooth.beside))]
     if smooth.mirrored:
         answers = Answers([], smooth.mirrored)
         inside = answers.inside(field)
@@ -142,6 +142,8 @@ class _Standing(NamedTuple):
     mirrors: list[MirrorWall]
     #: How many columns are likely.
     columns: float
+    #: How many mirrors are likely though most walls are none.
+    beside: int = 0
 
 
 def _learnt(
@@ -154,7 +156,7 @@ def _learnt(
     evidence: CellEvidence,
 ) -> Silence:
     """Learn what silence says there; other arguments as of `learn_answers`."""
-    own, walls, mirrors, columns = place
+    own, walls, mirrors, columns, beside = place
     surfaces, on_lines = _surfaces(walls, evidence, field)
     things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     views = look_at(table, pings, field, left, listening, surfaces)
@@ -167,7 +169,7 @@ def _learnt(
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
     chances = listening.chance[own][table.kind[pings[own]] == ECHO]
     mirrored = max(
-        mirror_share(views, surfaces, log_silent, 1.0 - walled),
+        mirror_share(views, surfaces, log_silent, 1.0 - walled, beside),
         unexplained_share(chances, int(np.count_nonzero(own)), 1.0 - walled),
     )
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)

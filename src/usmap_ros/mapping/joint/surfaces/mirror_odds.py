@@ -21,6 +21,8 @@ WEIGHTS = 6.3, -1.34, -1.36, 1.62, -0.3, -3.25, -1.74
 MOST_OVER_POINT, MOST_ODDS = 1.5, 4.0
 #: Log-odds of all walls of a place together from which on it has mirrors.
 LEAST_ODDS = 3.0
+#: Log-odds from which on one wall is likely to be one, though most others are none.
+LIKELY_ODDS = 2.0
 
 
 def mirror_odds(walls: Sequence[MirrorWall], explained: float) -> FloatArray:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirror_criteria import ANY, USUAL, MirrorCriteria, fitted
 from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
-from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, mirror_odds
+from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, LIKELY_ODDS, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
     face_usually,
@@ -32,6 +32,8 @@ from usmap_ros.processes.threads import in_turn
 #: Amplitude reflectivities that a mirror may have, over what the loudest echo of one ping in ten
 #: means, for most pings hear nothing squarely, but a floor; and where ranges alone are known.
 LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
+#: The first of them beside rough walls, which return so much more.
+FAINT_MIRROR = 0.03
 #: Mirrors that are found at the most.
 MOST_WALLS = 60
 #: Echoes that follow a mirror's own at the most, on the mean.
@@ -80,9 +82,7 @@ def mirror_walls(
     """
     among = perpendicular_walls(table, pings, echoes, ~is_explained, first_only)
     places_m = table.numbers[pings][:, [X, Y]]
-    # Of echoes of other parts of the place nothing is asked.
-    explained = int((is_explained & is_usable).sum()) / max(int(is_usable.sum()), 1)
-    usual = _usual_mirror(among, places_m, explained)
+    usual = _usual_mirror(among, places_m, _share_of(is_explained, is_usable))
     if usual is None:
         return []
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
@@ -150,6 +150,38 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray, explained: floa
     groups = (np.abs(logs - logs[:, np.newaxis]) < ALIKE) & likely
     alike = groups[int(np.argmax(groups @ hits))]
     return float(np.average(logs[alike], weights=hits[alike]))
+
+
+def mirrors_beside(
+    table: PingTable,
+    pings: NDArray[np.int64],
+    echoes: Echoes,
+    is_explained: BoolArray,
+    is_usable: BoolArray,
+    first_only: BoolArray,
+) -> list[MirrorWall]:
+    """Walls that are likely to be mirrors in a place that has none by most of what it returns.
+
+    One pane of glass in a room of brick is faint beside the bricks, and cells explain what few
+    places hear of it.
+
+    Parameters
+    ----------
+    table, pings, echoes, is_explained, is_usable, first_only
+        As in `mirror_walls`.
+    """
+    faintest, loudest = _loudness(table, pings, echoes, is_usable, first_only)
+    faintest *= FAINT_MIRROR / LEAST_MIRROR
+    search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
+    found = without_doubles(_found(search, ANY))
+    odds = mirror_odds(found, _share_of(is_explained, is_usable))
+    return [wall for wall, each in zip(found, odds, strict=True) if each > LIKELY_ODDS]
+
+
+def _share_of(is_explained: BoolArray, is_usable: BoolArray) -> float:
+    """Share of usable echoes that reliable cells explain."""
+    # Of echoes of other parts of the place nothing is asked.
+    return int((is_explained & is_usable).sum()) / max(int(is_usable.sum()), 1)
 
 
 def perpendicular_walls(

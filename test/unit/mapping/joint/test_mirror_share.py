@@ -24,7 +24,7 @@ SQUARE, ASLANT = 1, 4
 LOG_SILENT = np.full((LOUDNESSES, INCIDENCES), math.log(0.1))
 
 
-def room(answers_aslant: float, walls: int, is_struck: bool = True, beside: float = 0.0) -> float:
+def room(answers_aslant: float, walls: int, is_struck: bool = True, least: float = 0.0) -> float:
     """Share of mirrors in a room of walls, each of 40 cells that five looks strike either way."""
     cells = 40 * walls
     surface = np.repeat(np.arange(cells, dtype=np.int32), 10)
@@ -41,7 +41,7 @@ def room(answers_aslant: float, walls: int, is_struck: bool = True, beside: floa
     )  # fmt: skip
     number = np.repeat(np.arange(walls), 40)
     surfaces = np.stack([np.arange(cells), 20.0 * number, 0.3 * number], axis=1)
-    return mirror_share(looked, surfaces, LOG_SILENT, 0.0, beside)
+    return mirror_share(looked, surfaces, LOG_SILENT, 0.0, least)
 
 
 def test_walls_that_answer_aslant_are_no_mirrors() -> None:
@@ -59,8 +59,8 @@ def test_a_few_walls_that_are_none_are_enough_for_mirrors_to_be_rare() -> None:
 
 
 def test_one_mirror_among_many_walls_that_are_none_is_enough_for_others_to_be_expected() -> None:
-    assert room(0.8, 8, beside=1.0) > math.exp(WALLED[0]) > room(0.8, 8)
-    assert room(0.0, 8, beside=1.0) == room(0.0, 8)
+    assert room(0.8, 8, least=1.0) > math.exp(WALLED[0]) > room(0.8, 8)
+    assert room(0.0, 8, least=1.0) == room(0.0, 8)
 
 
 def test_walls_found_say_nothing_of_mirrors_if_none_would_have_been_struck() -> None:

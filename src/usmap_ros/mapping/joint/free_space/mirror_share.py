@@ -47,7 +47,7 @@ def mirror_share(
     surfaces: FloatArray,
     log_silent: FloatArray,
     lone_share: float,
-    beside: float = 0.0,
+    least: float = 0.0,
 ) -> float:
     """Share of surfaces that are expected to be mirrors.
 
@@ -59,15 +59,14 @@ def mirror_share(
         Logarithm of P(silent | surface).
     lone_share : float
         How far what stands alone, and answers from any side, tells what else stands here.
-    beside : float
-        How many mirrors were struck squarely, by
-        `usmap_ros.mapping.joint.surfaces.mirror_walls.mirrors_beside`.
+    least : float
+        How many mirrors there are at least, whatever was heard aslant.
     """
     has_normal = surfaces[:, 2] != NO_NORMAL
     others = lone_share * np.count_nonzero(~has_normal)
     mirrors, scatterers, is_struck = _told_apart(views, surfaces, log_silent, has_normal)
     struck = (np.count_nonzero(is_struck) + 1.0) / (np.count_nonzero(has_normal) + 2.0)
-    return expected_share(max(mirrors, beside), scatterers + others, struck)
+    return expected_share(max(mirrors, least), scatterers + others, struck)
 
 
 def expected_share(mirrors: float, others: float, struck: float) -> float:

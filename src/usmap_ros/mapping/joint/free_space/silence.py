@@ -38,6 +38,9 @@ LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
 MIRRORED = (-2.0, 0.05)
 #: Surfaces at the most, from which is learnt how this place answers.
 MOST_SURFACES = 3000
+#: Mirrors that were found which say that others may be, at the most: what they scatter is heard
+#: close by as well, so that hardly any shows by what it answers aslant.
+MOST_STRUCK = 2
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
 
@@ -118,15 +121,15 @@ def learn_answers(
         What stands.
     """
     given, columns, answers = (table, pings, field), smooth.columns_likely, Answers([], [])
-    everywhere = np.ones(len(pings), bool)
-    places = [_Standing(everywhere, walls, smooth.mirrors, columns, len(smooth.beside))]
+    everywhere, struck = np.ones(len(pings), bool), min(len(smooth.mirrors), MOST_STRUCK)
+    places = [_Standing(everywhere, walls, smooth.mirrors, columns, struck or len(smooth.beside))]
     if smooth.mirrored:
         answers = Answers([], smooth.mirrored)
         inside = answers.inside(field)
         own = any_holds(smooth.mirrored, table.numbers[pings][:, [X, Y]])
         # Who looks into a part from elsewhere tells of its surfaces, too.
         places = [
-            _Standing(own, walls.within(inside), smooth.mirrors, columns),
+            _Standing(own, walls.within(inside), smooth.mirrors, columns, struck),
             _Standing(~own, walls.within(~inside), [], columns),
         ]
     answers.silences.extend(_learnt(*given, left, listening, place, evidence) for place in places)
@@ -142,8 +145,8 @@ class _Standing(NamedTuple):
     mirrors: list[MirrorWall]
     #: How many columns are likely.
     columns: float
-    #: How many mirrors are likely though most walls are none.
-    beside: int = 0
+    #: Mirrors that count as struck squarely whatever was heard of them aslant.
+    struck: int = 0
 
 
 def _learnt(
@@ -156,7 +159,7 @@ def _learnt(
     evidence: CellEvidence,
 ) -> Silence:
     """Learn what silence says there; other arguments as of `learn_answers`."""
-    own, walls, mirrors, columns, beside = place
+    own, walls, mirrors, columns, struck = place
     surfaces, on_lines = _surfaces(walls, evidence, field)
     things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     views = look_at(table, pings, field, left, listening, surfaces)
@@ -169,7 +172,7 @@ def _learnt(
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
     chances = listening.chance[own][table.kind[pings[own]] == ECHO]
     mirrored = max(
-        mirror_share(views, surfaces, log_silent, 1.0 - walled, beside),
+        mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
         unexplained_share(chances, int(np.count_nonzero(own)), 1.0 - walled),
     )
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)

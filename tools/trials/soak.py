@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -44,13 +45,13 @@ class Course:
     accused : set of str
         Who never had it, and was named.
     resident_mb : float
-        Memory at the end of its time.
+        The least memory in its time: at others, whole maps are worked out beside.
     """
 
     named_after: int | None = None
     cleared_after: int | None = None
     accused: set[str] = field(default_factory=set)
-    resident_mb: float = 0.0
+    resident_mb: float = math.inf
 
     def row(self) -> str:
         """In a line."""
@@ -98,7 +99,6 @@ def try_soak(
                 cone for topic, cone in pings if topic != faulty or _seconds(cone) >= cleared_s
             )
         )
-        course.resident_mb = resident_mb()
         print(f"{name} of {faulty}: {course.row()}", file=sys.stderr, flush=True)
     seen = PingViews(
         np.concatenate([one.positions_m for one in views]),
@@ -154,6 +154,7 @@ def soak(
         if topic != faulty:
             continue
         own += 1
+        course.resident_mb = min(course.resident_mb, resident_mb())
         if now_s < cleared_s:
             before = own
         is_decided = (course.named_after if own == before else course.cleared_after) is not None
@@ -180,7 +181,7 @@ def suspects(fusion: LiveFusion) -> set[str]:
 
 
 def _figures(courses: dict[str, Course], found: Score) -> dict[str, str]:
-    figures = {"fault": "named after so many pings; cleared after; others accused; resident"}
+    figures = {"fault": "named after so many pings; cleared after; others accused; least resident"}
     figures |= {name: course.row() for name, course in courses.items()}
     figures["the map in the end"] = (
         f"F1 {found.f1:.3f}, known {found.known:.3f}, leak {found.leak:.3f}, lost {found.lost:.3f}"
@@ -191,7 +192,7 @@ def _figures(courses: dict[str, Course], found: Score) -> dict[str, str]:
 def _troubles(courses: dict[str, Course], found: Score) -> list[str]:
     troubles = [f"{name}: others accused" for name, course in courses.items() if course.accused]
     troubles += [f"{name}: not cleared" for name, one in courses.items() if not one.cleared_after]
-    # The window of pings fills first, and a map may be worked out beside while memory is looked at.
+    # The window of pings fills first.
     used_mb = [course.resident_mb for course in courses.values()]
     third = max(1, len(used_mb) // 3)
     middle_mb, last_mb = (

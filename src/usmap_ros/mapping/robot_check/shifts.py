@@ -32,7 +32,7 @@ LEAST_M, LEAST_THERE = 0.5, 8.0
 MARGIN = 10.0
 #: How well others must bear out a robot where it says it is, for it to be there; and as a share of
 #: what they would elsewhere.
-BORNE_OUT, HERE = 4.0, 0.35
+BORNE_OUT, HERE = 4.0, 0.4
 
 
 class RobotPairs:

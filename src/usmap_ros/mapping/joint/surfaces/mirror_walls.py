@@ -32,9 +32,8 @@ from usmap_ros.processes.threads import in_turn
 #: Amplitude reflectivities that a mirror may have, over what the loudest echo of one ping in ten
 #: means, for most pings hear nothing squarely, but a floor; and where ranges alone are known.
 LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
-#: The first of them beside rough walls, which return so much more; and what a mirror there must
-#: have: chance lines up nine hits.
-FAINT_MIRROR, BESIDE = 0.03, ANY._replace(hits=10)
+#: The first of them beside rough walls, which return so much more.
+FAINT_MIRROR = 0.03
 #: Mirrors that are found at the most.
 MOST_WALLS = 60
 #: Echoes that follow a mirror's own at the most, on the mean.
@@ -163,24 +162,20 @@ def mirrors_beside(
 ) -> list[MirrorWall]:
     """Walls that are likely to be mirrors in a place that has none by most of what it returns.
 
-    One pane of glass in a room of brick is faint beside the bricks.  Where cells explain what few
-    places hear of it, it is found among all echoes, and where bricks hide it in them, without what
-    cells explain.
+    One pane of glass in a room of brick is faint beside the bricks, and cells explain what few
+    places hear of it.
 
     Parameters
     ----------
     table, pings, echoes, is_explained, is_usable, first_only
         As in `mirror_walls`.
     """
-    explained, likely = _share_of(is_explained, is_usable), list[MirrorWall]()
-    for is_open in (is_usable & ~is_explained, is_usable):
-        faintest, loudest = _loudness(table, pings, echoes, is_open, first_only)
-        faintest *= FAINT_MIRROR / LEAST_MIRROR
-        search = MirrorSearch(table, pings, echoes, is_open, faintest, loudest)
-        found = _found(search, BESIDE)
-        odds = mirror_odds(found, explained)
-        likely += [wall for wall, each in zip(found, odds, strict=True) if each > LIKELY_ODDS]
-    return without_doubles(likely)
+    faintest, loudest = _loudness(table, pings, echoes, is_usable, first_only)
+    faintest *= FAINT_MIRROR / LEAST_MIRROR
+    search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
+    found = without_doubles(_found(search, ANY))
+    odds = mirror_odds(found, _share_of(is_explained, is_usable))
+    return [wall for wall, each in zip(found, odds, strict=True) if each > LIKELY_ODDS]
 
 
 def _share_of(is_explained: BoolArray, is_usable: BoolArray) -> float:

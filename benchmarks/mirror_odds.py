@@ -1,11 +1,14 @@
-"""How well it is told whether a place has mirrors, and the weights by which it is.
+"""How well it is told whether a place has mirrors, or panes, and the weights by which it is.
 
 Rooms with smooth and with rough walls, and poles, are recorded by sensors that differ from the
 usual one, their walls by surfaces that do; what was heard squarely is looked at.  Weights of
 `usmap_ros.mapping.joint.surfaces.mirror_odds` are fitted by logistic regression to all seeds but
 one, and judged by that one, for each in turn; those of the product are judged by all.
 
-python benchmarks/mirror_odds.py [--seeds 1000 1001 1002 1003]
+With ``--panes``, rooms of which some walls are of glass and rough places are recorded by some of
+the sensors, and lines of lone echoes are looked at, one after the other.
+
+python benchmarks/mirror_odds.py [--seeds 1000 1001 1002 1003] [--panes]
 """
 
 from __future__ import annotations
@@ -13,7 +16,8 @@ from __future__ import annotations
 import argparse
 import json
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
@@ -21,11 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 from scenes import scenario
+from scipy.special import expit
 
 from usmap_ros.mapping.joint.surfaces import mirror_odds, mirror_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.simulation.occlusion import point_segment_distances
+from usmap_ros.simulation.scene import WallSegments
 
 FloatArray = NDArray[np.float64]
 SMOOTH = ("columns_smooth", "turned_smooth", "flat_smooth", "smooth_rooms")
@@ -51,6 +58,10 @@ SENSORS: dict[str, dict[str, Any]] = {
     "long pulse": {"pulse": {"shape": "hann_burst", "carrier_hz": 40_000.0, "duration_s": 0.001}},
 }
 CONDITIONS = ("100_pings", "plain", "few_pings", "headings_off")
+#: Conditions and sensors of panes, and mirror reflectivity from which on a wall is one.
+OF_PANES, GLASS = (("100_pings", "plain"), ("usual", "raw", "wide")), 0.3
+#: A line is of a wall whose normal has such a cosine to its own, and that is so near to its middle.
+FACES, NEAR_M = 0.97, 0.15
 #: Ridge of the fit.
 RIDGE = 0.01
 
@@ -58,11 +69,13 @@ RIDGE = 0.01
 class Heard(NamedTuple):
     """What was heard squarely in one recording."""
 
-    #: ``smooth``, ``rough`` or ``poles``.
+    #: ``smooth``, ``rough``, ``poles`` or ``panes``.
     kind: str
     seed: int
     #: (walls, signs) array.
     signs: FloatArray
+    #: (walls,) bool array: which are mirrors.
+    are_mirrors: NDArray[np.bool_]
 
 
 def recordings(seeds: Sequence[int]) -> Iterator[tuple[str, int, Scenario]]:
@@ -104,13 +117,54 @@ def heard(kind: str, seed: int, world: Scenario) -> Heard:
 
     with patch.object(mirror_walls, "mirror_odds", note):
         pipeline.occupancy_map()
-    return Heard(kind, seed, noted[0] if noted else np.zeros((0, len(mirror_odds.WEIGHTS))))
+    signs = noted[0] if noted else np.zeros((0, len(mirror_odds.WEIGHTS)))
+    return Heard(kind, seed, signs, np.full(len(signs), kind == "smooth"))
+
+
+def places_with_panes(seeds: Sequence[int]) -> Iterator[tuple[str, int, Scenario]]:
+    """Kind, seed and scenario of what is recorded to tell panes from chance."""
+    for seed, condition, sensor in product(seeds, *OF_PANES):
+        draw = random.Random(f"{seed} {condition} {sensor}")
+        for kind in ("panes", *draw.sample(ROUGH, 3)):
+            world = scenario(kind, condition, seed)
+            content = json.loads(world.model_dump_json(exclude_unset=True))
+            for robot in content["robots"]:
+                robot["transducers"] = [_varied(t, sensor) for t in robot["transducers"]]
+            of = "panes" if kind == "panes" else "rough"
+            yield of, seed, Scenario.from_mapping(content, f"{kind} {seed}")
+
+
+def lone_lines(kind: str, seed: int, world: Scenario) -> Heard:
+    """Map a recording, and note what is told of the lines of its lone echoes."""
+    pipeline, noted = Pipeline(), list[tuple[FloatArray, NDArray[np.bool_]]]()
+    for topic, trace in simulate(world):
+        pipeline.fuse(pipeline.reconstruct(trace), topic)
+
+    def note(lines: Sequence[MirrorWall], explained: float, cells: NDArray[np.bool_]) -> float:
+        are_panes = np.array([_is_glass(line, world.scene().walls) for line in lines], bool)
+        noted.append((mirror_odds.pane_signs_of(lines, explained, cells), are_panes))
+        return mirror_odds.expected_panes(lines, explained, cells)
+
+    with patch.object(mirror_walls, "expected_panes", note):
+        pipeline.occupancy_map()
+    nothing = np.zeros((0, len(mirror_odds.PANE_WEIGHTS))), np.zeros(0, bool)
+    return Heard(kind, seed, *(noted[0] if noted else nothing))
+
+
+def _is_glass(line: MirrorWall, walls: WallSegments) -> bool:
+    """Whether a line is of a wall that is a mirror."""
+    normal = np.array([np.cos(line.normal_rad), np.sin(line.normal_rad)])
+    along = 0.5 * (line.begin_m + line.end_m) * np.array([-normal[1], normal[0]])
+    middle_m = normal * line.distance_m + along
+    apart_m = point_segment_distances(middle_m, walls.starts_m, walls.ends_m)
+    are_its = (np.abs(walls.normals @ normal) > FACES) & (apart_m < NEAR_M)
+    return bool((are_its & (walls.specular_reflectivity > GLASS)).any())
 
 
 def fitted(among: Sequence[Heard]) -> FloatArray:
     """Weights, such that each wall is as likely a mirror as not before it is looked at."""
     signs = np.concatenate([each.signs for each in among])
-    is_mirror = np.concatenate([np.full(len(each.signs), each.kind == "smooth") for each in among])
+    is_mirror = np.concatenate([each.are_mirrors for each in among])
     weights = np.zeros(signs.shape[1])
     for _ in range(50):
         likely = 1.0 / (1.0 + np.exp(-signs @ weights))
@@ -128,13 +182,33 @@ def found(each: Heard, weights: Sequence[float] | FloatArray) -> bool:
     return bool(odds.sum() >= mirror_odds.LEAST_ODDS)
 
 
+def expected(each: Heard, weights: Sequence[float] | FloatArray) -> bool:
+    """Whether half a pane or more is expected in a place."""
+    return bool(expit(each.signs @ weights + mirror_odds.PANE_BEFORE).sum() >= 0.5)
+
+
 def main() -> None:
     """Print weights, and how many places of each kind are said to have mirrors."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1000, 1001, 1002, 1003])
-    seeds = parser.parse_args().seeds
-    todo = list(recordings(seeds))
-    all_heard = [heard(*each) for each in track(todo, description="Listening", transient=True)]
+    parser.add_argument("--panes", action="store_true")
+    given = parser.parse_args()
+    if given.panes:
+        _print(given.seeds, places_with_panes, lone_lines, expected, mirror_odds.PANE_WEIGHTS)
+    else:
+        _print(given.seeds, recordings, heard, found, mirror_odds.WEIGHTS)
+
+
+def _print(
+    seeds: Sequence[int],
+    recorded: Callable[[Sequence[int]], Iterator[tuple[str, int, Scenario]]],
+    listen: Callable[[str, int, Scenario], Heard],
+    has_mirrors: Callable[[Heard, Sequence[float] | FloatArray], bool],
+    own: Sequence[float],
+) -> None:
+    """Record, listen, fit, judge and print."""
+    todo = list(recorded(seeds))
+    all_heard = [listen(*each) for each in track(todo, description="Listening", transient=True)]
     by_others = {
         seed: fitted([each for each in all_heard if each.seed != seed or len(seeds) == 1])
         for seed in seeds
@@ -142,11 +216,11 @@ def main() -> None:
     print("weights", fitted(all_heard).round(2).tolist())
     print("| kind | recordings | with mirrors, by the other seeds' weights | by the product's |")
     print("|---|---:|---:|---:|")
-    for kind in ("smooth", "rough", "poles"):
+    for kind in dict.fromkeys(each.kind for each in all_heard):
         those = [each for each in all_heard if each.kind == kind]
-        others = np.mean([found(each, by_others[each.seed]) for each in those])
-        product = np.mean([found(each, mirror_odds.WEIGHTS) for each in those])
-        print(f"| {kind} | {len(those)} | {others:.1%} | {product:.1%} |")
+        others = np.mean([has_mirrors(each, by_others[each.seed]) for each in those])
+        product_s = np.mean([has_mirrors(each, own) for each in those])
+        print(f"| {kind} | {len(those)} | {others:.1%} | {product_s:.1%} |")
 
 
 if __name__ == "__main__":

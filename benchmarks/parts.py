@@ -132,8 +132,9 @@ PARTS = {
         ((mirror_walls, "face_usually", lambda found, among: np.zeros(len(found), bool)),),
     ),
     "fainter": Part("smooth walls are as loud as most", ((mirror_walls, "FAINTER", 0.4),)),
-    "beside": Part(
-        "no mirrors are expected among rough walls", ((smooth_surfaces, "mirrors_beside", _none),)
+    "panes": Part(
+        "no mirrors are expected among rough walls",
+        ((smooth_surfaces, "panes_beside", lambda *given: 0.0),),
     ),
     "wall_ends": Part("smooth walls end at their feet", ((smooth_surfaces, "WallEnds", _AsFound),)),
     "columns": Part("no round columns", ((smooth_surfaces, "round_columns", _none),)),

@@ -11,7 +11,7 @@ import pytest
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
-from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls, mirrors_beside
+from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls, panes_beside
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.ping_table import RANGE_STD
 from usmap_ros.numerics.geometry import Pose
@@ -161,8 +161,16 @@ def test_a_pane_beside_bricks_that_return_far_more_is_likely(
     is_explained = np.repeat(np.arange(len(rows)) < len(mirror_pings), np.diff(echoes.start))
     given = table, rows, echoes, is_explained, is_usable, none
     assert mirror_walls(*given) == []
-    wall = max(mirrors_beside(*given), key=lambda wall: len(wall.echoes))
-    assert wall.distance_m == pytest.approx(mirror_m, abs=0.01)
+    assert panes_beside(*given) > 0.5
+
+
+def test_no_pane_is_expected_among_bricks_alone(
+    make_cone: Callable[..., EchoCone], mirror_m: float
+) -> None:
+    bricks = followed_echoes(make_cone, 90, 9.0, 0.3, 20.0, mirror_m - 0.4)
+    table, rows, _, echoes = kept_pings({"robot": bricks}, MappingParameters()).pings()[:4]
+    is_usable, none = np.ones(len(echoes.range_m), bool), np.zeros(len(rows), bool)
+    assert panes_beside(table, rows, echoes, is_usable, is_usable, none) < 0.1
 
 
 def turned(cone: EchoCone, by_rad: float, away_m: float) -> EchoCone:

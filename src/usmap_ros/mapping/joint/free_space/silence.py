@@ -122,7 +122,7 @@ def learn_answers(
     """
     given, columns, answers = (table, pings, field), smooth.columns_likely, Answers([], [])
     everywhere, struck = np.ones(len(pings), bool), min(len(smooth.mirrors), MOST_STRUCK)
-    places = [_Standing(everywhere, walls, smooth.mirrors, columns, struck or len(smooth.beside))]
+    places = [_Standing(everywhere, walls, smooth.mirrors, columns, struck or smooth.panes)]
     if smooth.mirrored:
         answers = Answers([], smooth.mirrored)
         inside = answers.inside(field)
@@ -146,7 +146,7 @@ class _Standing(NamedTuple):
     #: How many columns are likely.
     columns: float
     #: Mirrors that count as struck squarely whatever was heard of them aslant.
-    struck: int = 0
+    struck: float = 0.0
 
 
 def _learnt(

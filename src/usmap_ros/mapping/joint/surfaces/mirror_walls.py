@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirror_criteria import ANY, USUAL, MirrorCriteria, fitted
 from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
-from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, LIKELY_ODDS, mirror_odds
+from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, expected_panes, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
     face_usually,
@@ -24,7 +24,7 @@ from usmap_ros.mapping.joint.surfaces.mirrors import (
     without_doubles,
 )
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import images, reflected, seen_directly
-from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
+from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between, mirror_levels
 from usmap_ros.mapping.ping_table import ABSORPTION, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.processes.threads import in_turn
@@ -32,8 +32,11 @@ from usmap_ros.processes.threads import in_turn
 #: Amplitude reflectivities that a mirror may have, over what the loudest echo of one ping in ten
 #: means, for most pings hear nothing squarely, but a floor; and where ranges alone are known.
 LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
-#: The first of them beside rough walls, which return so much more.
-FAINT_MIRROR = 0.03
+#: The first of them among lone echoes, of which the loudest may be those of corners.
+FAINT_MIRROR = 0.1
+#: Echoes of a ping that are so near to each other, m, are of one rough wall; of how many, itself
+#: included, one may still be a pane's.
+BESIDE_M, MOST_BESIDE = 0.3, 3
 #: Mirrors that are found at the most.
 MOST_WALLS = 60
 #: Echoes that follow a mirror's own at the most, on the mean.
@@ -152,30 +155,37 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray, explained: floa
     return float(np.average(logs[alike], weights=hits[alike]))
 
 
-def mirrors_beside(
+def panes_beside(
     table: PingTable,
     pings: NDArray[np.int64],
     echoes: Echoes,
     is_explained: BoolArray,
     is_usable: BoolArray,
     first_only: BoolArray,
-) -> list[MirrorWall]:
-    """Walls that are likely to be mirrors in a place that has none by most of what it returns.
+) -> float:
+    """How many mirrors robots struck squarely in a place that seems to have none.
 
-    One pane of glass in a room of brick is faint beside the bricks, and cells explain what few
-    places hear of it.
+    One pane of glass in a room of brick is faint beside the bricks, which return so many echoes
+    that chance lines them up anyhow.  A pane returns one echo with nothing beside it, and cells
+    explain only what few places hear of it.
 
     Parameters
     ----------
     table, pings, echoes, is_explained, is_usable, first_only
         As in `mirror_walls`.
     """
-    faintest, loudest = _loudness(table, pings, echoes, is_usable, first_only)
-    faintest *= FAINT_MIRROR / LEAST_MIRROR
-    search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
-    found = without_doubles(_found(search, ANY))
-    odds = mirror_odds(found, _share_of(is_explained, is_usable))
-    return [wall for wall, each in zip(found, odds, strict=True) if each > LIKELY_ODDS]
+    is_open = is_usable & _are_lone(echoes)
+    lines = perpendicular_walls(table, pings, echoes, is_open, first_only, FAINT_MIRROR)
+    explained = _share_of(is_explained, is_usable)
+    return expected_panes(without_doubles(lines), explained, is_explained)
+
+
+def _are_lone(echoes: Echoes) -> BoolArray:
+    """Whether each echo has hardly any other of its ping beside it."""
+    pings = np.repeat(np.arange(len(echoes.start) - 1), np.diff(echoes.start))
+    beside = count_between(echoes, pings, echoes.range_m - BESIDE_M, echoes.range_m + BESIDE_M)
+    are_lone: BoolArray = beside <= MOST_BESIDE
+    return are_lone
 
 
 def _share_of(is_explained: BoolArray, is_usable: BoolArray) -> float:
@@ -190,6 +200,7 @@ def perpendicular_walls(
     echoes: Echoes,
     is_open: BoolArray,
     first_only: BoolArray,
+    faintest: float = LEAST_MIRROR,
 ) -> list[MirrorWall]:
     """Walls that are heard at the feet of perpendiculars, whether or not from elsewhere, too.
 
@@ -199,11 +210,12 @@ def perpendicular_walls(
         As in `mirror_walls`.
     is_open : (echoes,) bool array
         Whether an echo may be one's.
+    faintest : float
+        Least amplitude reflectivity of one over what the loudest open echo of one ping in ten
+        means, if not ranges alone are known.
     """
-    search = MirrorSearch(
-        table, pings, echoes, is_open, *_loudness(table, pings, echoes, is_open, first_only)
-    )
-    return _found(search, ANY)
+    limits = _loudness(table, pings, echoes, is_open, first_only, faintest)
+    return _found(MirrorSearch(table, pings, echoes, is_open, *limits), ANY)
 
 
 def _loudness(
@@ -212,6 +224,7 @@ def _loudness(
     echoes: Echoes,
     is_open: BoolArray,
     first_only: BoolArray,
+    faintest: float,
 ) -> tuple[float, float]:
     """Amplitude reflectivities that mirrors may have, by what pings' loudest open echoes mean."""
     ping = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
@@ -222,7 +235,7 @@ def _loudness(
     if not loudest.any():
         return OF_RANGES
     loud = float(np.quantile(loudest[loudest > 0.0], 1.0 - LOUD_PINGS))
-    return LEAST_MIRROR * loud, MOST_MIRROR * loud
+    return faintest * loud, MOST_MIRROR * loud
 
 
 def _found(search: MirrorSearch, bar: MirrorCriteria) -> list[MirrorWall]:

@@ -11,7 +11,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead
-from usmap_ros.mapping.joint.surfaces.mirror_walls import mirrors_beside, perpendicular_walls
+from usmap_ros.mapping.joint.surfaces.mirror_walls import panes_beside, perpendicular_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
     are_corners,
@@ -83,8 +83,8 @@ class SmoothSurfaces:
         self.columns: list[RoundColumn] = []
         #: Parts of the place that mirrors are in, if not in all of it.
         self.mirrored: list[PartOfPlace] = []
-        #: Likely mirrors where most walls answer from any side.
-        self.beside: list[MirrorWall] = []
+        #: How many mirrors were struck where most walls answer from any side.
+        self.panes = 0.0
         self._suspected: list[RoundColumn] = []
         # Those that other pings found.
         self._known_mirrors: list[MirrorWall] = []
@@ -121,7 +121,7 @@ class SmoothSurfaces:
         )
         if not found:
             given = is_explained, is_usable, first_only
-            self.beside = mirrors_beside(table, pings, echoes, *given)
+            self.panes = panes_beside(table, pings, echoes, *given)
         for wall in found:
             is_explained[wall.echoes] = True
         may_follow = ~is_explained & ~first_only[self.places.ping]

@@ -196,6 +196,7 @@ class Robot:
                 return None
             gains |= said((best - step, best + step))
         best = max(gains, key=lambda scale: sum(gains[scale]))
+        # Once more, now that landmarks of all scales are found.
         gains = said((1.0, best))
         error = scale_error(best, np.subtract(gains[best], gains[1.0]), self.heard.background)
         return error and Displacement("scaled", error[:1], error[1], self.told)

@@ -5,6 +5,7 @@ the same, or did before, hear them elsewhere, all of them shifted alike.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -58,8 +59,8 @@ class RobotPairs:
         earlier: Callable[[], Mapping[str, Robot]],
     ) -> None:
         self.names = sorted(robots)
-        # Of each two, and of the same two the other way around.
-        self._said: dict[tuple[str, str], FloatArray] = {}
+        # What each of the others bears out of a robot, by where it is.
+        self._said: dict[str, dict[str, FloatArray]] = defaultdict(dict)
         # What is said of a robot in any place: pairs, and whether it is the first of the two.
         self._pairs: dict[str, list[tuple[Robot, Robot, float]]] = {n: [] for n in self.names}
         for number, one in enumerate(self.names):
@@ -78,12 +79,12 @@ class RobotPairs:
         self._pairs[other].append((first, second, -1.0))
         # The places are the same the other way around, but for where it is told.
         opposite = np.append(said[0], said[:0:-1])
-        for pair, more in (((one, other), said), ((other, one), opposite)):
-            self._said[pair] = self._said[pair] + more if pair in self._said else more
+        for name, by, more in ((one, other, said), (other, one, opposite)):
+            self._said[name][by] = self._said[name].get(by, 0.0) + more
 
     def shift(self, name: str) -> Displacement:
         """How a robot would most likely be shifted by what others hear."""
-        total = sum(self._said_of(name), start=np.zeros(len(SHIFTS_M)))
+        total = sum(self._said[name].values(), start=np.zeros(len(SHIFTS_M)))
         told, there, best_m = float(total[0]), float(total.max()), SHIFTS_M[int(total.argmax())]
         for step_m in CLOSER_M if best_m.any() else ():
             near_m = best_m + step_m * AROUND
@@ -98,12 +99,8 @@ class RobotPairs:
 
     def is_borne_out(self, name: str) -> bool:
         """Whether anybody bears a robot out where it says it is."""
-        said = self._said_of(name)
+        said = self._said[name].values()
         return any(each[0] >= max(BORNE_OUT, HERE * each.max()) for each in said)
-
-    def _said_of(self, name: str) -> list[FloatArray]:
-        """What each of the others bears out of a robot, by where it is."""
-        return [said for (one, _), said in self._said.items() if one == name]
 
 
 def is_sure(shift: Displacement) -> bool:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 from scenes import scenario
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from usmap_ros.mapping.joint.surfaces import mirror_odds, mirror_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
@@ -172,7 +172,7 @@ def fitted(among: Sequence[Heard]) -> FloatArray:
         hessian = signs.T @ (signs * (likely * (1.0 - likely))[:, np.newaxis]) + ridge
         slope = signs.T @ (is_mirror - likely) - RIDGE * weights
         weights += np.linalg.solve(hessian, slope)
-    weights[0] -= np.log(is_mirror.mean() / (1.0 - is_mirror.mean()))
+    weights[0] -= logit(np.clip(is_mirror.mean(), 1e-3, 1.0 - 1e-3))
     return weights
 
 

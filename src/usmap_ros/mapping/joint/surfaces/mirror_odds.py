@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import expit
 
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -65,7 +64,7 @@ def expected_panes(lines: Sequence[MirrorWall], explained: float, is_explained: 
         Whether reliable cells explain an echo.
     """
     odds = pane_signs_of(lines, explained, is_explained) @ PANE_WEIGHTS
-    return float(expit(odds + PANE_BEFORE).sum())
+    return float((1.0 / (1.0 + np.exp(-odds - PANE_BEFORE))).sum())
 
 
 def pane_signs_of(

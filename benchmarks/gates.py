@@ -33,6 +33,8 @@ GATES = {
     "mixed": (Case("mixed", "plain", 4723),),
     # Walls of bricks, some of glass: through one of these a robot left.
     "panes": (Case("panes", "100_pings", 1032), Case("panes", "100_pings", 1047)),
+    # Echoes of a round column stand alone, and on a line, and are no pane's.
+    "columns": (Case("columns_rough", "plain", 971),),
     # Few poles can be heard by so few pings; a single one would decide.
     "few_pings": tuple(Case("poles", "few_pings", seed) for seed in range(4715, 4721)),
     "range_only": (Case("swarm", "ranges", 4721),),

@@ -10,8 +10,8 @@ import pytest
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 NAMES = (
-    "clutter", "rough_rooms", "smooth_rooms", "corridors", "mixed", "panes", "few_pings",
-    "range_only", "first_echoes", "first_pings",
+    "clutter", "rough_rooms", "smooth_rooms", "corridors", "mixed", "panes", "columns",
+    "few_pings", "range_only", "first_echoes", "first_pings",
 )  # fmt: skip
 
 

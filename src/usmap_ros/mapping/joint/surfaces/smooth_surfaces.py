@@ -119,9 +119,6 @@ class SmoothSurfaces:
         found, self.mirrored = mirrors_of_parts(
             table, pings, echoes, is_explained, is_usable, first_only
         )
-        if not found:
-            given = is_explained, is_usable, first_only
-            self.panes = panes_beside(table, pings, echoes, *given)
         for wall in found:
             is_explained[wall.echoes] = True
         may_follow = ~is_explained & ~first_only[self.places.ping]
@@ -131,6 +128,9 @@ class SmoothSurfaces:
         columns = _but_corners(round_columns(ping_set, is_explained, self._field), found)
         for column in columns:
             is_usable[column.echoes] &= not column.is_certain
+        if not found:
+            given = is_explained, is_usable, first_only
+            self.panes = panes_beside(table, pings, echoes, *given)
         instead = columns_instead(ping_set, is_usable & ~is_explained, is_usable, lone_cells_m)
         instead = _but_corners(instead, found)
         columns = [

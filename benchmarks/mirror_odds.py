@@ -85,17 +85,22 @@ def recordings(seeds: Sequence[int]) -> Iterator[tuple[str, int, Scenario]]:
         for condition, sensor in cases:
             draw = random.Random(f"{seed} {condition} {sensor}")
             for kind in (*draw.sample(SMOOTH, 2), *draw.sample(ROUGH, 2), "poles"):
-                content = json.loads(
-                    scenario(kind, condition, seed).model_dump_json(exclude_unset=True)
-                )
-                for robot in content["robots"]:
-                    robot["transducers"] = [_varied(t, sensor) for t in robot["transducers"]]
+                content = _heard_by(sensor, kind, condition, seed)
                 if kind != "poles":
                     mirror, scatter = map(draw.choice, SURFACES[kind in SMOOTH])
                     surface = {"specular_reflectivity": mirror, "diffuse_reflectivity": scatter}
                     content["world"].get("map", content["world"])["surface"] |= surface
                 of = "poles" if kind == "poles" else "smooth" if kind in SMOOTH else "rough"
                 yield of, seed, Scenario.from_mapping(content, f"{kind} {seed}")
+
+
+def _heard_by(sensor: str, kind: str, condition: str, seed: int) -> dict[str, Any]:
+    """A scene whose robots carry a sensor."""
+    world = scenario(kind, condition, seed)
+    content: dict[str, Any] = json.loads(world.model_dump_json(exclude_unset=True))
+    for robot in content["robots"]:
+        robot["transducers"] = [_varied(t, sensor) for t in robot["transducers"]]
+    return content
 
 
 def _varied(transducer: dict[str, Any], sensor: str) -> dict[str, Any]:
@@ -107,16 +112,13 @@ def _varied(transducer: dict[str, Any], sensor: str) -> dict[str, Any]:
 
 def heard(kind: str, seed: int, world: Scenario) -> Heard:
     """Map a recording, and note what is told of the walls that it hears squarely."""
-    pipeline, noted = Pipeline(), list[FloatArray]()
-    for topic, trace in simulate(world):
-        pipeline.fuse(pipeline.reconstruct(trace), topic)
+    noted = list[FloatArray]()
 
     def note(walls: Sequence[MirrorWall], explained: float) -> FloatArray:
         noted.append(mirror_odds.signs_of(walls, explained))
         return mirror_odds.mirror_odds(walls, explained)
 
-    with patch.object(mirror_walls, "mirror_odds", note):
-        pipeline.occupancy_map()
+    _map(world, "mirror_odds", note)
     signs = noted[0] if noted else np.zeros((0, len(mirror_odds.WEIGHTS)))
     return Heard(kind, seed, signs, np.full(len(signs), kind == "smooth"))
 
@@ -126,29 +128,32 @@ def places_with_panes(seeds: Sequence[int]) -> Iterator[tuple[str, int, Scenario
     for seed, condition, sensor in product(seeds, *OF_PANES):
         draw = random.Random(f"{seed} {condition} {sensor}")
         for kind in ("panes", *draw.sample(ROUGH, 3)):
-            world = scenario(kind, condition, seed)
-            content = json.loads(world.model_dump_json(exclude_unset=True))
-            for robot in content["robots"]:
-                robot["transducers"] = [_varied(t, sensor) for t in robot["transducers"]]
+            content = _heard_by(sensor, kind, condition, seed)
             of = "panes" if kind == "panes" else "rough"
             yield of, seed, Scenario.from_mapping(content, f"{kind} {seed}")
 
 
 def lone_lines(kind: str, seed: int, world: Scenario) -> Heard:
     """Map a recording, and note what is told of the lines of its lone echoes."""
-    pipeline, noted = Pipeline(), list[tuple[FloatArray, NDArray[np.bool_]]]()
-    for topic, trace in simulate(world):
-        pipeline.fuse(pipeline.reconstruct(trace), topic)
+    noted = list[tuple[FloatArray, NDArray[np.bool_]]]()
 
     def note(lines: Sequence[MirrorWall], explained: float, cells: NDArray[np.bool_]) -> float:
         are_panes = np.array([_is_glass(line, world.scene().walls) for line in lines], bool)
         noted.append((mirror_odds.pane_signs_of(lines, explained, cells), are_panes))
         return mirror_odds.expected_panes(lines, explained, cells)
 
-    with patch.object(mirror_walls, "expected_panes", note):
-        pipeline.occupancy_map()
+    _map(world, "expected_panes", note)
     nothing = np.zeros((0, len(mirror_odds.PANE_WEIGHTS))), np.zeros(0, bool)
     return Heard(kind, seed, *(noted[0] if noted else nothing))
+
+
+def _map(world: Scenario, name: str, note: Callable[..., Any]) -> None:
+    """Map a recording with something else in place of a function of `mirror_walls`."""
+    pipeline = Pipeline()
+    for topic, trace in simulate(world):
+        pipeline.fuse(pipeline.reconstruct(trace), topic)
+    with patch.object(mirror_walls, name, note):
+        pipeline.occupancy_map()
 
 
 def _is_glass(line: MirrorWall, walls: WallSegments) -> bool:
@@ -167,7 +172,7 @@ def fitted(among: Sequence[Heard]) -> FloatArray:
     is_mirror = np.concatenate([each.are_mirrors for each in among])
     weights = np.zeros(signs.shape[1])
     for _ in range(50):
-        likely = 1.0 / (1.0 + np.exp(-signs @ weights))
+        likely = expit(signs @ weights)
         ridge = RIDGE * np.eye(len(weights))
         hessian = signs.T @ (signs * (likely * (1.0 - likely))[:, np.newaxis]) + ridge
         slope = signs.T @ (is_mirror - likely) - RIDGE * weights
@@ -219,8 +224,8 @@ def _print(
     for kind in dict.fromkeys(each.kind for each in all_heard):
         those = [each for each in all_heard if each.kind == kind]
         others = np.mean([has_mirrors(each, by_others[each.seed]) for each in those])
-        product_s = np.mean([has_mirrors(each, own) for each in those])
-        print(f"| {kind} | {len(those)} | {others:.1%} | {product_s:.1%} |")
+        by_product = np.mean([has_mirrors(each, own) for each in those])
+        print(f"| {kind} | {len(those)} | {others:.1%} | {by_product:.1%} |")
 
 
 if __name__ == "__main__":

@@ -82,10 +82,11 @@ class _Pairs(NamedTuple):
     #: (n,) arrays: as `DataAssociation.off_m`, and its standard deviation.
     off_m: FloatArray
     std_m: FloatArray
-    #: (n,) arrays: how `off_m` changes as the robot turns, and with range over the standard
-    #: deviation.
+    #: (n,) array: how `off_m` changes as the robot turns.
     per_rad_m: FloatArray
-    facing: FloatArray
+    #: (n,) array: density of ranges where the echo is as likely as it may be, times how much
+    #: likelier than usual it is a landmark's.
+    most: FloatArray
     #: (n,) int array: which stretch of the landmark.
     cell: NDArray[np.intp]
     #: (pings, landmarks) int array: the same for each ping.
@@ -123,7 +124,8 @@ class _Pairs(NamedTuple):
         its = np.flatnonzero(wanted[at[0]] & (np.abs(off_m) < _REACH * std_m))
         return cls(
             seen, echo[its], landmark[its], off_m[its], std_m[its], per_rad_m[its],
-            cosine[its] / std_m[its], cells[at][its], cells, asked, echo[beyond], landmark[beyond],
+            echoes.onset[echo[its]] * cosine[its] / std_m[its], cells[at][its], cells, asked,
+            echo[beyond], landmark[beyond],
         )  # fmt: skip
 
     def associate_echoes(
@@ -131,17 +133,17 @@ class _Pairs(NamedTuple):
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Of some rows the shares and how tight landmarks are; evidence, and rates by stretch."""
         echo, landmark, cell = self.echo[kept], self.landmark[kept], self.cell[kept]
-        apart, facing = self.off_m[kept] / self.std_m[kept], self.facing[kept]
+        apart, most = self.off_m[kept] / self.std_m[kept], self.most[kept]
         count, weight = self.asked.shape[1], echoes.weight[echo]
         tight, rate = np.ones(count), np.full(self.asked.shape, _FIRST_RATE)
-        density = _density(apart, tight[landmark]) * facing
+        density = _density(apart, tight[landmark]) * most
         shares, evidence = _shares(echo, rate.ravel()[cell] * density, len(echoes.ping))
         for _ in range(_ROUNDS):
             heard = _by_stretch(cell, shares * weight, self.asked.shape)
             rate = (heard + _LEAST_RATE * _PRIOR_LOOKS) / (self.asked + _PRIOR_LOOKS)
             if sigma_m <= _TELLING_M:
                 tight = _tightness(landmark, shares, apart, count)
-            density = _density(apart, tight[landmark]) * facing
+            density = _density(apart, tight[landmark]) * most
             shares, evidence = _shares(echo, rate.ravel()[cell] * density, len(echoes.ping))
         return shares, tight[landmark], evidence, rate
 

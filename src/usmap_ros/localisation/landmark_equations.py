@@ -12,8 +12,8 @@ from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.square_walls import Squareness
 from usmap_ros.numerics.arrays import FloatArray
 
-#: Shares that are less say nothing.
-_LEAST_SHARE = 0.02
+#: Shares that are less say nothing; what a landmark of no echo weighs.
+_LEAST_SHARE, _LEAST_WEIGHT = 0.02, 1e-12
 #: How far a wall may turn (rad) and move (m) at once, standard deviations.
 _MAY_TURN_RAD, _MAY_MOVE_M = 0.2, 0.3
 
@@ -114,6 +114,24 @@ class LandmarkEquations:
         return with_changes(self._landmarks, changes, self._middle_m)
 
 
+def line_directions(
+    landmarks: Landmarks, heard: DataAssociation, echoes: TrackEchoes, weight: float
+) -> tuple[FloatArray, FloatArray]:
+    """How many echoes tell the direction of each line, and how well (rad), (lines,) each.
+
+    Parameters are those of `LandmarkEquations`.
+    """
+    its = np.flatnonzero(heard.landmark < len(landmarks.normals_rad))
+    line, along_m, lines = heard.landmark[its], heard.along_m[its], len(landmarks.normals_rad)
+    echo_weights = heard.shares[its] * echoes.weight[heard.echo[its]]
+    weights = echo_weights * weight * heard.precision[its]
+    total = np.maximum(np.bincount(line, weights, lines), _LEAST_WEIGHT)
+    middle_m = np.bincount(line, weights * along_m, lines) / total
+    told = np.bincount(line, weights * (along_m - middle_m[line]) ** 2, lines)
+    stds_rad = 1.0 / np.sqrt(told + _MAY_TURN_RAD**-2)
+    return np.asarray(np.bincount(line, echo_weights, lines), float), stds_rad
+
+
 def changes_by_landmark(
     landmarks: Landmarks,
     which: NDArray[np.intp],
@@ -142,7 +160,9 @@ def changes_by_landmark(
         Where along a wall the middle of its feet is, which it turns about.
     """
     total = np.bincount(which, weights, landmarks.total)
-    middle_m = np.bincount(which, weights * along_m, landmarks.total) / np.maximum(total, 1e-12)
+    middle_m = np.bincount(which, weights * along_m, landmarks.total) / np.maximum(
+        total, _LEAST_WEIGHT
+    )
     changes = np.stack([along_m - middle_m[which], -np.ones(len(which))])
     is_point = which >= len(landmarks.normals_rad)
     changes[:, is_point] = -by_pose[:2, is_point]

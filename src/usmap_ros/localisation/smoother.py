@@ -21,10 +21,10 @@ from usmap_ros.localisation.equations import (
     odometry_cost,
     solve,
 )
-from usmap_ros.localisation.landmark_equations import Knots, LandmarkEquations
+from usmap_ros.localisation.landmark_equations import Knots, LandmarkEquations, line_directions
 from usmap_ros.localisation.lines_and_points import Landmarks
 from usmap_ros.localisation.planar import compose
-from usmap_ros.localisation.square_walls import squareness
+from usmap_ros.localisation.square_walls import Squareness, squareness
 from usmap_ros.localisation.tracks import Track
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import wrapped
@@ -90,8 +90,15 @@ class Smoother:
         """
         heard = associate_echoes(self.echoes, self.poses, self.active, landmarks, sigma_m)
         cost = landmarks.total * cost_of_landmark(int(self.active.sum()))
-        square = squareness(landmarks.normals_rad, sigma_m).gain
+        square = self._squareness(landmarks, heard, sigma_m).gain
         return ECHO_WEIGHT * heard.log_likelihood + square - cost - 0.5 * self._odometry_cost()
+
+    def _squareness(
+        self, landmarks: Landmarks, heard: DataAssociation, sigma_m: float
+    ) -> Squareness:
+        """How the lines of landmarks keep to one direction."""
+        told = line_directions(landmarks, heard, self.echoes, ECHO_WEIGHT / sigma_m**2)
+        return squareness(landmarks.normals_rad, *told, sigma_m)
 
     def _odometry_cost(self) -> float:
         return sum(odometry_cost(self.tracks[n], self.knots[n]) for n in self._free)
@@ -139,7 +146,7 @@ class Smoother:
         """Equations of landmarks, and both sides of those of the knots, odometry among them."""
         equations = LandmarkEquations(
             landmarks, heard, self.echoes, self.poses, Knots(self.knot, self.share),
-            self.knot_count, ECHO_WEIGHT / sigma_m**2, squareness(landmarks.normals_rad, sigma_m),
+            self.knot_count, ECHO_WEIGHT / sigma_m**2, self._squareness(landmarks, heard, sigma_m),
         )  # fmt: skip
         size = 3 * self.knot_count
         matrix, right = np.zeros((size, size)), np.zeros(size)

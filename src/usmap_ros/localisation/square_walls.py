@@ -17,9 +17,13 @@ from usmap_ros.numerics.arrays import FloatArray
 _QUARTER = 0.5 * math.pi
 #: How far walls are off them, rad (standard deviation): themselves, and for each metre that ranges
 #: and poses are off.
-_OFF_RAD, _OFF_RAD_PER_M = 0.009, 0.3
-#: Steps of expectation maximisation, and the share of lines that it begins with.
-_STEPS, _FIRST_SHARE = 6, 0.5
+_OFF_RAD, _OFF_RAD_PER_M = 0.006, 0.3
+#: How far robots turn lines that they hear beside that, rad.
+_TURNED_RAD = 0.009
+#: Echoes that make a line as likely a wall as chance.
+_SURE_ECHOES = 10.0
+#: Steps of expectation maximisation, and the share of walls that it begins with, and at the most.
+_STEPS, _FIRST_SHARE, _MOST_SHARE = 6, 0.5, 0.95
 #: Log-likelihood over that of lines that face anywhere, at the least: chance lines up some of them.
 _LEAST_GAIN = 6.0
 
@@ -43,13 +47,20 @@ class Squareness(NamedTuple):
         return np.asarray(own / self.std_rad**2)
 
 
-def squareness(normals_rad: FloatArray, sigma_m: float) -> Squareness:
+def squareness(
+    normals_rad: FloatArray, echoes: FloatArray, stds_rad: FloatArray, sigma_m: float
+) -> Squareness:
     """How lines keep to the direction that most of them keep to, if they do.
 
     Parameters
     ----------
     normals_rad : (n,) array
         Their normals.
+    echoes : (n,) array
+        How many each line has: one of few is hardly a wall.
+    stds_rad : (n,) array
+        How well they tell its normal: one that they tell badly may keep to the direction though it
+        seems not to.
     sigma_m : float
         How far ranges and poses are off.
     """
@@ -57,15 +68,19 @@ def squareness(normals_rad: FloatArray, sigma_m: float) -> Squareness:
     nothing = Squareness(0.0 * normals_rad, 0.0 * normals_rad, std_rad, 0.0)
     if len(normals_rad) < 2:
         return nothing
+    seen_rad = np.sqrt(std_rad**2 + stds_rad**2 + _TURNED_RAD**2)
+    are_walls = echoes / (echoes + _SURE_ECHOES)
     off_rad = _off(normals_rad - normals_rad[:, np.newaxis])
-    off_rad = off_rad[np.argmax(_density(off_rad, std_rad).sum(axis=1))]
-    shares = np.full(len(off_rad), _FIRST_SHARE)
+    off_rad = off_rad[np.argmax(_density(off_rad, seen_rad) @ are_walls)]
+    share, shares = _FIRST_SHARE, are_walls
     for _ in range(_STEPS):
-        density = shares.mean() * _density(off_rad, std_rad)
-        shares = density / (density + 1.0 - shares.mean())
-        off_rad = _off(off_rad - shares @ off_rad / shares.sum())
-    share = shares.mean()
-    likelihood = np.log(1.0 - share + share * _density(off_rad, std_rad))
+        density = share * are_walls * _density(off_rad, seen_rad)
+        shares = density / (density + 1.0 - share * are_walls)
+        share = min(float(shares.sum() / are_walls.sum()), _MOST_SHARE)
+        weights = shares / seen_rad**2
+        off_rad = _off(off_rad - weights @ off_rad / weights.sum())
+    keep = share * are_walls
+    likelihood = np.log(1.0 - keep + keep * _density(off_rad, seen_rad))
     gain = float(likelihood.sum()) - _LEAST_GAIN
     return Squareness(shares, off_rad, std_rad, gain) if gain > 0.0 else nothing
 
@@ -75,7 +90,7 @@ def _off(turn_rad: FloatArray) -> FloatArray:
     return np.asarray(turn_rad - _QUARTER * np.round(turn_rad / _QUARTER))
 
 
-def _density(off_rad: FloatArray, std_rad: float) -> FloatArray:
+def _density(off_rad: FloatArray, std_rad: FloatArray) -> FloatArray:
     """Of lines that keep to a direction, over that of lines that face anywhere."""
     peak = _QUARTER / (std_rad * math.sqrt(2.0 * math.pi))
     return np.asarray(peak * np.exp(-0.5 * (off_rad / std_rad) ** 2))

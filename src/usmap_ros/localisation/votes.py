@@ -98,7 +98,7 @@ def _bearers(
     x_m, y_m = np.ascontiguousarray((poses[heard.ping, :2] - centre_m).T)
     return LandmarkEchoes(
         x_m, y_m, poses[heard.ping, 2], heard.range_m, WITHIN * heard.half_angle_rad,
-        heard.aslant_rad, heard.weight,
+        heard.aslant_rad, heard.weight * np.minimum(heard.onset, 1.0),
     )  # fmt: skip
 
 

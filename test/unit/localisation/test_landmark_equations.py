@@ -16,7 +16,7 @@ def errors(ranges_m: np.ndarray, places: Landmarks, poses: np.ndarray) -> np.nda
     """By how much ranges are too long, one to each place from each pose."""
     ones = np.ones(len(poses))
     echoes = TrackEchoes(
-        np.arange(len(poses)), ones, 3.3 * ones, 0.0 * ones, ones, ones, 0.0 * ones
+        np.arange(len(poses)), ones, 3.3 * ones, 0.0 * ones, ones, ones, 0.0 * ones, ones
     )
     return np.asarray(ranges_m - view_landmarks(places, echoes, poses).far_m).ravel()
 
@@ -29,7 +29,7 @@ def test_eliminated_landmarks_leave_the_same_poses() -> None:
     ranges_m = 2.0 + 0.02 * rng.normal(size=(6, 4))
     echo, ones = np.arange(24), np.ones(24)
     ping, landmark = echo // 4, echo % 4
-    echoes = TrackEchoes(ping, ranges_m.ravel(), ones, 0.0 * ones, ones, ones, 0.0 * ones)
+    echoes = TrackEchoes(ping, ranges_m.ravel(), ones, 0.0 * ones, ones, ones, 0.0 * ones, ones)
 
     def moved(change: np.ndarray) -> tuple[np.ndarray, Landmarks]:
         at, places = change[:9].reshape(3, 3), change[9:].reshape(4, 2)

@@ -66,7 +66,7 @@ def squareness(
     """
     std_rad = max(_OFF_RAD, _OFF_RAD_PER_M * sigma_m)
     nothing = Squareness(0.0 * normals_rad, 0.0 * normals_rad, std_rad, 0.0)
-    if len(normals_rad) < 2:
+    if np.count_nonzero(echoes) < 2:
         return nothing
     seen_rad = np.sqrt(std_rad**2 + stds_rad**2 + _TURNED_RAD**2)
     are_walls = echoes / (echoes + _SURE_ECHOES)

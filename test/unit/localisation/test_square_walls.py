@@ -41,8 +41,9 @@ def test_lines_that_face_anywhere_keep_to_none() -> None:
         assert found_in(normals_rad).gain == 0.0
 
 
-def test_one_wall_says_nothing() -> None:
+def test_one_wall_says_nothing_and_neither_do_lines_that_nobody_hears() -> None:
     assert not found_in(np.array([0.4])).information().any()
+    assert not found_in(ROOM_RAD, echoes=0.0).information().any()
 
 
 def test_lines_of_few_echoes_say_little() -> None:

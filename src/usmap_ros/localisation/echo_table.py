@@ -17,7 +17,8 @@ _FIRST, _LOUDEST = 2, 2
 #: pole or an edge, than of a wall's tail or a bounce: for each decibel that it is below the loudest
 #: of its ping, and for each that it is above those up to so far before it, m, of which so many dB
 #: count at the most; and where it is 0 dB above all.  By logistic regression of echoes from flats,
-#: seeds 11 to 14 of `benchmarks/poses.py`.
+#: seeds 11 to 14 of `benchmarks/poses.py`, but for the last, which is higher than that: among poles
+#: one is often as loud as another just before it.
 _BELOW_LOUDEST, _ABOVE_BEFORE, _BEFORE_M, _MOST_ABOVE_DB, _LEVEL = 0.105, 0.18, 0.3, 20.0, -1.0
 #: How much likelier at the most: whatever stands alone may be a bounce.
 _MOST_ONSET = 2.0

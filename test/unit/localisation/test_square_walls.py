@@ -15,7 +15,7 @@ def found_in(
 ) -> Squareness:
     """Of lines that have so many echoes each."""
     ones = np.ones(len(normals_rad))
-    return squareness(normals_rad, echoes * ones, stds_rad * ones, 0.02)
+    return squareness(normals_rad, echoes * ones, stds_rad * ones, 0.03)
 
 
 def test_walls_that_keep_to_a_direction_are_told_from_one_that_does_not() -> None:

@@ -68,7 +68,8 @@ def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> TrackEchoes:
     """
     columns: list[FloatArray] = [np.zeros((0, 8))]
     for ping, cone in enumerate(cones):
-        ranges_m, loudness_db = cone.ranges_m.astype(float), _loudness_db(cone)
+        ranges_m = cone.ranges_m.astype(float)
+        loudness_db = _loudness_db(cone, ranges_m)
         kept = _telling(loudness_db)
         rows = np.zeros((len(kept), 8))
         rows[:, 0], rows[:, 1] = ping, ranges_m[kept]
@@ -98,9 +99,8 @@ def first_of_each_ping(echoes: TrackEchoes) -> TrackEchoes:
     return of_rows(echoes, np.flatnonzero(np.diff(echoes.ping, prepend=-1)))
 
 
-def _loudness_db(cone: EchoCone) -> FloatArray:
+def _loudness_db(cone: EchoCone, ranges_m: FloatArray) -> FloatArray:
     """How well each thing reflects, as far as echoes tell: spreading and absorption made good."""
-    ranges_m = cone.ranges_m.astype(float)
     spread = cone.amplitudes.astype(float) * ranges_m**2
     loss_db = cone.attenuation_db_m * 2.0 * ranges_m
     return np.asarray(20.0 * np.log10(np.maximum(spread, _SILENCE)) + loss_db)

@@ -125,8 +125,7 @@ def line_directions(
     line, along_m, lines = heard.landmark[its], heard.along_m[its], len(landmarks.normals_rad)
     echo_weights = heard.shares[its] * echoes.weight[heard.echo[its]]
     weights = echo_weights * weight * heard.precision[its]
-    total = np.maximum(np.bincount(line, weights, lines), _LEAST_WEIGHT)
-    middle_m = np.bincount(line, weights * along_m, lines) / total
+    middle_m = _middles_m(line, along_m, weights, lines)
     told = np.bincount(line, weights * (along_m - middle_m[line]) ** 2, lines)
     stds_rad = 1.0 / np.sqrt(told + _MAY_TURN_RAD**-2)
     return np.asarray(np.bincount(line, echo_weights, lines), float), stds_rad
@@ -159,10 +158,7 @@ def changes_by_landmark(
     middle_m : (landmarks,) array
         Where along a wall the middle of its feet is, which it turns about.
     """
-    total = np.bincount(which, weights, landmarks.total)
-    middle_m = np.bincount(which, weights * along_m, landmarks.total) / np.maximum(
-        total, _LEAST_WEIGHT
-    )
+    middle_m = _middles_m(which, along_m, weights, landmarks.total)
     changes = np.stack([along_m - middle_m[which], -np.ones(len(which))])
     is_point = which >= len(landmarks.normals_rad)
     changes[:, is_point] = -by_pose[:2, is_point]
@@ -178,3 +174,11 @@ def with_changes(landmarks: Landmarks, changes: FloatArray, middle_m: FloatArray
         landmarks.distances_m + shift_m + middle_m[:lines] * turn_rad,
         landmarks.points_m + changes[lines:],
     )
+
+
+def _middles_m(
+    which: NDArray[np.intp], along_m: FloatArray, weights: FloatArray, count: int
+) -> FloatArray:
+    """Where along each landmark the middle of its echoes is, shape (count,)."""
+    total = np.bincount(which, weights, count)
+    return np.bincount(which, weights * along_m, count) / np.maximum(total, _LEAST_WEIGHT)

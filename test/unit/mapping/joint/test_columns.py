@@ -14,7 +14,11 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     PingSet,
     log_ratio_of_point,
 )
-from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, lone_cells
+from usmap_ros.mapping.joint.surfaces.lone_columns import (
+    columns_instead,
+    larger_columns,
+    lone_cells,
+)
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
     discs,
@@ -73,11 +77,14 @@ def columns_of(cones: list[EchoCone]) -> list[RoundColumn]:
     return round_columns(ping_set, np.zeros(len(ping_set.echoes.range_m), bool), field)
 
 
-def columns_instead_of(cell_m: tuple[float, float], cones: list[EchoCone]) -> list[RoundColumn]:
-    """Columns in place of a cell that explains all echoes."""
+def columns_instead_of(
+    cell_m: tuple[float, float], cones: list[EchoCone], certain: int = 0
+) -> list[RoundColumn]:
+    """Columns in place of a cell that explains all echoes, of 20; so many are certain."""
     ping_set, _ = heard(cones)
     none = np.zeros(len(ping_set.echoes.range_m), bool)
-    return columns_instead(ping_set, none, ~none, [np.array([cell_m])])
+    others = [np.array([[100.0 + number, 100.0]]) for number in range(19)]
+    return columns_instead(ping_set, none, ~none, [np.array([cell_m]), *others], certain)
 
 
 def test_a_column_is_found_from_around(make_cone: Callable[..., EchoCone]) -> None:
@@ -198,6 +205,33 @@ def test_a_pole_heard_from_one_side_stays_a_cell(make_cone: Callable[..., EchoCo
     for last_rad in (0.5, 1.0, 4.0):
         cones = pings_around(make_cone, 0.0, last_rad, 40, 0.001, 0.0)
         assert not columns_instead_of((X_M, Y_M), cones)
+
+
+def test_where_columns_stand_the_next_thing_may_be_one(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """Heard from one side, a column is as likely as a point: what it would cover is not free."""
+    cones = pings_around(make_cone, 0.0, 0.4, 20, 0.003)
+    near_m = X_M + RADIUS_M * math.cos(0.2), Y_M + RADIUS_M * math.sin(0.2)
+    assert not columns_instead_of(near_m, cones)
+    (column,) = columns_instead_of(near_m, cones, certain=2)
+    assert not column.is_certain
+    assert math.hypot(column.x_m - X_M, column.y_m - Y_M) < column.radius_m
+    pole = pings_around(make_cone, 0.0, 4.0, 40, 0.001, 0.0)
+    assert not columns_instead_of((X_M, Y_M), pole, certain=2)
+
+
+def test_a_column_heard_from_one_side_may_be_larger(make_cone: Callable[..., EchoCone]) -> None:
+    """Nobody heard how far it goes; from around, it is as large as it was found to be."""
+    ping_set, _ = heard(pings_around(make_cone, 0.0, 0.8, 30, 0.003))
+    near_m = X_M + RADIUS_M * math.cos(0.4), Y_M + RADIUS_M * math.sin(0.4)
+    (found,) = columns_instead_of(near_m, pings_around(make_cone, 0.0, 0.8, 30, 0.003))
+    (larger,) = larger_columns([found], ping_set)
+    assert not larger.is_certain
+    assert larger.radius_m > found.radius_m + 0.05
+    cones = pings_around(make_cone, 0.0, 4.0, 24, 0.003)
+    (around,) = columns_of(cones)
+    assert not larger_columns([around], heard(cones)[0])
 
 
 def test_cells_are_lone_if_no_others_are_near() -> None:

@@ -5,7 +5,9 @@ its echoes, each with a small error, and all around that cell would be free.  A 
 better, and by how much tells a column from a pole.
 """
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,13 +36,21 @@ RADII_M = (0.12, 0.25)
 DESCENT = LevenbergMarquardt(
     15, np.array([1e-3, 1e-3, (RANGE_STD_M / 0.08) ** 2]), usual_radius_m=0.18
 )
+#: Damping of the middle and of a radius that stays: were it free, the middle would go where it
+#: belongs with another radius.
+MIDDLE_ALONE = np.array([1e-3, 1e-3, 1e6])
 #: To the point that explains most.
-TO_POINT = LevenbergMarquardt(5, np.array([1e-3, 1e-3, 1.0]), radii_m=(0.0, 0.0))
+TO_POINT = LevenbergMarquardt(15, MIDDLE_ALONE, radii_m=(0.0, 0.0))
 #: How much likelier than a point a column is, by its log-likelihood ratio, and the most pings that
 #: should have heard it but did not, over its hits.
 LEAST_OVER_POINT, MOST_MISSED = 15.0, 0.2
-#: The first at which a column is suspected.
-SUSPECT_OVER_POINT = 6.0
+#: A column is suspected if the odds that there is one exceed this; of things that stand alone so
+#: many are columns, beside those that were found.
+SUSPECT_ODDS, MAY_BE_COLUMNS = 0.05, 0.05
+#: What its radius may be, m, and shares of columns.
+SUSPECT_RADII_M, RADIUS_SHARES = (0.12, 0.18, 0.25, 0.32), (0.28, 0.38, 0.26, 0.08)
+#: A column may be larger than it was found to be if its log-likelihood ratio is less by this.
+MAY_BE_LARGER = 2.0
 #: Lone cells lie within the first distance of the one that is believed most, and no others within
 #: the second one, m; their echoes are so far from their ranges, m, at the most.
 LONE_M, APART_M, OWN_M = 0.25, 0.4, 0.04
@@ -51,6 +61,7 @@ def columns_instead(
     is_open: BoolArray,
     may_be: BoolArray,
     lone_cells_m: Sequence[FloatArray],
+    certain: int,
 ) -> list[RoundColumn]:
     """Columns in place of cells which stand alone.
 
@@ -62,30 +73,33 @@ def columns_instead(
         Echoes that nothing explains, and those that cells may explain, too.
     lone_cells_m : sequence of (cells, 2) arrays
         Middles of cells, of one thing each; see `lone_cells`.
+    certain : int
+        Columns that were found without.
     """
     is_open, may_be, found = is_open.copy(), may_be.copy(), list[RoundColumn]()
     for cells_m in lone_cells_m:
-        own, towards = _echoes_of(cells_m, ping_set)
-        is_open_now = is_open | (own & may_be)
-        middle_m = cells_m.mean(axis=0)
-        point = fitted_circle(ping_set, is_open_now, np.append(middle_m, 0.0), TO_POINT)
-        circles = [
-            fitted_circle(ping_set, is_open_now, place, DESCENT)
-            for radius_m in RADII_M
-            for place in [np.append(middle_m + radius_m * towards, radius_m)]
-        ]
-        over_point = {
-            _over_point(circle, point, ping_set): circle
-            for circle in circles
-            if circle and _may_be_round(circle)
-        }
-        most = max(over_point, default=0.0)
-        if most > SUSPECT_OVER_POINT:
-            best, is_certain = over_point[most], most > LEAST_OVER_POINT
-            found.append(RoundColumn.of(best, is_certain, ping_set))
-            if is_certain:
-                is_open[best.echoes] = may_be[best.echoes] = False
+        fits = _over_point_at(cells_m, RADII_M, ping_set, is_open, may_be)
+        over, best = max(fits, key=lambda fit: fit[0])
+        if best and over > LEAST_OVER_POINT and _is_heard_well(best):
+            found.append(RoundColumn.of(best, True, ping_set))
+            is_open[best.echoes] = may_be[best.echoes] = False
+    share = (certain + len(found) + MAY_BE_COLUMNS) / (len(lone_cells_m) + certain + 1)
+    for cells_m in lone_cells_m:
+        fits = _over_point_at(cells_m, SUSPECT_RADII_M, ping_set, is_open, may_be, are_fixed=True)
+        odds, largest = _odds(share, fits)
+        if largest:
+            suspected = RoundColumn.of(largest, False, ping_set)
+            found.append(replace(suspected, likely=odds / (1.0 + odds)))
     return found
+
+
+def larger_columns(columns: Sequence[RoundColumn], ping_set: PingSet) -> list[RoundColumn]:
+    """The largest one that each of some columns may be as well, if it is larger: only suspected.
+
+    Of one that was heard from one side, nobody knows how far it goes.
+    """
+    largest = (_largest(column, ping_set) for column in columns)
+    return [RoundColumn.of(circle, False, ping_set) for circle in largest if circle]
 
 
 def lone_cells(is_reliable: BoolArray, log_odds: FloatArray, field: Field) -> list[FloatArray]:
@@ -117,6 +131,82 @@ def lone_cells(is_reliable: BoolArray, log_odds: FloatArray, field: Field) -> li
     return things
 
 
+def _over_point_at(
+    cells_m: FloatArray,
+    radii_m: Sequence[float],
+    ping_set: PingSet,
+    is_open: BoolArray,
+    may_be: BoolArray,
+    are_fixed: bool = False,
+) -> list[tuple[float, Circle | None]]:
+    """By how much likelier than a point circles are that some cells are the near side of.
+
+    One for each radius: those that fits begin with, or those of the circles.
+    """
+    own, towards = _echoes_of(cells_m, ping_set)
+    is_open_now = is_open | (own & may_be)
+    middle_m = cells_m.mean(axis=0)
+    point = fitted_circle(ping_set, is_open_now, np.append(middle_m, 0.0), TO_POINT)
+    descents = [_of_radius(radius_m) if are_fixed else DESCENT for radius_m in radii_m]
+    places = [np.append(middle_m + radius_m * towards, radius_m) for radius_m in radii_m]
+    circles = [
+        fitted_circle(ping_set, is_open_now, place, descent)
+        for place, descent in zip(places, descents, strict=True)
+    ]
+    return [
+        (_over_point(circle, point, ping_set), circle)
+        if circle and _may_be_round(circle)
+        else (-math.inf, None)
+        for circle in circles
+    ]
+
+
+def _odds(share: float, fits: list[tuple[float, Circle | None]]) -> tuple[float, Circle | None]:
+    """Odds that there is a column, and the largest one that there may be.
+
+    Parameters
+    ----------
+    share : float
+        Of things that are columns.
+    fits : list of (float, Circle)
+        By how much likelier than a point each is, for each of `SUSPECT_RADII_M`.
+    """
+    odds, largest = 0.0, None
+    # The largest one covers the others, whose near sides are where its own is.
+    for (over, circle), of_radius in zip(reversed(fits), reversed(RADIUS_SHARES), strict=True):
+        odds += share * of_radius * math.exp(min(over, LEAST_OVER_POINT))
+        if odds > SUSPECT_ODDS:
+            largest = largest or circle
+    return odds, largest
+
+
+def _largest(column: RoundColumn, ping_set: PingSet) -> Circle | None:
+    """The largest circle that is hardly less likely than a column, if it is larger."""
+    own = np.zeros(len(ping_set.echoes.range_m), bool)
+    own[column.echoes] = True
+    middle_m = np.array([column.x_m, column.y_m])
+    towards = middle_m - ping_set.table.numbers[ping_set.pings[column.pings]][:, [X, Y]]
+    towards = towards.mean(axis=0) / max(float(np.hypot(*towards.mean(axis=0))), 1e-9)
+
+    def fitted(radius_m: float) -> Circle | None:
+        place = np.append(middle_m + (radius_m - column.radius_m) * towards, radius_m)
+        return fitted_circle(ping_set, own, place, _of_radius(radius_m))
+
+    as_found = fitted(column.radius_m)
+    for radius_m in reversed(SUSPECT_RADII_M):
+        if as_found is None or radius_m <= column.radius_m:
+            break
+        circle = fitted(radius_m)
+        if circle and circle.log_ratio > as_found.log_ratio - MAY_BE_LARGER:
+            return circle
+    return None
+
+
+def _of_radius(radius_m: float) -> LevenbergMarquardt:
+    """The descent to circles of one radius."""
+    return LevenbergMarquardt(15, MIDDLE_ALONE, usual_radius_m=radius_m)
+
+
 def _over_point(circle: Circle, point: Circle | None, ping_set: PingSet) -> float:
     """By how much likelier a circle is than any point, by its log-likelihood ratio."""
     of_all_hits = point.log_ratio if point else 0.0
@@ -124,14 +214,15 @@ def _over_point(circle: Circle, point: Circle | None, ping_set: PingSet) -> floa
 
 
 def _may_be_round(circle: Circle) -> bool:
-    """Whether a circle was heard often enough, from whatever side."""
+    """Whether a circle was hardly missed."""
     hits = len(circle.pings)
-    return (
-        hits >= LEAST_HITS
-        and circle.log_ratio >= max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits)
-        and circle.misses < MOST_MISSED * hits
-        and not circle.is_corner
-    )
+    return hits >= LEAST_HITS and circle.misses < MOST_MISSED * hits and not circle.is_corner
+
+
+def _is_heard_well(circle: Circle) -> bool:
+    """Whether a circle was heard often enough, from whatever side."""
+    least = max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * len(circle.pings))
+    return circle.log_ratio >= least
 
 
 def _echoes_of(cells_m: FloatArray, ping_set: PingSet) -> tuple[BoolArray, FloatArray]:

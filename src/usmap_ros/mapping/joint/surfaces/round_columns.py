@@ -52,6 +52,8 @@ LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT = 55.0, 0.16
 LEAST_OVER_POINT = 3.0
 #: In all, and on the mean of its hits, at which a column is suspected, from wherever it was heard.
 SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
+#: Share of suspected columns that are some.
+SUSPECTED_SHARE = 0.5
 #: A wall so near to a column, in cells, touches it, and is none if it is shorter: columns' sides
 #: look like that, too.
 TOUCHING_CELLS, WALL_CELLS = 1.5, 20.0
@@ -73,6 +75,8 @@ class RoundColumn:
     echoes: NDArray[np.int64]
     #: Whether it was heard often enough, and from enough directions, to be shown.
     is_certain: bool
+    #: How likely it is one, if it is not certain.
+    likely: float = SUSPECTED_SHARE
     #: By how much likelier than two points one that is certain is, by its log-likelihood ratio.
     over_two_points: float = math.inf
 
@@ -85,7 +89,13 @@ class RoundColumn:
             over = circle.log_ratio + 0.5 * math.log(len(circle.pings))
             over -= log_ratio_of_two_points(ping_set, circle)
         return cls(
-            circle.x_m, circle.y_m, circle.radius_m, circle.pings, circle.echoes, is_certain, over
+            circle.x_m,
+            circle.y_m,
+            circle.radius_m,
+            circle.pings,
+            circle.echoes,
+            is_certain,
+            over_two_points=over,
         )
 
     def bearing_from(self, x_m: float, y_m: float) -> float:

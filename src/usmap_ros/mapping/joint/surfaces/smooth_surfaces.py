@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
-from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead
+from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, larger_columns
 from usmap_ros.mapping.joint.surfaces.mirror_walls import panes_beside, perpendicular_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
@@ -39,8 +39,6 @@ from usmap_ros.mapping.ping_table import (
 )
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Share of suspected columns that are some.
-SUSPECTED_SHARE = 0.5
 #: Power that smooth things return, over what would have been reported.
 LOUD = 100.0
 #: An echo as loud as this, as a share of what the place's mirrors return on the beam's axis, is of
@@ -131,7 +129,10 @@ class SmoothSurfaces:
         if not found:
             given = is_explained, is_usable, first_only
             self.panes = panes_beside(table, pings, echoes, *given)
-        instead = columns_instead(ping_set, is_usable & ~is_explained, is_usable, lone_cells_m)
+        certain = sum(column.is_certain for column in columns)
+        instead = columns_instead(
+            ping_set, is_usable & ~is_explained, is_usable, lone_cells_m, certain
+        )
         instead = _but_corners(instead, found)
         columns = [
             column
@@ -141,6 +142,7 @@ class SmoothSurfaces:
         columns = self._without_pairs([*columns, *instead], first_only, len(lone_cells_m))
         self.columns = [column for column in columns if column.is_certain]
         self._suspected = [column for column in columns if not column.is_certain]
+        self._suspected += larger_columns(self.columns, ping_set)
         ends = WallEnds(table, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
 
@@ -256,7 +258,8 @@ class SmoothSurfaces:
     @property
     def columns_likely(self) -> float:
         """How many columns there are likely to be, of those that were found or are suspected."""
-        return len(self.columns) + SUSPECTED_SHARE * len(self._suspected)
+        others = [each for each in self._suspected if not any(map(each.overlaps, self.columns))]
+        return len(self.columns) + sum(column.likely for column in others)
 
     def doubt_columns_on(self, lines: FloatArray) -> bool:
         """Let columns that walls pass through be suspected only: most are those walls' ends.

@@ -80,10 +80,10 @@ def columns_of(cones: list[EchoCone]) -> list[RoundColumn]:
 def columns_instead_of(
     cell_m: tuple[float, float], cones: list[EchoCone], certain: int = 0
 ) -> list[RoundColumn]:
-    """Columns in place of a cell that explains all echoes, of 20; so many are certain."""
+    """Columns in place of a cell that explains all echoes, of 60; so many are certain."""
     ping_set, _ = heard(cones)
     none = np.zeros(len(ping_set.echoes.range_m), bool)
-    others = [np.array([[100.0 + number, 100.0]]) for number in range(19)]
+    others = [np.array([[100.0 + number, 100.0]]) for number in range(59)]
     return columns_instead(ping_set, none, ~none, [np.array([cell_m]), *others], certain)
 
 

@@ -25,6 +25,7 @@ from usmap_ros.mapping.joint.surfaces.round_columns import (
     SUSPECT_LOG_RATIO_A_HIT,
     RoundColumn,
 )
+from usmap_ros.mapping.joint.visibility.beams import LOOKING_SHARE
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -40,13 +41,13 @@ DESCENT = LevenbergMarquardt(
 #: belongs with another radius.
 MIDDLE_ALONE = np.array([1e-3, 1e-3, 1e6])
 #: To the point that explains most.
-TO_POINT = LevenbergMarquardt(15, MIDDLE_ALONE, radii_m=(0.0, 0.0))
+TO_POINT = LevenbergMarquardt(5, MIDDLE_ALONE, radii_m=(0.0, 0.0))
 #: How much likelier than a point a column is, by its log-likelihood ratio, and the most pings that
 #: should have heard it but did not, over its hits.
 LEAST_OVER_POINT, MOST_MISSED = 15.0, 0.2
 #: A column is suspected if the odds that there is one exceed this; of things that stand alone so
 #: many are columns, beside those that were found.
-SUSPECT_ODDS, MAY_BE_COLUMNS = 0.05, 0.05
+SUSPECT_ODDS, MAY_BE_COLUMNS = 0.05, 0.5
 #: What its radius may be, m, and shares of columns.
 SUSPECT_RADII_M, RADIUS_SHARES = (0.12, 0.18, 0.25, 0.32), (0.28, 0.38, 0.26, 0.08)
 #: A column may be larger than it was found to be if its log-likelihood ratio is less by this.
@@ -208,21 +209,31 @@ def _of_radius(radius_m: float) -> LevenbergMarquardt:
 
 
 def _over_point(circle: Circle, point: Circle | None, ping_set: PingSet) -> float:
-    """By how much likelier a circle is than any point, by its log-likelihood ratio."""
-    of_all_hits = point.log_ratio if point else 0.0
+    """By how much likelier a circle is than any point, by its log-likelihood ratio.
+
+    Hits of the point from which the circle's middle is at the edge of the beam speak for neither.
+    """
+    of_all_hits = 0.0
+    if point:
+        numbers = ping_set.table.numbers[ping_set.pings[point.pings]]
+        to_middle = np.array([circle.x_m, circle.y_m]) - numbers[:, [X, Y]]
+        off_rad = wrapped(np.arctan2(to_middle[:, 1], to_middle[:, 0]) - numbers[:, HEADING])
+        in_beam = np.abs(off_rad) / numbers[:, HALF_ANGLE]
+        at_edge = (in_beam >= LOOKING_SHARE) & (in_beam < 1.0)
+        of_all_hits = point.log_ratio * (1.0 - float(at_edge.mean()))
     return circle.log_ratio - max(of_all_hits, log_ratio_of_point(ping_set, circle))
 
 
 def _may_be_round(circle: Circle) -> bool:
     """Whether a circle was hardly missed."""
-    hits = len(circle.pings)
-    return hits >= LEAST_HITS and circle.misses < MOST_MISSED * hits and not circle.is_corner
+    return circle.misses < MOST_MISSED * len(circle.pings) and not circle.is_corner
 
 
 def _is_heard_well(circle: Circle) -> bool:
     """Whether a circle was heard often enough, from whatever side."""
-    least = max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * len(circle.pings))
-    return circle.log_ratio >= least
+    hits = len(circle.pings)
+    least = max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits)
+    return hits >= LEAST_HITS and circle.log_ratio >= least
 
 
 def _echoes_of(cells_m: FloatArray, ping_set: PingSet) -> tuple[BoolArray, FloatArray]:

@@ -221,6 +221,14 @@ def test_where_columns_stand_the_next_thing_may_be_one(
     assert not columns_instead_of((X_M, Y_M), pole, certain=2)
 
 
+def test_a_column_behind_other_things_may_stand_there(make_cone: Callable[..., EchoCone]) -> None:
+    """Most that is heard is before it, as before a corner: it is not shown, but nothing is free."""
+    cones = pings_around(make_cone, 0.0, 0.8, 30, 0.001, RADIUS_M, -0.15, -0.2, -0.25)
+    near_m = X_M + RADIUS_M * math.cos(0.4), Y_M + RADIUS_M * math.sin(0.4)
+    (column,) = columns_instead_of(near_m, cones, certain=2)
+    assert not column.is_certain
+
+
 def test_a_column_heard_from_one_side_may_be_larger(make_cone: Callable[..., EchoCone]) -> None:
     """Nobody heard how far it goes; from around, it is as large as it was found to be."""
     ping_set, _ = heard(pings_around(make_cone, 0.0, 0.8, 30, 0.003))

@@ -156,7 +156,7 @@ def _over_point_at(
     ]
     return [
         (_over_point(circle, point, ping_set), circle)
-        if circle and _may_be_round(circle)
+        if circle and circle.misses < MOST_MISSED * len(circle.pings)
         else (-math.inf, None)
         for circle in circles
     ]
@@ -224,16 +224,14 @@ def _over_point(circle: Circle, point: Circle | None, ping_set: PingSet) -> floa
     return circle.log_ratio - max(of_all_hits, log_ratio_of_point(ping_set, circle))
 
 
-def _may_be_round(circle: Circle) -> bool:
-    """Whether a circle was hardly missed."""
-    return circle.misses < MOST_MISSED * len(circle.pings) and not circle.is_corner
-
-
 def _is_heard_well(circle: Circle) -> bool:
-    """Whether a circle was heard often enough, from whatever side."""
+    """Whether a circle was heard often enough, from whatever side, and is no corner.
+
+    What a corner's circle covers lies behind its walls: it may as well be suspected.
+    """
     hits = len(circle.pings)
     least = max(LEAST_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT * hits)
-    return hits >= LEAST_HITS and circle.log_ratio >= least
+    return hits >= LEAST_HITS and circle.log_ratio >= least and not circle.is_corner
 
 
 def _echoes_of(cells_m: FloatArray, ping_set: PingSet) -> tuple[BoolArray, FloatArray]:

@@ -70,13 +70,13 @@ def tabulate(cones: Sequence[EchoCone], weights: FloatArray) -> TrackEchoes:
     for ping, cone in enumerate(cones):
         ranges_m = cone.ranges_m.astype(float)
         loudness_db = _loudness_db(cone, ranges_m)
-        kept = _telling(loudness_db)
+        kept, is_first_only = _telling(loudness_db), is_deaf_behind(cone)
         rows = np.zeros((len(kept), 8))
         rows[:, 0], rows[:, 1] = ping, ranges_m[kept]
         rows[:, 2] = cone.transducer.beam.half_angle_rad
         rows[:, 4], rows[:, 5] = _ANY_BEARING, weights[ping]
-        rows[:, 6] = _ASLANT_RAD * is_deaf_behind(cone)
-        rows[:, 7] = 1.0 if is_deaf_behind(cone) else _onsets(ranges_m, loudness_db)[kept]
+        rows[:, 6] = _ASLANT_RAD * is_first_only
+        rows[:, 7] = 1.0 if is_first_only else _onsets(ranges_m, loudness_db)[kept]
         if cone.bearings_rad is not None and cone.bearing_stds_rad is not None:
             known = np.isfinite(cone.bearings_rad[kept])
             rows[known, 3] = cone.bearings_rad[kept][known]

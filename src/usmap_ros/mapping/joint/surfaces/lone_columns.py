@@ -78,15 +78,17 @@ def columns_instead(
         Columns that were found without.
     """
     is_open, may_be, found = is_open.copy(), may_be.copy(), list[RoundColumn]()
+    begun = [(radius_m, DESCENT) for radius_m in RADII_M]
     for cells_m in lone_cells_m:
-        fits = _over_point_at(cells_m, RADII_M, ping_set, is_open, may_be)
+        fits = _over_point_at(cells_m, begun, ping_set, is_open, may_be)
         over, best = max(fits, key=lambda fit: fit[0])
         if best and over > LEAST_OVER_POINT and _is_heard_well(best):
             found.append(RoundColumn.of(best, True, ping_set))
             is_open[best.echoes] = may_be[best.echoes] = False
     share = (certain + len(found) + MAY_BE_COLUMNS) / (len(lone_cells_m) + certain + 1)
+    fixed = [(radius_m, _of_radius(radius_m)) for radius_m in SUSPECT_RADII_M]
     for cells_m in lone_cells_m:
-        fits = _over_point_at(cells_m, SUSPECT_RADII_M, ping_set, is_open, may_be, are_fixed=True)
+        fits = _over_point_at(cells_m, fixed, ping_set, is_open, may_be)
         odds, largest = _odds(share, fits)
         if largest:
             suspected = RoundColumn.of(largest, False, ping_set)
@@ -134,25 +136,24 @@ def lone_cells(is_reliable: BoolArray, log_odds: FloatArray, field: Field) -> li
 
 def _over_point_at(
     cells_m: FloatArray,
-    radii_m: Sequence[float],
+    begun: Sequence[tuple[float, LevenbergMarquardt]],
     ping_set: PingSet,
     is_open: BoolArray,
     may_be: BoolArray,
-    are_fixed: bool = False,
 ) -> list[tuple[float, Circle | None]]:
     """By how much likelier than a point circles are that some cells are the near side of.
 
-    One for each radius: those that fits begin with, or those of the circles.
+    One for each radius that a fit begins with, by its descent.
     """
     own, towards = _echoes_of(cells_m, ping_set)
     is_open_now = is_open | (own & may_be)
     middle_m = cells_m.mean(axis=0)
     point = fitted_circle(ping_set, is_open_now, np.append(middle_m, 0.0), TO_POINT)
-    descents = [_of_radius(radius_m) if are_fixed else DESCENT for radius_m in radii_m]
-    places = [np.append(middle_m + radius_m * towards, radius_m) for radius_m in radii_m]
     circles = [
-        fitted_circle(ping_set, is_open_now, place, descent)
-        for place, descent in zip(places, descents, strict=True)
+        fitted_circle(
+            ping_set, is_open_now, np.append(middle_m + radius_m * towards, radius_m), descent
+        )
+        for radius_m, descent in begun
     ]
     return [
         (_over_point(circle, point, ping_set), circle)
@@ -175,6 +176,7 @@ def _odds(share: float, fits: list[tuple[float, Circle | None]]) -> tuple[float,
     odds, largest = 0.0, None
     # The largest one covers the others, whose near sides are where its own is.
     for (over, circle), of_radius in zip(reversed(fits), reversed(RADIUS_SHARES), strict=True):
+        # What is certain is not more so: exponentials grow out of bounds.
         odds += share * of_radius * math.exp(min(over, LEAST_OVER_POINT))
         if odds > SUSPECT_ODDS:
             largest = largest or circle
@@ -186,8 +188,9 @@ def _largest(column: RoundColumn, ping_set: PingSet) -> Circle | None:
     own = np.zeros(len(ping_set.echoes.range_m), bool)
     own[column.echoes] = True
     middle_m = np.array([column.x_m, column.y_m])
-    towards = middle_m - ping_set.table.numbers[ping_set.pings[column.pings]][:, [X, Y]]
-    towards = towards.mean(axis=0) / max(float(np.hypot(*towards.mean(axis=0))), 1e-9)
+    places_m = ping_set.table.numbers[ping_set.pings[column.pings]][:, [X, Y]]
+    towards = (middle_m - places_m).mean(axis=0)
+    towards /= max(float(np.hypot(*towards)), 1e-9)
 
     def fitted(radius_m: float) -> Circle | None:
         place = np.append(middle_m + (radius_m - column.radius_m) * towards, radius_m)
@@ -217,8 +220,7 @@ def _over_point(circle: Circle, point: Circle | None, ping_set: PingSet) -> floa
     if point:
         numbers = ping_set.table.numbers[ping_set.pings[point.pings]]
         to_middle = np.array([circle.x_m, circle.y_m]) - numbers[:, [X, Y]]
-        off_rad = wrapped(np.arctan2(to_middle[:, 1], to_middle[:, 0]) - numbers[:, HEADING])
-        in_beam = np.abs(off_rad) / numbers[:, HALF_ANGLE]
+        in_beam = _share_of_beam(to_middle, numbers)
         at_edge = (in_beam >= LOOKING_SHARE) & (in_beam < 1.0)
         of_all_hits = point.log_ratio * (1.0 - float(at_edge.mean()))
     return circle.log_ratio - max(of_all_hits, log_ratio_of_point(ping_set, circle))
@@ -240,11 +242,16 @@ def _echoes_of(cells_m: FloatArray, ping_set: PingSet) -> tuple[BoolArray, Float
     numbers = table.numbers[pings]
     offsets = cells_m - numbers[:, np.newaxis, [X, Y]]
     away_m, middle = np.hypot(offsets[..., 0], offsets[..., 1]), offsets.mean(axis=1)
-    off_rad = wrapped(np.arctan2(middle[:, 1], middle[:, 0]) - numbers[:, HEADING])
-    is_ahead = np.abs(off_rad) < numbers[:, HALF_ANGLE]
+    is_ahead = _share_of_beam(middle, numbers) < 1.0
     of = np.repeat(np.arange(len(pings)), np.diff(echoes.start))
     own: BoolArray = is_ahead[of]
     own &= echoes.range_m > (away_m.min(axis=1) - OWN_M)[of]
     own &= echoes.range_m < (away_m.max(axis=1) + OWN_M)[of]
     towards = (middle / np.hypot(*middle.T)[:, np.newaxis])[of[own]].sum(axis=0)
     return own, towards / max(float(np.hypot(*towards)), 1e-9)
+
+
+def _share_of_beam(offsets_m: FloatArray, numbers: FloatArray) -> FloatArray:
+    """How far off their axes pings have places, from themselves, over half of their beams."""
+    off_rad = wrapped(np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) - numbers[:, HEADING])
+    return np.asarray(np.abs(off_rad) / numbers[:, HALF_ANGLE])

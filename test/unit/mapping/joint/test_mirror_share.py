@@ -8,7 +8,9 @@ import pytest
 from usmap_ros.mapping.joint.free_space.mirror_share import (
     ENOUGH_PINGS,
     LEAST_ECHOES,
-    TELLING_PINGS,
+    MANY_THINGS,
+    OF_MIRRORS,
+    OF_POLES,
     expected_share,
     facing_who_heard,
     mirror_share,
@@ -135,11 +137,11 @@ def test_few_pings_that_pass_poles_do_not_take_them_for_mirrors() -> None:
 @pytest.mark.parametrize(
     ("explained", "pings", "lone_share", "expected"),
     [
-        (0.8, 60, 1.0, 0.0),
-        (0.4, TELLING_PINGS - 1, 1.0, 0.5),
-        (0.4, 60, 0.5, 0.25),
-        (0.4, TELLING_PINGS, 1.0, 0.55 / 0.95),
-        (0.95, TELLING_PINGS, 1.0, 0.0),
+        (1.0 - OF_POLES, 60, 1.0, 0.0),
+        (0.7, 60, 1.0, (0.3 - OF_POLES) / (OF_MIRRORS - OF_POLES)),
+        (0.7, 60, 0.5, 0.5 * (0.3 - OF_POLES) / (OF_MIRRORS - OF_POLES)),
+        (0.57, ENOUGH_PINGS - 1, 1.0, 1.0),
+        (0.0, ENOUGH_PINGS - 1, 1.0, 1.0),
         (0.4, ENOUGH_PINGS, 1.0, 0.0),
     ],
 )
@@ -147,13 +149,34 @@ def test_what_nothing_explains_may_be_mirrors(
     explained: float, pings: int, lone_share: float, expected: float
 ) -> None:
     chances = np.where(np.arange(1000) < 1000 * explained, 0.8, 0.0).astype(np.float32)
-    assert unexplained_share(chances, pings, lone_share) == pytest.approx(expected)
+    share = unexplained_share(chances, np.ones(1000), MANY_THINGS, pings, lone_share)
+    assert share == pytest.approx(expected, abs=1e-9)
+
+
+def test_among_poles_nothing_explains_what_is_far() -> None:
+    """Of a room of mirrors what is near is left over, too: a leak of 9 m² while that did not count.
+
+    Few pings hear what is far off, whatever it is.
+    """
+    chances = np.where(np.arange(100) < 60, 0.8, 0.0).astype(np.float32)
+    ranges_m = np.linspace(0.5, 4.0, 100)
+    assert unexplained_share(chances, ranges_m, MANY_THINGS, 90, 1.0) == 0.0
+    assert unexplained_share(chances, ranges_m[::-1], MANY_THINGS, 90, 1.0) == 1.0
+
+
+def test_few_things_do_not_say_that_a_place_is_one_of_poles() -> None:
+    chances = np.where(np.arange(100) < 90, 0.8, 0.0).astype(np.float32)
+    shares = [unexplained_share(chances, np.ones(100), things, 90, 1.0) for things in range(2, 12)]
+    assert shares[:3] == [1.0] * 3
+    assert shares == sorted(shares, reverse=True)
+    assert shares[MANY_THINGS - 2 :] == [0.0] * 4
 
 
 def test_of_few_echoes_hardly_any_may_be_left_unexplained() -> None:
     chances = np.ones(LEAST_ECHOES, np.float32)
     chances[:3] = 0.0
-    assert unexplained_share(chances, 10, 1.0) == 0.0
-    assert unexplained_share(chances[:-1], 10, 1.0) > math.exp(LONE[0])
-    assert unexplained_share(chances[:-1], 10, 0.0) == 0.0
-    assert unexplained_share(chances[3:], 10, 1.0) == 0.0
+    ranges_m = np.linspace(4.0, 0.5, LEAST_ECHOES)
+    assert unexplained_share(chances, ranges_m, MANY_THINGS, 10, 1.0) == 0.0
+    assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, 10, 1.0) > math.exp(LONE[0])
+    assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, 10, 0.0) == 0.0
+    assert unexplained_share(chances[3:], ranges_m[3:], MANY_THINGS, 10, 1.0) == 0.0

@@ -31,10 +31,28 @@ def test_one_room_stays_whole() -> None:
     assert halves(ALL, room_m[:50], np.where(room_m[:50, 0] < 4.0, 9.0, 1.0)) == []
 
 
+def test_what_is_between_the_rooms_is_of_both() -> None:
+    """Through a wall of glass beyond the last ping of its room 1 m² was open: bricks answer so."""
+    rough_m, smooth_m = places(200, 0.0, 4.0, 1), places(100, 6.0, 8.0, 2)
+    loudest = np.concatenate([np.full(200, 3.0), np.full(100, 0.5)])
+    parts = halves(ALL, np.concatenate([rough_m, smooth_m]), loudest)
+    between_m = np.array([[4.1, 2.0], [5.0, 0.0], [5.9, 2.0]])
+    assert [part.holds(between_m).tolist() for part in parts] == [[True] * 3] * 2
+    assert sorted(part.holds(rough_m).mean() for part in parts) == [0.0, 1.0]
+    assert sorted(part.holds(smooth_m).mean() for part in parts) == [0.0, 1.0]
+
+
+def test_pings_of_one_place_are_not_cut_apart() -> None:
+    standing_m, beside_m = np.tile([[1.0, 1.0]], (200, 1)), places(100, 2.0, 4.0, 5)
+    loudest = np.concatenate([np.tile([9.0, 0.1], 100), np.full(100, 0.05)])
+    parts = halves(ALL, np.concatenate([standing_m, beside_m]), loudest)
+    assert sorted(part.holds(standing_m).mean() for part in parts) == [0.0, 1.0]
+
+
 def test_parts_are_cut_again_within_their_edges() -> None:
-    left, right = ALL.beside(np.array([1.0, 0.0]), 4.0)
-    low, high = left.beside(np.array([0.0, 1.0]), 2.0)
-    points_m = np.array([[1.0, 1.0], [1.0, 3.0], [5.0, 1.0]])
+    left, right = ALL.beside(np.array([1.0, 0.0]), 3.5, 4.5)
+    low, high = left.beside(np.array([0.0, 1.0]), 2.0, 2.0)
+    points_m = np.array([[1.0, 1.0], [1.0, 3.0], [5.0, 1.0], [4.0, 1.0]])
     assert [part.holds(points_m).tolist() for part in (low, high, right)] == [
-        [True, False, False], [False, True, False], [False, False, True],
+        [True, False, False, True], [False, True, False, False], [False, False, True, True],
     ]  # fmt: skip

@@ -28,7 +28,7 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_bins import ECHO
-from usmap_ros.mapping.ping_table import PingTable, X, Y
+from usmap_ros.mapping.ping_table import BIN_M, LEAST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
@@ -170,10 +170,13 @@ def _learnt(
     log_silent = learn_response(views, surfaces)
     walled = _walled(walls.shown, on_lines)
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
-    chances = listening.chance[own][table.kind[pings[own]] == ECHO]
+    rows = pings[own]
+    index, bins = np.nonzero(table.kind[rows] == ECHO)
+    chances, numbers = listening.chance[own][index, bins], table.numbers[rows[index]]
+    ranges_m = numbers[:, LEAST_RANGE] + (bins + 0.5) * numbers[:, BIN_M]
     mirrored = max(
         mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
-        unexplained_share(chances, int(np.count_nonzero(own)), 1.0 - walled),
+        unexplained_share(chances, ranges_m, things, len(rows), 1.0 - walled),
     )
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)
     kinds = log_priors(walls_facing, len(mirrors), columns, things, alone_m, mirrored)

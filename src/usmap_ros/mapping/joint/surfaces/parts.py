@@ -16,13 +16,15 @@ from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
 from usmap_ros.mapping.ping_table import ABSORPTION, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: How often a place is cut at the most; directions of cuts, and shares of the pings on one side
-#: that are tried.
-CUTS, DIRECTIONS, SHARES = 2, 12, np.linspace(0.1, 0.9, 17)
+#: How often a place is cut at the most; and directions of cuts.
+CUTS, DIRECTIONS = 2, 12
 #: Pings on either side at least, and share of the variance of how loud their loudest echoes are, by
 #: rank, that a cut explains: 0.3 to 0.5 between rough and smooth rooms, less than 0.15 in 28
 #: recordings of places of one kind.
 LEAST_PINGS, LEAST_EXPLAINED = 60, 0.25
+#: Cuts that explain so much less than the best one are as good, and the one that is farthest from
+#: all pings is taken; so near to those on the other side a part begins, as a share of the way.
+AS_GOOD, APART = 0.01, 0.01
 
 
 class PartOfPlace(NamedTuple):
@@ -36,9 +38,9 @@ class PartOfPlace(NamedTuple):
         inside = points_m @ self.edges[:, :2].T <= self.edges[:, 2]
         return np.asarray(inside.all(axis=-1))
 
-    def beside(self, normal: FloatArray, distance_m: float) -> "list[PartOfPlace]":
-        """What of it lies on either side of a line."""
-        edges = np.array([[*normal, distance_m], [*-normal, -distance_m]])
+    def beside(self, normal: FloatArray, low_m: float, high_m: float) -> "list[PartOfPlace]":
+        """What of it is on either side of a strip across a direction, with the strip."""
+        edges = np.array([[*normal, high_m], [*-normal, -low_m]])
         return [PartOfPlace(np.concatenate([self.edges, edge[np.newaxis]])) for edge in edges]
 
 
@@ -105,6 +107,7 @@ def halves(part: PartOfPlace, places_m: FloatArray, loudest: FloatArray) -> list
     """What a part is cut into where its pings' loudest echoes change most; nothing if little.
 
     A step of a regression tree, by ranks, since how loud echoes are varies by orders of magnitude.
+    Nobody knows where between the pings on either side the place changes: that is of both halves.
 
     Parameters
     ----------
@@ -117,20 +120,26 @@ def halves(part: PartOfPlace, places_m: FloatArray, loudest: FloatArray) -> list
     """
     heard = part.holds(places_m) & (loudest > 0.0)
     places_m, loudest = places_m[heard], loudest[heard]
-    if len(places_m) < 2 * LEAST_PINGS:
+    count = len(places_m)
+    if count < 2 * LEAST_PINGS:
         return []
-    rank = np.argsort(np.argsort(loudest, kind="stable"))
-    best, line = LEAST_EXPLAINED, None
-    for angle_rad in np.arange(DIRECTIONS) * np.pi / DIRECTIONS:
-        normal = np.array([np.cos(angle_rad), np.sin(angle_rad)])
-        along_m = places_m @ normal
-        for distance_m in np.quantile(along_m, SHARES):
-            below = along_m <= distance_m
-            share = float(below.mean())
-            if min(share, 1.0 - share) * len(places_m) < LEAST_PINGS:
-                continue
-            apart = rank[below].mean() - rank[~below].mean()
-            explained = float(share * (1.0 - share) * apart**2 / rank.var())
-            if explained > best:
-                best, line = explained, (normal, float(distance_m))
-    return [] if line is None else part.beside(*line)
+    rank = np.argsort(np.argsort(loudest, kind="stable")).astype(np.float64)
+    angles_rad = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+    normals = np.stack([np.cos(angles_rad), np.sin(angles_rad)])
+    along_m = places_m @ normals
+    order = np.argsort(along_m, axis=0, kind="stable")
+    along_m = np.take_along_axis(along_m, order, axis=0)
+    below = np.arange(LEAST_PINGS, count - LEAST_PINGS + 1)[:, np.newaxis]
+    lower, upper = along_m[below[:, 0] - 1], along_m[below[:, 0]]
+    sums = np.cumsum(rank[order], axis=0)[below[:, 0] - 1]
+    apart = sums / below - (rank.sum() - sums) / (count - below)
+    explained = below * (count - below) / count**2 * apart**2 / rank.var()
+    explained[upper <= lower] = 0.0
+    if explained.max() <= LEAST_EXPLAINED:
+        return []
+    gaps_m = np.where(explained >= explained.max() - AS_GOOD, upper - lower, 0.0)
+    at, way = np.unravel_index(int(np.argmax(gaps_m)), gaps_m.shape)
+    beside_m = APART * float(gaps_m[at, way])
+    return part.beside(
+        normals[:, way], float(lower[at, way]) + beside_m, float(upper[at, way]) - beside_m
+    )

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.free_space.connected import connected, led_to
+from usmap_ros.mapping.joint.free_space.connected import connected, led_to, without_slits
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIONS, OTHERS, ROUND
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
@@ -40,6 +40,18 @@ def test_free_cells_that_nothing_leads_to_are_none() -> None:
     stood = np.zeros_like(free)
     stood[3, 2] = True
     assert np.flatnonzero(connected(free, stood, occupied)[3]).tolist() == [1, 2, 3, 4, 6, 7, 8]
+
+
+def test_slits_that_sound_alone_went_through_are_not_free() -> None:
+    """A wall of glass was free, for what went along it came back from the one that it ends at."""
+    free = np.zeros((20, 40), bool)
+    free[5, 2:30] = free[10:13, 2:30] = free[15:19, 2:30] = True
+    is_silent = np.zeros_like(free)
+    is_silent[5, 8:14] = True
+    left = without_slits(free, is_silent, RESOLUTION_M)
+    assert np.flatnonzero(left[5]).tolist() == list(range(8, 14))
+    assert not left[10:13].any()
+    assert (left[15:19] == free[15:19]).all()
 
 
 @pytest.mark.parametrize("has_walls", [False, True])

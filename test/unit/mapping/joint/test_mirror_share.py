@@ -140,7 +140,7 @@ def test_few_pings_that_pass_poles_do_not_take_them_for_mirrors() -> None:
         (1.0 - OF_POLES, 60, 1.0, 0.0),
         (0.7, 60, 1.0, (0.3 - OF_POLES) / (OF_MIRRORS - OF_POLES)),
         (0.7, 60, 0.5, 0.5 * (0.3 - OF_POLES) / (OF_MIRRORS - OF_POLES)),
-        (0.57, ENOUGH_PINGS - 1, 1.0, 1.0),
+        (0.54, ENOUGH_PINGS - 1, 1.0, 1.0),
         (0.0, ENOUGH_PINGS - 1, 1.0, 1.0),
         (0.4, ENOUGH_PINGS, 1.0, 0.0),
     ],
@@ -165,11 +165,11 @@ def test_among_poles_nothing_explains_what_is_far() -> None:
 
 
 def test_few_things_do_not_say_that_a_place_is_one_of_poles() -> None:
-    chances = np.where(np.arange(100) < 90, 0.8, 0.0).astype(np.float32)
+    chances = np.where(np.arange(100) < 89, 0.8, 0.0).astype(np.float32)
     shares = [unexplained_share(chances, np.ones(100), things, 90, 1.0) for things in range(2, 12)]
     assert shares[:3] == [1.0] * 3
     assert shares == sorted(shares, reverse=True)
-    assert shares[MANY_THINGS - 2 :] == [0.0] * 4
+    assert shares[MANY_THINGS - 2 :] == [0.0] * 6
 
 
 def test_of_few_echoes_hardly_any_may_be_left_unexplained() -> None:

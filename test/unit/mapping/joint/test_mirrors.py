@@ -164,6 +164,19 @@ def test_a_pane_beside_bricks_that_return_far_more_is_likely(
     assert panes_beside(*given) > 0.5
 
 
+def test_a_pane_that_was_heard_in_a_few_places_is_one(
+    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone], mirror_m: float
+) -> None:
+    """Beyond a pane of 5 m a map was open for 15 m²: no place had heard it often enough."""
+    bricks = followed_echoes(make_cone, 90, 9.0, 0.3, 20.0, mirror_m - 0.4)
+    in_places = [cone for number, cone in enumerate(mirror_pings) if number % 10 < 4]
+    table, rows, _, echoes = kept_pings(
+        {"robot": [*in_places, *bricks]}, MappingParameters()
+    ).pings()[:4]
+    is_usable, none = np.ones(len(echoes.range_m), bool), np.zeros(len(rows), bool)
+    assert panes_beside(table, rows, echoes, is_usable & False, is_usable, none) > 0.5
+
+
 def test_no_pane_is_expected_among_bricks_alone(
     make_cone: Callable[..., EchoCone], mirror_m: float
 ) -> None:

@@ -1,11 +1,39 @@
 """Free cells that lead to what is known to be open."""
 
+import math
+
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.compiled import compiled
+
+#: Width of what is no slit, m.
+SLIT_M = 0.2
+
+
+def without_slits(free: BoolArray, is_silent: BoolArray, resolution_m: float) -> BoolArray:
+    """Free cells, but for slits that nothing but sound which came back through them speaks for.
+
+    What goes along a smooth wall comes back from the one that it ends at: its way, as thin as a
+    ray, may lie in the wall itself.
+
+    Parameters
+    ----------
+    free : (rows, columns) bool array
+        Cells that seem to be free.
+    is_silent : (rows, columns) bool array
+        Those that are so by silence, or because a robot stood there.
+    resolution_m : float
+        Of a cell.
+    """
+    width = min(max(1, math.ceil(SLIT_M / resolution_m - 1e-9)), *free.shape)
+    fits = sliding_window_view(free, (width, width)).all(axis=(2, 3))
+    wide = sliding_window_view(np.pad(fits, width - 1), (width, width)).any(axis=(2, 3))
+    left: BoolArray = free & (is_silent | wide)
+    return left
 
 
 def led_to(free: BoolArray, stood: BoolArray, proven: BoolArray, walls: Walls) -> BoolArray:

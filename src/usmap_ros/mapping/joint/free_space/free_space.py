@@ -11,7 +11,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth, over_block
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.behind import behind_walls
-from usmap_ros.mapping.joint.free_space.connected import led_to
+from usmap_ros.mapping.joint.free_space.connected import led_to, without_slits
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     FOLLOWED_M,
@@ -146,12 +146,14 @@ class FreeSpace:
                 here, silence = next(answers.each(field))
                 refute_for_room(is_refuted, worst, wanted & here, walls.all_lines, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
+            if smooth.mirrors:
+                is_silent = over_last(np.logical_and, worst < np.asarray(refuted)[..., np.newaxis])
+                free = without_slits(free, is_silent | (proofs == 0.0) | stood, field.resolution_m)
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
-            left_before = left
-            left = self._left(self._held(walls, free, worst, answers), ended_m)
+            left_before, left = left, self._left(self._held(walls, free, worst, answers), ended_m)
             changed = _differ(left, left_before)
             self._refute(left, listening, answers, wanted, changed, worst)
             is_refuted = are_refuted(worst, proofs, refuted, self._proofs)

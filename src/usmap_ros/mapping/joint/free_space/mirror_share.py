@@ -28,12 +28,12 @@ FROM_ASIDE, FROM_ONE_SIDE = 0.83, 0.95
 TELLING_PINGS = 100
 #: Chance of an echo by what stands, from which on that explains it; and share of the nearer half of
 #: all echoes that is left unexplained among poles, and by which nothing but mirrors may be there.
-#: Of 120 recordings of 60 to 300 pings among poles, 116 left less than 0.24; of 19 in rooms of
-#: mirrors, of which no wall was found by that many pings, 17 left more.
-EXPLAINED, OF_POLES, OF_MIRRORS = 0.3, 0.15, 0.42
+#: Of 120 recordings of 60 to 300 pings among poles, 116 left less than 0.25; of 19 in rooms of
+#: mirrors, of which no wall was found by that many pings, 17 left as much.
+EXPLAINED, OF_POLES, OF_MIRRORS = 0.3, 0.15, 0.45
 #: Things that tell nothing of what a place is made of, and those from which on these shares hold:
-#: of few, fewer may be left over, and a tenth of the shares at the least.
-FEW_THINGS, MANY_THINGS, LEAST_TOLD = 4, 8, 0.1
+#: of fewer, less may be left over, and a tenth of the shares at the least.
+FEW_THINGS, MANY_THINGS, LEAST_TOLD = 4, 6, 0.1
 #: Echoes below which hardly any may be left unexplained, and the share of mirrors where more are.
 LEAST_ECHOES, HARDLY_ANY, UNKNOWN_SHARE = 60, 0.05, 0.5
 #: Pings by which walls that are there have shown themselves.

@@ -59,6 +59,8 @@ class MirrorSearch(NamedTuple):
     #: Amplitude reflectivities that a mirror may have.
     faintest: float
     loudest: float
+    #: Widest gap between feet, m.
+    gap_m: float = GAP_M
 
 
 class Feet(NamedTuple):
@@ -162,7 +164,7 @@ def _stretch(
     search: MirrorSearch, normal_rad: float, distance_m: float, tolerance_m: float
 ) -> tuple[float, Feet]:
     """Score and hits of the best stretch of a line."""
-    return _best_stretch(_feet(search, normal_rad, distance_m, tolerance_m))
+    return _best_stretch(_feet(search, normal_rad, distance_m, tolerance_m), search.gap_m)
 
 
 @inlined
@@ -215,11 +217,11 @@ def _nearest_echo(
 
 
 @inlined
-def _best_stretch(feet: Feet) -> tuple[float, Feet]:
+def _best_stretch(feet: Feet, gap_m: float) -> tuple[float, Feet]:
     """Hits less misses of the stretch that has most, without wide gaps; and its hits."""
     best, first, end, running, begin = 0.0, 0, 0, 0.0, 0
     for k in range(len(feet.echo)):
-        if running <= 0.0 or feet.along_m[k] - feet.along_m[k - 1] > GAP_M:
+        if running <= 0.0 or feet.along_m[k] - feet.along_m[k - 1] > gap_m:
             running, begin = 0.0, k
         running += 1.0 if feet.echo[k] >= 0 else -1.0
         if running > best:

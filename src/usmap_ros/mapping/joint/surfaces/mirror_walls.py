@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirror_criteria import ANY, USUAL, MirrorCriteria, fitted
-from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
+from usmap_ros.mapping.joint.surfaces.mirror_fits import GAP_M, MirrorSearch, candidates
 from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, expected_panes, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
@@ -34,6 +34,8 @@ from usmap_ros.processes.threads import in_turn
 LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
 #: The first of them among lone echoes, of which the loudest may be those of corners.
 FAINT_MIRROR = 0.1
+#: Widest gap between feet on a pane, m: where bricks are beside it, its echoes do not stand alone.
+PANE_GAP_M = 1.2
 #: Echoes of a ping that are so near to each other, m, are of one rough wall; of how many, itself
 #: included, one may still be a pane's.
 BESIDE_M, MOST_BESIDE = 0.3, 3
@@ -175,7 +177,7 @@ def panes_beside(
         As in `mirror_walls`.
     """
     is_open = is_usable & _are_lone(echoes)
-    lines = perpendicular_walls(table, pings, echoes, is_open, first_only, FAINT_MIRROR)
+    lines = perpendicular_walls(table, pings, echoes, is_open, first_only, FAINT_MIRROR, PANE_GAP_M)
     explained = _share_of(is_explained, is_usable)
     return expected_panes(without_doubles(lines), explained, is_explained)
 
@@ -201,6 +203,7 @@ def perpendicular_walls(
     is_open: BoolArray,
     first_only: BoolArray,
     faintest: float = LEAST_MIRROR,
+    gap_m: float = GAP_M,
 ) -> list[MirrorWall]:
     """Walls that are heard at the feet of perpendiculars, whether or not from elsewhere, too.
 
@@ -213,9 +216,11 @@ def perpendicular_walls(
     faintest : float
         Least amplitude reflectivity of one over what the loudest open echo of one ping in ten
         means, if not ranges alone are known.
+    gap_m : float
+        Widest gap between feet.
     """
     limits = _loudness(table, pings, echoes, is_open, first_only, faintest)
-    return _found(MirrorSearch(table, pings, echoes, is_open, *limits), ANY)
+    return _found(MirrorSearch(table, pings, echoes, is_open, *limits, gap_m), ANY)
 
 
 def _loudness(

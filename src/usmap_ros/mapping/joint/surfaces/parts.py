@@ -129,9 +129,9 @@ def halves(part: PartOfPlace, places_m: FloatArray, loudest: FloatArray) -> list
     along_m = places_m @ normals
     order = np.argsort(along_m, axis=0, kind="stable")
     along_m = np.take_along_axis(along_m, order, axis=0)
-    below = np.arange(LEAST_PINGS, count - LEAST_PINGS + 1)[:, np.newaxis]
-    lower, upper = along_m[below[:, 0] - 1], along_m[below[:, 0]]
-    sums = np.cumsum(rank[order], axis=0)[below[:, 0] - 1]
+    splits = np.arange(LEAST_PINGS, count - LEAST_PINGS + 1)
+    lower, upper = along_m[splits - 1], along_m[splits]
+    below, sums = splits[:, np.newaxis], np.cumsum(rank[order], axis=0)[splits - 1]
     apart = sums / below - (rank.sum() - sums) / (count - below)
     explained = below * (count - below) / count**2 * apart**2 / rank.var()
     explained[upper <= lower] = 0.0

@@ -24,7 +24,7 @@ CUTS, DIRECTIONS = 2, 12
 LEAST_PINGS, LEAST_EXPLAINED = 60, 0.25
 #: Cuts that explain so much less than the best one are as good, and the one that is farthest from
 #: all pings is taken; so near to those on the other side a part begins, as a share of the way.
-AS_GOOD, APART = 0.01, 0.01
+AS_GOOD, APART = 0.03, 0.01
 
 
 class PartOfPlace(NamedTuple):

@@ -1,4 +1,4 @@
-"""Free cells that lead to what is known to be open."""
+"""Free cells that are no slits, and that lead to what is known to be open."""
 
 import math
 

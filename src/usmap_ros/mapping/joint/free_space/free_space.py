@@ -147,8 +147,9 @@ class FreeSpace:
                 refute_for_room(is_refuted, worst, wanted & here, walls.all_lines, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if smooth.mirrors:
-                is_silent = over_last(np.logical_and, worst < np.asarray(refuted)[..., np.newaxis])
-                free = without_slits(free, is_silent | (proofs == 0.0) | stood, field.resolution_m)
+                by_silence = are_refuted(worst, np.zeros_like(proofs), refuted, self._proofs)
+                is_silent = over_last(np.logical_and, by_silence) | (proofs == 0.0) | stood
+                free = without_slits(free, is_silent, field.resolution_m)
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
             # What was not refuted while all was open is not when less is.

@@ -170,13 +170,16 @@ def _learnt(
     log_silent = learn_response(views, surfaces)
     walled = _walled(walls.shown, on_lines)
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
-    rows = pings[own]
-    index, bins = np.nonzero(table.kind[rows] == ECHO)
-    chances, numbers = listening.chance[own][index, bins], table.numbers[rows[index]]
-    ranges_m = numbers[:, LEAST_RANGE] + (bins + 0.5) * numbers[:, BIN_M]
+    mine = np.flatnonzero(own)
+    index, bins = np.nonzero(table.kind[pings[mine]] == ECHO)
+    least_m, bin_m = table.numbers[pings[mine]][:, [LEAST_RANGE, BIN_M]].T
+    chances, ranges_m = (
+        listening.chance[mine[index], bins],
+        least_m[index] + (bins + 0.5) * bin_m[index],
+    )
     mirrored = max(
         mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
-        unexplained_share(chances, ranges_m, things, len(rows), 1.0 - walled),
+        unexplained_share(chances, ranges_m, things, len(mine), 1.0 - walled),
     )
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)
     kinds = log_priors(walls_facing, len(mirrors), columns, things, alone_m, mirrored)

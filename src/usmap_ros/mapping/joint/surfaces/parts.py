@@ -123,7 +123,7 @@ def halves(part: PartOfPlace, places_m: FloatArray, loudest: FloatArray) -> list
     count = len(places_m)
     if count < 2 * LEAST_PINGS:
         return []
-    rank = np.argsort(np.argsort(loudest, kind="stable")).astype(np.float64)
+    rank = np.argsort(np.argsort(loudest, kind="stable"))
     angles_rad = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
     normals = np.stack([np.cos(angles_rad), np.sin(angles_rad)])
     along_m = places_m @ normals

@@ -22,7 +22,12 @@ import scenes
 
 from usmap_ros.mapping.joint import drawing, estimate, explanation
 from usmap_ros.mapping.joint.forward_model import powers
-from usmap_ros.mapping.joint.free_space import free_space, listening, silence
+from usmap_ros.mapping.joint.free_space import (
+    free_space,
+    heard_of_surfaces,
+    listening,
+    silence,
+)
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.surfaces import smooth_surfaces
 from usmap_ros.parameters import MappingParameters, ReconstructionParameters
@@ -51,7 +56,7 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "response": [
         (listening, "listen"), (silence, "look_at"), (silence, "learn_response"),
     ],
-    "refutation": [(free_space, "refute_surfaces")],
+    "refutation": [(heard_of_surfaces, "refute_surfaces")],
     "first pings": [(explanation, "first_log_odds")],
     "normals and ambiguity": [(drawing, "surface_normals"), (drawing, "undecided")],
 }  # fmt: skip

@@ -159,12 +159,14 @@ def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
     kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
     kinds[ORIENTATIONS + 1 : ROUND, 1] = NEVER
 
+    likelier = np.zeros(field.shape, np.float32)
+
     def told_of_mirrors(some: slice) -> float:
         worst = np.zeros((*field.shape, GROUPS), np.float32)
         log_silent, changed = np.full((LOUDNESSES, INCIDENCES), -2.0), np.ones(len(rows), bool)
         refute_surfaces(
-            table, rows[some], field, left[some], listening, log_silent, 9.0, kinds, wanted,
-            changed[some], worst,
+            table, rows[some], field, left[some], listening, log_silent, 9.0, kinds, likelier,
+            wanted, changed[some], worst,
         )  # fmt: skip
         assert worst[wanted][0, OTHERS] < -1.0
         return float(worst[wanted][0, MIRRORS])
@@ -173,3 +175,6 @@ def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
     assert aslant == pytest.approx(np.log(0.5))
     assert square < aslant - 1.0
     assert told_of_mirrors(slice(0, 2)) == pytest.approx(square)
+    # Where they are as likely as anything, as much more must be heard.
+    likelier[:] = 0.5
+    assert told_of_mirrors(slice(0, 2)) == pytest.approx(square + 0.5)

@@ -1,8 +1,13 @@
 """A place is cut where what pings hear changes, and nowhere else."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from usmap_ros.mapping.joint.surfaces.parts import ALL, any_holds, halves
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.surfaces.parts import ALL, any_holds, halves, mirrors_of_parts
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 
 def places(count: int, left_m: float, right_m: float, seed: int) -> np.ndarray:
@@ -56,3 +61,22 @@ def test_parts_are_cut_again_within_their_edges() -> None:
     assert [part.holds(points_m).tolist() for part in (low, high, right)] == [
         [True, False, False, True], [False, True, False, False], [False, False, True, True],
     ]  # fmt: skip
+
+
+def test_the_quieter_part_may_have_mirrors_that_are_too_few_to_tell(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """A robot between walls of glass was taken for deaf, for it heard nothing of the bricks."""
+    kept, rng = KeptPings(MappingParameters()), np.random.default_rng(6)
+    for number, (x_m, y_m) in enumerate(places(160, 0.0, 6.0, 7)):
+        loud = 0.4 if x_m < 3.0 else 0.02
+        near_m, far_m = rng.uniform([0.5, 1.6], [1.4, 2.5])
+        pose = {"x_m": x_m, "y_m": y_m, "yaw_rad": x_m}
+        kept.add(make_cone((near_m, loud), (far_m, loud), stamp_ns=number, **pose), "robot")
+    table, pings, _, echoes, first_only, _ = kept.pings()
+    nothing = np.zeros(len(echoes.range_m), bool)
+    found, mirrored = mirrors_of_parts(table, pings, echoes, nothing, ~nothing, first_only)
+    assert not found
+    assert [part.holds(np.array([[0.5, 1.0], [5.5, 1.0]])).tolist() for part in mirrored] == [
+        [False, True]
+    ]

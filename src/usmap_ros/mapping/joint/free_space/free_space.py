@@ -14,14 +14,13 @@ from usmap_ros.mapping.joint.free_space.behind import behind_walls
 from usmap_ros.mapping.joint.free_space.connected import led_to, without_slits
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
-    FOLLOWED_M,
     HARDLY,
     continued,
     may_go_on,
 )
-from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual, facing_anyhow
+from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces
+from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
 from usmap_ros.mapping.joint.free_space.listening import listening_beside
-from usmap_ros.mapping.joint.free_space.open_space import BAND, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import (
     OCCUPIED,
     Refutations,
@@ -30,8 +29,7 @@ from usmap_ros.mapping.joint.free_space.refutation import (
     refute_for_room,
 )
 from usmap_ros.mapping.joint.free_space.response import HeardBins
-from usmap_ros.mapping.joint.free_space.silence import Answers, Silence, learn_answers
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
+from usmap_ros.mapping.joint.free_space.silence import Answers, learn_answers
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
@@ -114,17 +112,18 @@ class FreeSpace:
         self.answers = answers = learn_answers(
             self._table, self._pings, field, left, listening, walls, smooth, evidence
         )
+        heard = HeardOfSurfaces(self._table, self._pings, field, listening, answers, left)
         proofs = self._proven(occupied, left, powers, smooth)
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         closed |= smooth.suspected()
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         changed = np.ones(len(self._pings), bool)
-        self._refute(left, listening, answers, wanted | walls.bridged, changed, worst)
+        heard.renew(left, wanted | walls.bridged, changed, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
         going_on = alike
         if smooth.mirrored or not smooth.mirrors:
-            going_on = self._of_lines(walls, left, listening, answers, changed)
+            going_on = heard.of_lines(walls, left, changed)
             if smooth.mirrored:
                 (inside, _), _ = answers.each(field)
                 going_on = np.where(inside, alike, going_on)
@@ -156,7 +155,7 @@ class FreeSpace:
             wanted &= free | proven | closed
             left_before, left = left, self._left(self._held(walls, free, worst, answers), ended_m)
             changed = _differ(left, left_before)
-            self._refute(left, listening, answers, wanted, changed, worst)
+            heard.renew(left, wanted, changed, worst)
             is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, stood, proven, walls)
@@ -188,56 +187,16 @@ class FreeSpace:
         hides = walls.shown | self._standing
         listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
+        # How usual surfaces are has been counted with what was heard of them before.
+        heard = HeardOfSurfaces(
+            self._table, self._pings, self._field, listening, answers.by(all_usual), left
+        )
         proofs = self._proven(walls.shown, left, powers, smooth)
         left = self._left(self._held(walls, free, worst, answers), ended_m)
-        # How usual surfaces are has been counted with what was heard of them before.
         more = np.zeros_like(worst)
         wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
-        self._refute(left, listening, answers.by(all_usual), wanted, changed, more)
+        heard.renew(left, wanted, changed, more)
         return Refutations(more, proofs, np.zeros(self._field.shape, bool))
-
-    def _refute(
-        self,
-        left: NDArray[np.uint8],
-        listening: HeardBins,
-        answers: Answers,
-        wanted: BoolArray,
-        changed: BoolArray,
-        worst: NDArray[np.float32],
-    ) -> None:
-        """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
-
-        def refute(asked: BoolArray, silence: Silence) -> None:
-            for_each(
-                lambda band: refute_surfaces(
-                    self._table, self._pings, band[1], left, listening, silence.log_silent,
-                    silence.shape, silence.kinds, asked[band[0]], changed, worst[band[0]],
-                ),
-                self._field.bands(BAND),
-            )  # fmt: skip
-
-        for here, silence in answers.each(self._field):
-            refute(wanted & here, silence)
-
-    def _of_lines(
-        self,
-        walls: Walls,
-        left: NDArray[np.uint8],
-        listening: HeardBins,
-        answers: Answers,
-        changed: BoolArray,
-    ) -> NDArray[np.float32]:
-        """Log-likelihood ratio of a surface where lines are, or may go on: it faces as they do.
-
-        However rare such surfaces are, this one is there.
-        """
-        reach, far_cells = walls.lines.copy(), FOLLOWED_M / self._field.resolution_m
-        reach[:, BEGIN] -= far_cells
-        reach[:, END] += far_cells
-        asked = over_block(drawn(reach, self._field.shape)) | walls.bridged
-        said = np.zeros((*self._field.shape, GROUPS), np.float32)
-        self._refute(left, listening, answers.by(facing_anyhow), asked, changed, said)
-        return over_last(np.maximum, said[:, :, :MIRRORS])
 
     def _held(
         self, walls: Walls, free: BoolArray, worst: NDArray[np.float32], answers: Answers

@@ -10,6 +10,7 @@ likely each π is: little where there are few, and nothing where no wall was str
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.free_space.open_rays import EXPLAINED
 from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, SurfaceViews
 from usmap_ros.mapping.joint.visibility.soundings import SECTORS
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -26,11 +27,11 @@ MIRROR, SCATTERER, ENOUGH_LOOKS, ENOUGH_CELLS = 0.05, 0.25, 5.0, 8.0
 FROM_ASIDE, FROM_ONE_SIDE = 0.83, 0.95
 #: Pings from which on it tells that nothing was heard from several sides: few hear poles from one.
 TELLING_PINGS = 100
-#: Chance of an echo by what stands, from which on that explains it; and share of the nearer half of
-#: all echoes that is left unexplained among poles, and by which nothing but mirrors may be there.
+#: Share of the nearer half of all echoes that is left unexplained among poles, and by which nothing
+#: but mirrors may be there.
 #: Of 120 recordings of 60 to 300 pings among poles, 116 left less than 0.25; of 19 in rooms of
 #: mirrors, of which no wall was found by that many pings, 17 left as much.
-EXPLAINED, OF_POLES, OF_MIRRORS = 0.3, 0.15, 0.45
+OF_POLES, OF_MIRRORS = 0.15, 0.45
 #: Things that tell nothing of what a place is made of, and those from which on these shares hold:
 #: of fewer, less may be left over, and a tenth of the shares at the least.
 FEW_THINGS, MANY_THINGS, LEAST_TOLD = 4, 6, 0.1

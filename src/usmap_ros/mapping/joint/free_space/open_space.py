@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.free_space.kinds import (
     FAINTER,
     KINDS,
+    MIRRORS,
     ORIENTATIONS,
     ROUND,
     SHARES,
@@ -54,6 +55,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     log_silent: FloatArray,
     shape: float,
     kinds: FloatArray,
+    likelier: NDArray[np.float32],
     wanted: BoolArray,
     changed: BoolArray,
     worst: NDArray[np.float32],
@@ -70,6 +72,8 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         How far looks from one side repeat each other, by `overdispersion.learn_shape`.
     kinds : (KINDS, 3) array
         By `usmap_ros.mapping.joint.free_space.usual_directions.log_priors`.
+    likelier : (rows, columns) float32 array
+        Logarithm of how much more often those of the group of mirrors are found in each cell.
     wanted : (rows, columns) bool array
         Cells that are asked for.
     changed : (pings,) bool array
@@ -116,6 +120,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                 _put_least_refuted(
                     said[place], is_said[place], ways, np.float32(shape), kinds, most, total, least
                 )
+                least[MIRRORS] += likelier[bottom + up, start + right]
 
 
 @inlined

@@ -42,8 +42,9 @@ PSEUDO_COUNT, LONE_PSEUDO_COUNT = 2.0, 9.0
 #: Bounds of P(silent | surface).
 LEAST_SILENT, MOST_SILENT = 0.05, 1.0 - 1e-4
 #: Diffuseness below which grazing silence says nothing of surfaces, and above which as much as
-#: silence at 10 to 20 degrees, to a power.
-SMOOTH, ROUGH, GRAZING_POWER = 0.38, 0.5, 0.8
+#: silence at 10 to 20 degrees, to a power: in the last class a smaller one, since what is looked at
+#: edge-on shows little of itself.
+SMOOTH, ROUGH, GRAZING_POWER, EDGE_ON_POWER = 0.38, 0.5, 0.8, 0.4
 #: An echo is explained by what is expected to return such a share of its power, and then was to
 #: be heard, whatever else stands there, with this probability.
 EXPLAINED_SHARE, MOST_EXPLAINED = 0.7, 0.8
@@ -270,7 +271,8 @@ def _trusted(p_silent: FloatArray, diffuseness: float) -> FloatArray:
     log_silent = np.log(p_silent)
     trust = float(np.clip((diffuseness - SMOOTH) / (ROUGH - SMOOTH), 0.0, 1.0))
     for incidence in range(4, INCIDENCES):
-        grazing = np.minimum(log_silent[:, incidence], GRAZING_POWER * log_silent[:, 3])
+        power = GRAZING_POWER if incidence < INCIDENCES - 1 else EDGE_ON_POWER
+        grazing = np.minimum(log_silent[:, incidence], power * log_silent[:, 3])
         log_silent[:, incidence] = (1.0 - trust) * log_silent[:, incidence] + trust * grazing
     telling = np.clip((MUTE - np.exp(log_silent)) / (MUTE - TELLING), 1e-6, 1.0)
     trusted: FloatArray = log_silent * telling

@@ -1,5 +1,6 @@
 """What silence says of an area, by how the surfaces that are believed answer."""
 
+import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from usmap_ros.mapping.joint.free_space.mirror_share import (
     mirror_share,
     unexplained_share,
 )
+from usmap_ros.mapping.joint.free_space.open_rays import open_shares
 from usmap_ros.mapping.joint.free_space.overdispersion import learn_shape
 from usmap_ros.mapping.joint.free_space.response import (
     NO_NORMAL,
@@ -33,9 +35,12 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
 #: them: among lone things, and among walls.
-LONE, WALLED = (-1.1, 0.02), (-2.5, 0.12)
+LONE, WALLED = (-1.1, 0.02), (-1.7, 0.12)
 #: The first at the least and the other at the most among mirrors, heard from one side only.
-MIRRORED = (-2.0, 0.05)
+MIRRORED = (-1.35, 0.05)
+#: Among walls of which none is known to be a mirror, mirrors are taken to be so many times as
+#: likely as was learnt: who frees one that nobody struck leaves through it.
+CAUTION = 1.8
 #: Surfaces at the most, from which is learnt how this place answers.
 MOST_SURFACES = 3000
 #: Mirrors that were found which say that others may be, at the most: what they scatter is heard
@@ -60,6 +65,9 @@ class Silence(NamedTuple):
     #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide.
     refuted: float
     unknown: float
+    #: Logarithm of how much likelier mirrors are where they are as likely as anything else, in a
+    #: place of walls that has none.
+    mirrors_likelier: float
 
 
 class Answers(NamedTuple):
@@ -69,6 +77,8 @@ class Answers(NamedTuple):
     silences: list[Silence]
     #: Parts that mirrors are in, if not in all of it.
     mirrored: list[PartOfPlace]
+    #: Share of rays that end at nothing, by `usmap_ros.mapping.joint.free_space.open_rays`.
+    usually_open: float
 
     def each(self, field: Field) -> Iterator[tuple[BoolArray, Silence]]:
         """Cells of a field, and what silence says there."""
@@ -120,16 +130,17 @@ def learn_answers(
     walls, smooth, evidence
         What stands.
     """
-    given, columns, answers = (table, pings, field), smooth.columns_likely, Answers([], [])
+    given, columns = (table, pings, field), smooth.columns_likely
+    usually_open = float(open_shares(table, pings, left, listening).mean())
+    answers = Answers([], smooth.mirrored, usually_open)
     everywhere, struck = np.ones(len(pings), bool), min(len(smooth.mirrors), MOST_STRUCK)
     places = [_Standing(everywhere, walls, smooth.mirrors, columns, struck or smooth.panes)]
     if smooth.mirrored:
-        answers = Answers([], smooth.mirrored)
         inside = answers.inside(field)
         own = any_holds(smooth.mirrored, table.numbers[pings][:, [X, Y]])
         # Who looks into a part from elsewhere tells of its surfaces, too.
         places = [
-            _Standing(own, walls.within(inside), smooth.mirrors, columns, struck),
+            _Standing(own, walls.within(inside), smooth.mirrors, columns, max(struck, 1)),
             _Standing(~own, walls.within(~inside), [], columns),
         ]
     answers.silences.extend(_learnt(*given, left, listening, place, evidence) for place in places)
@@ -181,12 +192,21 @@ def _learnt(
         mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
         unexplained_share(chances, ranges_m, things, len(mine), 1.0 - walled),
     )
+    if not mirrors:
+        mirrored = min(CAUTION**walled * mirrored, 1.0)
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)
     kinds = log_priors(walls_facing, len(mirrors), columns, things, alone_m, mirrored)
     long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
     refuted, unknown = _thresholds(walled, bool(mirrors))
+    likelier = 0.0 if mirrors else -walled * math.log(mirrored)
     return Silence(
-        log_silent, learn_shape(views, log_silent), kinds, long_and_short, refuted, unknown
+        log_silent,
+        learn_shape(views, log_silent),
+        kinds,
+        long_and_short,
+        refuted,
+        unknown,
+        likelier,
     )
 
 

@@ -74,15 +74,17 @@ def mirrors_of_parts(
     found : list of MirrorWall
         The mirrors.
     mirrored : list of PartOfPlace
-        Parts that they are in; none if they are of all of the place.
+        Parts that they are in; none if they are of all of the place.  Where none were found on
+        either side of a cut, the quieter side: its mirrors may be too few to tell.
     """
     found = mirror_walls(table, pings, echoes, is_explained, is_usable, first_only)
     if found:
         return found, []
     places_m, loudest = table.numbers[pings][:, [X, Y]], _loudest(table, pings, echoes)
-    mirrored, others = list[PartOfPlace](), [ALL]
+    mirrored, others, cut = list[PartOfPlace](), [ALL], list[PartOfPlace]()
     for _ in range(CUTS):
         tried = [half for part in others for half in halves(part, places_m, loudest)]
+        cut = cut or tried
         others = []
         for half in tried:
             here = np.repeat(half.holds(places_m), np.diff(echoes.start))
@@ -91,6 +93,8 @@ def mirrors_of_parts(
             )
             found += own
             (mirrored if own else others).append(half)
+    if cut and not found:
+        mirrored = [min(cut, key=lambda half: float(np.median(loudest[half.holds(places_m)])))]
     return found, mirrored
 
 

@@ -1,0 +1,119 @@
+"""What pings say of surfaces in cells, by how a place answers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.mapping.joint.free_space.continuations import FOLLOWED_M
+from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, facing_anyhow
+from usmap_ros.mapping.joint.free_space.open_rays import likely_as_anything, open_shares
+from usmap_ros.mapping.joint.free_space.open_space import BAND, refute_surfaces
+from usmap_ros.mapping.joint.free_space.response import HeardBins
+from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
+from usmap_ros.mapping.joint.surfaces.parts import any_holds
+from usmap_ros.mapping.joint.surfaces.walls import Walls
+from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.ping_table import PingTable, X, Y
+from usmap_ros.numerics.arrays import BoolArray, over_last
+from usmap_ros.processes.threads import for_each
+
+
+class HeardOfSurfaces:
+    """What some pings heard of surfaces in any cell.
+
+    Parameters
+    ----------
+    table : PingTable
+        Pings.
+    pings : (pings,) integer array
+        Rows of those that count.
+    field : Field
+        The cells.
+    listening : HeardBins
+        What was heard, and was to be heard by what stands.
+    answers : Answers
+        What was learnt of the place.
+    left : (pings, RAYS, STEPS) uint8 array
+        How much of their sound is left, if nothing but what stands is in the way.
+    """
+
+    def __init__(
+        self,
+        table: PingTable,
+        pings: NDArray[np.int64],
+        field: Field,
+        listening: HeardBins,
+        answers: Answers,
+        left: NDArray[np.uint8],
+    ) -> None:
+        self._table, self._pings, self._field = table, pings, field
+        self._listening, self._answers = listening, answers
+        self._likelier = self._mirrors_likelier(left)
+
+    def renew(
+        self,
+        left: NDArray[np.uint8],
+        wanted: BoolArray,
+        changed: BoolArray,
+        worst: NDArray[np.float32],
+    ) -> None:
+        """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
+        self._renew(self._answers, left, wanted, changed, worst)
+
+    def of_lines(
+        self, walls: Walls, left: NDArray[np.uint8], changed: BoolArray
+    ) -> NDArray[np.float32]:
+        """Log-likelihood ratio of a surface where lines are, or may go on: it faces as they do.
+
+        However rare such surfaces are, this one is there.
+        """
+        reach, far_cells = walls.lines.copy(), FOLLOWED_M / self._field.resolution_m
+        reach[:, BEGIN] -= far_cells
+        reach[:, END] += far_cells
+        asked = over_block(drawn(reach, self._field.shape)) | walls.bridged
+        said = np.zeros((*self._field.shape, GROUPS), np.float32)
+        self._renew(self._answers.by(facing_anyhow), left, asked, changed, said)
+        return over_last(np.maximum, said[:, :, :MIRRORS])
+
+    def _renew(
+        self,
+        answers: Answers,
+        left: NDArray[np.uint8],
+        wanted: BoolArray,
+        changed: BoolArray,
+        worst: NDArray[np.float32],
+    ) -> None:
+        """The same of surfaces as some answers have them."""
+
+        def renew(asked: BoolArray, silence: Silence) -> None:
+            for_each(
+                lambda band: refute_surfaces(
+                    self._table, self._pings, band[1], left, self._listening, silence.log_silent,
+                    silence.shape, silence.kinds, self._likelier[band[0]], asked[band[0]], changed,
+                    worst[band[0]],
+                ),
+                self._field.bands(BAND),
+            )  # fmt: skip
+
+        for here, silence in answers.each(self._field):
+            renew(wanted & here, silence)
+
+    def _mirrors_likelier(self, left: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Logarithm of how much likelier mirrors are in each cell than in the place as a whole."""
+        most = np.broadcast_to(
+            self._answers.of_cells(self._field, "mirrors_likelier"), self._field.shape
+        )
+        if not most.any():
+            return np.zeros(self._field.shape, np.float32)
+        given, answers = (self._table, self._pings), self._answers
+        shares = open_shares(*given, left, self._listening)
+        if answers.mirrored:
+            # What is looked at from among mirrors is of their part, wherever its edge was drawn.
+            places_m = self._table.numbers[self._pings][:, [X, Y]]
+            shares[any_holds(answers.mirrored, places_m)] = 1.0
+        likely = likely_as_anything(*given, self._field, left, shares, answers.usually_open)
+        likelier: NDArray[np.float32] = (most * likely).astype(np.float32)
+        return likelier

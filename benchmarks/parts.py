@@ -21,6 +21,7 @@ from usmap_ros.mapping.joint.free_space import (
     continuations,
     free_space,
     listening,
+    open_rays,
     refutation,
     response,
     silence,
@@ -167,6 +168,10 @@ PARTS = {
     "unfound_mirrors": Part(
         "mirrors that nobody found are not asked for",
         ((silence, "log_priors", _none_of(slice(ORIENTATIONS, ROUND))),),
+    ),
+    "open_rays": Part(
+        "rays that end at nothing say nothing",
+        ((open_rays, "FEW_OPEN", 8.0), (open_rays, "MANY_OPEN", 9.0)),
     ),
     "proofs": Part("free by silence alone", settings={"mapping.proof_rays": 1000.0}),
     "rounds": Part("one round of free space", ((free_space, "FREE_ROUNDS", 1),)),

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE, ray_angle
 from usmap_ros.mapping.ping_bins import ECHO
-from usmap_ros.mapping.ping_table import GREATEST_RANGE, HALF_ANGLE, HEADING, PingTable, X, Y
+from usmap_ros.mapping.ping_table import GREATEST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.compiled import compiled
 
@@ -133,11 +133,11 @@ def _add_rays(
     side_m = SQUARE * field.resolution_m
     for index in range(len(pings)):
         numbers = table.numbers[pings[index]]
-        half, step_m = numbers[HALF_ANGLE], numbers[GREATEST_RANGE] / STEPS
+        step_m = numbers[GREATEST_RANGE] / STEPS
         x = (numbers[X] - field.first_column * field.resolution_m) / side_m
         y = (numbers[Y] - field.first_row * field.resolution_m) / side_m
         for ray in range(0, RAYS, EVERY_RAY):
-            angle = numbers[HEADING] - half + (ray + 0.5) * 2.0 * half / RAYS
+            angle = ray_angle(numbers, ray)
             right, up = step_m / side_m * math.cos(angle), step_m / side_m * math.sin(angle)
             for step in range(0, STEPS, EVERY_STEP):
                 column, row = int(x + (step + 0.5) * right), int(y + (step + 0.5) * up)

@@ -139,6 +139,7 @@ def learn_answers(
         inside = answers.inside(field)
         own = any_holds(smooth.mirrored, table.numbers[pings][:, [X, Y]])
         # Who looks into a part from elsewhere tells of its surfaces, too.
+        # A part in which no mirror was found is quieter than the rest, as if there were one.
         places = [
             _Standing(own, walls.within(inside), smooth.mirrors, columns, max(struck, 1)),
             _Standing(~own, walls.within(~inside), [], columns),

@@ -100,13 +100,13 @@ def _cast(
     near = _near(depth)
     for index in range(len(pings)):
         numbers = table.numbers[pings[index]]
-        half, step_m = numbers[HALF_ANGLE], numbers[GREATEST_RANGE] / STEPS
+        step_m = numbers[GREATEST_RANGE] / STEPS
         x0, y0 = numbers[X] / res - field.first_column, numbers[Y] / res - field.first_row
         stride = step_m / res
         # So many samples lie within reach of the one in their middle.
         leap = int(2.0 * NEAR_CELLS / stride) + 1
         for ray in range(RAYS):
-            angle = numbers[HEADING] - half + (ray + 0.5) * 2.0 * half / RAYS
+            angle = ray_angle(numbers, ray)
             dx, dy = stride * math.cos(angle), stride * math.sin(angle)
             passed, share = 0.0, WHOLE
             left[index, ray] = share
@@ -125,6 +125,14 @@ def _cast(
                         left[index, ray, step + 1 :] = share
                 if passed > OPAQUE:
                     break
+
+
+@inlined
+def ray_angle(numbers: FloatArray, ray: int) -> float:
+    """Direction of one of a ping's rays, rad, by its numbers in a table."""
+    half = numbers[HALF_ANGLE]
+    angle_rad: float = numbers[HEADING] - half + (ray + 0.5) * 2.0 * half / RAYS
+    return angle_rad
 
 
 @inlined

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.area_state import AreaState, CellStates
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence, no_evidence
-from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
+from usmap_ros.mapping.joint.forward_model.log_odds import (
+    cell_log_odds,
+    hiding,
+    may_hide,
+    optical_depth,
+)
 from usmap_ros.mapping.joint.forward_model.power_estimation import power_limits
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.forward_model.weighed_pings import WeighedPings
@@ -193,9 +198,15 @@ class JointEstimate:
         """λ of each range bin of each ping."""
         return self._powers.expected
 
-    def _weigh(self, powers: Powers) -> None:
-        """Gather the evidence of all cells."""
-        self.evidence = powers.weigh(self._forgetting)
+    def _weigh(self, powers: Powers, are_all: bool = True) -> None:
+        """Gather the evidence of all cells, or anew of those alone that may hide or may not."""
+        if are_all:
+            self.evidence = powers.weigh(self._forgetting)
+            return
+        in_doubt = may_hide(self.evidence)
+        more = powers.weigh(self._forgetting, are_asked=in_doubt)
+        for known, values in zip(self.evidence, more, strict=True):
+            np.copyto(known, values, where=in_doubt)
 
     def _cast_shadows(
         self,
@@ -227,10 +238,11 @@ class JointEstimate:
             has_settled = np.abs(self._hiding - before).sum() <= SETTLED * self._hiding.sum()
             is_last = has_settled or turn == rounds - 1
             # By key pings alone nothing but what hides is told.
-            if not is_last or powers is self._powers:
-                self._weigh(powers)
             if is_last:
+                if powers is self._powers:
+                    self._weigh(powers)
                 break
+            self._weigh(powers, are_all=turn == 0)
 
     # ------------------------------------------------------------------ walls
 

@@ -11,6 +11,7 @@ from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.projection import Projection
 from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED
 from usmap_ros.mapping.ping_table import PingTable
+from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.numerics.compiled import inlined
 from usmap_ros.numerics.elementary import exp32, log32
 
@@ -36,6 +37,8 @@ class Cells(NamedTuple):
     of: NDArray[np.int32]
     #: (cells, 9) int32 array: which of them are each and its eight neighbours; -1: none.
     block: NDArray[np.int32]
+    #: (cells,) bool array: of which it is asked what pings say.
+    are_asked: BoolArray
 
 
 class Parts(NamedTuple):
@@ -78,7 +81,9 @@ class Levels(NamedTuple):
     echoes: NDArray[np.int32]
 
 
-def cells_of(scattering: NDArray[np.int32], field: Field) -> Cells:
+def cells_of(
+    scattering: NDArray[np.int32], field: Field, are_asked: BoolArray | None = None
+) -> Cells:
     """The cells that scatterers belong to.
 
     Parameters
@@ -87,6 +92,8 @@ def cells_of(scattering: NDArray[np.int32], field: Field) -> Cells:
         Cell of each, in their order.
     field : Field
         All cells.
+    are_asked : (rows * columns,) bool array, optional
+        Cells of which it is asked what pings say; all by default.
     """
     is_next = np.diff(scattering, prepend=np.int32(-1)) > 0
     number, of = scattering[is_next], np.cumsum(is_next) - 1
@@ -98,7 +105,8 @@ def cells_of(scattering: NDArray[np.int32], field: Field) -> Cells:
     place[middle] = np.arange(len(number), dtype=np.int32)
     around = [up * width + right for up in (-1, 0, 1) for right in (-1, 0, 1)]
     block = place[middle[:, np.newaxis] + np.array(around)]
-    return Cells(number, of.astype(np.int32), block)
+    asked = np.ones(len(number), bool) if are_asked is None else are_asked[number]
+    return Cells(number, of.astype(np.int32), block, asked)
 
 
 @inlined

@@ -78,7 +78,7 @@ def weigh_pings(
     table, pings, rows, power, expected
         As in `usmap_ros.mapping.joint.forward_model.power_estimation.expect_powers`, after it.
     cells : Cells
-        Of the scatterers.
+        Of the scatterers; those that are asked are weighed.
     field : Field
         All cells.
     """
@@ -109,9 +109,11 @@ def weigh_pings(
         know_bins(table, ping, levels, known)
         count = divide(table, ping, rows, index, power, cells, parts)
         sum_up(count, known, parts)
-        _compare(table, ping, cells, count, parts, known, beside, block, start, ratios)
-        _name_cells(table, ping, field, cells, known.echoes, count, parts, start, ratios)
-        ratios.start[index + 1] = start + count
+        end = _compare(table, ping, cells, count, parts, known, beside, block, start, ratios)
+        _count_crowd(table, ping, field, cells, known.echoes, start, end, ratios)
+        for entry in range(count):
+            parts.place[parts.cell[entry]] = -1
+        ratios.start[index + 1] = end
     return ratios
 
 
@@ -127,7 +129,7 @@ def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     block: NDArray[np.float32],
     start: int,
     ratios: LikelihoodRatios,
-) -> None:
+) -> int:
     """Weigh what is expected with cells, and with blocks of nine, against that without them.
 
     Parameters
@@ -139,7 +141,13 @@ def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     beside, block : (BLOCK_CELLS + 1,) int64 array, (BLOCK_BINS + CELL_BINS,) float32 array
         Room for the places of a block's cells, and for what it returns.
     start, ratios : int, LikelihoodRatios
-        Row of the first cell; ratios, shares and whether there are echoes are set.
+        Row of the first cell that is asked; cells, ratios, shares and whether there are echoes are
+        set.
+
+    Returns
+    -------
+    end : int
+        Row after that of the last one.
     """
     numbers, one, none = table.numbers[ping], np.float32(NEARLY_ONE), np.float32(0.0)
     noise = np.float32(numbers[NOISE])
@@ -147,12 +155,15 @@ def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     # piece of news, for it may have come from beside them.
     is_blurred = numbers[RANGE_STD] > numbers[BIN_M]
     lowest = -np.float32(MOST_A_BIN) if is_blurred else -np.float32(MOST_A_PING)
+    row = start
     for entry in range(count):
-        row, own, whole, share = start + entry, none, none, none
+        cell, own, whole, share = parts.cell[entry], none, none, none
+        if not cells.are_asked[cell]:
+            continue
         if parts.largest[entry] >= one:
             begin, length = parts.begin[entry], parts.length[entry]
             own = _weigh(parts.power[entry], begin, length, noise, known)
-        near = neighbours(cells.block[parts.cell[entry]], parts.place, beside)
+        near = neighbours(cells.block[cell], parts.place, beside)
         of_echoes, largest = none, none
         for which in range(near):
             of_echoes += parts.echoes[beside[which]]
@@ -164,6 +175,9 @@ def _compare(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             share = _largest_share(block, first, length, known) if of_echoes > none else none
         ratios.own[row], ratios.block[row] = max(own, lowest), max(whole, lowest)
         ratios.share[row], ratios.asked[row] = share, 1.0 if of_echoes > none else 0.0
+        ratios.cell[row] = cell
+        row += 1
+    return row
 
 
 @inlined
@@ -214,26 +228,23 @@ def _largest_share(
 
 
 @inlined
-def _name_cells(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
+def _count_crowd(
     table: PingTable,
     ping: int,
     field: Field,
     cells: Cells,
     echoes: NDArray[np.int32],
-    count: int,
-    parts: Parts,
     start: int,
+    end: int,
     ratios: LikelihoodRatios,
 ) -> None:
-    """Set which cells a ping speaks of, and how many echoes crowd around their ranges."""
+    """Set how many echoes crowd around the ranges of the cells in some rows."""
     numbers, bins = table.numbers[ping], table.bins[ping]
     around = int(CROWD_M / numbers[BIN_M])
-    for entry in range(count):
-        parts.place[parts.cell[entry]] = -1
-        ratios.cell[start + entry] = parts.cell[entry]
-        row, column = divmod(cells.number[parts.cell[entry]], field.columns)
+    for entry in range(start, end):
+        row, column = divmod(cells.number[ratios.cell[entry]], field.columns)
         x = (field.first_column + column + 0.5) * field.resolution_m - numbers[X]
         y = (field.first_row + row + 0.5) * field.resolution_m - numbers[Y]
         middle = int((math.sqrt(x * x + y * y) - numbers[LEAST_RANGE]) / numbers[BIN_M])
         near, far = min(bins, max(0, middle - around)), min(bins, max(0, middle + around))
-        ratios.crowd[start + entry] = echoes[far] - echoes[near]
+        ratios.crowd[entry] = echoes[far] - echoes[near]

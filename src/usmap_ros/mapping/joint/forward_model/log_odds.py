@@ -14,6 +14,8 @@ OWN_SHARE, HIDING_SHARE = 0.25, 0.1
 #: Evidence from which on a cell is suspected, and at which it hides what is behind it, with the
 #: steepness of that.
 SUSPECTED, HIDING_EVIDENCE, HIDING_SLOPE = 1.0, 6.0, 0.5
+#: Evidence below which a cell hides nothing, and beyond which it hides for certain.
+HIDES_NOTHING, HIDES_CERTAINLY = 1.0, 20.0
 #: Nothing hides with more certainty than this; and what a lone cell hides of its width.
 MOST_CERTAIN, LONE_COVER = 0.98, 0.15
 #: Logistic regression of whether a suspected cell holds or touches a surface, on the logarithms
@@ -110,6 +112,13 @@ def hiding(evidence: CellEvidence, shape: tuple[int, int], walls: BoolArray) -> 
     belief: FloatArray = np.where(walls, 0.97, 0.0)
     belief[hides] = np.maximum(1.0 / (1.0 + np.exp(-logits)), belief[hides])
     return belief
+
+
+def may_hide(evidence: CellEvidence) -> BoolArray:
+    """Whether it is open, of each cell, if it hides what is behind it."""
+    strength = np.maximum(evidence.own, evidence.block)
+    is_open: BoolArray = (strength > HIDES_NOTHING) & (strength < HIDES_CERTAINLY)
+    return is_open
 
 
 def optical_depth(belief: FloatArray, opacity: float) -> NDArray[np.float32]:

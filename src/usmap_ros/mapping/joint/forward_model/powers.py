@@ -216,7 +216,12 @@ class Powers:
         self._expect(power, expected)
         return expected
 
-    def weigh(self, forgetting: float, before: CellEvidence | None = None) -> CellEvidence:
+    def weigh(
+        self,
+        forgetting: float,
+        before: CellEvidence | None = None,
+        are_asked: BoolArray | None = None,
+    ) -> CellEvidence:
         """Evidence of all cells.
 
         Parameters
@@ -225,9 +230,11 @@ class Powers:
             Share of what speaks for a cell that is forgotten with a ping that contradicts it.
         before : CellEvidence, optional
             That of earlier pings.
+        are_asked : (cells,) bool array, optional
+            Cells whose evidence is wanted; all by default.
         """
         self._expect(self._power, self.expected)
-        cells = self._cells = cells_of(self._scatterers.cell, self._field)
+        cells = self._cells = cells_of(self._scatterers.cell, self._field, are_asked)
         evidence = no_evidence(self._field)
         if before is not None:
             evidence = CellEvidence(*(values.copy() for values in before))

@@ -22,7 +22,9 @@ from usmap_ros.mapping.joint.visibility.ray_casting import (
     RAYS,
     STEPS,
     WHOLE,
+    changed_from,
     end_rays,
+    everything,
 )
 from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
 from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE
@@ -163,7 +165,7 @@ def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
 
     def told_of_mirrors(some: slice) -> float:
         worst = np.zeros((*field.shape, GROUPS), np.float32)
-        log_silent, changed = np.full((LOUDNESSES, INCIDENCES), -2.0), np.ones(len(rows), bool)
+        log_silent, changed = np.full((LOUDNESSES, INCIDENCES), -2.0), everything(len(rows))
         refute_surfaces(
             table, rows[some], field, left[some], listening, log_silent, 9.0, kinds, likelier,
             wanted, changed[some], worst,
@@ -178,3 +180,42 @@ def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
     # Where they are as likely as anything, as much more must be heard.
     likelier[:] = 0.5
     assert told_of_mirrors(slice(0, 2)) == pytest.approx(square + 0.5)
+
+
+def test_what_is_heard_of_surfaces_changes_where_sound_does(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """Blocks of cells that the same sound reaches as before are left as they were."""
+    kept = KeptPings(MappingParameters())
+    for number in range(6):
+        kept.add(make_cone(x_m=0.4 * number, yaw_rad=0.7 * number), "robot")
+    table, rows, _ = kept.pings()[:3]
+    field = field_around(table, rows, RESOLUTION_M)
+    silent = np.zeros(table.kind.shape, np.uint8)
+    listening = HeardBins(silent, silent.astype(np.float32), np.full(silent.shape, 1e-4, "f4"))
+    kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
+    log_silent = np.full((LOUDNESSES, INCIDENCES), -2.0)
+    wanted, likelier = np.ones(field.shape, bool), np.zeros(field.shape, np.float32)
+
+    def refute(left: np.ndarray, changed: np.ndarray, worst: np.ndarray) -> np.ndarray:
+        refute_surfaces(
+            table, rows, field, left, listening, log_silent, 9.0, kinds, likelier, wanted, changed,
+            worst,
+        )  # fmt: skip
+        return worst
+
+    before = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    left = before.copy()
+    left[2, RAYS // 3 : RAYS // 2, STEPS // 2 + 3 :] = WHOLE // 2
+    left[4, :3, 5:] = 0
+    changed, nothing = changed_from(left, before), np.full((len(rows), RAYS), STEPS)
+    assert (changed[2, RAYS // 3 : RAYS // 2] == STEPS // 2).all()
+    assert (changed[4, :3] == 0).all()
+    assert (changed[[0, 1, 3, 5]] == STEPS).all()
+    said, none = (np.zeros((*field.shape, GROUPS), np.float32) for _ in range(2))
+    refute(before, everything(len(rows)), said)
+    anew = refute(left, everything(len(rows)), none)
+    assert (anew != said).any()
+    np.testing.assert_array_equal(refute(left, changed, said.copy()), anew)
+    # Were nothing to have changed, nothing would be looked at.
+    np.testing.assert_array_equal(refute(left, nothing.astype(np.uint8), said.copy()), said)

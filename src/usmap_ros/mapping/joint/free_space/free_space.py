@@ -34,11 +34,15 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.open_ways import prove_open
-from usmap_ros.mapping.joint.visibility.ray_casting import BATCH, cast_all_rays, end_rays
+from usmap_ros.mapping.joint.visibility.ray_casting import (
+    cast_all_rays,
+    changed_from,
+    end_rays,
+    everything,
+)
 from usmap_ros.mapping.ping_table import GREATEST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import running_maximum
-from usmap_ros.processes.threads import for_each
 
 #: Log-odds from which on a cell that is not shown is not free either.
 SUSPECTED = -0.5
@@ -118,7 +122,7 @@ class FreeSpace:
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         closed |= smooth.suspected()
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
-        changed = np.ones(len(self._pings), bool)
+        changed = everything(len(self._pings))
         heard.renew(left, wanted | walls.bridged, changed, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
         going_on = alike
@@ -154,8 +158,7 @@ class FreeSpace:
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
             left_before, left = left, self._left(self._held(walls, free, worst, answers), ended_m)
-            changed = _differ(left, left_before)
-            heard.renew(left, wanted, changed, worst)
+            heard.renew(left, wanted, changed_from(left, left_before), worst)
             is_refuted = are_refuted(worst, proofs, refuted, self._proofs)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, stood, proven, walls)
@@ -194,8 +197,8 @@ class FreeSpace:
         proofs = self._proven(walls.shown, left, powers, smooth)
         left = self._left(self._held(walls, free, worst, answers), ended_m)
         more = np.zeros_like(worst)
-        wanted, changed = ~free & ~walls.shown, np.ones(len(self._pings), bool)
-        heard.renew(left, wanted, changed, more)
+        wanted = ~free & ~walls.shown
+        heard.renew(left, wanted, everything(len(self._pings)), more)
         return Refutations(more, proofs, np.zeros(self._field.shape, bool))
 
     def _held(
@@ -254,11 +257,3 @@ class FreeSpace:
         )  # fmt: skip
         smooth.places.trace_open(smooth.things, self._field, proven, self._weights)
         return proven
-
-
-def _differ(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> BoolArray:
-    """Whether something else is left of the sound of each ping than before."""
-    batches = [slice(first, first + BATCH) for first in range(0, len(left), BATCH)]
-    return np.concatenate(
-        for_each(lambda some: (left[some] != before[some]).any(axis=(1, 2)), batches)
-    )

@@ -57,14 +57,14 @@ class HeardOfSurfaces:
         self,
         left: NDArray[np.uint8],
         wanted: BoolArray,
-        changed: BoolArray,
+        changed: NDArray[np.uint8],
         worst: NDArray[np.float32],
     ) -> None:
         """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
         self._renew(self._answers, left, wanted, changed, worst)
 
     def of_lines(
-        self, walls: Walls, left: NDArray[np.uint8], changed: BoolArray
+        self, walls: Walls, left: NDArray[np.uint8], changed: NDArray[np.uint8]
     ) -> NDArray[np.float32]:
         """Log-likelihood ratio of a surface where lines are, or may go on: it faces as they do.
 
@@ -83,7 +83,7 @@ class HeardOfSurfaces:
         answers: Answers,
         left: NDArray[np.uint8],
         wanted: BoolArray,
-        changed: BoolArray,
+        changed: NDArray[np.uint8],
         worst: NDArray[np.float32],
     ) -> None:
         """The same of surfaces as some answers have them."""

@@ -5,6 +5,8 @@ way in which a surface could face there.  Silence counts as this place answers, 
 view: looks from one side repeat each other as far as surfaces here differ (`overdispersion`).
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,13 +25,22 @@ from usmap_ros.mapping.joint.free_space.kinds import (
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.visibility.beams import is_beside
 from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS
 from usmap_ros.mapping.joint.visibility.soundings import (
     SECTORS,
     SoundedPlaces,
     room_for,
     sound,
 )
-from usmap_ros.mapping.ping_table import GREATEST_RANGE, PingTable, X, Y
+from usmap_ros.mapping.ping_table import (
+    GREATEST_RANGE,
+    HALF_ANGLE,
+    HEADING,
+    RISE,
+    PingTable,
+    X,
+    Y,
+)
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import log32
@@ -57,7 +68,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     kinds: FloatArray,
     likelier: NDArray[np.float32],
     wanted: BoolArray,
-    changed: BoolArray,
+    changed: NDArray[np.uint8],
     worst: NDArray[np.float32],
 ) -> None:
     """Log-likelihood ratio of what was heard, with a surface to without, by the worst kind.
@@ -76,8 +87,9 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         Logarithm of how much more often those of the group of mirrors are found in each cell.
     wanted : (rows, columns) bool array
         Cells that are asked for.
-    changed : (pings,) bool array
-        Whether a ping says something else than the last time.
+    changed : (pings, RAYS) uint8 array
+        From which step on something else is left of the sound along each ray than the last time, by
+        `usmap_ros.mapping.joint.visibility.ray_casting.changed_from`.
     worst : (rows, columns, GROUPS) float32 array
         Of the kind of each group that is refuted least, 0 where nothing is known; set where it
         changes.
@@ -151,7 +163,7 @@ def _find_near(
     field: Field,
     bottom: int,
     start: int,
-    changed: BoolArray,
+    changed: NDArray[np.uint8],
     near: NDArray[np.int64],
 ) -> tuple[int, bool]:
     """Set the pings that may sound a block; returns how many there are, and if any has changed."""
@@ -165,9 +177,41 @@ def _find_near(
         if x * x + y * y >= far * far or is_beside(numbers, x, y, radius):
             continue
         near[count] = index
-        is_new = is_new or changed[index]
+        is_new = is_new or _is_new(numbers, changed[index], x, y, radius)
         count += 1
     return count, is_new
+
+
+@inlined
+def _is_new(
+    numbers: FloatArray, changed: NDArray[np.uint8], x_m: float, y_m: float, radius_m: float
+) -> bool:
+    """Whether another share of a ping's sound is left in a disc, or on the way there.
+
+    Parameters
+    ----------
+    numbers : (NUMBERS,) array
+        Of the ping, see `usmap_ros.mapping.ping_table.PingTable`.
+    changed : (RAYS,) uint8 array
+        As in `refute_surfaces`, of the ping.
+    x_m, y_m, radius_m : float
+        Middle of the disc, from the transducer, and its radius.
+    """
+    half, squared = numbers[HALF_ANGLE], x_m * x_m + y_m * y_m
+    far_m = math.sqrt(squared + numbers[RISE] ** 2) + radius_m
+    last_step = min(int(far_m * STEPS / numbers[GREATEST_RANGE]), STEPS - 1)
+    first, last = 0, RAYS - 1
+    if squared > radius_m * radius_m and half < 0.5 * math.pi:
+        off = math.atan2(y_m, x_m) - numbers[HEADING]
+        off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+        aside, per_rad = math.asin(radius_m / math.sqrt(squared)), 0.5 * RAYS / half
+        # One ray more on either side: what rounding may make of an edge.
+        first = max(first, int((off - aside + half) * per_rad) - 1)
+        last = min(last, int((off + aside + half) * per_rad) + 1)
+    is_new = False
+    for ray in range(first, last + 1):
+        is_new |= changed[ray] <= last_step
+    return is_new
 
 
 @inlined

@@ -22,8 +22,8 @@ WHOLE = 255
 #: From so far behind an echo that lets nothing through, m, such a share of the sound is left: what
 #: returned it may be narrower than the beam.
 BEHIND_ECHO_M, BEYOND = 0.1, 0.1
-#: Pings whose rays one thread casts at a time.
-BATCH = 64
+#: Pings whose rays one thread casts at a time; and steps that are compared at once.
+BATCH, TOGETHER = 64, 8
 
 
 def cast_all_rays(
@@ -82,6 +82,36 @@ def end_rays(left: NDArray[np.uint8], ended_m: FloatArray, greatest_m: FloatArra
     for ping in np.flatnonzero(steps < STEPS).tolist():
         beyond = left[ping, :, int(steps[ping]) :]
         beyond[:] = BEYOND * beyond
+
+
+def everything(pings: int) -> NDArray[np.uint8]:
+    """`changed_from` of so many pings of which all is new."""
+    return np.zeros((pings, RAYS), np.uint8)
+
+
+def changed_from(left: NDArray[np.uint8], before: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """From which step on something else is left of the sound along each ray than before.
+
+    Parameters
+    ----------
+    left, before : (pings, RAYS, STEPS) uint8 arrays
+        By `cast_rays`.
+
+    Returns
+    -------
+    changed : (pings, RAYS) uint8 array
+        Step that is no later than the first that differs; `STEPS` where none does.
+    """
+    words = STEPS // TOGETHER
+
+    def compared(first: int) -> NDArray[np.uint8]:
+        batch = slice(first, first + BATCH)
+        one, other = (each[batch].view(np.uint64) for each in (left, before))
+        differ = one != other
+        word = np.where(differ.any(axis=2), differ.argmax(axis=2), words)
+        return (TOGETHER * word).astype(np.uint8)
+
+    return np.concatenate(for_each(compared, range(0, len(left), BATCH)))
 
 
 @compiled

@@ -91,6 +91,8 @@ def make_cone(
 def _is_clipped(trace: EchoTrace, ranges_m: NDArray[np.float32]) -> BoolArray:
     """Which echoes' samples the receiver cut off: how loud they were nobody knows."""
     saturated_s = trace.saturated_s()
+    if not len(saturated_s):
+        return np.zeros(len(ranges_m), bool)
     begin_s = 2.0 / trace.channel.sound_speed_m_s * ranges_m.astype(float)
     ends_s = begin_s, begin_s + trace.transducer.pulse.length_s
     before, until = (np.searchsorted(saturated_s, end_s) for end_s in ends_s)

@@ -128,9 +128,9 @@ class JointEstimate:
         alone = lone_cells(is_reliable, log_odds, self.field)
         self._smooth.find(self._explained(is_reliable), alone, self._first_only, self.depth)
         self._smooth.take_out()
-        for _ in range(WALL_ROUNDS):
-            filled = self.walls().filled
-            self._cast_shadows(self._powers, filled, WALL_DAMPING, WALL_SHADOWS)
+        for turn in range(WALL_ROUNDS):
+            filled, is_last = self.walls().filled, turn == WALL_ROUNDS - 1
+            self._cast_shadows(self._powers, filled, WALL_DAMPING, WALL_SHADOWS, is_last)
         walls = self.walls()
         return self.walls() if self._smooth.doubt_columns_on(walls.lines) else walls
 
@@ -214,6 +214,7 @@ class JointEstimate:
         walls: BoolArray,
         damping: float,
         rounds: int,
+        weighs_all: bool = True,
     ) -> None:
         """Renew what hides what by the evidence, then powers, then the evidence, until it settles.
 
@@ -227,6 +228,8 @@ class JointEstimate:
             Share of a belief that a round takes over.
         rounds : int
             At the most.
+        weighs_all : bool
+            Whether the evidence of all cells is renewed in the last one.
         """
         for turn in range(rounds):
             before = self._hiding
@@ -238,11 +241,11 @@ class JointEstimate:
             is_last = has_settled or turn == rounds - 1
             powers.sweep(SWEEPS if is_last else FEW_SWEEPS)
             # By key pings alone nothing but what hides is told.
+            if not is_last or powers is self._powers:
+                # What nothing was in the way of before may be behind something now.
+                self._weigh(powers, are_all=(is_last and weighs_all) or not before.any())
             if is_last:
-                if powers is self._powers:
-                    self._weigh(powers)
                 break
-            self._weigh(powers, are_all=turn == 0)
 
     # ------------------------------------------------------------------ walls
 

@@ -39,7 +39,7 @@ from usmap_ros.numerics.elementary import atan2_32, exp32
 #: A cell hides nothing that lies within so many cells behind it: they answer together.
 OWN_DEPTH_CELLS = 3.0
 #: What would not reach this share of the noise, with `LOUD_POWER`, is left out.
-LEAST_SHARE, LOUD_POWER = 0.01, 0.3
+LEAST_SHARE, LOUD_POWER = 0.03, 0.3
 #: Range bins to either side over which a scatterer is blurred at the most.
 MOST_BLUR_BINS = 6.0
 #: The part of a cell that is all of it: quarters are 0 to 3.

@@ -9,7 +9,7 @@ from usmap_ros.mapping.ping_table import NOISE, PingTable
 from usmap_ros.numerics.compiled import compiled
 
 #: Until rays are cast again, no power is expected to rise to more than so many times what it is.
-MOST_RISE = 10.0
+MOST_RISE = 3.0
 
 
 @compiled

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.compiled import compiled
 
 
 class Echoes(NamedTuple):
@@ -18,16 +19,17 @@ class Echoes(NamedTuple):
     amplitude: FloatArray
 
 
+@compiled
 def count_between(
     echoes: Echoes, pings: NDArray[np.int64], near_m: FloatArray, far_m: FloatArray
 ) -> NDArray[np.int64]:
     """Echoes of some pings, each from a stretch of ranges."""
-    first, count = echoes.start[pings], np.diff(echoes.start)[pings]
-    of = np.repeat(np.arange(len(pings)), count)
-    place = np.arange(len(of)) + np.repeat(first - np.cumsum(count) + count, count)
-    ranges_m = echoes.range_m[place]
-    inside = (ranges_m > near_m[of]) & (ranges_m < far_m[of])
-    return np.bincount(of[inside], minlength=len(pings))
+    counts = np.zeros(len(pings), np.int64)
+    for place in range(len(pings)):
+        ping = pings[place]
+        for echo in range(echoes.start[ping], echoes.start[ping + 1]):
+            counts[place] += near_m[place] < echoes.range_m[echo] < far_m[place]
+    return counts
 
 
 def mirror_levels(echoes: Echoes, absorption: FloatArray) -> FloatArray:

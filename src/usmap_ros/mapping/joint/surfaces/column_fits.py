@@ -20,6 +20,7 @@ from usmap_ros.mapping.joint.surfaces.circle_descent import (
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between
 from usmap_ros.mapping.ping_table import RANGE_STD, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.compiled import compiled, compiled_within
 
 #: A column is heard by such a share of the pings that should hear it; its ranges scatter so much,
 #: m, or as the poses do, but for the share of those that are something else's.
@@ -113,23 +114,63 @@ def fitted_circle(
     )  # fmt: skip
     if hits < LEAST_FITTED:
         return None
-    to_middle_m = np.hypot(table.numbers[pings, X] - place[0], table.numbers[pings, Y] - place[1])
     # Points, of no radius, may stand anywhere.
     is_column = descent.radii_m[1] > LEAST_RADIUS_M
-    if is_column and not LEAST_RADIUS_M < place[2] < to_middle_m.min() - CLEARANCE_M:
+    if is_column and not LEAST_RADIUS_M < place[2] < _nearest_m(table, pings, place) - CLEARANCE_M:
         return None
     hit_pings, hit_echoes = hit_pings[:hits], hit_echoes[:hits]
-    numbers, ranges_m = table.numbers[pings[hit_pings]], echoes.range_m[hit_echoes]
-    offsets = place[:2] - numbers[:, [X, Y]]
-    across_m = np.hypot(*offsets.T) - place[2]
-    directions = offsets / np.linalg.norm(offsets, axis=1)[:, np.newaxis]
-    crowd, stds_m = _crowd(echoes, hit_pings, across_m, ranges_m), numbers[:, RANGE_STD]
+    told = _told(table, pings, echoes, place, hit_pings, hit_echoes, misses)
     return Circle(
-        float(place[0]), float(place[1]), float(place[2]), hit_pings, hit_echoes, misses,
-        spread=float(np.linalg.eigvalsh(directions.T @ directions / hits)[0]),
-        log_ratio=_log_ratio(ranges_m - across_m, stds_m, crowd, misses),
-        is_corner=_is_corner(echoes, hit_pings, across_m, stds_m),
-    )  # fmt: skip
+        float(place[0]), float(place[1]), float(place[2]), hit_pings, hit_echoes, misses, *told
+    )
+
+
+@compiled
+def _nearest_m(table: PingTable, pings: NDArray[np.int64], place: FloatArray) -> float:
+    """How near to a place any of some pings is from."""
+    nearest_m = np.inf
+    for ping in pings:
+        x_m, y_m = table.numbers[ping, X] - place[0], table.numbers[ping, Y] - place[1]
+        nearest_m = min(nearest_m, math.sqrt(x_m * x_m + y_m * y_m))
+    return nearest_m
+
+
+class _Told(NamedTuple):
+    """What hits tell of a circle: see `Circle`."""
+
+    spread: float
+    log_ratio: float
+    is_corner: bool
+
+
+@compiled
+def _told(
+    table: PingTable,
+    pings: NDArray[np.int64],
+    echoes: Echoes,
+    place: FloatArray,
+    hit_pings: NDArray[np.int64],
+    hit_echoes: NDArray[np.int64],
+    misses: int,
+) -> _Told:
+    """What hits tell of a circle with some middle and radius."""
+    hits, cosines, sines = len(hit_pings), 0.0, 0.0
+    across_m, ranges_m, stds_m = np.empty(hits), np.empty(hits), np.empty(hits)
+    for hit in range(hits):
+        numbers = table.numbers[pings[hit_pings[hit]]]
+        x_m, y_m = place[0] - numbers[X], place[1] - numbers[Y]
+        squared = x_m * x_m + y_m * y_m
+        across_m[hit] = math.sqrt(squared) - place[2]
+        ranges_m[hit], stds_m[hit] = echoes.range_m[hit_echoes[hit]], numbers[RANGE_STD]
+        # Of twice the direction, by which Σ u uᵀ differs from that of all directions alike.
+        cosines += (x_m * x_m - y_m * y_m) / squared
+        sines += 2.0 * x_m * y_m / squared
+    crowd = _crowd(echoes, hit_pings, across_m, ranges_m)
+    return _Told(
+        0.5 * (1.0 - math.hypot(cosines, sines) / hits),
+        _log_ratio(ranges_m - across_m, stds_m, crowd, misses),
+        _is_corner(echoes, hit_pings, across_m, stds_m),
+    )
 
 
 def log_ratio_of_point(ping_set: PingSet, circle: Circle) -> float:
@@ -192,22 +233,23 @@ def _off_two_points(
     return nearer
 
 
+@compiled
 def _crowd(
     echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray, ranges_m: FloatArray
 ) -> NDArray[np.int64]:
     """How many other echoes of the same ping are within `CROWD_M` of where each should be."""
     around = count_between(echoes, pings, across_m - CROWD_M, across_m + CROWD_M)
     # By poses that are very uncertain, an echo may itself be farther off.
-    own: NDArray[np.int64] = around - (np.abs(ranges_m - across_m) < CROWD_M)
-    return own
+    return around - (np.abs(ranges_m - across_m) < CROWD_M)
 
 
+@compiled_within
 def _tolerance(stds_m: FloatArray) -> FloatArray:
     """How near to where it should be an echo is a column's, m, by how uncertain ranges are."""
-    tolerances_m: FloatArray = np.maximum(TOLERANCE_M, WITHIN_STDS * stds_m)
-    return tolerances_m
+    return np.maximum(TOLERANCE_M, WITHIN_STDS * stds_m)
 
 
+@compiled_within
 def _is_corner(
     echoes: Echoes, pings: NDArray[np.int64], across_m: FloatArray, stds_m: FloatArray
 ) -> bool:
@@ -215,7 +257,8 @@ def _is_corner(
     near_m = _tolerance(stds_m)
     before = count_between(echoes, pings, across_m - CROWD_M, across_m - near_m)
     behind = count_between(echoes, pings, across_m + near_m, across_m + CROWD_M)
-    return bool(before.mean() > behind.mean() + MOST_MORE_BEFORE)
+    is_corner: bool = before.mean() > behind.mean() + MOST_MORE_BEFORE
+    return is_corner
 
 
 def _off_point(numbers: FloatArray, ranges_m: FloatArray, place: FloatArray) -> FloatArray:
@@ -232,12 +275,13 @@ def _off_point(numbers: FloatArray, ranges_m: FloatArray, place: FloatArray) -> 
     return off_m
 
 
+@compiled_within
 def echoes_per_m(crowd: NDArray[np.int64]) -> FloatArray:
     """How dense echoes are around one, beside which there are so many within `CROWD_M`."""
-    density: FloatArray = (crowd.astype(np.float64) + 0.5) / (2.0 * CROWD_M)
-    return density
+    return (crowd.astype(np.float64) + 0.5) / (2.0 * CROWD_M)
 
 
+@compiled
 def _log_ratio(
     off_m: FloatArray, stds_m: FloatArray, crowd: NDArray[np.int64], misses: int
 ) -> float:
@@ -259,6 +303,7 @@ def _log_ratio(
     normal = np.exp(-0.5 * (off_m / std_m) ** 2) / (std_m * math.sqrt(2.0 * math.pi))
     stray = 1.0 / width_m
     of_column = HIT_SHARE * ((1.0 - STRAY_SHARE) * normal + STRAY_SHARE * stray)
-    silent = math.exp(-float((width_m * density).mean()))
+    silent = math.exp(-(width_m * density).mean())
     missed = misses * math.log((1.0 - HIT_SHARE) / silent)
-    return float(np.log(of_column / density).sum() + missed)
+    ratio: float = np.log(of_column / density).sum() + missed
+    return ratio

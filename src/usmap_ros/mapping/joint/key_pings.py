@@ -14,7 +14,7 @@ from usmap_ros.numerics.arrays import FloatArray
 SQUARE_M, SECTORS = 0.5, 8
 #: Looks that are enough for a square from one sector, and the share of what a ping looks at that
 #: must still lack some, for it to be a key ping.
-ENOUGH_LOOKS, LACKING_SHARE = 4.0, 0.2
+ENOUGH_LOOKS, LACKING_SHARE = 6.0, 0.2
 #: Rays across a beam on which squares are counted, and pings whose squares are worked out at once.
 RAYS, BATCH = 5, 256
 

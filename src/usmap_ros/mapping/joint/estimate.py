@@ -49,7 +49,7 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 FIRST_SWEEPS, ROUNDS, FEW_SWEEPS, SWEEPS = (3, 3, 4), 6, 3, 6
 #: Key pings settle what hides what if they are such a share of all at the most; then so many rounds
 #: of all pings let go what only few of them spoke for.
-MOST_KEY_SHARE, ALL_ROUNDS = 0.6, 2
+MOST_KEY_SHARE, ALL_ROUNDS = 0.4, 2
 #: Rounds in which walls are found, and rounds of shadows in each.
 WALL_ROUNDS, WALL_SHADOWS = 2, 2
 #: Share of a belief in what hides that a round takes over: first, and with walls.

@@ -88,7 +88,6 @@ ABLATIONS = {
 TWENTY: tuple[Instead, ...] = (
     (estimate, "SETTLED", -1.0),
     (estimate, "FIRST_SWEEPS", (20, 20, 20)),
-    (estimate, "FEW_SWEEPS", 20),
     (explanation, "ROUNDS", 20),
     (estimate, "ALL_ROUNDS", 20),
     (estimate, "WALL_SHADOWS", 20),

@@ -45,8 +45,8 @@ from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Sweeps before anything hides anything, after each of which what has no power goes; rounds of
-#: shadows and sweeps, sweeps in each, and in the last one.
-FIRST_SWEEPS, ROUNDS, FEW_SWEEPS, SWEEPS = (3, 3, 4), 6, 3, 6
+#: shadows and sweeps, and sweeps in each.
+FIRST_SWEEPS, ROUNDS, SWEEPS = (4, 4, 5), 6, 4
 #: Key pings settle what hides what if they are such a share of all at the most; then so many rounds
 #: of all pings let go what only few of them spoke for.
 MOST_KEY_SHARE, ALL_ROUNDS = 0.4, 2
@@ -237,9 +237,9 @@ class JointEstimate:
             self._hiding = (1.0 - damping) * before + damping * belief
             self.depth = optical_depth(self._hiding, self._opacity)
             powers.renew_shadows(self.depth)
+            powers.sweep(SWEEPS)
             has_settled = np.abs(self._hiding - before).sum() <= SETTLED * self._hiding.sum()
             is_last = has_settled or turn == rounds - 1
-            powers.sweep(SWEEPS if is_last else FEW_SWEEPS)
             # By key pings alone nothing but what hides is told.
             if not is_last or powers is self._powers:
                 # What nothing was in the way of before may be behind something now.

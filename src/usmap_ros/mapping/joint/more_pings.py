@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.area_state import AreaState, CellStates
-from usmap_ros.mapping.joint.estimate import FIRST_DAMPING, STOOD_M
+from usmap_ros.mapping.joint.estimate import FIRST_DAMPING, STOOD_M, SWEEPS
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding, optical_depth
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected
@@ -28,8 +28,6 @@ from usmap_ros.mapping.ping_table import X, Y
 from usmap_ros.numerics.arrays import FloatArray, over_last
 from usmap_ros.parameters import MappingParameters
 
-#: Sweeps before what hides what is renewed, and after that.
-SWEEPS = 4
 #: Log-likelihood ratios of surfaces are as good as certain from here on.
 CERTAIN = -50.0
 

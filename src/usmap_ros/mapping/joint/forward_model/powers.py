@@ -43,7 +43,7 @@ from usmap_ros.numerics.arrays import BoolArray, over_last
 from usmap_ros.processes.threads import for_each
 
 #: Sweeps that thin out whole cells, before those that are left are divided into quarters.
-COARSE_SWEEPS = 4
+COARSE_SWEEPS = 5
 
 
 class _Group(NamedTuple):

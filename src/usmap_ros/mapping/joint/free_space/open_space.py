@@ -23,7 +23,7 @@ from usmap_ros.mapping.joint.free_space.kinds import (
     struck_squarely,
 )
 from usmap_ros.mapping.joint.free_space.response import HeardBins
-from usmap_ros.mapping.joint.visibility.beams import is_beside
+from usmap_ros.mapping.joint.visibility.beams import is_beside, off_axis
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS
 from usmap_ros.mapping.joint.visibility.soundings import (
@@ -35,7 +35,6 @@ from usmap_ros.mapping.joint.visibility.soundings import (
 from usmap_ros.mapping.ping_table import (
     GREATEST_RANGE,
     HALF_ANGLE,
-    HEADING,
     RISE,
     PingTable,
     X,
@@ -177,33 +176,38 @@ def _find_near(
         if x * x + y * y >= far * far or is_beside(numbers, x, y, radius):
             continue
         near[count] = index
-        is_new = is_new or _is_new(numbers, changed[index], x, y, radius)
+        is_new = is_new or _is_new(table, pings[index], changed[index], x, y, radius)
         count += 1
     return count, is_new
 
 
 @inlined
 def _is_new(
-    numbers: FloatArray, changed: NDArray[np.uint8], x_m: float, y_m: float, radius_m: float
+    table: PingTable,
+    ping: int,
+    changed: NDArray[np.uint8],
+    x_m: float,
+    y_m: float,
+    radius_m: float,
 ) -> bool:
     """Whether another share of a ping's sound is left in a disc, or on the way there.
 
     Parameters
     ----------
-    numbers : (NUMBERS,) array
-        Of the ping, see `usmap_ros.mapping.ping_table.PingTable`.
+    table, ping
+        The ping.
     changed : (RAYS,) uint8 array
         As in `refute_surfaces`, of the ping.
     x_m, y_m, radius_m : float
         Middle of the disc, from the transducer, and its radius.
     """
-    half, squared = numbers[HALF_ANGLE], x_m * x_m + y_m * y_m
+    numbers, squared = table.numbers[ping], x_m * x_m + y_m * y_m
+    half = numbers[HALF_ANGLE]
     far_m = math.sqrt(squared + numbers[RISE] ** 2) + radius_m
     last_step = min(int(far_m * STEPS / numbers[GREATEST_RANGE]), STEPS - 1)
     first, last = 0, RAYS - 1
     if squared > radius_m * radius_m and half < 0.5 * math.pi:
-        off = math.atan2(y_m, x_m) - numbers[HEADING]
-        off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+        off = off_axis(table, ping, math.atan2(y_m, x_m))
         aside, per_rad = math.asin(radius_m / math.sqrt(squared)), 0.5 * RAYS / half
         # One ray more on either side: what rounding may make of an edge.
         first = max(first, int((off - aside + half) * per_rad) - 1)

@@ -26,34 +26,31 @@ class TracesApart:
         self.taken = 0
         #: Whether they were enough once, though they may be on a line.
         self.were_enough = False
+        #: Whether they are enough, and neither on a line nor on a circle.
+        self.have_turned = False
         self._apart_m = _APART_M
+        # Of those that are kept.
+        self._positions_m = np.zeros((0, 2))
 
     def add(self, trace: EchoTrace) -> None:
         """Take a trace, unless those before it are enough or it is near one of them."""
         if self.have_turned or not self._is_apart(trace):
             return
         if self._is_full(trace):
-            self.traces = self.traces[::2]
+            self.traces, self._positions_m = self.traces[::2], self._positions_m[::2]
             self._apart_m *= 2.0
             if not self._is_apart(trace):
                 return
         self.traces.append(trace)
+        self._positions_m = np.vstack([self._positions_m, trace.pose.position_m[:2]])
         self.taken += 1
-        self.were_enough = self.were_enough or self._is_full(trace)
-
-    @property
-    def have_turned(self) -> bool:
-        """Whether they are enough, and neither on a line nor on a circle."""
-        if not self.traces or not self._is_full(self.traces[-1]):
-            return False
-        positions_m = np.array([trace.pose.position_m[:2] for trace in self.traces])
-        return not could_stand_as_far(positions_m, np.inf)
+        if self._is_full(trace):
+            self.were_enough = True
+            self.have_turned = not could_stand_as_far(self._positions_m, np.inf)
 
     def _is_full(self, trace: EchoTrace) -> bool:
         return len(self.traces) >= min(_KEPT, _KEPT_BYTES // max(trace.samples.nbytes, 1))
 
     def _is_apart(self, trace: EchoTrace) -> bool:
-        here_m = trace.pose.position_m[:2]
-        return all(
-            np.hypot(*(here_m - one.pose.position_m[:2])) > self._apart_m for one in self.traces
-        )
+        off_m = self._positions_m - trace.pose.position_m[:2]
+        return bool((np.hypot(off_m[:, 0], off_m[:, 1]) > self._apart_m).all())

@@ -98,6 +98,12 @@ class Pose:
         """Covariance of x (m), y (m) and yaw (rad), shape (3, 3)."""
         return self.covariance[_PLANE]
 
+    @cached_property
+    def planar_variances(self) -> tuple[float, float, float]:
+        """Variances of x (m), y (m) and yaw (rad)."""
+        x, y, yaw = (float(self.covariance[axis, axis]) for axis in PLANAR_AXES)
+        return x, y, yaw
+
     def compose(self, inner: Pose) -> Pose:
         """Pose in the frame that this one is given in, of what is at `inner` in this one's frame.
 

@@ -13,14 +13,19 @@ from usmap_ros.mapping.ping_bins import (
     GAIN_STEPS,
     SILENCE,
     UNJUDGED,
-    ping_bins_of,
+    PingBins,
 )
+from usmap_ros.mapping.ping_table import ping_in_row, ping_table_of
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits
 
 MakeCone = Callable[..., EchoCone]
 PARAMETERS = MappingParameters()
+
+
+def ping_bins_of(cone: EchoCone, parameters: MappingParameters) -> PingBins:
+    return ping_in_row(ping_table_of([cone], parameters), 0)
 
 
 def test_echoes_fall_into_bins_of_a_quarter_of_a_cell(make_cone: MakeCone) -> None:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.sensors import Sensors, sensors_of
 from usmap_ros.mapping.joint.thinning import Thinning
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
-from usmap_ros.mapping.ping_bins import ping_bins_of
-from usmap_ros.mapping.ping_table import PingTable, stacked
+from usmap_ros.mapping.ping_table import PingTable, ping_table_of
 from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -246,7 +245,7 @@ class KeptPings:
         }
         weights = [trust[source] / self._at[place] for _, source, place in kept]
         return Pings(
-            stacked([ping_bins_of(cone, self._parameters) for cone, *_ in kept]),
+            ping_table_of([cone for cone, *_ in kept], self._parameters),
             np.arange(len(kept)),
             np.array(weights, np.float32),
             Echoes(start.astype(np.int64), np.concatenate(ranges_m), np.concatenate(amplitudes)),
@@ -264,10 +263,10 @@ class KeptPings:
 
 def _place(cone: EchoCone, source: str) -> Place:
     """Where a ping looks from, in steps as large as the pose is uncertain."""
-    covariance = cone.pose.planar_covariance
-    step_m = max(STEP_M, math.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
-    step_rad = max(STEP_RAD, math.sqrt(covariance[2, 2]))
-    x_m, y_m, z_m = (float(value) for value in cone.pose.position_m)
+    x, y, yaw = cone.pose.planar_variances
+    step_m = max(STEP_M, math.sqrt(0.5 * (x + y)))
+    step_rad = max(STEP_RAD, math.sqrt(yaw))
+    x_m, y_m, z_m = cone.pose.position_m.tolist()
     return (
         source, cone.child_frame_id, round(x_m / step_m), round(y_m / step_m), round(z_m / step_m),
         round(cone.pose.yaw_rad / step_rad),

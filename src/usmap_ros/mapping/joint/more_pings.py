@@ -8,6 +8,7 @@ all pings are explained together again.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,8 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.ping_table import X, Y
-from usmap_ros.numerics.arrays import FloatArray, over_last
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
+from usmap_ros.numerics.compiled import compiled
 from usmap_ros.parameters import MappingParameters
 
 #: Log-likelihood ratios of surfaces are as good as certain from here on.
@@ -102,7 +104,7 @@ class MorePings:
         answers, shown = known.answers, walls.shown
         worst, asked = cells.worst, ~cells.free & ~shown
         shape = np.broadcast_to(answers.of_cells(self.field, "shape"), shown.shape)
-        worst[asked] = together(worst[asked], more.worst[asked], shape[asked][:, np.newaxis])
+        add_overdispersed(worst, more.worst, shape, asked)
         proven = cells.proven + more.proven
         closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
         proofs = self._parameters.proof_rays
@@ -116,24 +118,35 @@ class MorePings:
         )  # fmt: skip
 
 
-def together(
-    before: NDArray[np.float32], more: NDArray[np.float32], shape: float | FloatArray
-) -> NDArray[np.float32]:
-    """Log-likelihood ratio of surfaces by two groups of pings, as if all looked from one side.
+@compiled
+def add_overdispersed(
+    ratios: NDArray[np.float32], more: NDArray[np.float32], shape: FloatArray, asked: BoolArray
+) -> None:
+    """Log-likelihood ratios of surfaces by two groups of pings, as if all looked from one side.
 
     Silence from one side repeats itself, as
     `usmap_ros.mapping.joint.free_space.overdispersion` has it.
 
     Parameters
     ----------
-    before, more : (cells, GROUPS) float32 arrays
-        By each of them.
-    shape : float or (cells, 1) array
+    ratios, more : (rows, columns, GROUPS) float32 arrays
+        By each of them; those of both replace the first.
+    shape : (rows, columns) array
         How far looks from one side repeat each other.
+    asked : (rows, columns) bool array
+        Cells in which they are added.
     """
-    one, other = (
-        np.expm1(-np.clip(each, CERTAIN, 0.0).astype(np.float64) / shape) for each in (before, more)
-    )
-    echoes = np.maximum(before, 0.0) + np.maximum(more, 0.0)
-    ratio: NDArray[np.float32] = (echoes - shape * np.log1p(one + other)).astype(np.float32)
-    return ratio
+    for row in range(ratios.shape[0]):
+        for column in range(ratios.shape[1]):
+            if not asked[row, column]:
+                continue
+            for group in range(ratios.shape[2]):
+                one, other = ratios[row, column, group], more[row, column, group]
+                if other == 0.0:
+                    continue
+                silence, echoes = 0.0, 0.0
+                for each in (one, other):
+                    silence += math.expm1(-min(max(each, CERTAIN), 0.0) / shape[row, column])
+                    echoes += max(each, 0.0)
+                repeated = shape[row, column] * math.log1p(silence)
+                ratios[row, column, group] = echoes - repeated

@@ -9,8 +9,7 @@ import pytest
 from usmap_ros.mapping.joint.visibility.beams import columns_in_beam, is_beside, rows_in_reach
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import OPAQUE, RAYS, STEPS, WHOLE, cast_rays
-from usmap_ros.mapping.ping_bins import ping_bins_of
-from usmap_ros.mapping.ping_table import PingTable, stacked
+from usmap_ros.mapping.ping_table import PingTable, ping_table_of
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -28,7 +27,7 @@ def looks_of_some(make_cone: Callable[..., EchoCone]) -> PingTable:
     rng = np.random.default_rng(3)
     poses = [(*rng.uniform(-0.4, 0.4, 2), yaw) for yaw in rng.uniform(-math.pi, math.pi, 12)]
     cones = [make_cone(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in poses]
-    return stacked([ping_bins_of(cone, MappingParameters()) for cone in cones])
+    return ping_table_of(cones, MappingParameters())
 
 
 def test_cells_in_a_beam_are_between_its_bounds(table: PingTable) -> None:

@@ -10,7 +10,8 @@ from usmap_ros.mapping.joint import first_pings
 from usmap_ros.mapping.joint.first_pings import PlaceReadings, first_log_odds, weigh_sources
 from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED, ping_bins_of
+from usmap_ros.mapping.ping_bins import ECHO, SILENCE, UNJUDGED
+from usmap_ros.mapping.ping_table import ping_in_row, ping_table_of
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -21,7 +22,8 @@ FIELD = Field(-80, -80, 160, 160, RESOLUTION_M)
 
 
 def log_odds_of(*cones: EchoCone) -> np.ndarray | None:
-    all_bins = [ping_bins_of(cone, PARAMETERS) for cone in cones]
+    table = ping_table_of(cones, PARAMETERS)
+    all_bins = [ping_in_row(table, row) for row in range(len(cones))]
     return first_log_odds(all_bins, FIELD, PARAMETERS)
 
 

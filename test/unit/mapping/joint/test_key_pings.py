@@ -10,8 +10,7 @@ import pytest
 from usmap_ros.mapping.joint import estimate
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.key_pings import ENOUGH_LOOKS, key_pings
-from usmap_ros.mapping.ping_bins import ping_bins_of
-from usmap_ros.mapping.ping_table import stacked
+from usmap_ros.mapping.ping_table import ping_table_of
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -19,7 +18,7 @@ MakeCone = Callable[..., EchoCone]
 
 
 def chosen(cones: list[EchoCone], weight: float = 1.0) -> list[int]:
-    table = stacked([ping_bins_of(cone, MappingParameters()) for cone in cones])
+    table = ping_table_of(cones, MappingParameters())
     weights = np.full(len(cones), weight, np.float32)
     return key_pings(table, np.arange(len(cones)), weights).tolist()
 

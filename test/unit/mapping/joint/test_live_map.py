@@ -14,7 +14,7 @@ from usmap_ros.mapping.joint import explanation, live_map
 from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.fusion import JointFusion
-from usmap_ros.mapping.joint.more_pings import MorePings, together
+from usmap_ros.mapping.joint.more_pings import MorePings, add_overdispersed
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -421,13 +421,20 @@ def test_what_goes_wrong_beside_is_said_the_next_time(
         fusion.live_snapshot(in_time=True)()
 
 
+def added(one: np.ndarray, other: np.ndarray, is_asked: bool = True) -> np.ndarray:
+    """Ratios of both in a row of cells."""
+    both, row = one[np.newaxis].copy(), (1, len(one))
+    add_overdispersed(both, other[np.newaxis], np.full(row, 2.5), np.full(row, is_asked))
+    return both[0]
+
+
 def test_silence_of_two_groups_says_no_more_than_their_sum() -> None:
     one, other = (np.random.default_rng(seed).uniform(-8.0, 2.0, (50, 3)).astype(np.float32)
                   for seed in (1, 2))  # fmt: skip
-    both = together(one, other, 2.5)
-    np.testing.assert_allclose(both, together(other, one, 2.5), rtol=1e-6)
+    both = added(one, other)
+    np.testing.assert_allclose(both, added(other, one), rtol=1e-6)
     assert (both >= one + other - 1e-4).all()
     silent = (one < 0.0) & (other < 0.0)
     assert (both[silent] <= np.minimum(one, other)[silent] + 1e-4).all()
-    nothing = together(one, np.zeros_like(one), 2.5)
-    np.testing.assert_allclose(nothing, one, rtol=1e-4)
+    np.testing.assert_array_equal(added(one, np.zeros_like(one)), one)
+    np.testing.assert_array_equal(added(one, other, is_asked=False), one)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES, off_line
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
-from usmap_ros.numerics.compiled import compiled
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.ordering import ascending
 from usmap_ros.numerics.special import logistic
 
@@ -118,13 +118,11 @@ def _find_runs(  # noqa: C901, PLR0912, PLR0915 - a kernel is one loop
             votes[f, round(places[i, 0] * cosines[f] + places[i, 1] * sines[f]) + middle] += (
                 weights[i]
             )
+    most, best_at = np.empty(DIRECTIONS), np.empty(DIRECTIONS, np.int64)
+    for f in range(DIRECTIONS):
+        most[f], best_at[f] = _most_votes(votes[f])
     for _ in range(4 * len(lines)):
-        best, direction, bucket = 0.0, 0, 0
-        for f in range(DIRECTIONS):
-            for k in range(1, 2 * middle + 1):
-                total = votes[f, k - 1] + votes[f, k] + votes[f, k + 1]
-                if total > best:
-                    best, direction, bucket = total, f, k
+        best, direction, bucket = _heaviest(votes, most, best_at)
         if best < LEAST_WEIGHT or count == len(lines):
             break
         nx, ny, distance = cosines[direction], sines[direction], float(bucket - middle)
@@ -195,3 +193,36 @@ def _find_runs(  # noqa: C901, PLR0912, PLR0915 - a kernel is one loop
             for k in range(max(0, bucket - 1), min(2 * middle + 2, bucket + 2)):
                 votes[direction, k] = -1e9
     return count
+
+
+@inlined
+def _most_votes(votes: FloatArray) -> tuple[float, int]:
+    """The most votes that three buckets beside each other have, and the middle one of these."""
+    most, at = 0.0, 0
+    for k in range(1, len(votes) - 1):
+        total = votes[k - 1] + votes[k] + votes[k + 1]
+        if total > most:
+            most, at = total, k
+    return most, at
+
+
+@inlined
+def _heaviest(votes: FloatArray, most: FloatArray, at: IndexArray) -> tuple[float, int, int]:
+    """Votes, direction and bucket of the line that most cells vote for.
+
+    Votes only go: where those of a direction's best buckets are still there it is as it was, and
+    one that had fewer before need not be looked at again.
+
+    Parameters
+    ----------
+    votes : (DIRECTIONS, buckets) array
+        Of all cells that are left.
+    most, at : (DIRECTIONS,) arrays
+        By `_most_votes`, when each was last looked at; renewed.
+    """
+    while True:
+        f = int(most.argmax())
+        k = at[f]
+        if most[f] <= 0.0 or votes[f, k - 1] + votes[f, k] + votes[f, k + 1] == most[f]:
+            return most[f], f, int(k)
+        most[f], at[f] = _most_votes(votes[f])

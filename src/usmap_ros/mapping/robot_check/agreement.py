@@ -1,9 +1,11 @@
 """How well a robot's pings agree with what a map expects of them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.leave_one_out import Expected
 from usmap_ros.mapping.ping_bins import (
@@ -11,9 +13,9 @@ from usmap_ros.mapping.ping_bins import (
     NOISE_BELOW_LIMIT,
     SILENCE,
     UNJUDGED,
-    PingBins,
 )
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.special import running_maximum
 
 #: Echoes within this of where they are expected are those that were expected, m.
@@ -84,45 +86,58 @@ def agreement(expected: Sequence[Expected]) -> Agreement:
 def _fit(expected: Expected) -> float | None:
     """Mean gain in log-likelihood over shifted expectations; None where nothing is expected."""
     ping_bins, power = expected.ping_bins, expected.power
-    gain, bins, likelihood = 0.0, 0, log_likelihood(ping_bins, power)
-    for shift_m in SHIFTS_M:
-        shifted = np.full_like(power, ping_bins.noise)
-        shift = round(shift_m / ping_bins.bin_m)
-        if abs(shift) >= len(power):
-            continue
-        if shift > 0:
-            shifted[shift:] = power[:-shift]
-        else:
-            shifted[:shift] = power[-shift:]
-        likelier, told = _compared(ping_bins, shifted, power, likelihood)
-        gain, bins = gain - likelier, bins + told
+    shifts = np.array([round(shift_m / ping_bins.bin_m) for shift_m in SHIFTS_M])
+    gain, bins = gain_over_shifted(
+        ping_bins.kind, ping_bins.power, ping_bins.limit, power, ping_bins.noise, shifts
+    )
     return gain / bins if bins else None
 
 
-def _compared(
-    ping_bins: PingBins, power: FloatArray, other: FloatArray, likelihood: FloatArray
+@compiled
+def gain_over_shifted(
+    kind: NDArray[np.uint8],
+    heard: NDArray[np.float32],
+    limit: NDArray[np.float32],
+    power: FloatArray,
+    noise: float,
+    shifts: NDArray[np.int64],
 ) -> tuple[float, int]:
-    """How much likelier an expectation makes a ping than another, and how many bins tell.
-
-    The log-likelihood of the other's bins is given: it is compared with several.
-    """
-    loud = 4.0 * ping_bins.noise / NOISE_BELOW_LIMIT
-    # Where either says that there is an echo.
-    tells = (np.maximum(power, other) > loud) & (ping_bins.kind != UNJUDGED)
-    difference = (log_likelihood(ping_bins, power) - likelihood)[tells]
-    return float(np.clip(difference, -MOST_A_BIN, MOST_A_BIN).sum()), int(tells.sum())
-
-
-def log_likelihood(ping_bins: PingBins, power: FloatArray) -> FloatArray:
-    """Log-likelihood of each range bin: of an echo, or of silence up to a limit.
+    """How much likelier an expectation makes a ping than the same shifted, and how many bins tell.
 
     Parameters
     ----------
-    ping_bins : PingBins
-        What was heard.
+    kind, heard, limit
+        Of each range bin: `kind`, `power` and `limit` of `PingBins`.
     power : (bins,) array
-        Expected power of each range bin, noise included.
+        Expected power of each, noise included.
+    noise : float
+        Power of the noise.
+    shifts : (shifts,) integer array
+        By how many bins it is shifted; all that tell are added up.
     """
-    heard = -ping_bins.power / power - np.log(power)
-    silent = np.log(-np.expm1(-np.maximum(ping_bins.limit / power, 1e-9)))
-    return np.where(ping_bins.kind == ECHO, heard, np.where(ping_bins.kind == SILENCE, silent, 0.0))
+    gain, told, loud = 0.0, 0, 4.0 * noise / NOISE_BELOW_LIMIT
+    likelihood = np.empty(len(power))
+    for b in range(len(power)):
+        likelihood[b] = _log_likelihood(kind[b], heard[b], limit[b], power[b])
+    for shift in shifts:
+        if abs(shift) >= len(power):
+            continue
+        for b in range(len(power)):
+            shifted = power[b - shift] if 0 <= b - shift < len(power) else noise
+            # Where either says that there is an echo.
+            if max(power[b], shifted) > loud and kind[b] != UNJUDGED:
+                likelier = likelihood[b] - _log_likelihood(kind[b], heard[b], limit[b], shifted)
+                gain += min(max(likelier, -MOST_A_BIN), MOST_A_BIN)
+                told += 1
+    return gain, told
+
+
+@inlined
+def _log_likelihood(kind: int, heard: float, limit: float, power: float) -> float:
+    """Log-likelihood of a range bin: of an echo, or of silence up to a limit."""
+    likelihood = 0.0
+    if kind == ECHO:
+        likelihood = -heard / power - math.log(power)
+    elif kind == SILENCE:
+        likelihood = math.log(-math.expm1(-max(limit / power, 1e-9)))
+    return likelihood

@@ -36,8 +36,10 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
 #: them: among lone things, and among walls.
 LONE, WALLED = (-1.1, 0.02), (-1.7, 0.12)
-#: The first at the least and the other at the most among mirrors, heard from one side only.
-MIRRORED = (-1.35, 0.05)
+#: The first at the least and the other at the most among mirrors, heard from one side only; and
+#: the share of mirrors at the least where some were found.  That is more than the first asks for:
+#: however many walls of bricks were found beside them, no mirror is refuted by being rare alone.
+MIRRORED, LEAST_MIRRORED = (-1.2, 0.05), 0.33
 #: Among walls of which none is known to be a mirror, mirrors are taken to be so many times as
 #: likely as was learnt: who frees one that nobody struck leaves through it.
 CAUTION = 1.8
@@ -139,10 +141,11 @@ def learn_answers(
         inside = answers.inside(field)
         own = any_holds(smooth.mirrored, table.numbers[pings][:, [X, Y]])
         # Who looks into a part from elsewhere tells of its surfaces, too.
-        # A part in which no mirror was found is quieter than the rest, as if there were one.
+        # A part in which no mirror was found is quieter than the rest, as if there were one; and
+        # what else seems to be of glass may be in either.
         places = [
             _Standing(own, walls.within(inside), smooth.mirrors, columns, max(struck, 1)),
-            _Standing(~own, walls.within(~inside), [], columns),
+            _Standing(~own, walls.within(~inside), [], columns, smooth.panes),
         ]
     answers.silences.extend(_learnt(*given, left, listening, place, evidence) for place in places)
     return answers
@@ -193,7 +196,9 @@ def _learnt(
         mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
         unexplained_share(chances, ranges_m, things, len(mine), 1.0 - walled),
     )
-    if not mirrors:
+    if mirrors:
+        mirrored = max(mirrored, LEAST_MIRRORED)
+    else:
         mirrored = min(CAUTION**walled * mirrored, 1.0)
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)
     kinds = log_priors(walls_facing, len(mirrors), columns, things, alone_m, mirrored)

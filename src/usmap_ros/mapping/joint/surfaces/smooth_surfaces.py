@@ -81,7 +81,7 @@ class SmoothSurfaces:
         self.columns: list[RoundColumn] = []
         #: Parts of the place that mirrors are in, if not in all of it.
         self.mirrored: list[PartOfPlace] = []
-        #: How many mirrors were struck where most walls answer from any side.
+        #: How many mirrors were struck where none was found: most walls there answer from any side.
         self.panes = 0.0
         self._suspected: list[RoundColumn] = []
         # Those that other pings found.
@@ -126,9 +126,7 @@ class SmoothSurfaces:
         columns = _but_corners(round_columns(ping_set, is_explained, self._field), found)
         for column in columns:
             is_usable[column.echoes] &= not column.is_certain
-        if not found:
-            given = is_explained, is_usable, first_only
-            self.panes = panes_beside(table, pings, echoes, *given)
+        self.panes = self._panes_elsewhere(found, is_explained, is_usable, first_only)
         certain = sum(column.is_certain for column in columns)
         instead = columns_instead(
             ping_set, is_usable & ~is_explained, is_usable, lone_cells_m, certain
@@ -145,6 +143,22 @@ class SmoothSurfaces:
         self._suspected += larger_columns(self.columns, ping_set)
         ends = WallEnds(table, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
+
+    def _panes_elsewhere(
+        self,
+        found: list[MirrorWall],
+        is_explained: BoolArray,
+        is_usable: BoolArray,
+        first_only: BoolArray,
+    ) -> float:
+        """How many mirrors were struck where none was found; arguments as of `panes_beside`."""
+        if found and not self.mirrored:
+            return 0.0
+        table, pings = self._table, self._pings
+        if found:
+            inside = any_holds(self.mirrored, table.numbers[pings][:, [X, Y]])
+            is_usable = is_usable & ~inside[self.places.ping]
+        return panes_beside(table, pings, self._echoes, is_explained, is_usable, first_only)
 
     def _mirror_first_returns(self, first_only: BoolArray) -> bool:
         """Whether the walls that sensors hear which report the first thing only are mirrors."""

@@ -108,7 +108,7 @@ class MorePings:
         proven = cells.proven + more.proven
         closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
         proofs = self._parameters.proof_rays
-        fails = are_refuted(worst, proven, answers.of_cells(self.field, "refuted"), proofs)
+        fails = are_refuted(worst, proven, answers, self.field, proofs)
         is_refuted = over_last(np.logical_and, fails)
         free = ((cells.free | is_refuted) & ~closed & ~shown) | (self._stood & ~shown)
         is_open = (self._stood | cells.free | (proven >= proofs)) & free

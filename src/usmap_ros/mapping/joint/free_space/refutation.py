@@ -5,11 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, ORIENTATIONS
+from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, MIRRORS, ORIENTATIONS
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR
-from usmap_ros.mapping.joint.free_space.silence import Silence
+from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
 from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
 from usmap_ros.mapping.joint.surfaces.lines import drawn, facing_so
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic
 
@@ -32,13 +33,14 @@ class Refutations(NamedTuple):
 def are_refuted(
     worst: NDArray[np.float32],
     proven: NDArray[np.float32],
-    refuted: float | FloatArray,
+    answers: Answers,
+    field: Field,
     proofs: float,
 ) -> BoolArray:
     """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
 
-    Each ping whose sound came back through it says an equal part of what silence would have to say,
-    and is outweighed by echoes in the same way.
+    Each ping whose sound came back through it says an equal part of what silence would have to say
+    of mirrors, and is outweighed by echoes in the same way.
 
     Parameters
     ----------
@@ -46,13 +48,17 @@ def are_refuted(
         Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
     proven : (rows, columns) float32 array
         Pings whose sound is known to have passed it.
-    refuted : float or (rows, columns) array
-        Log-likelihood ratio at which silence alone refutes a surface.
+    answers : Answers
+        What silence has to say.
+    field : Field
+        The cells.
     proofs : float
         Pings that do, alone.
     """
-    needed = refuted * (1.0 - proven / proofs)
-    fails: BoolArray = worst < needed[:, :, np.newaxis]
+    of_mirrors = answers.of_cells(field, "mirrors_refuted")
+    said = -of_mirrors * proven / proofs
+    fails: BoolArray = worst < (answers.of_cells(field, "refuted") + said)[:, :, np.newaxis]
+    fails[:, :, MIRRORS] = worst[:, :, MIRRORS] < of_mirrors + said
     return fails
 
 

@@ -33,13 +33,16 @@ from usmap_ros.mapping.ping_bins import ECHO
 from usmap_ros.mapping.ping_table import BIN_M, LEAST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide what is behind
-#: them: among lone things, and among walls.
-LONE, WALLED = (-1.1, 0.02), (-1.7, 0.12)
-#: The first at the least and the other at the most among mirrors, heard from one side only; and
-#: the share of mirrors at the least where some were found.  That is more than the first asks for:
-#: however many walls of bricks were found beside them, no mirror is refuted by being rare alone.
-MIRRORED, LEAST_MIRRORED = (-1.2, 0.05), 0.33
+#: Log-likelihood ratios at which silence refutes what answers from any side, and what answers as
+#: mirrors do; and belief that unknown cells hide what is behind them: among lone things, and among
+#: walls.  The second has in it how rare mirrors are, which is all that speaks against those that
+#: nobody could have struck squarely.
+LONE, WALLED = (-1.1, -1.1, 0.02), (-1.0, -1.7, 0.12)
+#: The second of these at the least, for either, and the third at the most, among mirrors, heard
+#: from one side only; and the share of mirrors at the least where some were found.  That is more
+#: than the first asks for: however many walls of bricks were found beside them, no mirror is
+#: refuted by being rare alone.
+MIRRORED, LEAST_MIRRORED = (-1.3, 0.05), 0.33
 #: Among walls of which none is known to be a mirror, mirrors are taken to be so many times as
 #: likely as was learnt: who frees one that nobody struck leaves through it.
 CAUTION = 1.8
@@ -64,8 +67,10 @@ class Silence(NamedTuple):
     kinds: FloatArray
     #: By `usmap_ros.mapping.joint.free_space.usual_directions.lengths`.
     long_and_short: FloatArray
-    #: Log-likelihood ratio at which a cell is refuted, and belief that unknown ones hide.
+    #: Log-likelihood ratios at which surfaces are refuted that answer from any side, and mirrors;
+    #: and belief that unknown cells hide.
     refuted: float
+    mirrors_refuted: float
     unknown: float
     #: Logarithm of how much likelier mirrors are where they are as likely as anything else, in a
     #: place of walls that has none.
@@ -196,22 +201,17 @@ def _learnt(
         mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
         unexplained_share(chances, ranges_m, things, len(mine), 1.0 - walled),
     )
-    if mirrors:
-        mirrored = max(mirrored, LEAST_MIRRORED)
-    else:
-        mirrored = min(CAUTION**walled * mirrored, 1.0)
+    mirrored = max(mirrored, LEAST_MIRRORED) if mirrors else min(CAUTION**walled * mirrored, 1.0)
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)
     kinds = log_priors(walls_facing, len(mirrors), columns, things, alone_m, mirrored)
     long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
-    refuted, unknown = _thresholds(walled, bool(mirrors))
     likelier = 0.0 if mirrors else -walled * math.log(mirrored)
     return Silence(
         log_silent,
         learn_shape(views, log_silent),
         kinds,
         long_and_short,
-        refuted,
-        unknown,
+        *_thresholds(walled, bool(mirrors)),
         likelier,
     )
 
@@ -237,14 +237,15 @@ def _surfaces(walls: Walls, evidence: CellEvidence, field: Field) -> tuple[Float
     return surfaces, near
 
 
-def _thresholds(walled: float, has_mirrors: bool) -> tuple[float, float]:
-    """Log-likelihood ratio at which a cell is refuted, and belief that unknown cells hide."""
-    refuted, unknown = (
+def _thresholds(walled: float, has_mirrors: bool) -> tuple[float, float, float]:
+    """`LONE` and `WALLED`, or what is between, with `MIRRORED` where mirrors were found."""
+    refuted, mirrors_refuted, unknown = (
         (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
     )
     if has_mirrors:
-        return max(refuted, MIRRORED[0]), min(unknown, MIRRORED[1])
-    return refuted, unknown
+        either = max(mirrors_refuted, MIRRORED[0])
+        return either, either, min(unknown, MIRRORED[1])
+    return refuted, mirrors_refuted, unknown
 
 
 def _walled(occupied: BoolArray, on_lines: BoolArray) -> float:

@@ -57,12 +57,12 @@ def test_few_walls_say_less_than_many() -> None:
 
 def test_a_few_walls_that_are_none_are_enough_for_mirrors_to_be_rare() -> None:
     """Rarer than what is refuted: or one robot among rough walls would know half of what it saw."""
-    assert CAUTION * room(0.8, 3) < math.exp(WALLED[0])
+    assert CAUTION * room(0.8, 3) < math.exp(WALLED.mirrors_refuted)
 
 
 def test_one_mirror_among_many_walls_that_are_none_is_enough_for_others_to_be_expected() -> None:
     shares = CAUTION * room(0.8, 8, least=1.0), CAUTION * room(0.8, 8)
-    assert shares[0] > math.exp(WALLED[0]) > shares[1]
+    assert shares[0] > math.exp(WALLED.mirrors_refuted) > shares[1]
     assert room(0.0, 8, least=1.0) == room(0.0, 8)
 
 
@@ -178,6 +178,8 @@ def test_of_few_echoes_hardly_any_may_be_left_unexplained() -> None:
     chances[:3] = 0.0
     ranges_m = np.linspace(4.0, 0.5, LEAST_ECHOES)
     assert unexplained_share(chances, ranges_m, MANY_THINGS, 10, 1.0) == 0.0
-    assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, 10, 1.0) > math.exp(LONE[0])
+    assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, 10, 1.0) > math.exp(
+        LONE.mirrors_refuted
+    )
     assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, 10, 0.0) == 0.0
     assert unexplained_share(chances[3:], ranges_m[3:], MANY_THINGS, 10, 1.0) == 0.0

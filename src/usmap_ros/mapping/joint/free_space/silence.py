@@ -33,16 +33,6 @@ from usmap_ros.mapping.ping_bins import ECHO
 from usmap_ros.mapping.ping_table import BIN_M, LEAST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
-#: Log-likelihood ratios at which silence refutes what answers from any side, and what answers as
-#: mirrors do; and belief that unknown cells hide what is behind them: among lone things, and among
-#: walls.  The second has in it how rare mirrors are, which is all that speaks against those that
-#: nobody could have struck squarely.
-LONE, WALLED = (-1.1, -1.1, 0.02), (-1.0, -1.7, 0.12)
-#: The second of these at the least, for either, and the third at the most, among mirrors, heard
-#: from one side only; and the share of mirrors at the least where some were found.  That is more
-#: than the first asks for: however many walls of bricks were found beside them, no mirror is
-#: refuted by being rare alone.
-MIRRORED, LEAST_MIRRORED = (-1.3, 0.05), 0.33
 #: Among walls of which none is known to be a mirror, mirrors are taken to be so many times as
 #: likely as was learnt: who frees one that nobody struck leaves through it.
 CAUTION = 1.8
@@ -53,6 +43,27 @@ MOST_SURFACES = 3000
 MOST_STRUCK = 2
 #: Share of occupied cells on lines at which a place is one of walls.
 WALLED_SHARE = 0.3
+
+
+class Thresholds(NamedTuple):
+    """What silence has to say to refute surfaces."""
+
+    #: Log-likelihood ratio at which those are refuted that answer from any side; and mirrors: this
+    #: has in it how rare they are, which is all that speaks against those that nobody could have
+    #: struck squarely.
+    refuted: float
+    mirrors_refuted: float
+    #: Belief that unknown cells hide what is behind them.
+    unknown: float
+
+
+#: Among lone things, and among walls.
+LONE, WALLED = Thresholds(-1.1, -1.1, 0.02), Thresholds(-1.0, -1.7, 0.12)
+#: Mirrors are refuted at this at the least, and others with them, and unknown cells hide by this at
+#: the most, where mirrors were found; and the share of them is so much at the least.  That is more
+#: than the first asks for: however many walls of bricks were found beside them, no mirror is
+#: refuted by being rare alone.
+MIRRORED, LEAST_MIRRORED = (-1.3, 0.05), 0.33
 
 
 class Silence(NamedTuple):
@@ -67,8 +78,7 @@ class Silence(NamedTuple):
     kinds: FloatArray
     #: By `usmap_ros.mapping.joint.free_space.usual_directions.lengths`.
     long_and_short: FloatArray
-    #: Log-likelihood ratios at which surfaces are refuted that answer from any side, and mirrors;
-    #: and belief that unknown cells hide.
+    #: See `Thresholds`.
     refuted: float
     mirrors_refuted: float
     unknown: float
@@ -237,15 +247,15 @@ def _surfaces(walls: Walls, evidence: CellEvidence, field: Field) -> tuple[Float
     return surfaces, near
 
 
-def _thresholds(walled: float, has_mirrors: bool) -> tuple[float, float, float]:
+def _thresholds(walled: float, has_mirrors: bool) -> Thresholds:
     """`LONE` and `WALLED`, or what is between, with `MIRRORED` where mirrors were found."""
-    refuted, mirrors_refuted, unknown = (
-        (1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True)
+    between = Thresholds(
+        *((1.0 - walled) * lone + walled * among for lone, among in zip(LONE, WALLED, strict=True))
     )
-    if has_mirrors:
-        either = max(mirrors_refuted, MIRRORED[0])
-        return either, either, min(unknown, MIRRORED[1])
-    return refuted, mirrors_refuted, unknown
+    if not has_mirrors:
+        return between
+    refuted = max(between.mirrors_refuted, MIRRORED[0])
+    return Thresholds(refuted, refuted, min(between.unknown, MIRRORED[1]))
 
 
 def _walled(occupied: BoolArray, on_lines: BoolArray) -> float:

@@ -58,7 +58,7 @@ class Thresholds(NamedTuple):
 
 
 #: Among lone things, and among walls.
-LONE, WALLED = Thresholds(-1.1, -1.1, 0.02), Thresholds(-1.0, -1.7, 0.12)
+LONE, WALLED = Thresholds(-1.0, -1.1, 0.02), Thresholds(-1.0, -1.7, 0.12)
 #: Mirrors are refuted at this at the least, and others with them, and unknown cells hide by this at
 #: the most, where mirrors were found; and the share of them is so much at the least.  That is more
 #: than the first asks for: however many walls of bricks were found beside them, no mirror is

@@ -61,14 +61,14 @@ class Thresholds(NamedTuple):
 LONE, WALLED = Thresholds(-1.0, -1.1, 0.02), Thresholds(-1.0, -1.7, 0.12)
 #: Share of rays that end at nothing, of all pings, up to which a place is one of rooms, and from
 #: which on it is wide, or has walls that nobody has heard.  Of 24 recordings of rough places of six
-#: kinds 22 have 0.02 to 0.13, and two 0.18 and 0.20; of eleven of rooms with walls of glass of which
-#: none was found, ten have 0.19 to 0.38.
+#: kinds 22 have 0.02 to 0.13, and two 0.18 and 0.20; of eleven of rooms with walls of glass, of
+#: which none was found, ten have 0.19 to 0.38.
 FEW_OPEN, MANY_OPEN = 0.15, 0.28
 #: Mirrors are refuted at this at the least, and others with them, and unknown cells hide by this at
 #: the most, where mirrors were found; and the share of them is so much at the least.  That is more
 #: than the first asks for: however many walls of bricks were found beside them, no mirror is
 #: refuted by being rare alone.
-MIRRORED, LEAST_MIRRORED = (-1.3, 0.05), 0.33
+MIRRORED, LEAST_MIRRORED = (-1.3, 0.05), 0.35
 
 
 class Silence(NamedTuple):
@@ -197,7 +197,7 @@ def _learnt(
     evidence: CellEvidence,
     wide: float,
 ) -> Silence:
-    """Learn what silence says there; other arguments as of `learn_answers` and `_thresholds`."""
+    """Learn what silence says there; other arguments as of `learn_answers` and `thresholds_of`."""
     own, walls, mirrors, columns, struck = place
     surfaces, on_lines = _surfaces(walls, evidence, field)
     things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
@@ -230,7 +230,7 @@ def _learnt(
         learn_shape(views, log_silent),
         kinds,
         long_and_short,
-        *_thresholds(walled, bool(mirrors), wide),
+        *thresholds_of(walled, bool(mirrors), wide),
         likelier,
     )
 
@@ -256,7 +256,7 @@ def _surfaces(walls: Walls, evidence: CellEvidence, field: Field) -> tuple[Float
     return surfaces, near
 
 
-def _thresholds(walled: float, has_mirrors: bool, wide: float) -> Thresholds:
+def thresholds_of(walled: float, has_mirrors: bool, wide: float) -> Thresholds:
     """What silence has to say in a place.
 
     Parameters

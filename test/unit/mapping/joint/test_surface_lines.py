@@ -8,7 +8,13 @@ import pytest
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES
-from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines, without_arcs
+from usmap_ros.mapping.joint.surfaces.surface_lines import (
+    DIRECTIONS,
+    _heaviest,
+    _most_votes,
+    surface_lines,
+    without_arcs,
+)
 from usmap_ros.mapping.joint.surfaces.walls import find_walls
 from usmap_ros.mapping.joint.visibility.field import Field
 
@@ -71,3 +77,17 @@ def test_a_point_is_shown_once_where_nothing_but_points_is(has_wall: bool, besid
     evidence = heard_within(0.5, log_odds.shape)
     shown = find_walls(log_odds, evidence, field, GAP_CELLS * 0.05, smooth, nothing).shown
     assert shown[10, [8, 9, 10, 14]].tolist() == [beside, True, True, True]
+
+
+def test_the_line_that_most_vote_for_is_found_without_looking_at_all_votes_again() -> None:
+    rng = np.random.default_rng(5)
+    votes = rng.uniform(0.0, 1.0, (DIRECTIONS, 60))
+    most, at = (np.array(each) for each in zip(*map(_most_votes, votes), strict=True))
+    for _ in range(200):
+        best, direction, bucket = _heaviest(votes, most, at)
+        totals = votes[:, :-2] + votes[:, 1:-1] + votes[:, 2:]
+        assert best == totals.max()
+        assert (direction, bucket - 1) == np.unravel_index(totals.argmax(), totals.shape)
+        # The best ones go, and some others.
+        votes[direction, bucket - 1 : bucket + 2] -= rng.uniform(0.0, 1.0)
+        votes[rng.integers(DIRECTIONS), rng.integers(60)] -= 0.5

@@ -108,7 +108,9 @@ class MorePings:
         proven = cells.proven + more.proven
         closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
         proofs = self._parameters.proof_rays
-        fails = are_refuted(worst, proven, answers, self.field, proofs)
+        refuted = answers.of_cells(self.field, "refuted")
+        of_mirrors = answers.of_cells(self.field, "mirrors_refuted")
+        fails = are_refuted(worst, proven, refuted, of_mirrors, proofs)
         is_refuted = over_last(np.logical_and, fails)
         free = ((cells.free | is_refuted) & ~closed & ~shown) | (self._stood & ~shown)
         is_open = (self._stood | cells.free | (proven >= proofs)) & free

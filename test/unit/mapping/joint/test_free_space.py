@@ -10,13 +10,12 @@ from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIO
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.response import HeardBins
-from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
 from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, log_priors
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
-from usmap_ros.mapping.joint.visibility.field import Field, field_around
+from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.joint.visibility.open_ways import PROVING_SHARE, prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import (
     BEHIND_ECHO_M,
@@ -99,21 +98,13 @@ def test_ways_are_proven_by_the_share_of_an_echo_that_came_by_them(
     assert proven[behind] == 0.0
 
 
-def answering(**thresholds: float) -> Answers:
-    """Answers of a place of which nothing matters but what refutes surfaces there."""
-    kinds, lengths = np.zeros((1, 3)), np.zeros((2, 2))
-    silence = Silence(np.zeros((1, 1)), 1.0, kinds, lengths, -1.0, -1.0, 0.1, 0.0)
-    return Answers([silence._replace(**thresholds)], [], 0.0)
-
-
 def test_silence_and_sound_that_came_back_refute_surfaces_together() -> None:
     proven = np.array([[0.0, 0.0, 1.4, 1.6, 3.0, 3.0, 5.0]], np.float32)
     worst = np.zeros((1, 7, GROUPS), np.float32)
     worst[0, :, 1] = [-1.9, -2.1, -1.0, -1.0, -0.1, 1.0, 1.0]
     worst[0, :, MIRRORS] = worst[0, :, 1]
     # Each ping that came back says a third of what refutes mirrors, whatever refutes others.
-    answers = answering(refuted=-1.0, mirrors_refuted=-2.0)
-    fails = are_refuted(worst, proven, answers, Field(0, 0, 1, 7, RESOLUTION_M), 3.0)
+    fails = are_refuted(worst, proven, -1.0, -2.0, 3.0)
     assert fails[0, :, MIRRORS].tolist() == [False, True, False, True, True, False, True]
     assert fails[0, :, 1].tolist() == [True, True, True, True, True, False, True]
 

@@ -132,7 +132,9 @@ class FreeSpace:
                 (inside, _), _ = answers.each(field)
                 going_on = np.where(inside, alike, going_on)
         worst[walls.bridged] = 0.0
-        is_refuted = are_refuted(worst, proofs, answers, field, self._proofs)
+        refuted = answers.of_cells(field, "refuted")
+        of_mirrors = answers.of_cells(field, "mirrors_refuted")
+        is_refuted = are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
         walls, may_be = continued(walls, going_on, proven | stood, self._stood, field.resolution_m)
@@ -150,7 +152,7 @@ class FreeSpace:
                 refute_for_room(is_refuted, worst, wanted & here, walls.all_lines, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if smooth.mirrors:
-                by_silence = are_refuted(worst, nothing, answers, field, self._proofs)
+                by_silence = are_refuted(worst, nothing, refuted, of_mirrors, self._proofs)
                 is_silent = over_last(np.logical_and, by_silence) | (proofs == 0.0) | stood
                 free = without_slits(free, is_silent, field.resolution_m)
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
@@ -159,7 +161,7 @@ class FreeSpace:
             wanted &= free | proven | closed
             left_before, left = left, self._left(self._held(walls, free, worst, answers), ended_m)
             heard.renew(left, wanted, changed_from(left, left_before), worst)
-            is_refuted = are_refuted(worst, proofs, answers, field, self._proofs)
+            is_refuted = are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, stood, proven, walls)
 

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, MIRRORS, ORIENTATIONS
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR
-from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
+from usmap_ros.mapping.joint.free_space.silence import Silence
 from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
 from usmap_ros.mapping.joint.surfaces.lines import drawn, facing_so
-from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic
 
@@ -33,8 +32,8 @@ class Refutations(NamedTuple):
 def are_refuted(
     worst: NDArray[np.float32],
     proven: NDArray[np.float32],
-    answers: Answers,
-    field: Field,
+    refuted: float | FloatArray,
+    mirrors_refuted: float | FloatArray,
     proofs: float,
 ) -> BoolArray:
     """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
@@ -48,17 +47,14 @@ def are_refuted(
         Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
     proven : (rows, columns) float32 array
         Pings whose sound is known to have passed it.
-    answers : Answers
-        What silence has to say.
-    field : Field
-        The cells.
+    refuted, mirrors_refuted : float or (rows, columns) array
+        What silence has to say, see `usmap_ros.mapping.joint.free_space.silence.Thresholds`.
     proofs : float
         Pings that do, alone.
     """
-    of_mirrors = answers.of_cells(field, "mirrors_refuted")
-    said = -of_mirrors * proven / proofs
-    fails: BoolArray = worst < (answers.of_cells(field, "refuted") + said)[:, :, np.newaxis]
-    fails[:, :, MIRRORS] = worst[:, :, MIRRORS] < of_mirrors + said
+    said = -mirrors_refuted * proven / proofs
+    fails: BoolArray = worst < (refuted + said)[:, :, np.newaxis]
+    fails[:, :, MIRRORS] = worst[:, :, MIRRORS] < mirrors_refuted + said
     return fails
 
 

@@ -47,6 +47,8 @@ from usmap_ros.nodes.plumbing.run import prepare_environment
 from usmap_ros.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[1]
+#: How the nodes reach each other: by loopback alone.
+PROFILE = ROOT / "config/dds/one_machine.xml"
 #: What every serialized message begins with: its byte order.
 _HEADER_BYTES = 4
 #: Name of a figure that is a list.
@@ -185,7 +187,7 @@ def measure(
     """Run a fleet for some seconds."""
     # A domain of its own: the nodes of the measurement before may still be leaving theirs.
     os.environ["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
     names = [f"robot{number}" for number in range(robots)]
     # Who ends this process ends a measurement, and not ROS under the threads that use it.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

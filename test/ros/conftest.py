@@ -54,7 +54,7 @@ SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND
 
 # Nobody on the network is to take part, and domains above 101 collide with ephemeral ports.
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(ROOT / "config/dds/one_machine.xml")
 # Tests that run at the same time take theirs from sequences that do not meet.
 _WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 _WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))

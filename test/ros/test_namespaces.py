@@ -78,6 +78,8 @@ def hosts(monkeypatch: pytest.MonkeyPatch) -> Iterator[TwoHosts]:
     except (OSError, subprocess.SubprocessError) as error:
         detail = getattr(error, "stderr", b"") or b""
         pytest.skip(f"no network namespaces here: {detail.decode().strip() or error}")
+    # They are on no other network, and reach each other by more than their loopback.
+    monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
     yield made
     made.remove()

@@ -29,6 +29,8 @@ BAD_WORDS = re.compile(
     r"Traceback|dropped:|failed:|malformed:|refused:|not kept:|starting it again|does not end"
 )
 
+#: How the nodes reach each other: by loopback alone.
+PROFILE = Path(__file__).parents[2] / "config/dds/one_machine.xml"
 _PROGRAM = [sys.executable, "-m", "usmap_ros"]
 _PARAMETERS = "/**:\n  ros__parameters: {checkpoint_period_s: 1.0}\n"
 
@@ -46,7 +48,7 @@ class _Fleet:
         """Start it in a ROS domain of its own."""
         self.folder.mkdir()
         domain = 1 + (int(os.environ.get("ROS_DOMAIN_ID", "0")) + self.number) % 100
-        own = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        own = {"ROS_DOMAIN_ID": str(domain), "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE)}
         command = [*_PROGRAM, "fleet", str(scenario), "-o", str(self.folder / "map")]
         with (self.folder / "log").open("wb") as log:
             self.process = subprocess.Popen(

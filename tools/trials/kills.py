@@ -95,7 +95,7 @@ def try_kills(
     prepare_environment()
     # That recordings are cut off is no news here.
     logging.getLogger("usmap_ros").setLevel(logging.ERROR)
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(ROOT / "config/dds/one_machine.xml")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     rclpy.init(args=[])
     robot, generator = _Robot(), random.Random(seed)

@@ -21,6 +21,8 @@ from rclpy.utilities import remove_ros_args
 from usmap_ros.errors import UsmapError
 from usmap_ros.processes.threads import take_short_turns
 
+#: By what Fast DDS reaches other processes.
+TRANSPORTS_VARIABLE = "FASTDDS_BUILTIN_TRANSPORTS"
 _ASKED_TO_END = (signal.SIGINT, signal.SIGTERM)
 #: Time for ROS to let go of a node, s; it takes a twentieth of one, and with a supervisor's 8 there
 #: is time enough for the map to be kept before.
@@ -65,6 +67,9 @@ def prepare_environment() -> None:
     # ament_index_python looks for packages there, and rclpy keeps its logs below HOME.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     os.environ.setdefault("HOME", tempfile.gettempdir())
+    # What Fast DDS shares in memory stays half written where a process is killed in the middle, and
+    # takes down who opens it next (eProsima/Fast-DDS#6501); loopback costs no more.
+    os.environ.setdefault(TRANSPORTS_VARIABLE, "UDPv4")
 
 
 def run_node(

@@ -5,8 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from usmap_ros.mapping.joint.forward_model.power_estimation import power_limits
+from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected, led_to, without_slits
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIONS, OTHERS, ROUND
+from usmap_ros.mapping.joint.free_space.listening import TRUSTED, listening_beside, scattering
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.response import HeardBins
@@ -27,7 +30,8 @@ from usmap_ros.mapping.joint.visibility.ray_casting import (
     everything,
 )
 from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
-from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE
+from usmap_ros.mapping.ping_bins import ECHO
+from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, PingTable
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -148,6 +152,77 @@ def test_what_returns_as_much_as_a_mirror_lets_nothing_through(
     assert reached_m == pytest.approx(ended_m[-2:] + BEHIND_ECHO_M, abs=0.03)
 
 
+def nothing_heard(table: PingTable) -> HeardBins:
+    """All pings are silent."""
+    silent = np.zeros(table.kind.shape, np.uint8)
+    never = silent.astype(np.float32)
+    return HeardBins(silent, never, never, np.full(silent.shape, 1e-4, np.float32))
+
+
+def test_echoes_of_what_is_estimated_elsewhere_speak_for_little(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """A ping with an echo, and a cell at its range: it may be of that, if that scatters at all."""
+    kept = KeptPings(MappingParameters())
+    kept.add(make_cone(), "robot")
+    table, rows, _ = kept.pings()[:3]
+    field = field_around(table, rows, RESOLUTION_M)
+    wanted = field.cells_at(np.array([1.0]), np.array([0.0]))
+    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
+    silence = nothing_heard(table)
+    heard = silence._replace(
+        heard=np.ones_like(silence.heard), likely=np.full_like(silence.chance, 0.7)
+    )
+
+    def told(listening: HeardBins, scatters: bool) -> float:
+        worst = np.zeros((*field.shape, GROUPS), np.float32)
+        refute_surfaces(
+            table, rows, field, left, listening, np.full((LOUDNESSES, INCIDENCES), -2.0), 9.0,
+            kinds, np.zeros(field.shape, np.float32), np.full(field.shape, scatters), wanted,
+            everything(len(rows)), worst,
+        )  # fmt: skip
+        return float(worst[wanted][0, OTHERS])
+
+    own, others = (told(heard, scatters) for scatters in (True, False))
+    # What is likely at its range anyhow says nearly nothing, and what is not speaks for a surface.
+    assert others < own - 1.0
+    assert told(silence, False) == told(silence, True) < others
+    # By the most of what it could say: that all of it is heard.
+    usual = told(silence._replace(heard=heard.heard, chance=np.ones_like(heard.chance)), True)
+    assert usual < others < usual - np.log(0.7)
+
+
+def test_estimates_that_are_not_shown_make_echoes_likely_elsewhere(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """A thing that three pings heard from different sides."""
+    kept = KeptPings(MappingParameters())
+    for turn in (0.0, 0.5, 1.0):
+        from_m = 1.0 - np.cos(turn), -np.sin(turn)
+        kept.add(make_cone((1.0, 0.3), x_m=from_m[0], y_m=from_m[1], yaw_rad=turn), "robot")
+    pings = kept.pings()
+    field = field_around(pings.table, pings.rows, RESOLUTION_M)
+    limits = power_limits(pings.table, pings.rows)
+    powers = Powers(pings.table, pings.rows, pings.weights, field, limits)
+    powers.start()
+    powers.sweep(10)
+    nothing = np.zeros(field.shape, bool)
+    listening = listening_beside(
+        Walls(nothing, nothing, nothing, NO_LINES, NO_LINES),
+        SmoothSurfaces(pings.table, pings.rows, pings.echoes, field), powers,
+        pings.table.numbers[pings.rows], pings.rows, pings.first_only, RESOLUTION_M,
+    )  # fmt: skip
+    is_echo = pings.table.kind[pings.rows] == ECHO
+    assert listening.chance[is_echo].max() < 0.1
+    assert listening.likely[is_echo] == pytest.approx(TRUSTED)
+    assert (listening.likely >= listening.chance).all()
+    scatters = scattering(powers, field.shape)
+    assert scatters[field.cells_at(np.array([1.0]), np.array([0.0]))].all()
+    # As far from the first of them, where the others hear nothing.
+    assert not scatters[field.cells_at(np.array([0.9]), np.array([0.43]))].any()
+
+
 def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
     make_cone: Callable[..., EchoCone],
 ) -> None:
@@ -159,19 +234,18 @@ def test_silence_refutes_mirrors_where_they_would_have_been_struck_squarely(
     field = field_around(table, rows, RESOLUTION_M)
     wanted = field.cells_at(np.array([1.0]), np.array([0.0]))
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
-    silent = np.zeros(table.kind.shape, np.uint8)
-    listening = HeardBins(silent, silent.astype(np.float32), np.full(silent.shape, 1e-4, "f4"))
+    listening = nothing_heard(table)
     kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
     kinds[ORIENTATIONS + 1 : ROUND, 1] = NEVER
 
-    likelier = np.zeros(field.shape, np.float32)
+    likelier, anywhere = np.zeros(field.shape, np.float32), np.ones(field.shape, bool)
 
     def told_of_mirrors(some: slice) -> float:
         worst = np.zeros((*field.shape, GROUPS), np.float32)
         log_silent, changed = np.full((LOUDNESSES, INCIDENCES), -2.0), everything(len(rows))
         refute_surfaces(
             table, rows[some], field, left[some], listening, log_silent, 9.0, kinds, likelier,
-            wanted, changed[some], worst,
+            anywhere, wanted, changed[some], worst,
         )  # fmt: skip
         assert worst[wanted][0, OTHERS] < -1.0
         return float(worst[wanted][0, MIRRORS])
@@ -194,16 +268,15 @@ def test_what_is_heard_of_surfaces_changes_where_sound_does(
         kept.add(make_cone(x_m=0.4 * number, yaw_rad=0.7 * number), "robot")
     table, rows, _ = kept.pings()[:3]
     field = field_around(table, rows, RESOLUTION_M)
-    silent = np.zeros(table.kind.shape, np.uint8)
-    listening = HeardBins(silent, silent.astype(np.float32), np.full(silent.shape, 1e-4, "f4"))
+    listening = nothing_heard(table)
     kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
     log_silent = np.full((LOUDNESSES, INCIDENCES), -2.0)
     wanted, likelier = np.ones(field.shape, bool), np.zeros(field.shape, np.float32)
 
     def refute(left: np.ndarray, changed: np.ndarray, worst: np.ndarray) -> np.ndarray:
         refute_surfaces(
-            table, rows, field, left, listening, log_silent, 9.0, kinds, likelier, wanted, changed,
-            worst,
+            table, rows, field, left, listening, log_silent, 9.0, kinds, likelier, wanted, wanted,
+            changed, worst,
         )  # fmt: skip
         return worst
 

@@ -20,7 +20,7 @@ from usmap_ros.mapping.joint.free_space.continuations import (
 )
 from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
-from usmap_ros.mapping.joint.free_space.listening import listening_beside
+from usmap_ros.mapping.joint.free_space.listening import listening_beside, scattering
 from usmap_ros.mapping.joint.free_space.refutation import (
     OCCUPIED,
     Refutations,
@@ -116,7 +116,10 @@ class FreeSpace:
         self.answers = answers = learn_answers(
             self._table, self._pings, field, left, listening, walls, smooth, evidence
         )
-        heard = HeardOfSurfaces(self._table, self._pings, field, listening, answers, left)
+        heard = HeardOfSurfaces(
+            self._table, self._pings, field, listening, answers, scattering(powers, field.shape),
+            left,
+        )  # fmt: skip
         proofs = self._proven(occupied, left, powers, smooth)
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
@@ -194,8 +197,9 @@ class FreeSpace:
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         # How usual surfaces are has been counted with what was heard of them before.
         heard = HeardOfSurfaces(
-            self._table, self._pings, self._field, listening, answers.by(all_usual), left
-        )
+            self._table, self._pings, self._field, listening, answers.by(all_usual),
+            scattering(powers, self._field.shape), left,
+        )  # fmt: skip
         proofs = self._proven(walls.shown, left, powers, smooth)
         left = self._left(self._held(walls, free, worst, answers), ended_m)
         more = np.zeros_like(worst)

@@ -36,6 +36,8 @@ class HeardOfSurfaces:
         What was heard, and was to be heard by what stands.
     answers : Answers
         What was learnt of the place.
+    scatters : (rows, columns) bool array
+        Cells that echoes may well be of, see `usmap_ros.mapping.joint.free_space.listening`.
     left : (pings, RAYS, STEPS) uint8 array
         How much of their sound is left, if nothing but what stands is in the way.
     """
@@ -47,10 +49,11 @@ class HeardOfSurfaces:
         field: Field,
         listening: HeardBins,
         answers: Answers,
+        scatters: BoolArray,
         left: NDArray[np.uint8],
     ) -> None:
         self._table, self._pings, self._field = table, pings, field
-        self._listening, self._answers = listening, answers
+        self._listening, self._answers, self._scatters = listening, answers, scatters
         self._likelier = self._mirrors_likelier(left)
 
     def renew(
@@ -61,21 +64,23 @@ class HeardOfSurfaces:
         worst: NDArray[np.float32],
     ) -> None:
         """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
-        self._renew(self._answers, left, wanted, changed, worst)
+        self._renew(self._answers, left, wanted, changed, worst, self._scatters)
 
     def of_lines(
         self, walls: Walls, left: NDArray[np.uint8], changed: NDArray[np.uint8]
     ) -> NDArray[np.float32]:
         """Log-likelihood ratio of a surface where lines are, or may go on: it faces as they do.
 
-        However rare such surfaces are, this one is there.
+        However rare such surfaces are, this one is there, and echoes may be of it that are taken
+        for those of something else.
         """
         reach, far_cells = walls.lines.copy(), FOLLOWED_M / self._field.resolution_m
         reach[:, BEGIN] -= far_cells
         reach[:, END] += far_cells
         asked = over_block(drawn(reach, self._field.shape)) | walls.bridged
         said = np.zeros((*self._field.shape, GROUPS), np.float32)
-        self._renew(self._answers.by(facing_anyhow), left, asked, changed, said)
+        answers, anywhere = self._answers.by(facing_anyhow), np.ones(self._field.shape, bool)
+        self._renew(answers, left, asked, changed, said, anywhere)
         return over_last(np.maximum, said[:, :, :MIRRORS])
 
     def _renew(
@@ -85,15 +90,16 @@ class HeardOfSurfaces:
         wanted: BoolArray,
         changed: NDArray[np.uint8],
         worst: NDArray[np.float32],
+        scatters: BoolArray,
     ) -> None:
-        """The same of surfaces as some answers have them."""
+        """The same of surfaces as some answers have them, and where echoes may be of them."""
 
         def renew(asked: BoolArray, silence: Silence) -> None:
             for_each(
                 lambda band: refute_surfaces(
                     self._table, self._pings, band[1], left, self._listening, silence.log_silent,
-                    silence.shape, silence.kinds, self._likelier[band[0]], asked[band[0]], changed,
-                    worst[band[0]],
+                    silence.shape, silence.kinds, self._likelier[band[0]], scatters[band[0]],
+                    asked[band[0]], changed, worst[band[0]],
                 ),
                 self._field.bands(BAND),
             )  # fmt: skip

@@ -8,11 +8,17 @@ from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.response import HeardBins, listen
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
+from usmap_ros.mapping.joint.visibility.field import QUARTERS
 from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 
 #: Range bins, in cells, to either side of a cell's that belong to it.
 LISTENING_CELLS = 0.75
+#: How far echoes are taken for those of what is estimated and not shown, in cells that scatter
+#: little themselves: less than so many times what estimates leave out.  Of an echo that nothing
+#: shown explains, any cell at its range may be the source; but what all pings together have it come
+#: from is right more often than not.
+TRUSTED, SCATTERS = 0.7, 100.0
 #: By how much things are taken to be fainter from where they are near to where they are as far as
 #: a sensor that reports the first thing only hears, and louder where they are near, dB.
 FADING_DB, NEAR_DB = 20.0, 6.0
@@ -29,7 +35,7 @@ def listening_beside(
 ) -> HeardBins:
     """What was heard, and was to be heard by what stands.
 
-    What is not shown counts for nothing: else an unsure wall would explain its own echoes.
+    What is estimated and not shown counts apart: an unsure wall must not explain its own echoes.
 
     Parameters
     ----------
@@ -47,8 +53,26 @@ def listening_beside(
     expected = powers.expected_of(over_block(walls.shown).ravel())
     reach = max(1, round(LISTENING_CELLS * resolution_m / float(np.median(numbers[:, BIN_M]))))
     listening = listen(smooth.put_back(expected), pings, expected, reach)
+    every = powers.expected_of(np.ones(walls.shown.size, bool))
+    likely = listen(smooth.put_back(every), pings, every, reach).chance
+    np.multiply(likely, np.float32(TRUSTED), out=likely)
+    np.maximum(likely, listening.chance, out=likely)
     _fade(listening.limit, numbers, first_only)
-    return listening
+    return listening._replace(likely=likely)
+
+
+def scattering(powers: Powers, shape: tuple[int, int]) -> BoolArray:
+    """Cells that echoes may well be of, by the estimate: their own, or those of cells beside them.
+
+    Parameters
+    ----------
+    powers : Powers
+        The estimate.
+    shape : (int, int)
+        Of the field.
+    """
+    power = over_last(np.add, powers.power.reshape(*shape, QUARTERS))
+    return over_block(power > SCATTERS * powers.limits.least)
 
 
 def _fade(limit: NDArray[np.float32], numbers: FloatArray, first_only: BoolArray) -> None:

@@ -66,6 +66,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     shape: float,
     kinds: FloatArray,
     likelier: NDArray[np.float32],
+    scatters: BoolArray,
     wanted: BoolArray,
     changed: NDArray[np.uint8],
     worst: NDArray[np.float32],
@@ -84,6 +85,9 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
         By `usmap_ros.mapping.joint.free_space.usual_directions.log_priors`.
     likelier : (rows, columns) float32 array
         Logarithm of how much more often those of the group of mirrors are found in each cell.
+    scatters : (rows, columns) bool array
+        Cells that echoes may well be of; those elsewhere are taken for what is likely to return
+        them, shown or not.
     wanted : (rows, columns) bool array
         Cells that are asked for.
     changed : (pings, RAYS) uint8 array
@@ -102,6 +106,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     classes, silence = incidence_classes(kinds), silence_by_share(log_silent)
     struck, ways = struck_squarely(classes), distinct_ways(log_silent)
     near, asked, seen = np.empty(len(pings), np.int64), np.empty(size, np.int64), room_for(size)
+    own = np.empty(size, np.bool_)
     open_m = OPEN_CELLS * field.resolution_m
     for bottom in range(0, field.rows, BLOCK):
         for start in range(0, field.columns, BLOCK):
@@ -114,6 +119,9 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
             middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
             is_said[:cells] = False
+            for place in range(cells):
+                up, right = divmod(asked[place], BLOCK)
+                own[place] = scatters[bottom + up, start + right]
             for place in range(around):
                 index = near[place]
                 # From the middle of the block, so that little is lost in single precision.
@@ -124,7 +132,7 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                     cells, seen,
                 )  # fmt: skip
                 _begin_said(count, seen, is_said, said)
-                _add_said(index, listening, silence, classes, struck, ways, count, seen, said)
+                _add_said(index, listening, silence, classes, struck, ways, count, seen, own, said)
             for place in range(cells):
                 up, right = divmod(asked[place], BLOCK)
                 least = worst[bottom + up, start + right]
@@ -249,6 +257,7 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     ways: int,
     count: int,
     seen: SoundedPlaces,
+    own: BoolArray,
     said: NDArray[np.float32],
 ) -> None:
     """Add what a ping says of surfaces in cells, by direction of view and orientation."""
@@ -270,7 +279,9 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                     said[cell, sector, ORIENTATIONS + way] += square
             said[cell, sector, ROUND] += silence[share, faint, 1, 0]
             continue
-        chance = max(clutter, listening.chance[index, b])
+        chance = max(
+            clutter, listening.chance[index, b] if own[cell] else listening.likely[index, b]
+        )
         for way in range(ways):
             silent = silence[share, loud, 0, classes[view, way]] * (one - chance)
             said[cell, sector, way] += log32((one - silent) / chance)

@@ -79,6 +79,8 @@ class HeardBins(NamedTuple):
     heard: NDArray[np.uint8]
     #: Probability that one would be there by what is known to stand at that range.
     chance: NDArray[np.float32]
+    #: The same by whatever is estimated, shown or not, as far as that is trusted; no less.
+    likely: NDArray[np.float32]
     #: Power that would have been reported.
     limit: NDArray[np.float32]
 
@@ -120,7 +122,7 @@ def listen(
                 share = min(MOST_EXPLAINED, explained / EXPLAINED_SHARE)
                 chance[index, b] = max(1.0 - quiet, share)
             limit[index, b] = floor if heard[index, b] else math.exp(logs / (end - first))
-    return HeardBins(heard, chance, limit)
+    return HeardBins(heard, chance, chance, limit)
 
 
 def look_at(

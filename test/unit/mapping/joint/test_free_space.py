@@ -9,7 +9,12 @@ from usmap_ros.mapping.joint.forward_model.power_estimation import power_limits
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected, led_to, without_slits
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIONS, OTHERS, ROUND
-from usmap_ros.mapping.joint.free_space.listening import TRUSTED, listening_beside, scattering
+from usmap_ros.mapping.joint.free_space.listening import (
+    TRUSTED,
+    listening_beside,
+    scattering,
+    trust,
+)
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.response import HeardBins
@@ -152,6 +157,11 @@ def test_what_returns_as_much_as_a_mirror_lets_nothing_through(
     assert reached_m == pytest.approx(ended_m[-2:] + BEHIND_ECHO_M, abs=0.03)
 
 
+def test_what_few_pings_make_an_estimate_of_is_not_trusted() -> None:
+    assert [trust(pings) for pings in (0.0, 100.0, 300.0, 1e4)] == [0.0, 0.0, TRUSTED, TRUSTED]
+    assert 0.0 < trust(150.0) < trust(250.0) < TRUSTED
+
+
 def nothing_heard(table: PingTable) -> HeardBins:
     """All pings are silent."""
     silent = np.zeros(table.kind.shape, np.uint8)
@@ -211,7 +221,7 @@ def test_estimates_that_are_not_shown_make_echoes_likely_elsewhere(
     listening = listening_beside(
         Walls(nothing, nothing, nothing, NO_LINES, NO_LINES),
         SmoothSurfaces(pings.table, pings.rows, pings.echoes, field), powers,
-        pings.table.numbers[pings.rows], pings.rows, pings.first_only, RESOLUTION_M,
+        pings.table.numbers[pings.rows], pings.rows, pings.first_only, RESOLUTION_M, TRUSTED,
     )  # fmt: skip
     is_echo = pings.table.kind[pings.rows] == ECHO
     assert listening.chance[is_echo].max() < 0.1

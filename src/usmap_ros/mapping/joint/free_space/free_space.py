@@ -20,7 +20,7 @@ from usmap_ros.mapping.joint.free_space.continuations import (
 )
 from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
-from usmap_ros.mapping.joint.free_space.listening import listening_beside, scattering
+from usmap_ros.mapping.joint.free_space.listening import listening_beside, scattering, trust
 from usmap_ros.mapping.joint.free_space.refutation import (
     OCCUPIED,
     Refutations,
@@ -95,7 +95,7 @@ class FreeSpace:
     ) -> None:
         self._table, self._pings, self._weights, self._field = table, pings, weights, field
         self._standing, self._stood, self._proofs = standing, stood, proofs
-        self._first_only = first_only
+        self._first_only, self._trusted = first_only, trust(float(weights.sum()))
 
     def find(
         self, walls: Walls, smooth: SmoothSurfaces, powers: Powers, evidence: CellEvidence
@@ -109,13 +109,13 @@ class FreeSpace:
         powers, evidence
             Of its cells.
         """
-        field, occupied = self._field, walls.shown
-        hides = occupied | self._standing
-        listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
+        field, occupied, hides = self._field, walls.shown, walls.shown | self._standing
+        ended_m, trusted = smooth.ended_m(), self._trusted
+        listening = self._listening(walls, smooth, powers, trusted)
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         self.answers = answers = learn_answers(
             self._table, self._pings, field, left, listening, walls, smooth, evidence
-        )
+        )._replace(trusted=trusted)
         heard = HeardOfSurfaces(
             self._table, self._pings, field, listening, answers, scattering(powers, field.shape),
             left,
@@ -193,7 +193,8 @@ class FreeSpace:
             What was learnt of the place.
         """
         hides = walls.shown | self._standing
-        listening, ended_m = self._listening(walls, smooth, powers), smooth.ended_m()
+        listening = self._listening(walls, smooth, powers, answers.trusted)
+        ended_m = smooth.ended_m()
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         # How usual surfaces are has been counted with what was heard of them before.
         heard = HeardOfSurfaces(
@@ -240,10 +241,12 @@ class FreeSpace:
         width = 2 * math.ceil(numbers[:, GREATEST_RANGE].max() / self._field.resolution_m) + 1
         return running_maximum(running_maximum(stood, width).T, width).T
 
-    def _listening(self, walls: Walls, smooth: SmoothSurfaces, powers: Powers) -> HeardBins:
+    def _listening(
+        self, walls: Walls, smooth: SmoothSurfaces, powers: Powers, trusted: float
+    ) -> HeardBins:
         numbers, step_m = self._table.numbers[self._pings], self._field.resolution_m
         return listening_beside(
-            walls, smooth, powers, numbers, self._pings, self._first_only, step_m
+            walls, smooth, powers, numbers, self._pings, self._first_only, step_m, trusted
         )
 
     def _proven(

@@ -19,6 +19,8 @@ LISTENING_CELLS = 0.75
 #: shown explains, any cell at its range may be the source; but what all pings together have it come
 #: from is right more often than not.
 TRUSTED, SCATTERS = 0.7, 100.0
+#: Pings up to which estimates are not trusted for that, and from which on they are.
+FEW_PINGS, MANY_PINGS = 100.0, 300.0
 #: By how much things are taken to be fainter from where they are near to where they are as far as
 #: a sensor that reports the first thing only hears, and louder where they are near, dB.
 FADING_DB, NEAR_DB = 20.0, 6.0
@@ -32,6 +34,7 @@ def listening_beside(
     pings: NDArray[np.int64],
     first_only: BoolArray,
     resolution_m: float,
+    trusted: float,
 ) -> HeardBins:
     """What was heard, and was to be heard by what stands.
 
@@ -49,16 +52,23 @@ def listening_beside(
         Pings of sensors that report the first thing only.
     resolution_m : float
         Side of a cell.
+    trusted : float
+        How far what is estimated and not shown is trusted, by `trust`.
     """
     expected = powers.expected_of(over_block(walls.shown).ravel())
     reach = max(1, round(LISTENING_CELLS * resolution_m / float(np.median(numbers[:, BIN_M]))))
     listening = listen(smooth.put_back(expected), pings, expected, reach)
     every = powers.expected_of(np.ones(walls.shown.size, bool))
     likely = listen(smooth.put_back(every), pings, every, reach).chance
-    np.multiply(likely, np.float32(TRUSTED), out=likely)
+    np.multiply(likely, np.float32(trusted), out=likely)
     np.maximum(likely, listening.chance, out=likely)
     _fade(listening.limit, numbers, first_only)
     return listening._replace(likely=likely)
+
+
+def trust(pings: float) -> float:
+    """How far an estimate is trusted that is made from so many pings, those from one place one."""
+    return TRUSTED * float(np.interp(pings, (FEW_PINGS, MANY_PINGS), (0.0, 1.0)))
 
 
 def scattering(powers: Powers, shape: tuple[int, int]) -> BoolArray:

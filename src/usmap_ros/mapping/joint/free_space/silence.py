@@ -101,6 +101,9 @@ class Answers(NamedTuple):
     mirrored: list[PartOfPlace]
     #: Share of rays that end at nothing, by `usmap_ros.mapping.joint.free_space.open_rays`.
     usually_open: float
+    #: How far what is estimated and not shown is trusted, by
+    #: `usmap_ros.mapping.joint.free_space.listening.trust`.
+    trusted: float = 0.0
 
     def each(self, field: Field) -> Iterator[tuple[BoolArray, Silence]]:
         """Cells of a field, and what silence says there."""

@@ -157,9 +157,15 @@ def test_what_returns_as_much_as_a_mirror_lets_nothing_through(
     assert reached_m == pytest.approx(ended_m[-2:] + BEHIND_ECHO_M, abs=0.03)
 
 
-def test_what_few_pings_make_an_estimate_of_is_not_trusted() -> None:
-    assert [trust(pings) for pings in (0.0, 100.0, 300.0, 1e4)] == [0.0, 0.0, TRUSTED, TRUSTED]
-    assert 0.0 < trust(150.0) < trust(250.0) < TRUSTED
+def test_estimates_of_few_pings_and_of_lone_things_are_not_trusted() -> None:
+    column, row = np.meshgrid(np.arange(20), np.arange(7))
+    nothing, line = np.zeros((7, 20), bool), np.array([[0.0, 1.0, 3.0, -16.0, -2.0]])
+    wall = Walls((row == 3) & (column >= 2) & (column <= 16), nothing, nothing, line, NO_LINES)
+    told = [trust(pings, wall) for pings in (0.0, 100.0, 300.0, 1e4)]
+    assert told == [0.0, 0.0, TRUSTED, TRUSTED]
+    assert 0.0 < trust(150.0, wall) < trust(250.0, wall) < TRUSTED
+    poles = Walls((row % 3 == 1) & (column % 5 == 1), nothing, nothing, NO_LINES, NO_LINES)
+    assert trust(1e4, poles) == 0.0
 
 
 def nothing_heard(table: PingTable) -> HeardBins:

@@ -95,7 +95,7 @@ class FreeSpace:
     ) -> None:
         self._table, self._pings, self._weights, self._field = table, pings, weights, field
         self._standing, self._stood, self._proofs = standing, stood, proofs
-        self._first_only, self._trusted = first_only, trust(float(weights.sum()))
+        self._first_only = first_only
 
     def find(
         self, walls: Walls, smooth: SmoothSurfaces, powers: Powers, evidence: CellEvidence
@@ -110,7 +110,7 @@ class FreeSpace:
             Of its cells.
         """
         field, occupied, hides = self._field, walls.shown, walls.shown | self._standing
-        ended_m, trusted = smooth.ended_m(), self._trusted
+        ended_m, trusted = smooth.ended_m(), trust(float(self._weights.sum()), walls)
         listening = self._listening(walls, smooth, powers, trusted)
         left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
         self.answers = answers = learn_answers(

@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.response import HeardBins, listen
+from usmap_ros.mapping.joint.free_space.silence import walled_share
+from usmap_ros.mapping.joint.surfaces.lines import drawn
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import QUARTERS
@@ -66,9 +68,21 @@ def listening_beside(
     return listening._replace(likely=likely)
 
 
-def trust(pings: float) -> float:
-    """How far an estimate is trusted that is made from so many pings, those from one place one."""
-    return TRUSTED * float(np.interp(pings, (FEW_PINGS, MANY_PINGS), (0.0, 1.0)))
+def trust(pings: float, walls: Walls) -> float:
+    """How far an estimate is trusted, where it is not shown.
+
+    Among lone things it explains little that is not shown, and poles that were missed are lost.
+
+    Parameters
+    ----------
+    pings : float
+        How many pings it is made from, those from one place being one.
+    walls : Walls
+        What is shown.
+    """
+    near_lines = over_block(drawn(walls.all_lines, walls.shown.shape))
+    share = float(np.interp(pings, (FEW_PINGS, MANY_PINGS), (0.0, 1.0)))
+    return TRUSTED * share * walled_share(walls.shown, near_lines)
 
 
 def scattering(powers: Powers, shape: tuple[int, int]) -> BoolArray:

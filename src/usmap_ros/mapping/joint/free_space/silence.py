@@ -210,7 +210,7 @@ def _learnt(
         surfaces = facing_them
         views = look_at(table, pings, field, left, listening, surfaces)
     log_silent = learn_response(views, surfaces)
-    walled = _walled(walls.shown, on_lines)
+    walled = walled_share(walls.shown, on_lines)
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
     mine = np.flatnonzero(own)
     index, bins = np.nonzero(table.kind[pings[mine]] == ECHO)
@@ -281,7 +281,13 @@ def thresholds_of(walled: float, has_mirrors: bool, wide: float) -> Thresholds:
     return Thresholds((1.0 - wide) * refuted + wide * of_mirrors, of_mirrors, unknown)
 
 
-def _walled(occupied: BoolArray, on_lines: BoolArray) -> float:
-    """How far a place is one of walls, up to 1."""
+def walled_share(occupied: BoolArray, on_lines: BoolArray) -> float:
+    """How far a place is one of walls, up to 1.
+
+    Parameters
+    ----------
+    occupied, on_lines : (rows, columns) bool arrays
+        What stands, and cells near lines.
+    """
     share = int(np.count_nonzero(occupied & on_lines)) / max(1, int(np.count_nonzero(occupied)))
     return min(share / WALLED_SHARE, 1.0)

@@ -60,11 +60,13 @@ def listening_beside(
     expected = powers.expected_of(over_block(walls.shown).ravel())
     reach = max(1, round(LISTENING_CELLS * resolution_m / float(np.median(numbers[:, BIN_M]))))
     listening = listen(smooth.put_back(expected), pings, expected, reach)
+    _fade(listening.limit, numbers, first_only)
+    if not trusted:
+        return listening
     every = powers.expected_of(np.ones(walls.shown.size, bool))
     likely = listen(smooth.put_back(every), pings, every, reach).chance
     np.multiply(likely, np.float32(trusted), out=likely)
     np.maximum(likely, listening.chance, out=likely)
-    _fade(listening.limit, numbers, first_only)
     return listening._replace(likely=likely)
 
 

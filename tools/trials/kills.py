@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from fleets import PROFILE
 
 from usmap_ros.errors import UsmapError
 from usmap_ros.io.bag_reader import BagReader
@@ -95,7 +96,7 @@ def try_kills(
     prepare_environment()
     # That recordings are cut off is no news here.
     logging.getLogger("usmap_ros").setLevel(logging.ERROR)
-    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(ROOT / "config/dds/one_machine.xml")
+    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     rclpy.init(args=[])
     robot, generator = _Robot(), random.Random(seed)

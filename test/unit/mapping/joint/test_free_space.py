@@ -233,7 +233,7 @@ def test_estimates_that_are_not_shown_make_echoes_likely_elsewhere(
     assert listening.chance[is_echo].max() < 0.1
     assert listening.likely[is_echo] == pytest.approx(TRUSTED)
     assert (listening.likely >= listening.chance).all()
-    scatters = scattering(powers, field.shape)
+    scatters = scattering(powers)
     assert scatters[field.cells_at(np.array([1.0]), np.array([0.0]))].all()
     # As far from the first of them, where the others hear nothing.
     assert not scatters[field.cells_at(np.array([0.9]), np.array([0.43]))].any()

@@ -203,6 +203,11 @@ class Powers:
                 _pull(self._before, self._power, self.limits.least, gradients[-1])
             update_powers(self._power, gradients, self.limits.least)
 
+    @property
+    def of_cells(self) -> NDArray[np.float32]:
+        """Power of each cell, all its quarters together, (rows, columns)."""
+        return over_last(np.add, self.power.reshape(*self._field.shape, QUARTERS))
+
     def expected_of(self, among: BoolArray) -> NDArray[np.float32]:
         """What would be expected of all pings if some cells were all there is.
 

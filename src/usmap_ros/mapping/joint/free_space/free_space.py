@@ -32,7 +32,7 @@ from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.silence import Answers, learn_answers
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
-from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.open_ways import prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import (
     cast_all_rays,
@@ -117,7 +117,7 @@ class FreeSpace:
             self._table, self._pings, field, left, listening, walls, smooth, evidence
         )._replace(trusted=trusted)
         heard = HeardOfSurfaces(
-            self._table, self._pings, field, listening, answers, scattering(powers, field.shape),
+            self._table, self._pings, field, listening, answers, scattering(powers),
             left,
         )  # fmt: skip
         proofs = self._proven(occupied, left, powers, smooth)
@@ -199,7 +199,7 @@ class FreeSpace:
         # How usual surfaces are has been counted with what was heard of them before.
         heard = HeardOfSurfaces(
             self._table, self._pings, self._field, listening, answers.by(all_usual),
-            scattering(powers, self._field.shape), left,
+            scattering(powers), left,
         )  # fmt: skip
         proofs = self._proven(walls.shown, left, powers, smooth)
         left = self._left(self._held(walls, free, worst, answers), ended_m)
@@ -258,8 +258,7 @@ class FreeSpace:
     ) -> NDArray[np.float32]:
         """Pings whose sound is known to have passed each cell, as far as it is."""
         proven = np.zeros(self._field.shape, np.float32)
-        power = over_last(np.add, powers.power.reshape(*self._field.shape, QUARTERS))
-        believed = np.where(over_block(occupied), power, np.float32(0.0))
+        believed = np.where(over_block(occupied), powers.of_cells, np.float32(0.0))
         prove_open(
             self._table, self._pings, self._field, left, powers.expected, believed, proven,
             self._weights,

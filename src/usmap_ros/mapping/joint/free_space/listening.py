@@ -10,9 +10,8 @@ from usmap_ros.mapping.joint.free_space.silence import walled_share
 from usmap_ros.mapping.joint.surfaces.lines import drawn
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
-from usmap_ros.mapping.joint.visibility.field import QUARTERS
 from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, LEAST_RANGE
-from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Range bins, in cells, to either side of a cell's that belong to it.
 LISTENING_CELLS = 0.75
@@ -63,7 +62,8 @@ def listening_beside(
     _fade(listening.limit, numbers, first_only)
     if not trusted:
         return listening
-    every = powers.expected_of(np.ones(walls.shown.size, bool))
+    # What smooth things return is added to it.
+    every = powers.expected.copy()
     likely = listen(smooth.put_back(every), pings, every, reach).chance
     np.multiply(likely, np.float32(trusted), out=likely)
     np.maximum(likely, listening.chance, out=likely)
@@ -87,18 +87,15 @@ def trust(pings: float, walls: Walls) -> float:
     return TRUSTED * share * walled_share(walls.shown, near_lines)
 
 
-def scattering(powers: Powers, shape: tuple[int, int]) -> BoolArray:
+def scattering(powers: Powers) -> BoolArray:
     """Cells that echoes may well be of, by the estimate: their own, or those of cells beside them.
 
     Parameters
     ----------
     powers : Powers
         The estimate.
-    shape : (int, int)
-        Of the field.
     """
-    power = over_last(np.add, powers.power.reshape(*shape, QUARTERS))
-    return over_block(power > SCATTERS * powers.limits.least)
+    return over_block(powers.of_cells > SCATTERS * powers.limits.least)
 
 
 def _fade(limit: NDArray[np.float32], numbers: FloatArray, first_only: BoolArray) -> None:

@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
+from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers, Surroundings, joined
+from usmap_ros.mapping.joint.surfaces.lines import (
+    BEGIN,
+    DISTANCE,
+    END,
+    NORMAL_X,
+    NORMAL_Y,
+    cells_beyond,
+)
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -61,7 +69,7 @@ def continue_lines(
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
             ahead = sign * (crossings - line[end])
             first = ahead[ahead > -MET_CELLS].min(initial=most_cells)
-            rows, columns = _beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
+            rows, columns = cells_beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
             if len(rows) == 0:
                 continue
             said, is_solid = least[rows, columns], stands[rows, columns]
@@ -84,7 +92,7 @@ def continued(
     worst: NDArray[np.float32],
     is_open: BoolArray,
     stood: BoolArray,
-    resolution_m: float,
+    lookers: Lookers,
 ) -> tuple[Walls, BoolArray]:
     """Walls with what continues them, and cells that they may go on in.
 
@@ -96,16 +104,19 @@ def continued(
         Log-likelihood ratio of a surface in each cell.
     is_open, stood : (rows, columns) bool arrays
         Cells that are known to be open, and where robots stood.
-    resolution_m : float
-        Side of a cell.
+    lookers : Lookers
+        Who looked there.
     """
     said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
     # What is said among mirrors is said of them, which have been followed in their own way.
     followed_m = BESIDE_MIRRORS_M if len(walls.mirrors) else FOLLOWED_M
-    most_cells = followed_m / resolution_m
+    most_cells = followed_m / lookers.field.resolution_m
     lines, may_be = continue_lines(walls.lines, walls.shown, said, most_cells)
     _, more = continue_lines(walls.mirrors, walls.shown, said, most_cells)
-    return walls.through(lines, stood), may_be | more
+    walls = walls.through(lines, stood)
+    said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
+    around = Surroundings(said, over_block(walls.shown), is_open)
+    return walls.through(joined(lines, around, lookers), stood), may_be | more
 
 
 def _ending_at_corners(lines: FloatArray, longer: FloatArray) -> FloatArray:
@@ -138,7 +149,7 @@ def may_go_on(
     may, is_known = np.zeros_like(free), stands | free
     for line in lines:
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
-            rows, columns = _beyond(line, line[end], sign, most_cells, free.shape)
+            rows, columns = cells_beyond(line, line[end], sign, most_cells, free.shape)
             if len(rows) == 0:
                 continue
             ends = is_known[rows, columns]
@@ -164,18 +175,6 @@ def _crossings(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:
     )
     met: FloatArray = along[reached]
     return met
-
-
-def _beyond(
-    line: NDArray[np.float64], end: float, sign: float, most: float, shape: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the cells beyond an end of a line, as far as the field goes."""
-    along = end + sign * np.arange(1.0, most + 0.5)
-    columns = np.rint(line[NORMAL_X] * line[DISTANCE] - line[NORMAL_Y] * along).astype(np.int64)
-    rows = np.rint(line[NORMAL_Y] * line[DISTANCE] + line[NORMAL_X] * along).astype(np.int64)
-    inside = (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
-    count = _leading(inside)
-    return rows[:count], columns[:count]
 
 
 def _leading(true: BoolArray) -> int:

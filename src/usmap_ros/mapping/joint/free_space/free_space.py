@@ -21,6 +21,7 @@ from usmap_ros.mapping.joint.free_space.continuations import (
 from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
 from usmap_ros.mapping.joint.free_space.listening import listening_beside, scattering, trust
+from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers
 from usmap_ros.mapping.joint.free_space.refutation import (
     OCCUPIED,
     Refutations,
@@ -140,7 +141,10 @@ class FreeSpace:
         is_refuted = are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
-        walls, may_be = continued(walls, going_on, proven | stood, self._stood, field.resolution_m)
+        walls, may_be = continued(
+            walls, going_on, proven | stood, self._stood,
+            Lookers(self._table, self._pings, field, left),
+        )  # fmt: skip
         walls = walls.without(going_on < HARDLY)
         closed |= may_be
         closed |= behind_walls(walls, evidence, field) & ~proven & (alike >= ENDS)

@@ -27,6 +27,30 @@ def points_on(
     return rows.astype(np.int64), columns.astype(np.int64)
 
 
+def cells_beyond(
+    line: NDArray[np.float64], end: float, sign: float, most: float, shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the cells beyond an end of a line, as far as the field goes.
+
+    Parameters
+    ----------
+    line : (5,) array
+        The line.
+    end, sign : float
+        Where along it, and which way they follow.
+    most : float
+        How many.
+    shape : (int, int)
+        Of the field.
+    """
+    along = end + sign * np.arange(1.0, most + 0.5)
+    columns = np.rint(line[NORMAL_X] * line[DISTANCE] - line[NORMAL_Y] * along).astype(np.int64)
+    rows = np.rint(line[NORMAL_Y] * line[DISTANCE] + line[NORMAL_X] * along).astype(np.int64)
+    inside = (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
+    count = len(inside) if inside.all() else int(inside.argmin())
+    return rows[:count], columns[:count]
+
+
 def facing_so(lines: NDArray[np.float64], normal_rad: float) -> NDArray[np.float64]:
     """Those of some lines that are parallel to a wall which faces in a direction, or nearly so."""
     cosine = lines[:, NORMAL_X] * np.cos(normal_rad) + lines[:, NORMAL_Y] * np.sin(normal_rad)

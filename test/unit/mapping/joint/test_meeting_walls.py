@@ -1,0 +1,100 @@
+"""Walls go on until they meet where many looked and nothing contradicts, and nowhere else."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.mapping.joint.free_space.meeting_walls import (
+    MOST_GAP_SHARE,
+    Lookers,
+    Surroundings,
+    joined,
+)
+from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, drawn
+from usmap_ros.mapping.joint.visibility.field import field_around
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
+
+RESOLUTION_M = 0.05
+#: Robots at the origin look to the north-east; the corner is there, cells from them each way.
+YAWS_RAD = np.deg2rad([25.0, 25.0, 45.0, 45.0, 65.0, 65.0])
+CORNER = 30.0
+#: Along the tangent (-ny, nx): a wall north of them that is missing from column 8 on, and one east
+#: of them, from row 10 on.
+NORTH = np.array([0.0, 1.0, CORNER, -8.0, 30.0])
+EAST = np.array([1.0, 0.0, CORNER, -30.0, 10.0])
+
+
+@pytest.fixture
+def lookers(make_cone: Callable[..., EchoCone]) -> Lookers:
+    kept = KeptPings(MappingParameters())
+    for number, yaw_rad in enumerate(YAWS_RAD):
+        kept.add(make_cone(yaw_rad=yaw_rad, stamp_ns=number), "robot")
+    table, rows, *_ = kept.pings()
+    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    return Lookers(table, rows, field_around(table, rows, RESOLUTION_M), left)
+
+
+def on_field(lines: list[NDArray[np.float64]], lookers: Lookers) -> NDArray[np.float64]:
+    """Lines that are told from where robots are, from the field's first cell."""
+    right, up = lookers.places()[0]
+    moved = np.array(lines)
+    moved[:, DISTANCE] += moved[:, 0] * right + moved[:, 1] * up
+    moved[:, [BEGIN, END]] += (moved[:, 0] * up - moved[:, 1] * right)[:, np.newaxis]
+    return moved
+
+
+def added(
+    lines: list[NDArray[np.float64]],
+    lookers: Lookers,
+    said: float = 0.0,
+    stands: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float64]:
+    """What lines gain at their beginnings and ends, where pings say the same of all cells."""
+    before, shape = on_field(lines, lookers), lookers.field.shape
+    shown = drawn(before, shape) | (np.zeros(shape, bool) if stands is None else stands)
+    around = Surroundings(np.full(shape, said), over_block(shown), np.zeros(shape, bool))
+    gained: NDArray[np.float64] = np.abs(joined(before, around, lookers) - before)[:, [BEGIN, END]]
+    return gained
+
+
+def test_two_walls_go_on_to_their_corner(lookers: Lookers) -> None:
+    gained = added([NORTH, EAST], lookers)
+    assert gained == pytest.approx(np.array([[CORNER - 8.0, 0.0], [0.0, CORNER - 10.0]]))
+
+
+def test_a_contradicted_corner_is_none(lookers: Lookers) -> None:
+    assert not added([NORTH, EAST], lookers, said=-4.0).any()
+
+
+def test_a_corner_that_nobody_looks_at_is_none(lookers: Lookers) -> None:
+    lookers.left[:, :, STEPS // 4 :] = 0
+    assert not added([NORTH, EAST], lookers).any()
+
+
+def test_walls_that_turn_their_backs_on_each_other_have_no_corner(lookers: Lookers) -> None:
+    """Who looks does so from outside: a way leads round what the walls are of."""
+    behind = EAST.copy()
+    behind[[BEGIN, END]] = CORNER + 20.0, CORNER + 60.0
+    assert not added([NORTH, behind], lookers).any()
+
+
+def test_short_walls_do_not_say_where_their_corner_is(lookers: Lookers) -> None:
+    short = EAST.copy()
+    short[BEGIN] = 10.0 - (CORNER - 10.0) / MOST_GAP_SHARE + 1.0
+    assert not added([NORTH, short], lookers).any()
+
+
+def test_a_wall_goes_on_to_what_stands(lookers: Lookers) -> None:
+    right, up = np.rint(lookers.places()[0]).astype(int)
+    thing = np.zeros(lookers.field.shape, bool)
+    thing[up + 30, right + 28] = True
+    gained = added([NORTH], lookers, stands=thing)
+    assert gained[0, 1] == 0.0
+    assert gained[0, 0] == pytest.approx(18.0, abs=1.0)
+    assert not added([NORTH], lookers).any()

@@ -30,14 +30,24 @@ NORTH = np.array([0.0, 1.0, CORNER, -8.0, 30.0])
 EAST = np.array([1.0, 0.0, CORNER, -30.0, 10.0])
 
 
-@pytest.fixture
-def lookers(make_cone: Callable[..., EchoCone]) -> Lookers:
+def lookers_of(cones: list[EchoCone]) -> Lookers:
+    """Pings, among which nothing is yet."""
     kept = KeptPings(MappingParameters())
-    for number, yaw_rad in enumerate(YAWS_RAD):
-        kept.add(make_cone(yaw_rad=yaw_rad, stamp_ns=number), "robot")
+    for cone in cones:
+        kept.add(cone, "robot")
     table, rows, *_ = kept.pings()
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
     return Lookers(table, rows, field_around(table, rows, RESOLUTION_M), left)
+
+
+@pytest.fixture
+def cones(make_cone: Callable[..., EchoCone]) -> list[EchoCone]:
+    return [make_cone(yaw_rad=yaw, stamp_ns=number) for number, yaw in enumerate(YAWS_RAD)]
+
+
+@pytest.fixture
+def lookers(cones: list[EchoCone]) -> Lookers:
+    return lookers_of(cones)
 
 
 def on_field(lines: list[NDArray[np.float64]], lookers: Lookers) -> NDArray[np.float64]:
@@ -90,11 +100,24 @@ def test_short_walls_do_not_say_where_their_corner_is(lookers: Lookers) -> None:
     assert not added([NORTH, short], lookers).any()
 
 
-def test_a_wall_goes_on_to_what_stands(lookers: Lookers) -> None:
+def with_thing(lookers: Lookers) -> NDArray[np.bool_]:
+    """Something that stands where the wall north of robots would go on."""
     right, up = np.rint(lookers.places()[0]).astype(int)
     thing = np.zeros(lookers.field.shape, bool)
-    thing[up + 30, right + 28] = True
-    gained = added([NORTH], lookers, stands=thing)
-    assert gained[0, 1] == 0.0
-    assert gained[0, 0] == pytest.approx(18.0, abs=1.0)
+    thing[up + round(CORNER), right + 28] = True
+    return thing
+
+
+def test_a_wall_goes_on_to_what_stands(lookers: Lookers) -> None:
+    gained = added([NORTH], lookers, stands=with_thing(lookers))
+    assert gained[0] == pytest.approx(np.array([18.0, 0.0]), abs=1.0)
     assert not added([NORTH], lookers).any()
+
+
+def test_what_has_robots_on_either_side_goes_on_to_nothing(
+    cones: list[EchoCone], make_cone: Callable[..., EchoCone]
+) -> None:
+    """Racks that stand in line were one, with no way between them."""
+    behind = make_cone(y_m=2.5, yaw_rad=np.pi / 2.0, stamp_ns=len(cones))
+    lookers = lookers_of([*cones, behind])
+    assert not added([NORTH], lookers, stands=with_thing(lookers)).any()

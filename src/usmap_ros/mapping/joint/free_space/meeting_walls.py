@@ -38,6 +38,9 @@ PAST_CELLS, LEAST_GAP_CELLS = 5.0, 3.0
 ENDS = -3.0
 #: Cells are looked at if so many pings do; so many are from within a corner, and from outside.
 LOOKS, FROM_WITHIN, FROM_OUTSIDE = 2, 0.8, 0.1
+#: What goes on up to a thing has nobody behind it within so far, m: with robots on either side it
+#: is the side of a thing itself, as of a rack that stands in line with others.
+NEAR_M = 5.0
 #: Share of the sound that reaches what is looked at, up to so far before it, in cells.
 LEFT, BEFORE_CELLS = 0.5, 2.0
 
@@ -205,18 +208,27 @@ def _most_missing(line: FloatArray, resolution_m: float) -> float:
 def _is_one(meeting: _Meeting, lines: FloatArray, around: Surroundings, lookers: Lookers) -> bool:
     """Whether walls go on until they meet: many look there from within, and none contradicts."""
     missing = [gap.cells(lines, around.said.shape) for gap in meeting.missing]
-    for rows, columns in missing:
-        # Beside the first and the last there is what stands.
-        ends_before = (around.said[rows[1:-1], columns[1:-1]] < ENDS).any()
-        is_barred = around.stands[rows[2:-2], columns[2:-2]].any()
-        if ends_before or is_barred or around.is_open[rows, columns].any():
-            return False
+    if any(_is_contradicted(rows, columns, around) for rows, columns in missing):
+        return False
     rows, columns = (np.concatenate(each) for each in zip(*missing, strict=True))
-    looks = lookers.looks(rows, columns)
-    within = _within(meeting, lines, lookers.places(), looks)
+    looks, places = lookers.looks(rows, columns), lookers.places()
+    within = _within(meeting, lines, places, looks)
+    away_m = lookers.field.resolution_m * np.hypot(*(places - (columns.mean(), rows.mean())).T)
+    if not meeting.walls and np.any(~within & (away_m < NEAR_M)):
+        return False
     from_within = (looks[:, within].sum(axis=1) >= LOOKS).mean()
     from_outside = (looks[:, ~within].sum(axis=1) >= LOOKS).mean()
     return bool(from_within >= FROM_WITHIN and from_outside <= FROM_OUTSIDE)
+
+
+def _is_contradicted(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], around: Surroundings
+) -> bool:
+    """Whether pings deny that a wall goes on, or something else is in its way."""
+    # Beside the first and the last there is what stands.
+    is_denied = (around.said[rows[1:-1], columns[1:-1]] < ENDS).any()
+    is_barred = around.stands[rows[2:-2], columns[2:-2]].any()
+    return bool(is_denied or is_barred or around.is_open[rows, columns].any())
 
 
 def _within(

@@ -94,6 +94,16 @@ def test_walls_that_turn_their_backs_on_each_other_have_no_corner(lookers: Looke
     assert not added([NORTH, behind], lookers).any()
 
 
+def test_walls_that_are_not_square_have_others_between_them(lookers: Lookers) -> None:
+    """Sides of a hexagon were drawn on, past a wall across its corner that few had heard."""
+    angle_rad = np.deg2rad(25.0)
+    normal, tangent = np.exp(1j * (angle_rad + np.array([0.0, 0.5 * np.pi])))
+    corner = complex(CORNER, CORNER)
+    distance, along = ((corner * np.conj(axis)).real for axis in (normal, tangent))
+    askew = np.array([normal.real, normal.imag, distance, along - 60.0, along - 20.0])
+    assert not added([NORTH, askew], lookers).any()
+
+
 def test_short_walls_do_not_say_where_their_corner_is(lookers: Lookers) -> None:
     short = EAST.copy()
     short[BEGIN] = 10.0 - (CORNER - 10.0) / MOST_GAP_SHARE + 1.0

@@ -29,8 +29,9 @@ from usmap_ros.numerics.geometry import wrapped
 #: Walls are so long, m; and how far from the end of what was heard of it a wall's corner may be, m,
 #: and over its length, which tells how well its direction is known.
 LEAST_WALL_M, MOST_GAP_M, MOST_GAP_SHARE = 0.75, 5.0, 1.5
-#: Cosine of the angle between walls of a corner, at the most.
-MOST_COSINE = 0.8
+#: Cosine of the angle between walls of a corner, at the most: walls that are not square to each
+#: other seldom meet, there are others between them.
+MOST_COSINE = 0.3
 #: So many cells beyond its corner, at the most, a wall seems to end; and what is nearer to it
 #: than so many is not missing.
 PAST_CELLS, LEAST_GAP_CELLS = 5.0, 3.0

@@ -17,6 +17,7 @@ from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, drawn
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
+from usmap_ros.mapping.ping_bins import UNJUDGED
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -84,6 +85,12 @@ def test_a_contradicted_corner_is_none(lookers: Lookers) -> None:
 
 def test_a_corner_that_nobody_looks_at_is_none(lookers: Lookers) -> None:
     lookers.left[:, :, STEPS // 4 :] = 0
+    assert not added([NORTH, EAST], lookers).any()
+
+
+def test_who_hears_the_first_thing_only_looks_no_farther(lookers: Lookers) -> None:
+    """A maze of card board was drawn with corners that are cut out of it."""
+    lookers.table.kind[:, lookers.table.kind.shape[1] // 4 :] = UNJUDGED
     assert not added([NORTH, EAST], lookers).any()
 
 

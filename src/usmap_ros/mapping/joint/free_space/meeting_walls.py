@@ -22,7 +22,17 @@ from usmap_ros.mapping.joint.surfaces.lines import (
 )
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.ping_table import GREATEST_RANGE, HALF_ANGLE, HEADING, PingTable, X, Y
+from usmap_ros.mapping.ping_bins import UNJUDGED
+from usmap_ros.mapping.ping_table import (
+    BIN_M,
+    GREATEST_RANGE,
+    HALF_ANGLE,
+    HEADING,
+    LEAST_RANGE,
+    PingTable,
+    X,
+    Y,
+)
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
@@ -64,7 +74,9 @@ class Lookers(NamedTuple):
         return places
 
     def looks(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> BoolArray:
-        """(cells, pings) array: whether sound of each ping gets to each cell.
+        """(cells, pings) array: whether sound of each ping gets to each cell, and it listened then.
+
+        Sensors that report the first thing only hear nothing of what is beyond it.
 
         Parameters
         ----------
@@ -75,14 +87,17 @@ class Lookers(NamedTuple):
         x, y = (np.stack([columns, rows], axis=1)[:, np.newaxis] - self.places()).T
         half_rad = numbers[:, HALF_ANGLE, np.newaxis]
         off_rad = wrapped(np.arctan2(y, x) - numbers[:, HEADING, np.newaxis])
-        before_m = res * np.maximum(np.hypot(x, y) - BEFORE_CELLS, 0.0)
+        away_m, table, which = res * np.hypot(x, y), self.table, self.pings[:, np.newaxis]
+        before_m = np.maximum(away_m - BEFORE_CELLS * res, 0.0)
         greatest_m = numbers[:, GREATEST_RANGE, np.newaxis]
         ray = ((off_rad / half_rad + 1.0) * 0.5 * RAYS).astype(np.int64)
         step = (before_m / greatest_m * STEPS).astype(np.int64)
-        is_in = (np.abs(off_rad) < half_rad) & (before_m + BEFORE_CELLS * res < greatest_m)
+        place = (away_m - numbers[:, LEAST_RANGE, np.newaxis]) / numbers[:, BIN_M, np.newaxis]
+        heard = np.clip(place.astype(np.int64), 0, table.bins[which] - 1)
+        is_in = (np.abs(off_rad) < half_rad) & (away_m < greatest_m) & (place >= 0.0)
         row = np.arange(len(self.pings))[:, np.newaxis]
         left = self.left[row, np.clip(ray, 0, RAYS - 1), np.clip(step, 0, STEPS - 1)]
-        looks: BoolArray = is_in & (left > LEFT * WHOLE)
+        looks: BoolArray = is_in & (left > LEFT * WHOLE) & (table.kind[which, heard] != UNJUDGED)
         return looks.T
 
 

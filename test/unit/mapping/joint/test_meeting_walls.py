@@ -111,6 +111,17 @@ def test_walls_that_are_not_square_have_others_between_them(lookers: Lookers) ->
     assert not added([NORTH, askew], lookers).any()
 
 
+def test_a_corner_that_is_off_the_field_is_none(lookers: Lookers) -> None:
+    edge, row = lookers.field.columns - 0.45, float(lookers.field.rows // 2)
+    level = np.array([0.0, 1.0, row, -edge, -edge + 40.0])
+    cosine, sine = np.cos(0.2), np.sin(0.2)
+    end = sine * edge + cosine * (row - 4.0)
+    leaning = np.array([cosine, -sine, cosine * edge - sine * (row - 4.0), end - 30.0, end])
+    lines, shape = np.array([level, leaning]), lookers.field.shape
+    nothing = np.zeros(shape, bool)
+    assert (joined(lines, Surroundings(np.zeros(shape), nothing, nothing), lookers) == lines).all()
+
+
 def test_short_walls_do_not_say_where_their_corner_is(lookers: Lookers) -> None:
     short = EAST.copy()
     short[BEGIN] = 10.0 - (CORNER - 10.0) / MOST_GAP_SHARE + 1.0

@@ -227,6 +227,8 @@ def _is_one(meeting: _Meeting, lines: FloatArray, around: Surroundings, lookers:
     if any(_is_contradicted(rows, columns, around) for rows, columns in missing):
         return False
     rows, columns = (np.concatenate(each) for each in zip(*missing, strict=True))
+    if not len(rows):
+        return False
     looks, places = lookers.looks(rows, columns), lookers.places()
     within = _within(meeting, lines, places, looks)
     away_m = lookers.field.resolution_m * np.hypot(*(places - (columns.mean(), rows.mean())).T)

@@ -13,14 +13,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers, Surroundings, joined
-from usmap_ros.mapping.joint.surfaces.lines import (
-    BEGIN,
-    DISTANCE,
-    END,
-    NORMAL_X,
-    NORMAL_Y,
-    cells_beyond,
-)
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, cells_beyond, crossings, leading
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -65,9 +58,9 @@ def continue_lines(
     """
     longer, may_be, stands = lines.copy(), np.zeros_like(occupied), over_block(occupied)
     for number, line in enumerate(lines):
-        crossings, is_long = _crossings(line, lines), line[END] - line[BEGIN] >= FOLLOWED_CELLS
+        met, is_long = _met(line, lines), line[END] - line[BEGIN] >= FOLLOWED_CELLS
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
-            ahead = sign * (crossings - line[end])
+            ahead = sign * (met - line[end])
             first = ahead[ahead > -MET_CELLS].min(initial=most_cells)
             rows, columns = cells_beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
             if len(rows) == 0:
@@ -77,11 +70,11 @@ def continue_lines(
             is_solid[0] = occupied[rows[0], columns[0]]
             is_solid[-1] |= first < most_cells
             if is_long:
-                bridged = np.flatnonzero(is_solid[: _leading(is_solid | (said >= HARDLY))])
+                bridged = np.flatnonzero(is_solid[: leading(is_solid | (said >= HARDLY))])
                 grown = int(bridged[-1]) + 1 if len(bridged) else 0
-                grown += _leading((is_solid | (said > HEARD))[grown:])
+                grown += leading((is_solid | (said > HEARD))[grown:])
                 longer[number, end] += sign * grown
-            open_end = _leading(is_solid | (said >= ENDS))
+            open_end = leading(is_solid | (said >= ENDS))
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
                 may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
     return Continuations(_ending_at_corners(lines, longer), may_be & ~occupied)
@@ -123,9 +116,9 @@ def _ending_at_corners(lines: FloatArray, longer: FloatArray) -> FloatArray:
     """Lines as far as they go on before they meet one another, or what continues it."""
     ended = longer.copy()
     for number, line in enumerate(lines):
-        crossings = _crossings(line, longer)
+        met = _met(line, longer)
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
-            ahead = sign * (crossings - line[end])
+            ahead = sign * (met - line[end])
             grown = sign * (longer[number, end] - line[end])
             first = ahead[ahead > 0.0].min(initial=grown)
             ended[number, end] = line[end] + sign * first
@@ -155,28 +148,19 @@ def may_go_on(
             ends = is_known[rows, columns]
             # The first may be that of the end itself.
             ends[0] = free[rows[0], columns[0]]
-            count = _leading(~ends)
+            count = leading(~ends)
             may[rows[:count], columns[:count]] = True
             # No ray gets through between cells that touch by their corners.
             may[rows[1:count], columns[: max(0, count - 1)]] = True
     return may & ~is_known
 
 
-def _crossings(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:
+def _met(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:
     """Where along a line others cross it, that reach there or nearly so."""
-    cosine = lines[:, NORMAL_X] * line[NORMAL_X] + lines[:, NORMAL_Y] * line[NORMAL_Y]
-    sine = lines[:, NORMAL_Y] * line[NORMAL_X] - lines[:, NORMAL_X] * line[NORMAL_Y]
-    crosses = np.abs(cosine) < CROSSING_COSINE
-    others, cosine, sine = lines[crosses], cosine[crosses], sine[crosses]
-    along = (others[:, DISTANCE] - cosine * line[DISTANCE]) / sine
-    theirs = (cosine * others[:, DISTANCE] - line[DISTANCE]) / sine
+    which, along, theirs = crossings(line, lines, CROSSING_COSINE)
+    others = lines[which]
     reached = (theirs > others[:, BEGIN] - MEETING_CELLS) & (
         theirs < others[:, END] + MEETING_CELLS
     )
     met: FloatArray = along[reached]
     return met
-
-
-def _leading(true: BoolArray) -> int:
-    """How many are true before the first that is not."""
-    return int(np.argmin(true)) if not true.all() else len(true)

@@ -19,6 +19,7 @@ from usmap_ros.mapping.joint.surfaces.lines import (
     NORMAL_X,
     NORMAL_Y,
     cells_beyond,
+    crossings,
 )
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
@@ -194,21 +195,17 @@ def _ahead(
 def _corners(walls: list[int], lines: FloatArray, resolution_m: float) -> Iterator[_Meeting]:
     """Where two walls would meet if they went on."""
     for number, one in enumerate(walls):
-        for other in walls[:number]:
-            ours = _gap(one, other, lines, resolution_m)
-            theirs = _gap(other, one, lines, resolution_m)
-            if ours and theirs and max(ours.length, theirs.length) > LEAST_GAP_CELLS:
-                yield _Meeting((ours, theirs), (one, other))
+        which, along, theirs = crossings(lines[one], lines[walls[:number]], MOST_COSINE)
+        for index, here, there in zip(which, along.tolist(), theirs.tolist(), strict=True):
+            other = walls[index]
+            gaps = _gap(one, here, lines, resolution_m), _gap(other, there, lines, resolution_m)
+            if gaps[0] and gaps[1] and max(gaps[0].length, gaps[1].length) > LEAST_GAP_CELLS:
+                yield _Meeting((gaps[0], gaps[1]), (one, other))
 
 
-def _gap(wall: int, other: int, lines: FloatArray, resolution_m: float) -> _Gap | None:
-    """What is missing of a wall up to where it may have a corner with another one."""
-    line, crossing = lines[wall], lines[other]
-    cosine = line[NORMAL_X] * crossing[NORMAL_X] + line[NORMAL_Y] * crossing[NORMAL_Y]
-    if abs(cosine) > MOST_COSINE:
-        return None
-    sine = crossing[NORMAL_Y] * line[NORMAL_X] - crossing[NORMAL_X] * line[NORMAL_Y]
-    corner = float((crossing[DISTANCE] - cosine * line[DISTANCE]) / sine)
+def _gap(wall: int, corner: float, lines: FloatArray, resolution_m: float) -> _Gap | None:
+    """What is missing of a wall up to a corner at some place along it, if it may be one."""
+    line = lines[wall]
     beyond = {BEGIN: float(line[BEGIN]) - corner, END: corner - float(line[END])}
     end = max(beyond, key=lambda each: beyond[each])
     if not -PAST_CELLS <= beyond[end] <= _most_missing(line, resolution_m):

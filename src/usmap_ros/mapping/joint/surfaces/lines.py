@@ -46,9 +46,36 @@ def cells_beyond(
     along = end + sign * np.arange(1.0, most + 0.5)
     columns = np.rint(line[NORMAL_X] * line[DISTANCE] - line[NORMAL_Y] * along).astype(np.int64)
     rows = np.rint(line[NORMAL_Y] * line[DISTANCE] + line[NORMAL_X] * along).astype(np.int64)
-    inside = (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
-    count = len(inside) if inside.all() else int(inside.argmin())
+    count = leading((rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1]))
     return rows[:count], columns[:count]
+
+
+def leading(true: BoolArray) -> int:
+    """How many are true before the first that is not."""
+    return int(np.argmin(true)) if not true.all() else len(true)
+
+
+def crossings(
+    line: NDArray[np.float64], lines: NDArray[np.float64], most_cosine: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Which lines cross another one, had they no ends, and where along that and along each.
+
+    Parameters
+    ----------
+    line : (5,) array
+        The one.
+    lines : (lines, 5) array
+        The others.
+    most_cosine : float
+        Lines cross if the cosine of the angle between them is less.
+    """
+    cosine = lines[:, NORMAL_X] * line[NORMAL_X] + lines[:, NORMAL_Y] * line[NORMAL_Y]
+    sine = lines[:, NORMAL_Y] * line[NORMAL_X] - lines[:, NORMAL_X] * line[NORMAL_Y]
+    which = np.flatnonzero(np.abs(cosine) < most_cosine)
+    others, cosine, sine = lines[which], cosine[which], sine[which]
+    along = (others[:, DISTANCE] - cosine * line[DISTANCE]) / sine
+    theirs = (cosine * others[:, DISTANCE] - line[DISTANCE]) / sine
+    return which, along, theirs
 
 
 def facing_so(lines: NDArray[np.float64], normal_rad: float) -> NDArray[np.float64]:

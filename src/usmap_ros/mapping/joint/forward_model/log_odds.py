@@ -49,8 +49,21 @@ def judged(evidence: CellEvidence, shape: tuple[int, int]) -> NDArray[np.float32
 
 def strength_of(own: NDArray[np.float32], block: NDArray[np.float32]) -> NDArray[np.float32]:
     """The same, of evidence of cells and of their blocks, (rows, columns)."""
-    is_minor = own < OWN_SHARE * over_block(own)
-    return np.where(is_minor, np.minimum(own, block), np.maximum(own, block))
+    is_major = _stands_for_block(own, block, OWN_SHARE)
+    return np.where(is_major, np.maximum(own, block), np.minimum(own, block))
+
+
+def _stands_for_block(
+    own: NDArray[np.float32], block: NDArray[np.float32], share: float
+) -> BoolArray:
+    """Whether a cell holds a fair share of what speaks for it and its neighbours.
+
+    Where each cell alone explains the pings worse than none does, and all together explain them
+    well, as a point does that is heard from poses that are a little off, it is the one in the
+    middle of them.
+    """
+    greatest = over_block(own)
+    return np.where(greatest > 0.0, own >= share * greatest, block >= over_block(block))
 
 
 def direction_spread(evidence: CellEvidence) -> NDArray[np.float32]:
@@ -107,7 +120,7 @@ def hiding(evidence: CellEvidence, shape: tuple[int, int], walls: BoolArray) -> 
     """
     own, block = evidence.own.reshape(shape), evidence.block.reshape(shape)
     strength = np.maximum(own, block)
-    hides = (own > HIDING_SHARE * over_block(own)) & (strength > 0.0)
+    hides = _stands_for_block(own, block, HIDING_SHARE) & (strength > 0.0)
     logits = np.clip(HIDING_SLOPE * (strength[hides] - HIDING_EVIDENCE), -30.0, 30.0)
     belief: FloatArray = np.where(walls, 0.97, 0.0)
     belief[hides] = np.maximum(1.0 / (1.0 + np.exp(-logits)), belief[hides])

@@ -18,6 +18,7 @@ from usmap_ros.mapping.joint.free_space.listening import (
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR, refute_surfaces
 from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
 from usmap_ros.mapping.joint.free_space.response import HeardBins
+from usmap_ros.mapping.joint.free_space.unsaid import UNKNOWN, add_unsaid
 from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, log_priors
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
@@ -311,3 +312,52 @@ def test_what_is_heard_of_surfaces_changes_where_sound_does(
     np.testing.assert_array_equal(refute(left, changed, said.copy()), anew)
     # Were nothing to have changed, nothing would be looked at.
     np.testing.assert_array_equal(refute(left, nothing.astype(np.uint8), said.copy()), said)
+
+
+def test_surfaces_rise_by_no_more_than_what_is_said_no_more(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """What would be refuted without it is refuted, and nobody has to look."""
+    kept, rng = KeptPings(MappingParameters()), np.random.default_rng(5)
+    for number in range(24):
+        kept.add(make_cone(x_m=0.1 * number, yaw_rad=0.7 * number), "robot")
+    table, rows, _ = kept.pings()[:3]
+    field = field_around(table, rows, RESOLUTION_M)
+    silence = nothing_heard(table)
+    heard = (rng.random(silence.heard.shape) < 0.05).astype(np.uint8)
+    listening = silence._replace(heard=heard, likely=rng.random(heard.shape).astype(np.float32))
+    kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
+    log_silent = -1.0 - 0.2 * rng.random((LOUDNESSES, INCIDENCES))
+    wanted, likelier = np.ones(field.shape, bool), np.zeros(field.shape, np.float32)
+    before = rng.integers(WHOLE // 2, WHOLE, (len(rows), RAYS, STEPS)).astype(np.uint8)
+    left = before.copy()
+    left[:, RAYS // 3 : RAYS // 2, STEPS // 2 :] //= 2
+    left[4, :3, 5:] = 0
+
+    def said(left: np.ndarray) -> np.ndarray:
+        worst = np.zeros((*field.shape, GROUPS), np.float32)
+        refute_surfaces(
+            table, rows, field, left, listening, log_silent, 2.0, kinds, likelier, wanted, wanted,
+            everything(len(rows)), worst,
+        )  # fmt: skip
+        return worst
+
+    def unsaid(left: np.ndarray) -> np.ndarray:
+        most = np.zeros(field.shape, np.float32)
+        add_unsaid(
+            table, rows, field, before, left, listening.limit, log_silent, wanted,
+            changed_from(left, before), most,
+        )  # fmt: skip
+        return most
+
+    less, rise = unsaid(left), (said(left) - said(before)).max(axis=2)
+    assert less.max() < UNKNOWN
+    assert (rise <= less + 1e-4).all()
+    assert rise.max() > 0.5
+    assert (rise[less == 0.0] == 0.0).all()
+    # Of most that rise, it is not much more.
+    rises = rise > 0.1
+    assert np.median(less[rises] / rise[rises]) < 3.0
+    # How much more echoes would say, if more of the sound got there, is not told.
+    assert unsaid(np.full_like(before, WHOLE)).max() >= UNKNOWN
+    assert not unsaid(before).any()

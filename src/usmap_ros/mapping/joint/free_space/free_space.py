@@ -18,7 +18,7 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     continued,
     may_go_on,
 )
-from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces
+from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces, Refuted
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
 from usmap_ros.mapping.joint.free_space.listening import listening_beside, scattering, trust
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers
@@ -35,12 +35,7 @@ from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.open_ways import prove_open
-from usmap_ros.mapping.joint.visibility.ray_casting import (
-    cast_all_rays,
-    changed_from,
-    end_rays,
-    everything,
-)
+from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays, end_rays
 from usmap_ros.mapping.ping_table import GREATEST_RANGE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import running_maximum
@@ -126,19 +121,22 @@ class FreeSpace:
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         closed |= smooth.suspected()
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
-        changed = everything(len(self._pings))
-        heard.renew(left, wanted | walls.bridged, changed, worst)
+        heard.renew(left, wanted | walls.bridged, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
         going_on = alike
         if smooth.mirrored or not smooth.mirrors:
-            going_on = heard.of_lines(walls, left, changed)
+            going_on = heard.of_lines(walls, left)
             if smooth.mirrored:
                 (inside, _), _ = answers.each(field)
                 going_on = np.where(inside, alike, going_on)
         worst[walls.bridged] = 0.0
         refuted = answers.of_cells(field, "refuted")
         of_mirrors = answers.of_cells(field, "mirrors_refuted")
-        is_refuted = are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
+
+        def by_silence_and(proofs: NDArray[np.float32]) -> Refuted:
+            return lambda worst: are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
+
+        is_refuted = by_silence_and(proofs)(worst)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
         walls, may_be = continued(
@@ -159,16 +157,17 @@ class FreeSpace:
                 refute_for_room(is_refuted, worst, wanted & here, walls.all_lines, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if smooth.mirrors:
-                by_silence = are_refuted(worst, nothing, refuted, of_mirrors, self._proofs)
-                is_silent = over_last(np.logical_and, by_silence) | (proofs == 0.0) | stood
+                is_silent = over_last(np.logical_and, by_silence_and(nothing)(worst))
+                is_silent |= (proofs == 0.0) | stood
                 free = without_slits(free, is_silent, field.resolution_m)
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
-            left_before, left = left, self._left(self._held(walls, free, worst, answers), ended_m)
-            heard.renew(left, wanted, changed_from(left, left_before), worst)
-            is_refuted = are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
+            left = self._left(self._held(walls, free, worst, answers), ended_m)
+            alone = nothing if smooth.mirrors else proofs
+            heard.renew_where_in_doubt(left, wanted, worst, by_silence_and(alone))
+            is_refuted = by_silence_and(proofs)(worst)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, stood, proven, walls)
 
@@ -209,7 +208,7 @@ class FreeSpace:
         left = self._left(self._held(walls, free, worst, answers), ended_m)
         more = np.zeros_like(worst)
         wanted = ~free & ~walls.shown
-        heard.renew(left, wanted, everything(len(self._pings)), more)
+        heard.renew(left, wanted, more)
         return Refutations(more, proofs, np.zeros(self._field.shape, bool))
 
     def _held(

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.mapping.joint.free_space.blocks import BAND
 from usmap_ros.mapping.joint.free_space.continuations import FOLLOWED_M
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, facing_anyhow
 from usmap_ros.mapping.joint.free_space.open_rays import likely_as_anything, open_shares
-from usmap_ros.mapping.joint.free_space.open_space import BAND, refute_surfaces
+from usmap_ros.mapping.joint.free_space.open_space import refute_surfaces
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
+from usmap_ros.mapping.joint.free_space.unsaid import add_unsaid
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, drawn
 from usmap_ros.mapping.joint.surfaces.parts import any_holds
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.visibility.ray_casting import changed_from, everything
 from usmap_ros.mapping.ping_table import PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, over_last
 from usmap_ros.processes.threads import for_each
+
+#: Whether no surface of each group can stand in a cell, by what was heard of them.
+Refuted = Callable[[NDArray[np.float32]], BoolArray]
 
 
 class HeardOfSurfaces:
@@ -54,21 +62,62 @@ class HeardOfSurfaces:
     ) -> None:
         self._table, self._pings, self._field = table, pings, field
         self._listening, self._answers, self._scatters = listening, answers, scatters
-        self._likelier = self._mirrors_likelier(left)
+        self._likelier, self._left = self._mirrors_likelier(left), left
 
-    def renew(
+    def renew(self, left: NDArray[np.uint8], wanted: BoolArray, worst: NDArray[np.float32]) -> None:
+        """Set what was heard of surfaces; see `refute_surfaces`."""
+        self._left, changed = left, everything(len(self._pings))
+        self._renew(self._answers, left, wanted, changed, worst, self._scatters)
+
+    def renew_where_in_doubt(
         self,
         left: NDArray[np.uint8],
         wanted: BoolArray,
-        changed: NDArray[np.uint8],
         worst: NDArray[np.float32],
+        refuted: Refuted,
     ) -> None:
-        """Set what was heard of surfaces where it changes; see `refute_surfaces`."""
-        self._renew(self._answers, left, wanted, changed, worst, self._scatters)
+        """The same where another share of sound is left than the last time, if it matters.
 
-    def of_lines(
-        self, walls: Walls, left: NDArray[np.uint8], changed: NDArray[np.uint8]
+        What would be refuted without all that is said no more needs no closer look: it is taken for
+        unsaid.
+
+        Parameters
+        ----------
+        left, wanted, worst
+            As of `refute_surfaces`.
+        refuted : callable
+            Whether no surface of each group can stand in a cell, by what was heard of them.
+        """
+        before, self._left = self._left, left
+        changed = changed_from(left, before)
+        worst += self._most_unsaid(before, left, wanted, changed)[:, :, np.newaxis]
+        in_doubt = wanted & ~over_last(np.logical_and, refuted(worst))
+        self._renew(self._answers, left, in_doubt, changed, worst, self._scatters)
+
+    def _most_unsaid(
+        self,
+        before: NDArray[np.uint8],
+        left: NDArray[np.uint8],
+        wanted: BoolArray,
+        changed: NDArray[np.uint8],
     ) -> NDArray[np.float32]:
+        """By how much what was heard of surfaces rises at the most; see `add_unsaid`."""
+        unsaid = np.zeros(self._field.shape, np.float32)
+
+        def add(asked: BoolArray, silence: Silence) -> None:
+            for_each(
+                lambda band: add_unsaid(
+                    self._table, self._pings, band[1], before, left, self._listening.limit,
+                    silence.log_silent, asked[band[0]], changed, unsaid[band[0]],
+                ),
+                self._field.bands(BAND),
+            )  # fmt: skip
+
+        for here, silence in self._answers.each(self._field):
+            add(wanted & here, silence)
+        return unsaid
+
+    def of_lines(self, walls: Walls, left: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Log-likelihood ratio of a surface where lines are, or may go on: it faces as they do.
 
         However rare such surfaces are, this one is there, and echoes may be of it that are taken
@@ -80,7 +129,7 @@ class HeardOfSurfaces:
         asked = over_block(drawn(reach, self._field.shape)) | walls.bridged
         said = np.zeros((*self._field.shape, GROUPS), np.float32)
         answers, anywhere = self._answers.by(facing_anyhow), np.ones(self._field.shape, bool)
-        self._renew(answers, left, asked, changed, said, anywhere)
+        self._renew(answers, left, asked, everything(len(self._pings)), said, anywhere)
         return over_last(np.maximum, said[:, :, :MIRRORS])
 
     def _renew(

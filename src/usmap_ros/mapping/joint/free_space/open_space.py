@@ -5,11 +5,16 @@ way in which a surface could face there.  Silence counts as this place answers, 
 view: looks from one side repeat each other as far as surfaces here differ (`overdispersion`).
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.free_space.blocks import (
+    BLOCK,
+    OPEN_CELLS,
+    find_near,
+    find_wanted,
+    middle_of,
+)
 from usmap_ros.mapping.joint.free_space.kinds import (
     FAINTER,
     KINDS,
@@ -23,23 +28,14 @@ from usmap_ros.mapping.joint.free_space.kinds import (
     struck_squarely,
 )
 from usmap_ros.mapping.joint.free_space.response import HeardBins
-from usmap_ros.mapping.joint.visibility.beams import is_beside, off_axis
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS
 from usmap_ros.mapping.joint.visibility.soundings import (
     SECTORS,
     SoundedPlaces,
     room_for,
     sound,
 )
-from usmap_ros.mapping.ping_table import (
-    GREATEST_RANGE,
-    HALF_ANGLE,
-    RISE,
-    PingTable,
-    X,
-    Y,
-)
+from usmap_ros.mapping.ping_table import PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 from usmap_ros.numerics.elementary import log32
@@ -47,12 +43,6 @@ from usmap_ros.numerics.elementary import log32
 #: The most that echoes from one sector say for a surface, and for a mirror, of which no other
 #: sector can say that they are of something else; and chance of an echo from nowhere.
 MOST_A_SECTOR, MOST_OF_A_MIRROR, CLUTTER = 2.4, 0.2, 0.05
-#: Cells along the side of a block that looks for its pings once.
-BLOCK = 16
-#: Rows of cells that one thread asks for at a time: some blocks.
-BAND = 4 * BLOCK
-#: Before a cell, sound must be open up to so many cells before its middle.
-OPEN_CELLS = 1.5
 
 
 @compiled
@@ -110,14 +100,13 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     open_m = OPEN_CELLS * field.resolution_m
     for bottom in range(0, field.rows, BLOCK):
         for start in range(0, field.columns, BLOCK):
-            cells = _find_wanted(wanted, bottom, start, field.resolution_m, asked, seen)
+            cells = find_wanted(wanted, bottom, start, field.resolution_m, asked, seen)
             if not cells:
                 continue
-            around, is_new = _find_near(table, pings, field, bottom, start, changed, near)
+            around, is_new = find_near(table, pings, field, bottom, start, changed, near)
             if not is_new:
                 continue
-            middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
-            middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
+            middle_x, middle_y = middle_of(field, bottom, start)
             is_said[:cells] = False
             for place in range(cells):
                 up, right = divmod(asked[place], BLOCK)
@@ -140,90 +129,6 @@ def refute_surfaces(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
                     said[place], is_said[place], ways, np.float32(shape), kinds, most, total, least
                 )
                 least[MIRRORS] += likelier[bottom + up, start + right]
-
-
-@inlined
-def _find_wanted(
-    wanted: BoolArray,
-    bottom: int,
-    start: int,
-    resolution_m: float,
-    asked: NDArray[np.int64],
-    seen: SoundedPlaces,
-) -> int:
-    """Set which cells of a block are asked for, and where; returns how many there are."""
-    cells = 0
-    for row in range(bottom, min(bottom + BLOCK, wanted.shape[0])):
-        for column in range(start, min(start + BLOCK, wanted.shape[1])):
-            if wanted[row, column]:
-                asked[cells] = (row - bottom) * BLOCK + column - start
-                seen.right[cells] = (column - start + 0.5 - 0.5 * BLOCK) * resolution_m
-                seen.up[cells] = (row - bottom + 0.5 - 0.5 * BLOCK) * resolution_m
-                cells += 1
-    return cells
-
-
-@inlined
-def _find_near(
-    table: PingTable,
-    pings: NDArray[np.int64],
-    field: Field,
-    bottom: int,
-    start: int,
-    changed: NDArray[np.uint8],
-    near: NDArray[np.int64],
-) -> tuple[int, bool]:
-    """Set the pings that may sound a block; returns how many there are, and if any has changed."""
-    count, radius, is_new = 0, 0.75 * BLOCK * field.resolution_m, False
-    middle_x = (field.first_column + start + 0.5 * BLOCK) * field.resolution_m
-    middle_y = (field.first_row + bottom + 0.5 * BLOCK) * field.resolution_m
-    for index in range(len(pings)):
-        numbers = table.numbers[pings[index]]
-        x, y = middle_x - numbers[X], middle_y - numbers[Y]
-        far = numbers[GREATEST_RANGE] + radius
-        if x * x + y * y >= far * far or is_beside(numbers, x, y, radius):
-            continue
-        near[count] = index
-        is_new = is_new or _is_new(table, pings[index], changed[index], x, y, radius)
-        count += 1
-    return count, is_new
-
-
-@inlined
-def _is_new(
-    table: PingTable,
-    ping: int,
-    changed: NDArray[np.uint8],
-    x_m: float,
-    y_m: float,
-    radius_m: float,
-) -> bool:
-    """Whether another share of a ping's sound is left in a disc, or on the way there.
-
-    Parameters
-    ----------
-    table, ping
-        The ping.
-    changed : (RAYS,) uint8 array
-        As in `refute_surfaces`, of the ping.
-    x_m, y_m, radius_m : float
-        Middle of the disc, from the transducer, and its radius.
-    """
-    numbers, squared = table.numbers[ping], x_m * x_m + y_m * y_m
-    half = numbers[HALF_ANGLE]
-    far_m = math.sqrt(squared + numbers[RISE] ** 2) + radius_m
-    last_step = min(int(far_m * STEPS / numbers[GREATEST_RANGE]), STEPS - 1)
-    first, last = 0, RAYS - 1
-    if squared > radius_m * radius_m and half < 0.5 * math.pi:
-        off = off_axis(table, ping, math.atan2(y_m, x_m))
-        aside, per_rad = math.asin(radius_m / math.sqrt(squared)), 0.5 * RAYS / half
-        # One ray more on either side: what rounding may make of an edge.
-        first = max(first, int((off - aside + half) * per_rad) - 1)
-        last = min(last, int((off + aside + half) * per_rad) + 1)
-    is_new = False
-    for ray in range(first, last + 1):
-        is_new |= changed[ray] <= last_step
-    return is_new
 
 
 @inlined

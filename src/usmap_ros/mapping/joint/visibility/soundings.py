@@ -126,13 +126,13 @@ def sound(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
     seen : SoundedPlaces
         Set.
     """
-    count = _find_in_cone(table, ping, x_m, y_m, places, seen)
-    _set_views(table, ping, open_m, count, seen)
+    count = find_in_cone(table, ping, x_m, y_m, places, seen)
+    set_views(table, ping, open_m, count, seen)
     return _leave_out_unheard(table, ping, left, limit, count, seen)
 
 
 @inlined
-def _find_in_cone(
+def find_in_cone(
     table: PingTable, ping: int, x_m: float, y_m: float, places: int, seen: SoundedPlaces
 ) -> int:
     """Set which places a ping's cone holds, and where; returns how many it does."""
@@ -157,7 +157,7 @@ def _find_in_cone(
 
 
 @inlined
-def _set_views(table: PingTable, ping: int, open_m: float, count: int, seen: SoundedPlaces) -> None:
+def set_views(table: PingTable, ping: int, open_m: float, count: int, seen: SoundedPlaces) -> None:
     """Set how loudly, and from where, a ping looks at places in its cone."""
     numbers = table.numbers[ping]
     cos_half, heading, half = numbers[COS_HALF_ANGLE], numbers[HEADING], numbers[HALF_ANGLE]
@@ -213,8 +213,14 @@ def _leave_out_unheard(
         seen.loudness[kept], seen.sound[kept] = loudness, sound
         is_heard = (loudness > np.float32(LEAST_LOUDNESS)) & (sound >= np.float32(LEAST_SOUND))
         kept += is_heard & (b < bins)
-    to_step = np.float32(10.0 / math.log(10.0) / STEP_DB)
     for place in range(kept):
-        loud = np.int32(to_step * log32(seen.loudness[place]) - np.float32(FIRST_DB / STEP_DB))
-        seen.loud[place] = min(max(loud, np.int32(0)), np.int32(LOUDNESSES - 1))
+        seen.loud[place] = class_of(seen.loudness[place])
     return kept
+
+
+@inlined
+def class_of(loudness: np.float32) -> np.int32:
+    """Class of a loudness."""
+    per_step = np.float32(10.0 / math.log(10.0) / STEP_DB)
+    loud = np.int32(per_step * log32(loudness) - np.float32(FIRST_DB / STEP_DB))
+    return min(max(loud, np.int32(0)), np.int32(LOUDNESSES - 1))

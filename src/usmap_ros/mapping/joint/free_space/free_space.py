@@ -133,10 +133,10 @@ class FreeSpace:
         refuted = answers.of_cells(field, "refuted")
         of_mirrors = answers.of_cells(field, "mirrors_refuted")
 
-        def by_silence_and(proofs: NDArray[np.float32]) -> Refuted:
+        def refuted_with(proofs: NDArray[np.float32]) -> Refuted:
             return lambda worst: are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
 
-        is_refuted = by_silence_and(proofs)(worst)
+        is_refuted = refuted_with(proofs)(worst)
         proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
         # What continues walls is of their kind.
         walls, may_be = continued(
@@ -150,6 +150,7 @@ class FreeSpace:
         wanted &= ~occupied
         stood &= ~occupied
         nothing = np.zeros_like(proofs)
+        refuted_for_good = refuted_with(nothing if smooth.mirrors else proofs)
         for turn in range(FREE_ROUNDS):
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
@@ -157,17 +158,15 @@ class FreeSpace:
                 refute_for_room(is_refuted, worst, wanted & here, walls.all_lines, silence)
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if smooth.mirrors:
-                is_silent = over_last(np.logical_and, by_silence_and(nothing)(worst))
-                is_silent |= (proofs == 0.0) | stood
-                free = without_slits(free, is_silent, field.resolution_m)
+                by_silence = over_last(np.logical_and, refuted_with(nothing)(worst))
+                free = without_slits(free, by_silence | (proofs == 0.0) | stood, field.resolution_m)
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
             left = self._left(self._held(walls, free, worst, answers), ended_m)
-            alone = nothing if smooth.mirrors else proofs
-            heard.renew_where_in_doubt(left, wanted, worst, by_silence_and(alone))
-            is_refuted = by_silence_and(proofs)(worst)
+            heard.renew_where_in_doubt(left, wanted, worst, refuted_for_good)
+            is_refuted = refuted_with(proofs)(worst)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, stood, proven, walls)
 

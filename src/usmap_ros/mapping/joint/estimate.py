@@ -154,7 +154,7 @@ class JointEstimate:
         self._powers.take_up(few)
         self._powers.renew_shadows(self.depth)
         self._powers.sweep(SWEEPS)
-        self._weigh(self._powers)
+        # What hides what is as the few have it, until all are weighed.
         self._cast_shadows(self._powers, self._no_walls, FIRST_DAMPING, ALL_ROUNDS)
 
     def _settle(self, powers: Powers, rounds: int) -> None:

@@ -87,8 +87,9 @@ def read(bag: Path) -> None:
 
     pipeline.fuse = lambda cone: None  # type: ignore[method-assign]
     with BagReader([bag]) as reader:
-        learn_reception(reader, pipeline)
-        map_bag(reader, pipeline, RobotPaths(), workers=Told(pipeline))
+        workers = Told(pipeline)
+        learn_reception(reader, pipeline, workers)
+        map_bag(reader, pipeline, RobotPaths(), workers=workers)
     print(peak_memory_mb())
 
 

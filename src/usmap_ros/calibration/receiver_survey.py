@@ -162,6 +162,10 @@ class ReceiverSurvey:
     def _wants_apart(self) -> bool:
         return self._judges_pulse or self._finds_ringing
 
+    def topics(self) -> list[str]:
+        """Topics whose traces were taken into account."""
+        return sorted(self._seen)
+
     def transducers(self, topic: str) -> set[str]:
         """Frames of the transducers whose traces of a topic were taken into account."""
         return {trace.child_frame_id for trace in (*self._first[topic], *self._apart[topic].traces)}
@@ -207,7 +211,7 @@ class ReceiverSurvey:
 
     def problems(self) -> dict[str, str]:
         """What is wrong, by topic, in one line; topics of which nothing is are left out."""
-        found = {topic: self.problem(topic) for topic in sorted(self._seen)}
+        found = {topic: self.problem(topic) for topic in self.topics()}
         return {topic: problem for topic, problem in found.items() if problem}
 
     def problem(self, topic: str) -> str:

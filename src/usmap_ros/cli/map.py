@@ -222,13 +222,12 @@ def _map_together(order: _Order, bags: list[Path], resume: Path | None, *, as_js
         console.compile_loops()
         cores = available_cores() if bag.trace_count > WORTH_A_POOL else 1
         pings = (bag.trace_count or bag.cone_count) + bag.range_count
-        # Before processes are forked, which then have what it has loaded.
-        learn_reception(bag, pipeline)
-        with (
-            reconstructors(pipeline, order.jobs or cores) as workers,
-            console.progress("mapping", pings) as step,
-        ):
-            run = map_bag(bag, pipeline, paths, lambda topic, cone: step(), workers, order.without)
+        with reconstructors(pipeline, order.jobs or cores) as workers:
+            learn_reception(bag, pipeline, workers)
+            with console.progress("mapping", pings) as step:
+                run = map_bag(
+                    bag, pipeline, paths, lambda topic, cone: step(), workers, order.without
+                )
         occupancy = pipeline.occupancy_map()
         run.doubted = pipeline.fusion.doubted
         run.common_error = pipeline.fusion.common_error

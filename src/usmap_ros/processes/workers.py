@@ -63,15 +63,21 @@ class Beside(Generic[Result]):
         A function of a module, of nothing but what it is given, which is pickled, as its result is.
     *given
         What it is called with.
+    executor : Executor, optional
+        Processes that are taken for helpers, instead of those of `start_helpers`.
     """
 
-    def __init__(self, work: Callable[..., Result], *given: Any) -> None:
+    def __init__(
+        self, work: Callable[..., Result], *given: Any, executor: Executor | None = None
+    ) -> None:
         self._work, self._given = work, given
         self._future: Future[Result] | None = None
-        if _helpers:
+        if executor is None and _helpers:
+            executor = _helpers[-1]
+        if executor is not None:
             # If somebody has killed one, this process does the work.
             with suppress(BrokenProcessPool):
-                self._future = _helpers[-1].submit(_alone, work, *given)
+                self._future = executor.submit(_alone, work, *given)
 
     @property
     def is_done(self) -> bool:

@@ -26,7 +26,6 @@ from usmap_ros.pings.fields_of_view import Beam
 from usmap_ros.pings.repeats import SeenPings
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.processes.memory import peak_memory_mb
-from usmap_ros.processes.threads import begun
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.poses import PoseRun
@@ -139,8 +138,8 @@ def map_bag(
     run, seen, apart = MappingRun(poses=poses), SeenPings(), SetApart()
     scales = AmplitudeScales()
     if workers is None:
-        learn_reception(bag, pipeline)
         workers = Reconstructors(pipeline)
+        learn_reception(bag, pipeline, workers)
     consistency, left_out = Consistency(pipeline.parameters.mapping), set[str]()
     heard = run.poses.corrected(_wanted(recorded_cones(bag, workers), without, left_out))
     asked = Counter[bool]()
@@ -169,9 +168,9 @@ def map_bag(
     if not run.pings:
         raise _why_nothing(bag, left_out, apart)
     # What either leaves of the cores, the other takes; nobody being doubted, the map stands.
-    made = begun(pipeline.fusion.snapshot())
-    run.robots = consistency.findings()
-    made.result()
+    found = workers.last(Consistency.findings, consistency)
+    pipeline.fusion.snapshot()()
+    run.robots = found()
     pipeline.fusion.trust({topic: found.trust for topic, found in run.robots.items()})
     return run
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
 
 from usmap_ros.bounds import LEAST_PROCESSES, PROCESSES_PER_CORE
 from usmap_ros.calibration.learnt import LearntReception
+from usmap_ros.calibration.receiver_survey import Judgement, Judging
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.stretch import Skip, TraceStretch
@@ -17,9 +20,12 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.soundings import soundings
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.processes.cores import available_cores
-from usmap_ros.processes.workers import worker_processes
+from usmap_ros.processes.threads import begun, give_way
+from usmap_ros.processes.workers import HELPERS_PATIENCE, Beside, worker_processes
 from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
 from usmap_ros.runs.pipeline import Pipeline
+
+Result = TypeVar("Result")
 
 #: A trace and the topic that it came on.
 RecordedTrace = tuple[str, EchoTrace]
@@ -82,12 +88,35 @@ class Reconstructors:
                 bag.skipped.add(source, error)
             yield from found.cones
 
+    def judgements(self, judgings: Mapping[str, Judging]) -> dict[str, Judgement]:
+        """What is found of receivers, by topic."""
+        found = {
+            topic: Beside(Judging.judgement, judging, executor=self._executor)
+            for topic, judging in judgings.items()
+        }
+        return {topic: judged.result() for topic, judged in found.items()}
+
+    def last(self, work: Callable[..., Result], *given: Any) -> Callable[[], Result]:
+        """What work will give while this process goes on: waits for it when called.
+
+        A process that does it leaves the cores to this one from then on; so nothing comes after.
+        """
+        if self._executor is None:
+            return begun(partial(work, *given)).result
+        return Beside(_patiently, work, *given, executor=self._executor).result
+
     def _submit(self, executor: Executor, stretch: TraceStretch) -> Future[StretchCones]:
         # What pings share is found here, where all of them pass; the pipeline has a map in it.
         levels = self._pipeline.noise.levels(stretch.traces_without_noise())
         # An open file cannot be sent.
         stretch.messages.close()
         return executor.submit(stretch_cones, stretch, levels, self._pipeline.reception)
+
+
+def _patiently(work: Callable[..., Result], *given: Any) -> Result:
+    """What work gives in a thread that leaves the cores to all others."""
+    give_way(HELPERS_PATIENCE)
+    return work(*given)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ def recorded_cones(bag: BagReader, workers: Reconstructors) -> Iterator[tuple[st
     yield from heapq.merge(cones, bag.range_cones(), key=lambda entry: entry[1].stamp_ns)
 
 
-def learn_reception(bag: BagReader, pipeline: Pipeline) -> None:
+def learn_reception(bag: BagReader, pipeline: Pipeline, workers: Reconstructors) -> None:
     """Let a pipeline know what a recording's receivers are, where they are not as stated."""
     survey = ReceiverSurvey(pipeline.parameters.reconstruction)
     waiting = {one.name for one in bag.topics if one.message_type == ECHO_TRACE and one.count}
@@ -45,6 +45,9 @@ def learn_reception(bag: BagReader, pipeline: Pipeline) -> None:
             waiting.discard(topic)
             if not waiting:
                 break
+    judgings = {topic: survey.judging(topic) for topic in survey.topics()}
+    for topic, found in workers.judgements(judgings).items():
+        survey.take_up(topic, found)
     for topic, problem in survey.problems().items():
         logger.warning("%s: %s", topic, problem)
         pipeline.learn_reception(survey, topic)

@@ -69,8 +69,8 @@ def mapped(bag: Path, learn: bool, executor: object = None) -> tuple[float, Pipe
     pulse = PulseParameters(learn=learn)
     pipeline = Pipeline(PipelineParameters(reconstruction=ReconstructionParameters(pulse=pulse)))
     with BagReader([bag]) as reader:
-        learn_reception(reader, pipeline)
         workers = Reconstructors(pipeline, executor, 2)  # type: ignore[arg-type]
+        learn_reception(reader, pipeline, workers)
         run = map_bag(reader, pipeline, RobotPaths(), workers=workers)
     return run.echoes / run.pings, pipeline
 

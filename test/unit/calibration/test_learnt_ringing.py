@@ -14,6 +14,7 @@ from usmap_ros.io.bag_reader import BagReader
 from usmap_ros.io.bag_writer import new_bag
 from usmap_ros.parameters import ReconstructionParameters, RingingParameters
 from usmap_ros.pings.trace import EchoTrace, Encoding
+from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.runs.recorded import learn_reception
 from usmap_ros.simulation import Scenario, simulate
@@ -177,7 +178,7 @@ def test_a_recording_says_what_was_learnt(tmp_path: Path, caplog: pytest.LogCapt
             writer.write_trace(TOPIC, replace(trace, stamp_ns=late_ns))
     pipeline = Pipeline()
     with BagReader([tmp_path / "bag"]) as bag:
-        learn_reception(bag, pipeline)
+        learn_reception(bag, pipeline, Reconstructors(pipeline))
     assert f"{TOPIC}: it hears itself in every ping, until 3.0 ms" in caplog.text
     assert any(pipeline.reception.of(moving[:1]).ringing.waveform)
 

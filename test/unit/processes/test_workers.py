@@ -12,8 +12,13 @@ from usmap_ros.processes.workers import Beside
 #: Run by itself, since it forks before there are any threads.
 PROGRAM = """
 import os, signal, time
-from usmap_ros.processes.workers import Beside, start_helpers
+from usmap_ros.processes.workers import Beside, start_helpers, worker_processes
 
+with worker_processes(2) as executor:
+    worker = Beside(os.getpid, executor=executor).result()
+    assert worker != os.getpid()
+    os.kill(worker, signal.SIGKILL)
+    assert Beside(os.getpid, executor=executor).result() == os.getpid()
 start_helpers(1)
 helper = Beside(os.getpid).result()
 assert helper != os.getpid()

@@ -120,9 +120,9 @@ def cones_of_recording(
         # What had to be unpacked lies in a folder of this process.
         is_long = bag.trace_count > length and not bag.is_unpacked
         pipeline = Pipeline(parameters)
-        learn_reception(bag, pipeline)
-        stretches = list(_stretches(bag, pipeline.noise, name, length)) if is_long else []
         workers = Reconstructors(pipeline)
+        learn_reception(bag, pipeline, workers)
+        stretches = list(_stretches(bag, pipeline.noise, name, length)) if is_long else []
         cones = bag.range_cones() if is_long else recorded_cones(bag, workers)
         made = _write(name, cones, bag.skipped)
     if is_long:

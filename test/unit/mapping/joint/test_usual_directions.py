@@ -9,13 +9,17 @@ import pytest
 from usmap_ros.mapping.joint.free_space.kinds import MIRRORS, ORIENTATIONS, OTHERS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
+    ANY_WIDTH_M,
     EXPECTED_M,
     LONG_M,
     SHORT_M,
+    SIDES,
+    WIDEST_M,
     facing,
     lacks_room,
     lengths,
     log_priors,
+    widest_gap_m,
 )
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, face_usually
@@ -125,7 +129,9 @@ def lacking(is_refuted: BoolArray, said: float, normal_rad: float) -> BoolArray:
     """Ask of all cells whether there is too little room, if so much speaks for walls in each."""
     everywhere = np.full(is_refuted.shape, said, np.float32)
     asked, none = np.ones_like(is_refuted), np.zeros_like(is_refuted)
-    return lacks_room(everywhere, is_refuted, asked, none, normal_rad, ALL_LONG, REFUTED)
+    return lacks_room(
+        everywhere, is_refuted, asked, none, normal_rad, ALL_LONG, REFUTED, ANY_WIDTH_M
+    )
 
 
 @pytest.mark.parametrize("normal_rad", [0.0, 0.5 * math.pi])
@@ -161,7 +167,7 @@ def test_only_what_is_asked_for_lacks_room() -> None:
     asked = np.zeros_like(is_refuted)
     asked[12, 10] = True
     none = np.zeros_like(is_refuted)
-    lacks = lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED)
+    lacks = lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)
     assert np.argwhere(lacks).tolist() == [[12, 10]]
 
 
@@ -169,15 +175,32 @@ def test_room_says_nothing_of_how_far_a_wall_goes_on() -> None:
     """A partition that was struck squarely near its end alone went on as free space."""
     is_refuted, said = gap_of(15), np.zeros((60, 60), np.float32)
     asked, stands = np.ones_like(is_refuted), np.zeros_like(is_refuted)
-    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED)[17, 10]
+    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)[17, 10]
     stands[11:14, 10] = True
-    assert not lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED).any()
+    assert not lacks_room(
+        said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M
+    ).any()
     # What was hardly heard of it is no wall yet.
     for heard, lacks in ((1.9, True), (2.1, False)):
         said[12, 10] = heard
         nothing = np.zeros_like(is_refuted)
-        found = lacks_room(said, is_refuted, asked, nothing, 0.0, ALL_LONG, REFUTED)
+        found = lacks_room(said, is_refuted, asked, nothing, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)
         assert found[17, 10] == lacks
+
+
+def test_where_a_side_of_a_room_may_be_missing_it_may_be_in_wide_gaps() -> None:
+    """Few pings in a room of mirrors struck three of its sides, and the fourth was free."""
+    assert [widest_gap_m(mirrors) for mirrors in (1, SIDES - 1)] == [WIDEST_M, WIDEST_M]
+    assert widest_gap_m(SIDES) > 100.0
+    is_refuted, said = gap_of(15), np.zeros((60, 60), np.float32)
+    asked, none = np.ones_like(is_refuted), np.zeros_like(is_refuted)
+    for widest, lacks in ((14.0, False), (16.0, True)):
+        found = lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED, widest)
+        assert found[17, 10] == lacks
+    # Where only one end is known there is no gap.
+    is_refuted = np.zeros((60, 60), bool)
+    is_refuted[:8] = True
+    assert lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED, 14.0)[10].all()
 
 
 def test_walls_beyond_what_is_refuted_are_others() -> None:
@@ -185,7 +208,7 @@ def test_walls_beyond_what_is_refuted_are_others() -> None:
     asked, stands = np.ones_like(is_refuted), np.zeros_like(is_refuted)
     is_refuted[30:40, 10] = False
     stands[32:38, 10] = True
-    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED)[17, 10]
+    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)[17, 10]
 
 
 def test_where_things_are_short_too_something_short_may_stand_where_there_is_little_room() -> None:
@@ -194,10 +217,15 @@ def test_where_things_are_short_too_something_short_may_stand_where_there_is_lit
     none = np.zeros_like(asked)
     for share, lacks in ((0.0, True), (0.05, True), (0.3, False)):
         kinds = np.array([[20.0, 1.0 - share], [4.0, share]])
-        assert lacks_room(said, is_refuted, asked, none, 0.0, kinds, REFUTED)[middle] == lacks
+        assert (
+            lacks_room(said, is_refuted, asked, none, 0.0, kinds, REFUTED, ANY_WIDTH_M)[middle]
+            == lacks
+        )
     # But in a gap of a cell or two there is room for nothing.
     kinds = np.array([[20.0, 0.5], [4.0, 0.5]])
-    assert lacks_room(said, gap_of(2), asked, none, 0.0, kinds, REFUTED)[10:12, 10].all()
+    assert lacks_room(said, gap_of(2), asked, none, 0.0, kinds, REFUTED, ANY_WIDTH_M)[
+        10:12, 10
+    ].all()
 
 
 def test_boxes_and_what_stands_alone_make_short_things_usual() -> None:

@@ -31,6 +31,7 @@ from usmap_ros.mapping.joint.free_space.refutation import (
 )
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.silence import Answers, learn_answers
+from usmap_ros.mapping.joint.free_space.usual_directions import widest_gap_m
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
@@ -149,13 +150,20 @@ class FreeSpace:
         occupied = walls.shown
         wanted &= ~occupied
         stood &= ~occupied
-        nothing = np.zeros_like(proofs)
+        nothing, widest_m = np.zeros_like(proofs), widest_gap_m(len(smooth.mirrors))
         refuted_for_good = refuted_with(nothing if smooth.mirrors else proofs)
         for turn in range(FREE_ROUNDS):
             is_refuted |= stood[:, :, np.newaxis]
             if smooth.mirrors:
                 here, silence = next(answers.each(field))
-                refute_for_room(is_refuted, worst, wanted & here, walls.all_lines, silence)
+                refute_for_room(
+                    is_refuted,
+                    worst,
+                    wanted & here,
+                    walls.all_lines,
+                    silence,
+                    widest_m / field.resolution_m,
+                )
             before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
             if smooth.mirrors:
                 by_silence = over_last(np.logical_and, refuted_with(nothing)(worst))

@@ -91,6 +91,7 @@ def refute_for_room(
     wanted: BoolArray,
     lines: FloatArray,
     silence: Silence,
+    widest: float,
 ) -> None:
     """Refute walls that face as most do where there is too little room for them.
 
@@ -106,11 +107,14 @@ def refute_for_room(
         Walls that stand, see `usmap_ros.mapping.joint.surfaces.lines`.
     silence : Silence
         What was learnt of the place.
+    widest : float
+        Room for a wall of more cells says nothing.
     """
     for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
         here, said = is_refuted[:, :, group], worst[:, :, group]
         usual = float(silence.kinds[first, 0])
         stands = drawn(facing_so(lines, usual), here.shape)
         here |= lacks_room(
-            said, here.copy(), wanted, stands, usual, silence.long_and_short, silence.refuted
-        )
+            said, here.copy(), wanted, stands, usual, silence.long_and_short, silence.refuted,
+            widest,
+        )  # fmt: skip

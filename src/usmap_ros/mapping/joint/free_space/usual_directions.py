@@ -37,6 +37,9 @@ HEARD = 2.0
 #: How far it is from a place in what is long, and what is short, to an end of it, on the mean, m.
 #: As ends come by chance, the first is the mean length of long walls, which more walls continue.
 LONG_M, SHORT_M = 10.0, 0.3
+#: Sides of a room, and the widest gap, m, that may be too narrow for one of them that is missing;
+#: where none is, gaps of any width may be.
+SIDES, WIDEST_M, ANY_WIDTH_M = 4, 1.5, 1e9
 #: Lines that are shorter than this are short things, and how much of those is expected beside what
 #: was found, m.
 SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
@@ -144,6 +147,20 @@ def lengths(lines: FloatArray, alone_m: float, resolution_m: float) -> FloatArra
     return np.array([[LONG_M / resolution_m, 1.0 - share], [SHORT_M / resolution_m, share]])
 
 
+def widest_gap_m(mirrors: int) -> float:
+    """How wide a gap may be, m, that says by its width that no mirror is in it.
+
+    Where fewer were found than a room has sides, one is missing that nobody struck, and goes from
+    one end to the other of what was not refuted: sound let a robot out there.
+
+    Parameters
+    ----------
+    mirrors : int
+        How many were found.
+    """
+    return ANY_WIDTH_M if mirrors >= SIDES else WIDEST_M
+
+
 @compiled
 def lacks_room(
     said: NDArray[np.float32],
@@ -153,6 +170,7 @@ def lacks_room(
     normal_rad: float,
     kinds: FloatArray,
     refuted: float,
+    widest: float,
 ) -> BoolArray:
     """Whether walls are refuted by how little room there is for them, with what was heard.
 
@@ -178,6 +196,8 @@ def lacks_room(
         all surface that they are, by `lengths`.
     refuted : float
         Log-likelihood ratio at which one is refuted.
+    widest : float
+        Room for a wall of more cells says nothing.
     """
     rows, columns = is_refuted.shape
     lacks, ends = np.zeros((rows, columns), np.bool_), np.empty(2)
@@ -187,6 +207,8 @@ def lacks_room(
             if not asked[row, column] or is_refuted[row, column] or said[row, column] > 0.0:
                 continue
             if _find_ends(said, is_refuted, stands, row, column, normal_rad, farthest, ends):
+                continue
+            if ends.min() > 0.0 and ends.sum() > widest:
                 continue
             chance = 0.0
             for usual, share in kinds:

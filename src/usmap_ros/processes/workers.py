@@ -65,10 +65,16 @@ class Beside(Generic[Result]):
         What it is called with.
     executor : Executor, optional
         Processes that are taken for helpers, instead of those of `start_helpers`.
+    patience : int
+        By how much the one that does it gives way from then on, of 19 in all.
     """
 
     def __init__(
-        self, work: Callable[..., Result], *given: Any, executor: Executor | None = None
+        self,
+        work: Callable[..., Result],
+        *given: Any,
+        executor: Executor | None = None,
+        patience: int = 0,
     ) -> None:
         self._work, self._given = work, given
         self._future: Future[Result] | None = None
@@ -77,7 +83,7 @@ class Beside(Generic[Result]):
         if executor is not None:
             # If somebody has killed one, this process does the work.
             with suppress(BrokenProcessPool):
-                self._future = executor.submit(_alone, work, *given)
+                self._future = executor.submit(_patiently, patience, work, *given)
 
     @property
     def is_done(self) -> bool:
@@ -99,6 +105,12 @@ class Beside(Generic[Result]):
                 return self._future.result()
             meanwhile()
         return _alone(self._work, *self._given)
+
+
+def _patiently(patience: int, work: Callable[..., Result], *given: Any) -> Result:
+    """What work gives in one thread of a process that gives way."""
+    give_way(patience)
+    return _alone(work, *given)
 
 
 def _alone(work: Callable[..., Result], *given: Any) -> Result:

@@ -20,7 +20,7 @@ from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.soundings import soundings
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.processes.cores import available_cores
-from usmap_ros.processes.threads import begun, give_way
+from usmap_ros.processes.threads import begun
 from usmap_ros.processes.workers import HELPERS_PATIENCE, Beside, worker_processes
 from usmap_ros.reconstruction.reconstructor import reconstruct_sounding
 from usmap_ros.runs.pipeline import Pipeline
@@ -103,7 +103,8 @@ class Reconstructors:
         """
         if self._executor is None:
             return begun(partial(work, *given)).result
-        return Beside(_patiently, work, *given, executor=self._executor).result
+        beside = Beside(work, *given, executor=self._executor, patience=HELPERS_PATIENCE)
+        return beside.result
 
     def _submit(self, executor: Executor, stretch: TraceStretch) -> Future[StretchCones]:
         # What pings share is found here, where all of them pass; the pipeline has a map in it.
@@ -111,12 +112,6 @@ class Reconstructors:
         # An open file cannot be sent.
         stretch.messages.close()
         return executor.submit(stretch_cones, stretch, levels, self._pipeline.reception)
-
-
-def _patiently(work: Callable[..., Result], *given: Any) -> Result:
-    """What work gives in a thread that leaves the cores to all others."""
-    give_way(HELPERS_PATIENCE)
-    return work(*given)
 
 
 @dataclass(frozen=True)

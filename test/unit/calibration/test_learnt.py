@@ -1,5 +1,7 @@
 """A pulse that nobody stated is learnt from a recording's own echoes, and used."""
 
+import multiprocessing
+from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,6 @@ from usmap_ros.io.bags import write_bag
 from usmap_ros.parameters import PipelineParameters, PulseParameters, ReconstructionParameters
 from usmap_ros.pings.robot_paths import RobotPaths
 from usmap_ros.pings.trace import EchoTrace
-from usmap_ros.processes.workers import worker_processes
 from usmap_ros.runs.offline import map_bag
 from usmap_ros.runs.parallel import Reconstructors
 from usmap_ros.runs.pipeline import Pipeline
@@ -64,12 +65,12 @@ def bag(traces: Traces, tmp_path: Path) -> Path:
     return tmp_path / "bag"
 
 
-def mapped(bag: Path, learn: bool, executor: object = None) -> tuple[float, Pipeline]:
+def mapped(bag: Path, learn: bool, executor: Executor | None = None) -> tuple[float, Pipeline]:
     """Echoes a ping, and the pipeline that mapped them."""
     pulse = PulseParameters(learn=learn)
     pipeline = Pipeline(PipelineParameters(reconstruction=ReconstructionParameters(pulse=pulse)))
     with BagReader([bag]) as reader:
-        workers = Reconstructors(pipeline, executor, 2)  # type: ignore[arg-type]
+        workers = Reconstructors(pipeline, executor, 2)
         learn_reception(reader, pipeline, workers)
         run = map_bag(reader, pipeline, RobotPaths(), workers=workers)
     return run.echoes / run.pings, pipeline
@@ -89,7 +90,8 @@ def test_one_object_is_one_echo_again(bag: Path, caplog: pytest.LogCaptureFixtur
 
 def test_processes_know_what_was_learnt(bag: Path) -> None:
     alone, pipeline = mapped(bag, learn=True)
-    with worker_processes(2) as executor:
+    # None that is forked: this process has threads from now on.
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
         together, other = mapped(bag, learn=True, executor=executor)
     assert together == alone
     np.testing.assert_array_equal(other.occupancy_map().log_odds, pipeline.occupancy_map().log_odds)

@@ -11,14 +11,9 @@ from usmap_ros.processes.workers import Beside
 
 #: Run by itself, since it forks before there are any threads.
 PROGRAM = """
-import os, signal, time
-from usmap_ros.processes.workers import Beside, start_helpers, worker_processes
+import os, signal, threading, time
+from usmap_ros.processes.workers import Beside, start_helpers
 
-with worker_processes(2) as executor:
-    worker = Beside(os.getpid, executor=executor).result()
-    assert worker != os.getpid()
-    os.kill(worker, signal.SIGKILL)
-    assert Beside(os.getpid, executor=executor).result() == os.getpid()
 start_helpers(1)
 helper = Beside(os.getpid).result()
 assert helper != os.getpid()
@@ -34,6 +29,36 @@ os.kill(helper, signal.SIGTERM)
 assert Beside(os.getpid).result() == helper
 os.kill(helper, signal.SIGKILL)
 assert Beside(os.getpid).result() == os.getpid()
+# A pool that ends with its process, and not before, may say so where errors are said.
+for thread in threading.enumerate()[1:]:
+    thread.join()
+print("done")
+"""
+
+#: The same of workers.
+WORKERS = """
+import os, signal, threading
+from usmap_ros.processes.workers import Beside, worker_processes
+
+def killed_elsewhere(home):
+    if os.getpid() != home:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return os.getpid()
+
+own = os.getpriority(os.PRIO_PROCESS, 0)
+with worker_processes(2) as executor:
+    worker = Beside(os.getpid, executor=executor).result()
+    assert worker != os.getpid()
+    assert os.getpriority(os.PRIO_PROCESS, worker) == own
+    worker = Beside(os.getpid, executor=executor, patience=5).result()
+    assert os.getpriority(os.PRIO_PROCESS, worker) == own + 5
+    # It dies at its work, and so do the others; none does what comes after.
+    assert Beside(killed_elsewhere, os.getpid(), executor=executor).result() == os.getpid()
+    assert Beside(os.getpid, executor=executor, patience=5).result() == os.getpid()
+    assert os.getpriority(os.PRIO_PROCESS, 0) == own
+# A pool that ends with its process, and not before, may say so where errors are said.
+for thread in threading.enumerate()[1:]:
+    thread.join()
 print("done")
 """
 
@@ -45,6 +70,13 @@ def test_a_helper_works_beside_and_its_work_is_done_here_when_it_is_killed() -> 
     assert done.stderr == ""
     assert done.stdout.endswith("done\n")
     assert "none" in done.stdout
+
+
+def test_workers_are_helpers_whose_patience_is_their_own() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WORKERS], capture_output=True, text=True, check=False, timeout=120.0
+    )
+    assert (done.stderr, done.stdout) == ("", "done\n")
 
 
 def test_without_helpers_work_is_done_here() -> None:

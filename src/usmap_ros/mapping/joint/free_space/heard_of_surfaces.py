@@ -28,6 +28,9 @@ from usmap_ros.processes.threads import for_each
 #: Whether no surface of each group can stand in a cell, by what was heard of them.
 Refuted = Callable[[NDArray[np.float32]], BoolArray]
 
+#: Works on the cells of a field in some rows that are asked for, by what silence says there.
+InBand = Callable[[slice, Field, BoolArray, Silence], None]
+
 
 class HeardOfSurfaces:
     """What some pings heard of surfaces in any cell.
@@ -104,17 +107,13 @@ class HeardOfSurfaces:
         """By how much what was heard of surfaces rises at the most; see `add_unsaid`."""
         unsaid = np.zeros(self._field.shape, np.float32)
 
-        def add(asked: BoolArray, silence: Silence) -> None:
-            for_each(
-                lambda band: add_unsaid(
-                    self._table, self._pings, band[1], before, left, self._listening.limit,
-                    silence.log_silent, asked[band[0]], changed, unsaid[band[0]],
-                ),
-                self._field.bands(BAND),
+        def add(rows: slice, band: Field, asked: BoolArray, silence: Silence) -> None:
+            add_unsaid(
+                self._table, self._pings, band, before, left, self._listening.limit,
+                silence.log_silent, asked[rows], changed, unsaid[rows],
             )  # fmt: skip
 
-        for here, silence in self._answers.each(self._field):
-            add(wanted & here, silence)
+        self._in_bands(self._answers, wanted, add)
         return unsaid
 
     def of_lines(self, walls: Walls, left: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -143,18 +142,23 @@ class HeardOfSurfaces:
     ) -> None:
         """The same of surfaces as some answers have them, and where echoes may be of them."""
 
-        def renew(asked: BoolArray, silence: Silence) -> None:
-            for_each(
-                lambda band: refute_surfaces(
-                    self._table, self._pings, band[1], left, self._listening, silence.log_silent,
-                    silence.shape, silence.kinds, self._likelier[band[0]], scatters[band[0]],
-                    asked[band[0]], changed, worst[band[0]],
-                ),
-                self._field.bands(BAND),
+        def renew(rows: slice, band: Field, asked: BoolArray, silence: Silence) -> None:
+            refute_surfaces(
+                self._table, self._pings, band, left, self._listening, silence.log_silent,
+                silence.shape, silence.kinds, self._likelier[rows], scatters[rows],
+                asked[rows], changed, worst[rows],
             )  # fmt: skip
 
-        for here, silence in answers.each(self._field):
-            renew(wanted & here, silence)
+        self._in_bands(answers, wanted, renew)
+
+    def _in_bands(self, answers: Answers, wanted: BoolArray, work: InBand) -> None:
+        """Have work done in bands of rows, for cells that are wanted as they answer."""
+        parts = [
+            (*band, wanted & here, silence)
+            for here, silence in answers.each(self._field)
+            for band in self._field.bands(BAND)
+        ]
+        for_each(lambda part: work(*part), parts)
 
     def _mirrors_likelier(self, left: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Logarithm of how much likelier mirrors are in each cell than in the place as a whole."""

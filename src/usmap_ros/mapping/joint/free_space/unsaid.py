@@ -5,8 +5,6 @@ taken for granted when they were refuted.  Most would be refuted without all pin
 is so, and these alone need to be looked at to tell which.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,12 +16,13 @@ from usmap_ros.mapping.joint.free_space.blocks import (
     may_sound,
     middle_of,
 )
-from usmap_ros.mapping.joint.free_space.kinds import SHARES
+from usmap_ros.mapping.joint.free_space.kinds import SHARES, silence_by_share
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import WHOLE
 from usmap_ros.mapping.joint.visibility.soundings import (
     LEAST_LOUDNESS,
     LEAST_SOUND,
+    LOUDNESSES,
     SoundedPlaces,
     class_of,
     find_in_cone,
@@ -95,13 +94,12 @@ def add_unsaid(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
 @inlined
 def _says(log_silent: FloatArray) -> NDArray[np.float32]:
     """The most that silence says of any kind of surface, by share of sound, and by loudness."""
-    loudnesses, answers = log_silent.shape[0], 0.0
-    says = np.empty((SHARES + 1, loudnesses), np.float32)
-    for loud in range(loudnesses):
-        # Fainter kinds answer as others do at less loudness.
-        answers = max(answers, 1.0 - math.exp(log_silent[loud].min()))
-        for share in range(SHARES + 1):
-            says[share, loud] = -math.log(1.0 - answers * share / SHARES)
+    says, silence = np.zeros((SHARES + 1, LOUDNESSES), np.float32), silence_by_share(log_silent)
+    for share in range(SHARES + 1):
+        for loud in range(LOUDNESSES):
+            # Fainter kinds answer as others do at less loudness.
+            before = says[share, max(loud - 1, 0)]
+            says[share, loud] = max(before, -silence[share, loud, 1].min())
     return says
 
 

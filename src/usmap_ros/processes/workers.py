@@ -1,5 +1,6 @@
 """Processes that are forked to work for this one."""
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -13,6 +14,8 @@ from typing import Any, Generic, TypeVar
 from usmap_ros.processes.cores import available_cores
 from usmap_ros.processes.parent import end_with_parent
 from usmap_ros.processes.threads import alone, give_way
+
+logger = logging.getLogger(__name__)
 
 Result = TypeVar("Result")
 
@@ -101,8 +104,10 @@ class Beside(Generic[Result]):
         if self._future is not None:
             while not wait([self._future], _LOOK_S).done:
                 meanwhile()
-            with suppress(BrokenProcessPool):
+            try:
                 return self._future.result()
+            except BrokenProcessPool:
+                logger.warning("a process beside this one was killed; its work is done here")
             meanwhile()
         return _alone(self._work, *self._given)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -77,10 +77,10 @@ class Reconstructors:
             return
         # Workers read for themselves: a trace takes as long to hand over as to read.
         remaining = bag.trace_stretch.cuts(BATCH)
-        under_way: deque[Future[StretchCones]] = deque()
+        under_way: deque[Beside[StretchCones]] = deque()
         while True:
             while len(under_way) < self._ahead and (stretch := next(remaining, None)) is not None:
-                under_way.append(self._submit(self._executor, stretch))
+                under_way.append(self._begun(stretch))
             if not under_way:
                 return
             found = under_way.popleft().result()
@@ -106,12 +106,13 @@ class Reconstructors:
         beside = Beside(work, *given, executor=self._executor, patience=HELPERS_PATIENCE)
         return beside.result
 
-    def _submit(self, executor: Executor, stretch: TraceStretch) -> Future[StretchCones]:
+    def _begun(self, stretch: TraceStretch) -> Beside[StretchCones]:
         # What pings share is found here, where all of them pass; the pipeline has a map in it.
         levels = self._pipeline.noise.levels(stretch.traces_without_noise())
         # An open file cannot be sent.
         stretch.messages.close()
-        return executor.submit(stretch_cones, stretch, levels, self._pipeline.reception)
+        reception = self._pipeline.reception
+        return Beside(stretch_cones, stretch, levels, reception, executor=self._executor)
 
 
 @dataclass(frozen=True)

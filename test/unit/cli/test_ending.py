@@ -16,7 +16,8 @@ from usmap_ros.simulation import Scenario, simulate
 
 DEADLINE_S = 300.0
 
-#: Maps as 'usmap map' does, but stays at its first ping.
+#: Maps as 'usmap map' does, but stays at its first ping.  In naps: Python answers a signal that
+#: comes on the threshold of a system call after that call, and would sleep an hour first.
 STUCK = """
 import multiprocessing, sys, time
 from usmap_ros.cli import main
@@ -24,7 +25,8 @@ from usmap_ros.runs.pipeline import Pipeline
 
 def stuck(self, cone, source=""):
     print(*(child.pid for child in multiprocessing.active_children()), flush=True)
-    time.sleep(3600.0)
+    while True:
+        time.sleep(0.05)
 
 Pipeline.fuse = stuck
 sys.argv = ["usmap", "map", "bag", "-o", "map", "-j", "2"]
@@ -121,7 +123,8 @@ from usmap_ros.cli import main
 
 def stuck(self, topic, trace):
     print("writing", flush=True)
-    time.sleep(3600.0)
+    while True:
+        time.sleep(0.05)
 
 BagWriter.write_trace = stuck
 sys.argv = ["usmap", "simulate", sys.argv[1], "-o", "bag"]

@@ -56,6 +56,21 @@ for (topic, one), (other_topic, other) in zip(alone, shared, strict=True):
         one.bearings_rad, other.bearings_rad, equal_nan=True)
 print("the same,", len(shared))
 """
+#: Before the above: each worker is killed at its second stretch.
+KILL = """
+import os, signal
+from usmap_ros.runs import parallel
+
+cones_here, home, done_here = parallel.stretch_cones, os.getpid(), []
+
+def killed_elsewhere(*given):
+    done_here.append(1)
+    if os.getpid() != home and len(done_here) == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return cones_here(*given)
+
+parallel.stretch_cones = killed_elsewhere
+"""
 SCENARIOS = Path(__file__).parents[3] / "config" / "scenarios"
 
 
@@ -94,6 +109,16 @@ def test_two_processes_give_the_cones_of_one(name: str, request: pytest.FixtureR
     )
     assert done.stdout.startswith("the same"), done.stderr
     assert int(done.stdout.split()[-1]) > BATCH
+
+
+def test_what_killed_processes_left_is_reconstructed_here() -> None:
+    script = KILL + COMPARE.format(bag=str(BAG)) + "assert len(done_here) > 1"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("the same")
+    assert "was killed" in done.stderr
 
 
 def test_a_process_with_threads_works_alone() -> None:

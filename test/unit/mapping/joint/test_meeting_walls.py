@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
 from usmap_ros.mapping.joint.free_space.meeting_walls import (
-    MOST_GAP_SHARE,
+    UP_TO_CORNERS,
     Lookers,
     Surroundings,
     joined,
@@ -66,39 +66,72 @@ def added(
     said: float = 0.0,
     stands: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float64]:
-    """What lines gain at their beginnings and ends, where pings say the same of all cells."""
+    """What lines gain, told as they are, where pings say the same of all cells."""
     before, shape = on_field(lines, lookers), lookers.field.shape
     shown = drawn(before, shape) | (np.zeros(shape, bool) if stands is None else stands)
     around = Surroundings(np.full(shape, said), over_block(shown), np.zeros(shape, bool))
-    gained: NDArray[np.float64] = np.abs(joined(before, around, lookers) - before)[:, [BEGIN, END]]
+    after = joined(before, around, lookers)
+    assert np.array_equal(after[: len(lines)], before)
+    gained, (right, up) = after[len(lines) :].copy(), lookers.places()[0]
+    gained[:, DISTANCE] -= gained[:, 0] * right + gained[:, 1] * up
+    gained[:, [BEGIN, END]] -= (gained[:, 0] * up - gained[:, 1] * right)[:, np.newaxis]
     return gained
+
+
+def turned(line: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
+    """A line that has been turned about where robots are."""
+    normal = complex(*line[:2]) * np.exp(1j * angle_rad)
+    return np.array([normal.real, normal.imag, *line[2:]])
 
 
 def test_two_walls_go_on_to_their_corner(lookers: Lookers) -> None:
     gained = added([NORTH, EAST], lookers)
-    assert gained == pytest.approx(np.array([[CORNER - 8.0, 0.0], [0.0, CORNER - 10.0]]))
+    north, east = [*NORTH[:3], -CORNER, -8.0], [*EAST[:3], 10.0, CORNER]
+    assert gained == pytest.approx(np.array([east, north]))
+
+
+def test_what_is_missing_faces_as_the_walls_of_the_place_do(lookers: Lookers) -> None:
+    """What was heard of a wall may be too short to tell how it faces."""
+    middle, short = 5.0, EAST.copy()
+    short[BEGIN] = 0.0
+    askew = turned(short, 0.06)
+    # About its own middle.
+    offset = middle * np.exp(1j * 0.06) * 1j + CORNER * np.exp(1j * 0.06)
+    moved = complex(CORNER, middle) - offset
+    askew[DISTANCE] += (moved * np.conj(complex(*askew[:2]))).real
+    askew[[BEGIN, END]] += (moved * np.conj(1j * complex(*askew[:2]))).real
+    north, east = [*NORTH[:3], -CORNER, -8.0], [*EAST[:3], 10.0, CORNER]
+    assert added([NORTH, askew], lookers) == pytest.approx(np.array([east, north]), abs=1e-9)
+
+
+def test_a_place_whose_walls_are_not_square_has_other_corners(lookers: Lookers) -> None:
+    """Two sides of a hexagon with notches were drawn on to where they would have met."""
+    aslant = turned(EAST, np.pi + np.deg2rad(20.0))
+    assert not len(added([NORTH, EAST, aslant], lookers))
+    aslant[BEGIN] = aslant[END] - 20.0
+    assert len(added([NORTH, EAST, aslant], lookers)) == 2
 
 
 def test_a_contradicted_corner_is_none(lookers: Lookers) -> None:
-    assert not added([NORTH, EAST], lookers, said=-4.0).any()
+    assert not len(added([NORTH, EAST], lookers, said=-4.0))
 
 
 def test_a_corner_that_nobody_looks_at_is_none(lookers: Lookers) -> None:
     lookers.left[:, :, STEPS // 4 :] = 0
-    assert not added([NORTH, EAST], lookers).any()
+    assert not len(added([NORTH, EAST], lookers))
 
 
 def test_who_hears_the_first_thing_only_looks_no_farther(lookers: Lookers) -> None:
     """A maze of card board was drawn with corners that are cut out of it."""
     lookers.table.kind[:, lookers.table.kind.shape[1] // 4 :] = UNJUDGED
-    assert not added([NORTH, EAST], lookers).any()
+    assert not len(added([NORTH, EAST], lookers))
 
 
 def test_walls_that_turn_their_backs_on_each_other_have_no_corner(lookers: Lookers) -> None:
     """Who looks does so from outside: a way leads round what the walls are of."""
     behind = EAST.copy()
     behind[[BEGIN, END]] = CORNER + 20.0, CORNER + 60.0
-    assert not added([NORTH, behind], lookers).any()
+    assert not len(added([NORTH, behind], lookers))
 
 
 def test_walls_that_are_not_square_have_others_between_them(lookers: Lookers) -> None:
@@ -108,7 +141,7 @@ def test_walls_that_are_not_square_have_others_between_them(lookers: Lookers) ->
     corner = complex(CORNER, CORNER)
     distance, along = ((corner * np.conj(axis)).real for axis in (normal, tangent))
     askew = np.array([normal.real, normal.imag, distance, along - 60.0, along - 20.0])
-    assert not added([NORTH, askew], lookers).any()
+    assert not len(added([NORTH, askew], lookers))
 
 
 def test_a_corner_that_is_off_the_field_is_none(lookers: Lookers) -> None:
@@ -119,13 +152,14 @@ def test_a_corner_that_is_off_the_field_is_none(lookers: Lookers) -> None:
     leaning = np.array([cosine, -sine, cosine * edge - sine * (row - 4.0), end - 30.0, end])
     lines, shape = np.array([level, leaning]), lookers.field.shape
     nothing = np.zeros(shape, bool)
-    assert (joined(lines, Surroundings(np.zeros(shape), nothing, nothing), lookers) == lines).all()
+    after = joined(lines, Surroundings(np.zeros(shape), nothing, nothing), lookers)
+    assert np.array_equal(after, lines)
 
 
 def test_short_walls_do_not_say_where_their_corner_is(lookers: Lookers) -> None:
     short = EAST.copy()
-    short[BEGIN] = 10.0 - (CORNER - 10.0) / MOST_GAP_SHARE + 1.0
-    assert not added([NORTH, short], lookers).any()
+    short[BEGIN] = 10.0 - (CORNER - 10.0) / UP_TO_CORNERS + 1.0
+    assert not len(added([NORTH, short], lookers))
 
 
 def with_thing(lookers: Lookers) -> NDArray[np.bool_]:
@@ -138,8 +172,8 @@ def with_thing(lookers: Lookers) -> NDArray[np.bool_]:
 
 def test_a_wall_goes_on_to_what_stands(lookers: Lookers) -> None:
     gained = added([NORTH], lookers, stands=with_thing(lookers))
-    assert gained[0] == pytest.approx(np.array([18.0, 0.0]), abs=1.0)
-    assert not added([NORTH], lookers).any()
+    assert gained == pytest.approx(np.array([[*NORTH[:3], -26.0, -8.0]]), abs=1.0)
+    assert not len(added([NORTH], lookers))
 
 
 def test_what_has_robots_on_either_side_goes_on_to_nothing(
@@ -148,4 +182,4 @@ def test_what_has_robots_on_either_side_goes_on_to_nothing(
     """Racks that stand in line were one, with no way between them."""
     behind = make_cone(y_m=2.5, yaw_rad=np.pi / 2.0, stamp_ns=len(cones))
     lookers = lookers_of([*cones, behind])
-    assert not added([NORTH], lookers, stands=with_thing(lookers)).any()
+    assert not len(added([NORTH], lookers, stands=with_thing(lookers)))

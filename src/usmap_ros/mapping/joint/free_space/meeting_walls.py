@@ -21,6 +21,7 @@ from usmap_ros.mapping.joint.surfaces.lines import (
     cells_beyond,
     crossings,
 )
+from usmap_ros.mapping.joint.surfaces.square_lines import squared
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
 from usmap_ros.mapping.ping_bins import UNJUDGED
@@ -37,9 +38,10 @@ from usmap_ros.mapping.ping_table import (
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
 
-#: Walls are so long, m; and how far from the end of what was heard of it a wall's corner may be, m,
-#: and over its length, which tells how well its direction is known.
-LEAST_WALL_M, MOST_GAP_M, MOST_GAP_SHARE = 0.75, 5.0, 1.5
+#: Walls are so long, m; and how far beyond the end of what was heard of one it may go on, m.
+LEAST_WALL_M, MOST_GAP_M = 0.5, 5.0
+#: The same over its length, which tells how well it is known, up to corners and to what stands.
+UP_TO_CORNERS, UP_TO_THINGS = 2.5, 1.5
 #: Cosine of the angle between walls of a corner, at the most: walls that are not square to each
 #: other seldom meet, there are others between them.
 MOST_COSINE = 0.3
@@ -49,7 +51,7 @@ PAST_CELLS, LEAST_GAP_CELLS = 5.0, 3.0
 #: Log-likelihood ratio of a surface below which a cell says that no wall goes on there.
 ENDS = -3.0
 #: Cells are looked at if so many pings do; so many are from within a corner, and from outside.
-LOOKS, FROM_WITHIN, FROM_OUTSIDE = 2, 0.8, 0.1
+LOOKS, FROM_WITHIN, FROM_OUTSIDE = 2, 0.65, 0.1
 #: What goes on up to a thing has nobody behind it within so far, m: with robots on either side it
 #: is the side of a thing itself, as of a rack that stands in line with others.
 NEAR_M = 5.0
@@ -118,6 +120,11 @@ class _Gap(NamedTuple):
         sign = -1.0 if self.end == BEGIN else 1.0
         return cells_beyond(lines[self.wall], lines[self.wall, self.end], sign, self.length, shape)
 
+    def line(self, lines: FloatArray) -> FloatArray:
+        """What is missing, as a line."""
+        ends = sorted((float(lines[self.wall, self.end]), self.up_to))
+        return np.array([*lines[self.wall, :BEGIN], *ends])
+
 
 class _Meeting(NamedTuple):
     """Where a wall may meet what stands, or another wall in a corner."""
@@ -131,10 +138,11 @@ class _Meeting(NamedTuple):
         """Where something is missing."""
         return [gap for gap in self.gaps if gap.length >= 1.0]
 
-    @property
-    def length(self) -> float:
-        """How much is missing."""
-        return sum(gap.length for gap in self.gaps)
+    def share_of(self, lines: FloatArray) -> float:
+        """The most that is missing of a wall, over what was heard of it."""
+        return max(
+            gap.length / float(lines[gap.wall, END] - lines[gap.wall, BEGIN]) for gap in self.gaps
+        )
 
 
 class Surroundings(NamedTuple):
@@ -148,7 +156,7 @@ class Surroundings(NamedTuple):
 
 
 def joined(lines: FloatArray, around: Surroundings, lookers: Lookers) -> FloatArray:
-    """Lines with what is missing of them up to corners, and up to what stands.
+    """Lines, and what is missing of them up to corners, and up to what stands.
 
     Parameters
     ----------
@@ -159,21 +167,21 @@ def joined(lines: FloatArray, around: Surroundings, lookers: Lookers) -> FloatAr
     lookers : Lookers
         Who looked there.
     """
-    longer, ended, resolution_m = lines.copy(), set[tuple[int, int]](), lookers.field.resolution_m
-    least_cells = LEAST_WALL_M / resolution_m
-    long = np.flatnonzero(lines[:, END] - lines[:, BEGIN] >= least_cells).tolist()
+    walls, are_square = squared(lines)
+    resolution_m, more = lookers.field.resolution_m, list[FloatArray]()
+    is_long = walls[:, END] - walls[:, BEGIN] >= LEAST_WALL_M / resolution_m
     meetings = [
-        *_corners(long, lines, resolution_m),
-        *_ahead(long, lines, around.stands, resolution_m),
+        *_corners(np.flatnonzero(is_long & are_square).tolist(), walls, resolution_m),
+        *_ahead(np.flatnonzero(is_long).tolist(), walls, around.stands, resolution_m),
     ]
-    for meeting in sorted(meetings, key=lambda each: each.length):
+    ended = set[tuple[int, int]]()
+    for meeting in sorted(meetings, key=lambda each: each.share_of(walls)):
         ends = {(gap.wall, gap.end) for gap in meeting.missing}
-        if ends & ended or not _is_one(meeting, lines, around, lookers):
+        if ends & ended or not _is_one(meeting, walls, around, lookers):
             continue
         ended |= ends
-        for gap in meeting.missing:
-            longer[gap.wall, gap.end] = gap.up_to
-    return longer
+        more += [gap.line(walls) for gap in meeting.missing]
+    return np.concatenate([lines, np.array(more).reshape(-1, lines.shape[1])])
 
 
 def _ahead(
@@ -183,7 +191,7 @@ def _ahead(
     for wall in walls:
         line = lines[wall]
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
-            most = _most_missing(line, resolution_m)
+            most = _most_missing(line, UP_TO_THINGS, resolution_m)
             rows, columns = cells_beyond(line, line[end], sign, most, stands.shape)
             # Beside the first there is the end itself.
             met = np.flatnonzero(stands[rows, columns][int(LEAST_GAP_CELLS) :])
@@ -208,14 +216,14 @@ def _gap(wall: int, corner: float, lines: FloatArray, resolution_m: float) -> _G
     line = lines[wall]
     beyond = {BEGIN: float(line[BEGIN]) - corner, END: corner - float(line[END])}
     end = max(beyond, key=lambda each: beyond[each])
-    if not -PAST_CELLS <= beyond[end] <= _most_missing(line, resolution_m):
+    if not -PAST_CELLS <= beyond[end] <= _most_missing(line, UP_TO_CORNERS, resolution_m):
         return None
     return _Gap(wall, end, corner, max(beyond[end], 0.0))
 
 
-def _most_missing(line: FloatArray, resolution_m: float) -> float:
-    """How much may be missing of a wall, cells."""
-    return min(MOST_GAP_M / resolution_m, MOST_GAP_SHARE * float(line[END] - line[BEGIN]))
+def _most_missing(line: FloatArray, share: float, resolution_m: float) -> float:
+    """How much may be missing of a wall, cells, by a share of its length."""
+    return min(MOST_GAP_M / resolution_m, share * float(line[END] - line[BEGIN]))
 
 
 def _is_one(meeting: _Meeting, lines: FloatArray, around: Surroundings, lookers: Lookers) -> bool:

@@ -44,6 +44,22 @@ def test_a_short_wall_does_not_say_where_it_goes_on() -> None:
     assert going.may_be[10, 31:43].all()
 
 
+def test_walls_that_are_not_square_say_nothing_of_what_goes_on() -> None:
+    """Sides of a hexagon with notches were drawn on past them; nothing is free there."""
+    angle_rad = math.radians(60.0)
+    aslant = np.array([math.cos(angle_rad), math.sin(angle_rad), 30.0, -25.0, -5.0])
+    going = followed([ALONG_ROW, aslant], 0.5)
+    assert going.lines == pytest.approx(np.array([ALONG_ROW, aslant]))
+    assert going.may_be[10, 31:40].all()
+    # Beside more that are square to each other it is askew, and they go on.
+    aslant[END] = -9.5
+    across = ALONG_COLUMN.copy()
+    across[DISTANCE] = 55.0
+    going = followed([ALONG_ROW, across, aslant], 0.5)
+    assert going.lines[0, BEGIN] == pytest.approx(-42.0)
+    assert going.lines[2] == pytest.approx(aslant)
+
+
 def test_what_is_contradicted_is_no_wall_but_may_be_one() -> None:
     going = followed([ALONG_ROW], 0.5 * ENDS)
     assert going.lines[0] == pytest.approx(ALONG_ROW)

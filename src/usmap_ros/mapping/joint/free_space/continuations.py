@@ -3,7 +3,9 @@
 Surfaces are seldom as short as what was heard well of them.  A cell that continues a line is wall
 where more speaks for a surface there than against it, and so are all up to the next thing if they
 are hardly contradicted; and it is not free unless it is refuted far more firmly than others are.
-What continues a short line is never shown, for it does not say which way it goes on.
+What continues a short line is never shown, for it does not say which way it goes on; nor what
+continues one that is not square to most walls of the place, or any where they are not square to
+each other: two thirds of that is wrong.
 """
 
 from typing import NamedTuple
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers, Surroundings, joined
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, cells_beyond, crossings, leading
+from usmap_ros.mapping.joint.surfaces.square_lines import squared
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -57,8 +60,10 @@ def continue_lines(
         How far they are followed.
     """
     longer, may_be, stands = lines.copy(), np.zeros_like(occupied), over_block(occupied)
+    are_followed = lines[:, END] - lines[:, BEGIN] >= FOLLOWED_CELLS
+    are_followed &= squared(lines).are_square
     for number, line in enumerate(lines):
-        met, is_long = _met(line, lines), line[END] - line[BEGIN] >= FOLLOWED_CELLS
+        met = _met(line, lines)
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
             ahead = sign * (met - line[end])
             first = ahead[ahead > -MET_CELLS].min(initial=most_cells)
@@ -69,7 +74,7 @@ def continue_lines(
             # Beside the first there is the end itself.
             is_solid[0] = occupied[rows[0], columns[0]]
             is_solid[-1] |= first < most_cells
-            if is_long:
+            if are_followed[number]:
                 bridged = np.flatnonzero(is_solid[: leading(is_solid | (said >= HARDLY))])
                 grown = int(bridged[-1]) + 1 if len(bridged) else 0
                 grown += leading((is_solid | (said > HEARD))[grown:])

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -177,6 +178,17 @@ def test_a_pair_of_poles_is_a_column_only_where_others_are(
     (column,) = columns_of(pings_around(make_cone, 0.0, 4.0, 24, 0.003))
     (found,) = without_pairs([column], 20)
     assert found.is_certain
+
+
+def test_a_single_column_among_many_poles_has_to_say_that_there_are_any(
+    make_cone: Callable[..., EchoCone],
+) -> None:
+    """Of 25 poles two had been taken for the only column, by a log-likelihood ratio of 5.2."""
+    (column,) = columns_of(pings_around(make_cone, 0.0, 4.0, 24, 0.003))
+    unlikely, likely = (replace(column, over_two_points=over) for over in (5.2, 7.0))
+    assert [each.is_certain for each in without_pairs([unlikely], 25)] == [False]
+    assert [each.is_certain for each in without_pairs([likely], 25)] == [True]
+    assert [each.is_certain for each in without_pairs([unlikely, likely], 25)] == [True, True]
 
 
 def test_a_column_heard_from_one_side_replaces_the_cell_on_it(

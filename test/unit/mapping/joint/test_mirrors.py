@@ -297,6 +297,20 @@ def test_what_cells_explain_makes_no_mirror(mirror_pings: list[EchoCone]) -> Non
     assert mirror_walls(table, rows, echoes, explained, explained, np.zeros(len(rows), bool)) == []
 
 
+@pytest.mark.parametrize(("others", "walls"), [(2, 1), (9, 0)])
+def test_where_cells_explain_nearly_all_a_line_is_no_mirror(
+    make_cone: Callable[..., EchoCone], mirror_m: float, others: int, walls: int
+) -> None:
+    """Among 30 poles nine echoes lined up, and made walls of other poles beside them."""
+    cones, rng = list[EchoCone](), np.random.default_rng(3)
+    for number in range(24):
+        mirror = mirror_m, 0.45 / mirror_m
+        poles = [(range_m, 0.001) for range_m in np.sort(rng.uniform(2.5, 4.5, others))]
+        pose = {"x_m": 0.1 * number, "y_m": 0.0, "yaw_rad": 0.5 * math.pi}
+        cones.append(make_cone(mirror, *poles, stamp_ns=number, **pose))
+    assert len(mirrors_of(cones, 0.01)) == walls
+
+
 def test_a_mirror_is_drawn_where_it_stands(mirror_pings: list[EchoCone], mirror_m: float) -> None:
     fusion = JointFusion(MappingParameters())
     for cone in mirror_pings:

@@ -48,6 +48,9 @@ MOST_FOLLOWING = 3.2
 STEADY, CERTAIN_HITS = 0.07, 35
 #: Pings that must have heard likely mirrors: two poles make a line of six.
 LEAST_HITS = 9
+#: Where cells explain such a share of all echoes, likely mirrors are lines of poles: of rooms that
+#: have mirrors they explain 0.65 at the most.
+MOST_EXPLAINED = 0.8
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less.
 ALIKE = 0.25
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.
@@ -148,7 +151,7 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray, explained: floa
     likely = is_image[are_certain].any(axis=0) | (are_certain & are_direct)
     if not likely.any():
         likely = odds > 0.0
-        if odds.sum() < LEAST_ODDS or hits[likely].sum() < LEAST_HITS:
+        if explained > MOST_EXPLAINED or odds.sum() < LEAST_ODDS or hits[likely].sum() < LEAST_HITS:
             return None
         likely = likely & are_direct if (likely & are_direct).any() else likely
     logs = np.array([wall.log_mirror for wall in found])

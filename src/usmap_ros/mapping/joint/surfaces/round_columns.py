@@ -161,7 +161,8 @@ def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
     """Columns, those suspected only which two points explain as well.
 
     Of many things that stand alone, some two are bound to be heard as one column would be.  How
-    many things are round in this place, the columns tell that nothing else explains.
+    many things are round in this place, the columns tell that nothing else explains; where no more
+    than one does, it has to say that there are any, too.
 
     Parameters
     ----------
@@ -172,7 +173,8 @@ def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
     """
     over = [column.over_two_points for column in columns if column.is_certain]
     least = math.log1p(things)
-    least -= math.log1p(sum(each > least for each in over))
+    told = sum(each > least for each in over)
+    least += -math.log1p(told) if told > 1 else least
     return [
         replace(column, is_certain=column.is_certain and column.over_two_points > least)
         for column in columns

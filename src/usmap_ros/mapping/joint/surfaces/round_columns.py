@@ -162,7 +162,7 @@ def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
 
     Of many things that stand alone, some two are bound to be heard as one column would be.  How
     many things are round in this place, the columns tell that nothing else explains; where no more
-    than one does, it has to say that there are any, too.
+    than one does, it may as well be any pair of all things.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
     over = [column.over_two_points for column in columns if column.is_certain]
     least = math.log1p(things)
     told = sum(each > least for each in over)
-    least += -math.log1p(told) if told > 1 else least
+    least = least - math.log1p(told) if told > 1 else math.log1p(math.comb(things, 2))
     return [
         replace(column, is_certain=column.is_certain and column.over_two_points > least)
         for column in columns

@@ -78,10 +78,13 @@ def added(
     return gained
 
 
-def turned(line: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
-    """A line that has been turned about where robots are."""
-    normal = complex(*line[:2]) * np.exp(1j * angle_rad)
-    return np.array([normal.real, normal.imag, *line[2:]])
+def turned(line: NDArray[np.float64], angle_rad: float, about: complex) -> NDArray[np.float64]:
+    """A line that has been turned about a place."""
+    normal, turned_normal = complex(*line[:2]), complex(*line[:2]) * np.exp(1j * angle_rad)
+    # Where the place is in the frame of the line, and in that of the turned one.
+    moved = about * (np.conj(turned_normal) - np.conj(normal))
+    place = np.add(line[2:], [moved.real, moved.imag, moved.imag])
+    return np.array([turned_normal.real, turned_normal.imag, *place])
 
 
 def test_two_walls_go_on_to_their_corner(lookers: Lookers) -> None:
@@ -92,21 +95,16 @@ def test_two_walls_go_on_to_their_corner(lookers: Lookers) -> None:
 
 def test_what_is_missing_faces_as_the_walls_of_the_place_do(lookers: Lookers) -> None:
     """What was heard of a wall may be too short to tell how it faces."""
-    middle, short = 5.0, EAST.copy()
+    short = EAST.copy()
     short[BEGIN] = 0.0
-    askew = turned(short, 0.06)
-    # About its own middle.
-    offset = middle * np.exp(1j * 0.06) * 1j + CORNER * np.exp(1j * 0.06)
-    moved = complex(CORNER, middle) - offset
-    askew[DISTANCE] += (moved * np.conj(complex(*askew[:2]))).real
-    askew[[BEGIN, END]] += (moved * np.conj(1j * complex(*askew[:2]))).real
+    askew = turned(short, 0.06, complex(CORNER, 5.0))
     north, east = [*NORTH[:3], -CORNER, -8.0], [*EAST[:3], 10.0, CORNER]
     assert added([NORTH, askew], lookers) == pytest.approx(np.array([east, north]), abs=1e-9)
 
 
 def test_a_place_whose_walls_are_not_square_has_other_corners(lookers: Lookers) -> None:
     """Two sides of a hexagon with notches were drawn on to where they would have met."""
-    aslant = turned(EAST, np.pi + np.deg2rad(20.0))
+    aslant = turned(EAST, np.pi + np.deg2rad(20.0), 0j)
     assert not len(added([NORTH, EAST, aslant], lookers))
     aslant[BEGIN] = aslant[END] - 20.0
     assert len(added([NORTH, EAST, aslant], lookers)) == 2
@@ -136,11 +134,8 @@ def test_walls_that_turn_their_backs_on_each_other_have_no_corner(lookers: Looke
 
 def test_walls_that_are_not_square_have_others_between_them(lookers: Lookers) -> None:
     """Sides of a hexagon were drawn on, past a wall across its corner that few had heard."""
-    angle_rad = np.deg2rad(25.0)
-    normal, tangent = np.exp(1j * (angle_rad + np.array([0.0, 0.5 * np.pi])))
-    corner = complex(CORNER, CORNER)
-    distance, along = ((corner * np.conj(axis)).real for axis in (normal, tangent))
-    askew = np.array([normal.real, normal.imag, distance, along - 60.0, along - 20.0])
+    up_to_corner = np.array([1.0, 0.0, CORNER, CORNER - 60.0, CORNER - 20.0])
+    askew = turned(up_to_corner, np.deg2rad(25.0), complex(CORNER, CORNER))
     assert not len(added([NORTH, askew], lookers))
 
 

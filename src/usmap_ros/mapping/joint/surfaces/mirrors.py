@@ -75,6 +75,13 @@ def usual_direction(normals_rad: FloatArray, weights: FloatArray) -> float:
     return float(normals_rad[most] + 0.25 * np.angle(mean))
 
 
+def turns_to(direction_rad: float, normals_rad: FloatArray) -> FloatArray:
+    """(walls,) array: least turn of each wall that makes it parallel or square to a direction."""
+    quarter = 0.5 * math.pi
+    turns_rad: FloatArray = (direction_rad - normals_rad + 0.5 * quarter) % quarter - 0.5 * quarter
+    return turns_rad
+
+
 def are_square(walls: list[MirrorWall], others: list[MirrorWall]) -> BoolArray:
     """Whether walls are parallel or square to others, a row for each of the first."""
     normals, across = (np.array([wall.normal_rad for wall in some]) for some in (walls, others))
@@ -88,10 +95,9 @@ def squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> li
         return []
     normals_rad = np.array([wall.normal_rad for wall in walls])
     hits = np.array([len(wall.echoes) for wall in walls], float)
-    direction, quarter = usual_direction(normals_rad, hits), 0.5 * math.pi
+    turns_rad = turns_to(usual_direction(normals_rad, hits), normals_rad)
     squared = list[MirrorWall]()
-    for wall in walls:
-        turn = (direction - wall.normal_rad + 0.5 * quarter) % quarter - 0.5 * quarter
+    for wall, turn in zip(walls, turns_rad.tolist(), strict=True):
         is_unsure = wall.end_m - wall.begin_m < SHORT_M and abs(turn) < UNSURE_RAD
         squared.append(_turned(wall, turn, places_m, echoes) if is_unsure else wall)
     return squared

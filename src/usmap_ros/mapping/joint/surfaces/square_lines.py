@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
-from usmap_ros.mapping.joint.surfaces.mirrors import usual_direction
+from usmap_ros.mapping.joint.surfaces.mirrors import turns_to, usual_direction
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Walls are square to each other, at the least, by this share of their length, where they are off
@@ -39,9 +39,8 @@ def squared(lines: FloatArray) -> SquareLines:
     is_long = length >= LEAST_CELLS
     if not is_long.any():
         return SquareLines(lines, is_long)
-    normals_rad, quarter = np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X]), 0.5 * np.pi
-    usual_rad = usual_direction(normals_rad[is_long], length[is_long])
-    turns_rad = (usual_rad - normals_rad + 0.5 * quarter) % quarter - 0.5 * quarter
+    normals_rad = np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X])
+    turns_rad = turns_to(usual_direction(normals_rad[is_long], length[is_long]), normals_rad)
     are_square = np.abs(turns_rad) <= MOST_OFF_RAD
     if length[is_long & are_square].sum() < LEAST_SHARE * length[is_long].sum():
         return SquareLines(lines, np.zeros(len(lines), bool))

@@ -3,12 +3,15 @@
 import logging
 import multiprocessing
 import os
+import pickle
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any, Generic, TypeVar
 
 from usmap_ros.processes.cores import available_cores
@@ -124,9 +127,44 @@ def _alone(work: Callable[..., Result], *given: Any) -> Result:
         return work(*given)
 
 
+class _Processes(ProcessPoolExecutor):
+    """Processes that hand results over in files.
+
+    One that is killed while it sends a result through the pipe that all of them share leaves who
+    reads it waiting for the rest, for ever.  The name of a file is sent whole or not at all.
+    """
+
+    def submit(self, work: Callable[..., Result], /, *given: Any, **named: Any) -> Future[Result]:
+        result = Future[Result]()
+        result.set_running_or_notify_cancel()
+        super().submit(_put, work, *given, **named).add_done_callback(partial(_take, result))
+        return result
+
+
+def _put(work: Callable[..., Any], *given: Any, **named: Any) -> Path:
+    """A file with what work gives."""
+    result = work(*given, **named)
+    with NamedTemporaryFile(prefix="usmap_result_", delete=False) as file:
+        pickle.dump(result, file, pickle.HIGHEST_PROTOCOL)
+    return Path(file.name)
+
+
+def _take(result: Future[Any], handed_over: Future[Path]) -> None:
+    """Give who waits for a result what was handed over, or what went wrong."""
+    try:
+        path = handed_over.result()
+        content = path.read_bytes()
+        path.unlink()
+        taken = pickle.loads(content)
+    except BaseException as error:
+        result.set_exception(error)
+    else:
+        result.set_result(taken)
+
+
 def _forked(processes: int, begin: Callable[[int], None]) -> Executor:
     """Processes that have been forked."""
-    executor = ProcessPoolExecutor(
+    executor = _Processes(
         processes, mp_context=multiprocessing.get_context("fork"), initializer=begin,
         initargs=(os.getpid(),),
     )  # fmt: skip

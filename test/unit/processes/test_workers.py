@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -79,6 +80,43 @@ def test_workers_are_helpers_whose_patience_is_their_own() -> None:
     done = subprocess.run(
         [sys.executable, "-c", WORKERS], capture_output=True, text=True, check=False, timeout=120.0
     )
+    assert (done.stderr, done.stdout) == (KILLED, "done\n")
+
+
+#: One is killed once a part of its result has gone out; none is left behind of those that were.
+KILLED_AS_IT_SENDS = """
+import os, signal, tempfile, threading, time
+from pathlib import Path
+from usmap_ros.processes.workers import Beside, worker_processes
+
+def written():
+    lines = Path("/proc/self/io").read_text().splitlines()
+    return int(dict(line.split(": ") for line in lines)["wchar"])
+
+def kill_after(begun):
+    while written() < begun + 1_000_000:
+        time.sleep(0.001)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def large(home):
+    if os.getpid() != home:
+        threading.Thread(target=kill_after, args=[written()], daemon=True).start()
+    return bytes(500_000_000)
+
+with worker_processes(2) as executor:
+    assert len(Beside(bytes, 100_000, executor=executor).result()) == 100_000
+    assert not list(Path(tempfile.gettempdir()).iterdir())
+    assert len(Beside(large, os.getpid(), executor=executor).result()) == 500_000_000
+print("done")
+"""
+
+
+def test_work_of_one_that_is_killed_as_it_sends_is_done_here(tmp_path: Path) -> None:
+    """Who read the pipe that all of them share waited for the rest for ever."""
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED_AS_IT_SENDS], capture_output=True, text=True, check=False,
+        timeout=120.0, env=os.environ | {"TMPDIR": str(tmp_path)},
+    )  # fmt: skip
     assert (done.stderr, done.stdout) == (KILLED, "done\n")
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES, off_line
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
-from usmap_ros.numerics.compiled import compiled, inlined
+from usmap_ros.numerics.compiled import compiled, compiled_within, inlined
 from usmap_ros.numerics.ordering import ascending
 from usmap_ros.numerics.special import logistic
 
@@ -20,8 +20,12 @@ LEAST_WEIGHT, LEAST_CELLS, LEAST_LENGTH_CELLS, LEAST_DENSITY = 4.0, 5, 6.0, 0.35
 #: Share of a run that its widest gap may take: two things side by side are no wall.
 MOST_GAP_SHARE = 0.4
 MOST_LINES = 200
+#: Candidates that are looked at, over that.
+MOST_TRIES = 4
 #: Cells within this distance of a line are on it.
 ON_LINE_CELLS = 1.3
+#: Those within this distance count when a direction is first corrected.
+NEAR_LINE_CELLS = 1.6
 #: A run that is one thing's arc may be moved so far across before ranges to it tell.
 ARC_CELLS = 1.0
 #: Largest correction of a direction by least squares, rad.
@@ -93,106 +97,153 @@ def without_arcs(
 
 
 @compiled
-def _find_runs(  # noqa: C901, PLR0912, PLR0915 - a kernel is one loop
-    places: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    gap: float,
-    lines: NDArray[np.float64],
-) -> int:
+def _find_runs(places: FloatArray, weights: FloatArray, gap: float, lines: FloatArray) -> int:
     """Take the heaviest line out of the cells again and again; returns how many were found."""
-    count, cells = 0, len(places)
-    cosines, sines = np.empty(DIRECTIONS), np.empty(DIRECTIONS)
-    for f in range(DIRECTIONS):
-        cosines[f], sines[f] = (
-            math.cos(f * math.pi / DIRECTIONS),
-            math.sin(f * math.pi / DIRECTIONS),
-        )
-    reach = 0.0
-    for i in range(cells):
-        reach = max(reach, math.sqrt(places[i, 0] ** 2 + places[i, 1] ** 2))
-    middle = int(reach) + 4
-    votes = np.zeros((DIRECTIONS, 2 * middle + 2))
-    alive, along, members = np.ones(cells, np.uint8), np.empty(cells), np.empty(cells, np.int64)
-    for i in range(cells):
-        for f in range(DIRECTIONS):
-            votes[f, round(places[i, 0] * cosines[f] + places[i, 1] * sines[f]) + middle] += (
-                weights[i]
-            )
-    most, best_at = np.empty(DIRECTIONS), np.empty(DIRECTIONS, np.int64)
-    for f in range(DIRECTIONS):
-        most[f], best_at[f] = _most_votes(votes[f])
-    for _ in range(4 * len(lines)):
+    votes, most, best_at = _votes(places, weights)
+    is_left, count, middle = np.ones(len(places), np.bool_), 0, votes.shape[1] // 2 - 1
+    for _ in range(MOST_TRIES * len(lines)):
         best, direction, bucket = _heaviest(votes, most, best_at)
         if best < LEAST_WEIGHT or count == len(lines):
             break
-        nx, ny, distance = cosines[direction], sines[direction], float(bucket - middle)
-        for turn in range(2):
-            tolerance = 1.6 if turn == 0 else ON_LINE_CELLS
-            w_, t_, d_, tt_, td_ = 0.0, 0.0, 0.0, 0.0, 0.0
-            for i in range(cells):
-                if alive[i]:
-                    across = places[i, 0] * nx + places[i, 1] * ny - distance
-                    if abs(across) <= tolerance:
-                        t = places[i, 1] * nx - places[i, 0] * ny
-                        w_ += weights[i]
-                        t_ += weights[i] * t
-                        d_ += weights[i] * across
-                        tt_ += weights[i] * t * t
-                        td_ += weights[i] * t * across
-            if w_ <= 0.0:
-                break
-            variance = tt_ / w_ - (t_ / w_) ** 2
-            slope = (td_ / w_ - t_ * d_ / w_**2) / variance if variance > 1e-6 else 0.0
-            slope = min(max(slope, -MOST_TURN), MOST_TURN)
-            nx, ny = nx + slope * ny, ny - slope * nx
-            length = math.sqrt(nx * nx + ny * ny)
-            nx, ny = nx / length, ny / length
-            w_, d_ = 0.0, 0.0
-            for i in range(cells):
-                if alive[i]:
-                    across = places[i, 0] * nx + places[i, 1] * ny - distance
-                    if abs(across) <= tolerance + 0.5:
-                        w_ += weights[i]
-                        d_ += weights[i] * across
-            if w_ > 0.0:
-                distance += d_ / w_
-        found = 0
-        for i in range(cells):
-            if alive[i] and abs(places[i, 0] * nx + places[i, 1] * ny - distance) <= ON_LINE_CELLS:
-                members[found], along[found] = i, places[i, 1] * nx - places[i, 0] * ny
-                found += 1
-        order, any_run, begin = ascending(along[:found]), False, 0
-        while begin < found:
-            end = begin
-            while end + 1 < found and along[order[end + 1]] - along[order[end]] <= gap:
-                end += 1
-            length = along[order[end]] - along[order[begin]]
-            weight, distinct, last, widest = 0.0, 0, -1e9, 0.0
-            for k in range(begin, end + 1):
-                weight += weights[members[order[k]]]
-                if k > begin:
-                    widest = max(widest, along[order[k]] - along[order[k - 1]])
-                if round(along[order[k]]) != last:
-                    distinct, last = distinct + 1, round(along[order[k]])
-            is_run = weight >= LEAST_WEIGHT and distinct >= LEAST_CELLS
-            is_run = is_run and length >= LEAST_LENGTH_CELLS and widest <= MOST_GAP_SHARE * length
-            if is_run and distinct / (length + 1.0) >= LEAST_DENSITY and count < len(lines):
-                any_run = True
+        nx, ny, distance = _refined(places, weights, is_left, direction, float(bucket - middle))
+        members, along = _cells_on(places, is_left, nx, ny, distance)
+        before, begin = count, 0
+        while begin < len(members):
+            end = _end_of_run(along, begin, gap)
+            run, run_along = members[begin:end], along[begin:end]
+            if count < len(lines) and _is_wall(run_along, weights[run]):
                 lines[count, 0], lines[count, 1], lines[count, 2] = nx, ny, distance
-                lines[count, 3], lines[count, 4] = along[order[begin]], along[order[end]]
+                lines[count, 3], lines[count, 4] = run_along[0], run_along[-1]
                 count += 1
-                for k in range(begin, end + 1):
-                    i = members[order[k]]
-                    alive[i] = 0
-                    for f in range(DIRECTIONS):
-                        at = round(places[i, 0] * cosines[f] + places[i, 1] * sines[f]) + middle
-                        votes[f, at] -= weights[i]
-            begin = end + 1
-        if not any_run:
+                is_left[run] = False
+                _vote(places, weights, run, -1.0, votes)
+            begin = end
+        if count == before:
             # Not looked at again, but its cells may be part of other lines.
-            for k in range(max(0, bucket - 1), min(2 * middle + 2, bucket + 2)):
-                votes[direction, k] = -1e9
+            votes[direction, max(0, bucket - 1) : bucket + 2] = -1e9
     return count
+
+
+@inlined
+def _votes(
+    places: FloatArray, weights: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+    """Votes of cells for each direction and distance, and the most that each direction has."""
+    reach = 0.0
+    for i in range(len(places)):
+        reach = max(reach, math.sqrt(places[i, 0] ** 2 + places[i, 1] ** 2))
+    votes = np.zeros((DIRECTIONS, 2 * (int(reach) + 4) + 2))
+    _vote(places, weights, np.arange(len(places)), 1.0, votes)
+    most, best_at = np.empty(DIRECTIONS), np.empty(DIRECTIONS, np.int64)
+    for f in range(DIRECTIONS):
+        most[f], best_at[f] = _most_votes(votes[f])
+    return votes, most, best_at
+
+
+@compiled_within
+def _vote(
+    places: FloatArray,
+    weights: FloatArray,
+    cells: NDArray[np.int64],
+    share: float,
+    votes: FloatArray,
+) -> None:
+    """Add a share of what some cells weigh to the votes of all lines through them."""
+    middle = votes.shape[1] // 2 - 1
+    for f in range(DIRECTIONS):
+        cosine, sine = math.cos(f * math.pi / DIRECTIONS), math.sin(f * math.pi / DIRECTIONS)
+        for i in cells:
+            at = round(places[i, 0] * cosine + places[i, 1] * sine) + middle
+            votes[f, at] += share * weights[i]
+
+
+@inlined
+def _refined(
+    places: FloatArray, weights: FloatArray, is_left: BoolArray, direction: int, distance: float
+) -> tuple[float, float, float]:
+    """Normal and distance of the line that fits cells near a candidate best, by least squares."""
+    nx = math.cos(direction * math.pi / DIRECTIONS)
+    ny = math.sin(direction * math.pi / DIRECTIONS)
+    for turn in range(2):
+        tolerance = NEAR_LINE_CELLS if turn == 0 else ON_LINE_CELLS
+        w_, t_, d_, tt_, td_ = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(len(places)):
+            across = places[i, 0] * nx + places[i, 1] * ny - distance
+            if is_left[i] and abs(across) <= tolerance:
+                t = places[i, 1] * nx - places[i, 0] * ny
+                w_ += weights[i]
+                t_ += weights[i] * t
+                d_ += weights[i] * across
+                tt_ += weights[i] * t * t
+                td_ += weights[i] * t * across
+        if w_ <= 0.0:
+            break
+        variance = tt_ / w_ - (t_ / w_) ** 2
+        slope = (td_ / w_ - t_ * d_ / w_**2) / variance if variance > 1e-6 else 0.0
+        slope = min(max(slope, -MOST_TURN), MOST_TURN)
+        nx, ny = nx + slope * ny, ny - slope * nx
+        length = math.sqrt(nx * nx + ny * ny)
+        nx, ny = nx / length, ny / length
+        distance += _mean_off(places, weights, is_left, nx, ny, distance, tolerance + 0.5)
+    return nx, ny, distance
+
+
+@inlined
+def _mean_off(
+    places: FloatArray,
+    weights: FloatArray,
+    is_left: BoolArray,
+    nx: float,
+    ny: float,
+    distance: float,
+    tolerance: float,
+) -> float:
+    """How far cells near a line are off it, on the mean."""
+    w_, d_ = 0.0, 0.0
+    for i in range(len(places)):
+        across = places[i, 0] * nx + places[i, 1] * ny - distance
+        if is_left[i] and abs(across) <= tolerance:
+            w_ += weights[i]
+            d_ += weights[i] * across
+    return d_ / w_ if w_ > 0.0 else 0.0
+
+
+@inlined
+def _cells_on(
+    places: FloatArray, is_left: BoolArray, nx: float, ny: float, distance: float
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Cells on a line in their order along it, and where along it they are."""
+    members, along, count = np.empty(len(places), np.int64), np.empty(len(places)), 0
+    for i in range(len(places)):
+        off = abs(places[i, 0] * nx + places[i, 1] * ny - distance)
+        if is_left[i] and off <= ON_LINE_CELLS:
+            members[count], along[count] = i, places[i, 1] * nx - places[i, 0] * ny
+            count += 1
+    order = ascending(along[:count])
+    return members[order], along[order]
+
+
+@inlined
+def _end_of_run(along: FloatArray, begin: int, gap: float) -> int:
+    """Where a run of cells without wide gaps ends that begins at some place: behind its last."""
+    end = begin + 1
+    while end < len(along) and along[end] - along[end - 1] <= gap:
+        end += 1
+    return end
+
+
+@inlined
+def _is_wall(along: FloatArray, weights: FloatArray) -> bool:
+    """Whether a run of cells is heavy, long and dense enough for a wall."""
+    weight, distinct, widest, length = 0.0, 1, 0.0, along[-1] - along[0]
+    for k in range(len(along)):
+        weight += weights[k]
+        if k > 0:
+            widest = max(widest, along[k] - along[k - 1])
+            distinct += round(along[k]) != round(along[k - 1])
+    is_run = weight >= LEAST_WEIGHT and distinct >= LEAST_CELLS and length >= LEAST_LENGTH_CELLS
+    is_dense = widest <= MOST_GAP_SHARE * length and distinct / (length + 1.0) >= LEAST_DENSITY
+    return is_run and is_dense
 
 
 @inlined

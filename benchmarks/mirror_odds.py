@@ -6,7 +6,8 @@ usual one, their walls by surfaces that do; what was heard squarely is looked at
 one, and judged by that one, for each in turn; those of the product are judged by all.
 
 With ``--panes``, rooms of which some walls are of glass and rough places are recorded by some of
-the sensors, and lines of lone echoes are looked at, one after the other.
+the sensors, and lines of lone echoes are looked at, one after the other, for the weights of
+`usmap_ros.mapping.joint.surfaces.panes`.
 
 python benchmarks/mirror_odds.py [--seeds 1000 1001 1002 1003] [--panes]
 """
@@ -27,7 +28,7 @@ from rich.progress import track
 from scenes import scenario
 from scipy.special import expit, logit
 
-from usmap_ros.mapping.joint.surfaces import mirror_odds, mirror_walls
+from usmap_ros.mapping.joint.surfaces import mirror_odds, mirror_walls, panes
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.runs.pipeline import Pipeline
 from usmap_ros.simulation import Scenario, simulate
@@ -118,7 +119,7 @@ def heard(kind: str, seed: int, world: Scenario) -> Heard:
         noted.append(mirror_odds.signs_of(walls, explained))
         return mirror_odds.mirror_odds(walls, explained)
 
-    _map(world, "mirror_odds", note)
+    _map(world, mirror_walls, "mirror_odds", note)
     signs = noted[0] if noted else np.zeros((0, len(mirror_odds.WEIGHTS)))
     return Heard(kind, seed, signs, np.full(len(signs), kind == "smooth"))
 
@@ -133,26 +134,27 @@ def places_with_panes(seeds: Sequence[int]) -> Iterator[tuple[str, int, Scenario
             yield of, seed, Scenario.from_mapping(content, f"{kind} {seed}")
 
 
-def lone_lines(kind: str, seed: int, world: Scenario) -> Heard:
+def heard_alone(kind: str, seed: int, world: Scenario) -> Heard:
     """Map a recording, and note what is told of the lines of its lone echoes."""
     noted = list[tuple[FloatArray, NDArray[np.bool_]]]()
+    walls, likely = world.scene().walls, panes.LoneLines.likely
 
-    def note(lines: Sequence[MirrorWall], explained: float, cells: NDArray[np.bool_]) -> float:
-        are_panes = np.array([_is_glass(line, world.scene().walls) for line in lines], bool)
-        noted.append((mirror_odds.pane_signs_of(lines, explained, cells), are_panes))
-        return mirror_odds.expected_panes(lines, explained, cells)
+    def note(lines: panes.LoneLines, usual_rad: float | None) -> FloatArray:
+        are_panes = np.array([_is_glass(line, walls) for line in lines.lines], bool)
+        noted.append((lines.facing(usual_rad), are_panes))
+        return likely(lines, usual_rad)
 
-    _map(world, "expected_panes", note)
-    nothing = np.zeros((0, len(mirror_odds.PANE_WEIGHTS))), np.zeros(0, bool)
+    _map(world, panes.LoneLines, "likely", note)
+    nothing = np.zeros((0, len(panes.PANE_WEIGHTS))), np.zeros(0, bool)
     return Heard(kind, seed, *(noted[0] if noted else nothing))
 
 
-def _map(world: Scenario, name: str, note: Callable[..., Any]) -> None:
-    """Map a recording with something else in place of a function of `mirror_walls`."""
+def _map(world: Scenario, of: object, name: str, note: Callable[..., Any]) -> None:
+    """Map a recording with something else in place of a function."""
     pipeline = Pipeline()
     for topic, trace in simulate(world):
         pipeline.fuse(pipeline.reconstruct(trace), topic)
-    with patch.object(mirror_walls, name, note):
+    with patch.object(of, name, note):
         pipeline.occupancy_map()
 
 
@@ -189,7 +191,7 @@ def found(each: Heard, weights: Sequence[float] | FloatArray) -> bool:
 
 def expected(each: Heard, weights: Sequence[float] | FloatArray) -> bool:
     """Whether half a pane or more is expected in a place."""
-    return bool(expit(each.signs @ weights + mirror_odds.PANE_BEFORE).sum() >= 0.5)
+    return bool(expit(each.signs @ weights + panes.PANE_BEFORE).sum() >= 0.5)
 
 
 def main() -> None:
@@ -199,7 +201,7 @@ def main() -> None:
     parser.add_argument("--panes", action="store_true")
     given = parser.parse_args()
     if given.panes:
-        _print(given.seeds, places_with_panes, lone_lines, expected, mirror_odds.PANE_WEIGHTS)
+        _print(given.seeds, places_with_panes, heard_alone, expected, panes.PANE_WEIGHTS)
     else:
         _print(given.seeds, recordings, heard, found, mirror_odds.WEIGHTS)
 

@@ -32,6 +32,7 @@ from usmap_ros.mapping.joint.free_space.kinds import ORIENTATIONS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import WallDirections
 from usmap_ros.mapping.joint.surfaces import mirror_walls, smooth_surfaces, walls
 from usmap_ros.mapping.joint.surfaces import parts as place_parts
+from usmap_ros.mapping.joint.surfaces.panes import NO_LONE_LINES
 from usmap_ros.mapping.ping_table import NOISE, PingTable
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -135,7 +136,7 @@ PARTS = {
     "fainter": Part("smooth walls are as loud as most", ((mirror_walls, "FAINTER", 0.4),)),
     "panes": Part(
         "no mirrors are expected among rough walls",
-        ((smooth_surfaces, "panes_beside", lambda *given: 0.0),),
+        ((smooth_surfaces, "lone_lines", lambda *given: NO_LONE_LINES),),
     ),
     "wall_ends": Part("smooth walls end at their feet", ((smooth_surfaces, "WallEnds", _AsFound),)),
     "columns": Part("no round columns", ((smooth_surfaces, "round_columns", _none),)),

@@ -278,6 +278,7 @@ class JointEstimate:
             self.table, self.pings, self.weights, self.field, self._standing, self._stood,
             self._proofs, self._first_only,
         )  # fmt: skip
+        self._smooth.panes.face(walls.all_lines)
         walls, free = space.find(walls, self._smooth, self._powers, self.evidence)
         self.heard, self.answers = space.heard, space.answers
         return walls, free

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.joint.surfaces.mirror_odds import MOST_ODDS, expected_panes, mirror_odds
+from usmap_ros.mapping.joint.surfaces.mirror_odds import MOST_ODDS, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 
 HEARD = np.arange(12)
@@ -34,17 +34,3 @@ def test_no_wall_decides_by_itself_beyond_some_odds() -> None:
     assert odds_of(best, 0.0) == MOST_ODDS
     assert odds_of(worst, 1.0) == -MOST_ODDS
     assert mirror_odds([], EXPLAINED).shape == (0,)
-
-
-@pytest.mark.parametrize("chance", [{"before": 4.0}, {"deviation": 0.4}, {"over_point": -9.0}])
-def test_a_line_of_lone_echoes_as_chance_has_it_is_hardly_a_pane(chance: dict[str, float]) -> None:
-    line, none = replace(WALL, before=0.0, deviation=0.05, over_point=20.0), np.zeros(12, bool)
-    likely = expected_panes([line], EXPLAINED, none)
-    assert likely > 0.5
-    assert expected_panes([replace(line, **chance)], EXPLAINED, none) < likely - 0.1
-    assert expected_panes([line], EXPLAINED, ~none) < likely - 0.1
-    assert expected_panes([line, line], EXPLAINED, none) == pytest.approx(2.0 * likely)
-
-
-def test_without_lines_no_pane_is_expected() -> None:
-    assert expected_panes([], EXPLAINED, np.zeros(0, bool)) == 0.0

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
-from usmap_ros.mapping.joint.surfaces.square_lines import MOST_OFF_RAD, squared
+from usmap_ros.mapping.joint.surfaces.square_lines import MOST_OFF_RAD, square_direction, squared
 
 
 def line(angle_rad: float, middle: complex, length: float) -> NDArray[np.float64]:
@@ -66,3 +66,12 @@ def test_where_nothing_is_long_nothing_is_square() -> None:
         turned, are_square = squared(lines)
         assert not are_square.any()
         assert np.array_equal(turned, lines)
+
+
+def test_lines_that_are_square_have_a_direction_and_others_none() -> None:
+    lines = np.array([line(0.1, 0.0, 80.0), line(0.1 + 0.5 * np.pi, 0.0, 40.0)])
+    direction_rad = square_direction(lines)
+    assert direction_rad is not None
+    assert np.sin(2.0 * (direction_rad - 0.1)) == pytest.approx(0.0, abs=1e-9)
+    askew = np.array([line(np.pi / 4.0 * side, 0.0, 40.0) for side in range(2)])
+    assert square_direction(askew) is square_direction(NO_LINES) is None

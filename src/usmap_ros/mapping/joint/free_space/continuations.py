@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers, Surroundings, joined
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, cells_beyond, crossings, leading
+from usmap_ros.mapping.joint.surfaces.lines import (
+    BEGIN,
+    END,
+    cells_beyond,
+    crossings,
+    drawn,
+    leading,
+)
 from usmap_ros.mapping.joint.surfaces.square_lines import squared
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -158,6 +165,24 @@ def may_go_on(
             # No ray gets through between cells that touch by their corners.
             may[rows[1:count], columns[: max(0, count - 1)]] = True
     return may & ~is_known
+
+
+def where_panes_may_be(
+    lines: FloatArray, stands: BoolArray, is_open: BoolArray, most_cells: float
+) -> BoolArray:
+    """Cells of lines that may be panes, which were struck here and there, and of what goes on.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        What may be panes.
+    stands, is_open : (rows, columns) bool arrays
+        What is known to stand, and to be open.
+    most_cells : float
+        How far they may go on.
+    """
+    along = drawn(lines, stands.shape) | may_go_on(lines, stands, is_open, most_cells)
+    return over_block(along) & ~stands & ~is_open
 
 
 def _met(line: NDArray[np.float64], lines: FloatArray) -> FloatArray:

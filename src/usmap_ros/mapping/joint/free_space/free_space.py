@@ -17,6 +17,7 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     HARDLY,
     continued,
     may_go_on,
+    where_panes_may_be,
 )
 from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces, Refuted
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
@@ -48,6 +49,8 @@ FREE_ROUNDS, FREE_OPACITY = 4, 2.0
 #: Up to so far beyond the last foot on a mirror, m, it holds sound back with such a belief, as long
 #: as nothing there is free: it ends where robots turned round, and walls seldom do.
 GOING_ON_M, GOING_ON = 1.0, 0.9
+#: The same of what may be a pane: nobody knows where it ends.
+PANES_GO_ON_M = 5.0
 
 
 class FreeSpace:
@@ -124,12 +127,7 @@ class FreeSpace:
         free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
         heard.renew(left, wanted | walls.bridged, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
-        going_on = alike
-        if smooth.mirrored or not smooth.mirrors:
-            going_on = heard.of_lines(walls, left)
-            if smooth.mirrored:
-                (inside, _), _ = answers.each(field)
-                going_on = np.where(inside, alike, going_on)
+        going_on = self._going_on(walls, smooth, heard, left, alike)
         worst[walls.bridged] = 0.0
         refuted = answers.of_cells(field, "refuted")
         of_mirrors = answers.of_cells(field, "mirrors_refuted")
@@ -145,7 +143,8 @@ class FreeSpace:
             Lookers(self._table, self._pings, field, left),
         )  # fmt: skip
         walls = walls.without(going_on < HARDLY)
-        closed |= may_be
+        panes = self._where_panes_may_be(smooth, walls.shown, proven | stood)
+        closed |= may_be | panes
         closed |= behind_walls(walls, evidence, field) & ~proven & (alike >= ENDS)
         occupied = walls.shown
         wanted &= ~occupied
@@ -172,7 +171,7 @@ class FreeSpace:
                 break
             # What was not refuted while all was open is not when less is.
             wanted &= free | proven | closed
-            left = self._left(self._held(walls, free, worst, answers), ended_m)
+            left = self._left(self._held(walls, free, worst, answers, panes), ended_m)
             heard.renew_where_in_doubt(left, wanted, worst, refuted_for_good)
             is_refuted = refuted_with(proofs)(worst)
         self.heard = Refutations(worst, proofs, closed)
@@ -212,20 +211,50 @@ class FreeSpace:
             scattering(powers), left,
         )  # fmt: skip
         proofs = self._proven(walls.shown, left, powers, smooth)
-        left = self._left(self._held(walls, free, worst, answers), ended_m)
+        panes = self._where_panes_may_be(smooth, hides, free)
+        left = self._left(self._held(walls, free, worst, answers, panes), ended_m)
         more = np.zeros_like(worst)
         wanted = ~free & ~walls.shown
         heard.renew(left, wanted, more)
         return Refutations(more, proofs, np.zeros(self._field.shape, bool))
 
+    def _going_on(
+        self,
+        walls: Walls,
+        smooth: SmoothSurfaces,
+        heard: HeardOfSurfaces,
+        left: NDArray[np.uint8],
+        alike: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Log-likelihood ratio of each cell to continue a wall; `alike` where mirrors are."""
+        if smooth.mirrors and not smooth.mirrored:
+            return alike
+        of_lines = heard.of_lines(walls, left)
+        if not smooth.mirrored:
+            return of_lines
+        (inside, _), _ = self.answers.each(self._field)
+        return np.where(inside, alike, of_lines)
+
+    def _where_panes_may_be(
+        self, smooth: SmoothSurfaces, stands: BoolArray, is_open: BoolArray
+    ) -> BoolArray:
+        """Cells in which panes may be, or go on."""
+        most_cells = PANES_GO_ON_M / self._field.resolution_m
+        return where_panes_may_be(smooth.panes.lines(self._field), stands, is_open, most_cells)
+
     def _held(
-        self, walls: Walls, free: BoolArray, worst: NDArray[np.float32], answers: Answers
+        self,
+        walls: Walls,
+        free: BoolArray,
+        worst: NDArray[np.float32],
+        answers: Answers,
+        panes: BoolArray,
     ) -> FloatArray:
         """Belief that each cell holds sound back, by what stands, is free, and was refuted."""
         hides = walls.shown | self._standing
         held = beliefs(hides, free, worst, answers.of_cells(self._field, "unknown"))
         most_cells = GOING_ON_M / self._field.resolution_m
-        goes_on = may_go_on(walls.mirrors, hides, free, most_cells)
+        goes_on = may_go_on(walls.mirrors, hides, free, most_cells) | panes
         held[goes_on] = np.maximum(held[goes_on], GOING_ON)
         return held
 

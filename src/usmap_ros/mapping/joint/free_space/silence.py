@@ -159,7 +159,9 @@ def learn_answers(
     usually_open = float(open_shares(table, pings, left, listening).mean())
     answers = Answers([], smooth.mirrored, usually_open)
     everywhere, struck = np.ones(len(pings), bool), min(len(smooth.mirrors), MOST_STRUCK)
-    places = [_Standing(everywhere, walls, smooth.mirrors, columns, struck or smooth.panes)]
+    places = [
+        _Standing(everywhere, walls, smooth.mirrors, columns, struck or smooth.panes.expected)
+    ]
     if smooth.mirrored:
         inside = answers.inside(field)
         own = any_holds(smooth.mirrored, table.numbers[pings][:, [X, Y]])
@@ -168,7 +170,7 @@ def learn_answers(
         # what else seems to be of glass may be in either.
         places = [
             _Standing(own, walls.within(inside), smooth.mirrors, columns, max(struck, 1)),
-            _Standing(~own, walls.within(~inside), [], columns, smooth.panes),
+            _Standing(~own, walls.within(~inside), [], columns, smooth.panes.expected),
         ]
     wide = float(np.interp(usually_open, (FEW_OPEN, MANY_OPEN), (0.0, 1.0)))
     answers.silences.extend(

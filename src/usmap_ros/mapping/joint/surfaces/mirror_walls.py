@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirror_criteria import ANY, USUAL, MirrorCriteria, fitted
-from usmap_ros.mapping.joint.surfaces.mirror_fits import GAP_M, MirrorSearch, candidates
-from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, expected_panes, mirror_odds
+from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
+from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
     face_usually,
@@ -24,7 +24,7 @@ from usmap_ros.mapping.joint.surfaces.mirrors import (
     without_doubles,
 )
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import images, reflected, seen_directly
-from usmap_ros.mapping.joint.visibility.echoes import Echoes, count_between, mirror_levels
+from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
 from usmap_ros.mapping.ping_table import ABSORPTION, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.processes.threads import in_turn
@@ -32,13 +32,6 @@ from usmap_ros.processes.threads import in_turn
 #: Amplitude reflectivities that a mirror may have, over what the loudest echo of one ping in ten
 #: means, for most pings hear nothing squarely, but a floor; and where ranges alone are known.
 LEAST_MIRROR, MOST_MIRROR, LOUD_PINGS, OF_RANGES = 0.3, 2.0, 0.1, (0.25, 1.6)
-#: The first of them among lone echoes, of which the loudest may be those of corners.
-FAINT_MIRROR = 0.1
-#: Widest gap between feet on a pane, m: where bricks are beside it, its echoes do not stand alone.
-PANE_GAP_M = 1.2
-#: Echoes of a ping that are so near to each other, m, are of one rough wall; of how many, itself
-#: included, one may still be a pane's.
-BESIDE_M, MOST_BESIDE = 0.3, 3
 #: Mirrors that are found at the most.
 MOST_WALLS = 60
 #: Echoes that follow a mirror's own at the most, on the mean.
@@ -95,20 +88,22 @@ def mirror_walls(
         return []
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
     search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
-    walls = _likelier_than_points(seen_directly(without_doubles(_found(search, ANY)), places_m))
-    is_left = _left_of(is_usable & ~reflected(walls, table, pings, echoes), walls)
-    more = _found(search._replace(is_open=is_left), USUAL)
+    walls = _likelier_than_points(
+        seen_directly(without_doubles(found_mirrors(search, ANY)), places_m)
+    )
+    is_left = left_of(is_usable & ~reflected(walls, table, pings, echoes), walls)
+    more = found_mirrors(search._replace(is_open=is_left), USUAL)
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
-    is_left = _left_of(is_left & ~is_explained & _are_first(echoes), walls)
+    is_left = left_of(is_left & ~is_explained & _are_first(echoes), walls)
     search = search._replace(is_open=is_left, faintest=math.exp(usual - FAINTER), loudest=faintest)
-    fainter = _likelier_than_points(_found(search, ANY))
+    fainter = _likelier_than_points(found_mirrors(search, ANY))
     walls += [each for each in fainter if each.deviation < NEARLY_STEADY and _is_bare(each)]
     return squared(seen_directly(without_doubles(walls), places_m), places_m, echoes)
 
 
-def _left_of(is_open: BoolArray, walls: list[MirrorWall]) -> BoolArray:
-    """Which of some echoes are of none of some walls."""
+def left_of(is_open: BoolArray, walls: list[MirrorWall]) -> BoolArray:
+    """Which of some (echoes,) that are open are of none of some walls."""
     is_left = is_open.copy()
     for wall in walls:
         is_left[wall.echoes] = False
@@ -160,39 +155,6 @@ def _usual_mirror(found: list[MirrorWall], places_m: FloatArray, explained: floa
     return float(np.average(logs[alike], weights=hits[alike]))
 
 
-def panes_beside(
-    table: PingTable,
-    pings: NDArray[np.int64],
-    echoes: Echoes,
-    is_explained: BoolArray,
-    is_usable: BoolArray,
-    first_only: BoolArray,
-) -> float:
-    """How many mirrors robots struck squarely in a place that seems to have none.
-
-    One pane of glass in a room of brick is faint beside the bricks, which return so many echoes
-    that chance lines them up anyhow.  A pane returns one echo with nothing beside it, and cells
-    explain only what few places hear of it.
-
-    Parameters
-    ----------
-    table, pings, echoes, is_explained, is_usable, first_only
-        As in `mirror_walls`.
-    """
-    is_open = is_usable & _are_lone(echoes)
-    lines = perpendicular_walls(table, pings, echoes, is_open, first_only, FAINT_MIRROR, PANE_GAP_M)
-    explained = _share_of(is_explained, is_usable)
-    return expected_panes(without_doubles(lines), explained, is_explained)
-
-
-def _are_lone(echoes: Echoes) -> BoolArray:
-    """Whether each echo has hardly any other of its ping beside it."""
-    pings = np.repeat(np.arange(len(echoes.start) - 1), np.diff(echoes.start))
-    beside = count_between(echoes, pings, echoes.range_m - BESIDE_M, echoes.range_m + BESIDE_M)
-    are_lone: BoolArray = beside <= MOST_BESIDE
-    return are_lone
-
-
 def _share_of(is_explained: BoolArray, is_usable: BoolArray) -> float:
     """Share of usable echoes that reliable cells explain."""
     # Of echoes of other parts of the place nothing is asked.
@@ -205,10 +167,28 @@ def perpendicular_walls(
     echoes: Echoes,
     is_open: BoolArray,
     first_only: BoolArray,
-    faintest: float = LEAST_MIRROR,
-    gap_m: float = GAP_M,
 ) -> list[MirrorWall]:
     """Walls that are heard at the feet of perpendiculars, whether or not from elsewhere, too.
+
+    Parameters
+    ----------
+    table, pings, echoes, first_only
+        As in `mirror_walls`.
+    is_open : (echoes,) bool array
+        Whether an echo may be one's.
+    """
+    return found_mirrors(mirror_search(table, pings, echoes, is_open, first_only), ANY)
+
+
+def mirror_search(
+    table: PingTable,
+    pings: NDArray[np.int64],
+    echoes: Echoes,
+    is_open: BoolArray,
+    first_only: BoolArray,
+    faintest: float = LEAST_MIRROR,
+) -> MirrorSearch:
+    """Where mirrors are looked for that are as loud as the loudest of some echoes, or nearly so.
 
     Parameters
     ----------
@@ -219,11 +199,9 @@ def perpendicular_walls(
     faintest : float
         Least amplitude reflectivity of one over what the loudest open echo of one ping in ten
         means, if not ranges alone are known.
-    gap_m : float
-        Widest gap between feet.
     """
     limits = _loudness(table, pings, echoes, is_open, first_only, faintest)
-    return _found(MirrorSearch(table, pings, echoes, is_open, *limits, gap_m), ANY)
+    return MirrorSearch(table, pings, echoes, is_open, *limits)
 
 
 def _loudness(
@@ -246,8 +224,16 @@ def _loudness(
     return faintest * loud, MOST_MIRROR * loud
 
 
-def _found(search: MirrorSearch, bar: MirrorCriteria) -> list[MirrorWall]:
-    """Mirrors that explain echoes."""
+def found_mirrors(search: MirrorSearch, bar: MirrorCriteria) -> list[MirrorWall]:
+    """Mirrors that explain echoes.
+
+    Parameters
+    ----------
+    search : MirrorSearch
+        Where they are looked for.
+    bar : MirrorCriteria
+        What each must have.
+    """
     search = search._replace(is_open=search.is_open.copy())
     found: list[MirrorWall] = []
 

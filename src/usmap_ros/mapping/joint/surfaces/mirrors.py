@@ -59,6 +59,11 @@ class MirrorWall:
         return np.array([nx, ny, distance, self.begin_m / res - shift, self.end_m / res - shift])
 
 
+def on_field(walls: list[MirrorWall], field: Field) -> FloatArray:
+    """Walls as (walls, 5) lines, see `usmap_ros.mapping.joint.surfaces.lines`."""
+    return np.array([wall.line(field) for wall in walls]).reshape(-1, 5)
+
+
 def face_usually(walls: list[MirrorWall], among: list[MirrorWall]) -> BoolArray:
     """Whether each of some walls is parallel or square to many of others."""
     hits = np.array([len(wall.echoes) for wall in among], float)

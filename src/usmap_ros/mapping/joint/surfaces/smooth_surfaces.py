@@ -11,13 +11,14 @@ from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, larger_columns
-from usmap_ros.mapping.joint.surfaces.mirror_walls import panes_beside, perpendicular_walls
-from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
+from usmap_ros.mapping.joint.surfaces.mirror_walls import perpendicular_walls
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, on_field
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
     are_corners,
     out_of_sight,
     reflected,
 )
+from usmap_ros.mapping.joint.surfaces.panes import Panes, lone_lines
 from usmap_ros.mapping.joint.surfaces.parts import PartOfPlace, any_holds, mirrors_of_parts
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     RoundColumn,
@@ -54,6 +55,8 @@ class KnownSurfaces(NamedTuple):
     columns: list[RoundColumn]
     #: Columns that are not.
     suspected: list[RoundColumn]
+    #: Mirrors that are not.
+    panes: Panes
     #: Parts of the place that mirrors are in, if not in all of it.
     mirrored: list[PartOfPlace]
 
@@ -81,8 +84,8 @@ class SmoothSurfaces:
         self.columns: list[RoundColumn] = []
         #: Parts of the place that mirrors are in, if not in all of it.
         self.mirrored: list[PartOfPlace] = []
-        #: How many mirrors were struck where none was found: most walls there answer from any side.
-        self.panes = 0.0
+        #: What may be mirrors where none was found.
+        self.panes = Panes()
         self._suspected: list[RoundColumn] = []
         # Those that other pings found.
         self._known_mirrors: list[MirrorWall] = []
@@ -150,15 +153,15 @@ class SmoothSurfaces:
         is_explained: BoolArray,
         is_usable: BoolArray,
         first_only: BoolArray,
-    ) -> float:
-        """How many mirrors were struck where none was found; arguments as of `panes_beside`."""
+    ) -> Panes:
+        """What may be mirrors where none was found; arguments as of `lone_lines`."""
         if found and not self.mirrored:
-            return 0.0
+            return Panes()
         table, pings = self._table, self._pings
         if found:
             inside = any_holds(self.mirrored, table.numbers[pings][:, [X, Y]])
             is_usable = is_usable & ~inside[self.places.ping]
-        return panes_beside(table, pings, self._echoes, is_explained, is_usable, first_only)
+        return Panes(lone_lines(table, pings, self._echoes, is_explained, is_usable, first_only))
 
     def _mirror_first_returns(self, first_only: BoolArray) -> bool:
         """Whether the walls that sensors hear which report the first thing only are mirrors."""
@@ -183,12 +186,12 @@ class SmoothSurfaces:
     @property
     def recognised(self) -> KnownSurfaces:
         """Those that are known now."""
-        return KnownSurfaces(self.mirrors, self.columns, self._suspected, self.mirrored)
+        return KnownSurfaces(self.mirrors, self.columns, self._suspected, self.panes, self.mirrored)
 
     def recognise(self, known: KnownSurfaces) -> None:
         """Take over the smooth things that other pings found, with these pings' echoes of them."""
         self._suspected, self._known_mirrors = known.suspected, known.mirrors
-        self.mirrored = known.mirrored
+        self.mirrored, self.panes = known.mirrored, known.panes
         for wall in known.mirrors:
             own = np.flatnonzero(self.places.are_of_mirror(wall))
             self.mirrors.append(replace(wall, pings=self.places.ping[own], echoes=own))
@@ -221,7 +224,7 @@ class SmoothSurfaces:
 
     def lines(self) -> FloatArray:
         """Mirrors as lines, see `usmap_ros.mapping.joint.surfaces.lines`."""
-        return np.array([wall.line(self._field) for wall in self.mirrors]).reshape(-1, 5)
+        return on_field(self.mirrors, self._field)
 
     def hide(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> BoolArray:
         """Whether mirrors hide cells from everywhere: what seems to be there stands in them."""

@@ -35,20 +35,43 @@ def squared(lines: FloatArray) -> SquareLines:
     lines : (lines, 5) array
         See `usmap_ros.mapping.joint.surfaces.lines`.
     """
-    length = lines[:, END] - lines[:, BEGIN]
-    is_long = length >= LEAST_CELLS
-    if not is_long.any():
-        return SquareLines(lines, is_long)
-    normals_rad = np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X])
-    turns_rad = turns_to(usual_direction(normals_rad[is_long], length[is_long]), normals_rad)
-    are_square = np.abs(turns_rad) <= MOST_OFF_RAD
-    if length[is_long & are_square].sum() < LEAST_SHARE * length[is_long].sum():
+    direction_rad = square_direction(lines)
+    if direction_rad is None:
         return SquareLines(lines, np.zeros(len(lines), bool))
+    length = lines[:, END] - lines[:, BEGIN]
+    turns_rad = turns_to(direction_rad, _normals_rad(lines))
+    are_square = np.abs(turns_rad) <= MOST_OFF_RAD
     are_unsure = are_square & (np.abs(turns_rad) * 0.5 * length <= UNSURE_CELLS)
     turned = lines.copy()
     for number in np.flatnonzero(are_unsure):
         turned[number] = _turned(lines[number], float(turns_rad[number]))
     return SquareLines(turned, are_square)
+
+
+def square_direction(lines: FloatArray) -> float | None:
+    """Direction, rad, that lines are parallel or square to, if most of their length is.
+
+    Parameters
+    ----------
+    lines : (lines, 5) array
+        See `usmap_ros.mapping.joint.surfaces.lines`.
+    """
+    length = lines[:, END] - lines[:, BEGIN]
+    is_long = length >= LEAST_CELLS
+    if not is_long.any():
+        return None
+    length, normals_rad = length[is_long], _normals_rad(lines[is_long])
+    direction_rad = usual_direction(normals_rad, length)
+    are_square = np.abs(turns_to(direction_rad, normals_rad)) <= MOST_OFF_RAD
+    if length[are_square].sum() < LEAST_SHARE * length.sum():
+        return None
+    return direction_rad
+
+
+def _normals_rad(lines: FloatArray) -> FloatArray:
+    """Directions of the normals of lines."""
+    normals_rad: FloatArray = np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X])
+    return normals_rad
 
 
 def _turned(line: NDArray[np.float64], turn_rad: float) -> NDArray[np.float64]:

@@ -20,13 +20,13 @@ from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, hiding
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected
 from usmap_ros.mapping.joint.free_space.free_space import SUSPECTED, FreeSpace
-from usmap_ros.mapping.joint.free_space.refutation import Refutations, are_refuted
+from usmap_ros.mapping.joint.free_space.refutation import Refutations, Refuting
 from usmap_ros.mapping.joint.kept_pings import Pings
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import ON_A_LINE, Walls, find_walls
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.ping_table import X, Y
-from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.parameters import MappingParameters
 
@@ -107,13 +107,10 @@ class MorePings:
         add_overdispersed(worst, more.worst, shape, asked)
         proven = cells.proven + more.proven
         closed = cells.closed | ((cells.belief > SUSPECTED) & ~shown)
-        proofs = self._parameters.proof_rays
-        refuted = answers.of_cells(self.field, "refuted")
-        of_mirrors = answers.of_cells(self.field, "mirrors_refuted")
-        fails = are_refuted(worst, proven, refuted, of_mirrors, proofs)
-        is_refuted = over_last(np.logical_and, fails)
+        refuting = Refuting.by(answers, self.field, proven, self._parameters.proof_rays)
+        is_refuted = refuting.every(worst)
         free = ((cells.free | is_refuted) & ~closed & ~shown) | (self._stood & ~shown)
-        is_open = (self._stood | cells.free | (proven >= proofs)) & free
+        is_open = (self._stood | cells.free | (proven >= refuting.enough_proofs)) & free
         return cells._replace(
             worst=worst, proven=proven, closed=closed, free=connected(free, is_open, shown),
             occupied=walls.occupied, filled=walls.filled,

@@ -16,7 +16,7 @@ from usmap_ros.mapping.joint.free_space.listening import (
     trust,
 )
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR, refute_surfaces
-from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, are_refuted, beliefs
+from usmap_ros.mapping.joint.free_space.refutation import OCCUPIED, Refuting, beliefs
 from usmap_ros.mapping.joint.free_space.response import HeardBins
 from usmap_ros.mapping.joint.free_space.unsaid import UNKNOWN, add_unsaid
 from usmap_ros.mapping.joint.free_space.usual_directions import NEVER, facing, log_priors
@@ -114,7 +114,7 @@ def test_silence_and_sound_that_came_back_refute_surfaces_together() -> None:
     worst[0, :, 1] = [-1.9, -2.1, -1.0, -1.0, -0.1, 1.0, 1.0]
     worst[0, :, MIRRORS] = worst[0, :, 1]
     # Each ping that came back says a third of what refutes mirrors, whatever refutes others.
-    fails = are_refuted(worst, proven, -1.0, -2.0, 3.0)
+    fails = Refuting(proven, -1.0, -2.0, 3.0).each(worst)
     assert fails[0, :, MIRRORS].tolist() == [False, True, False, True, True, False, True]
     assert fails[0, :, 1].tolist() == [True, True, True, True, True, False, True]
 

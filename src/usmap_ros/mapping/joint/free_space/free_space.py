@@ -1,7 +1,5 @@
 """Free space of an area, by what stands and by how its surfaces answer."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,7 +9,7 @@ from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
 from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth, over_block
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.behind import behind_walls
-from usmap_ros.mapping.joint.free_space.connected import led_to, without_slits
+from usmap_ros.mapping.joint.free_space.connected import led_to
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     HARDLY,
@@ -19,20 +17,19 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     may_go_on,
     where_panes_may_be,
 )
-from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces, Refuted
+from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
 from usmap_ros.mapping.joint.free_space.listening import listening_beside, scattering, trust
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers
 from usmap_ros.mapping.joint.free_space.refutation import (
     OCCUPIED,
     Refutations,
-    are_refuted,
+    Refuting,
     beliefs,
-    refute_for_room,
 )
 from usmap_ros.mapping.joint.free_space.response import HeardBins
+from usmap_ros.mapping.joint.free_space.rounds import Asked, free_now
 from usmap_ros.mapping.joint.free_space.silence import Answers, learn_answers
-from usmap_ros.mapping.joint.free_space.usual_directions import widest_gap_m
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
@@ -123,20 +120,13 @@ class FreeSpace:
         proofs = self._proven(occupied, left, powers, smooth)
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
-        closed |= smooth.suspected()
-        free, worst = np.zeros(field.shape, bool), np.zeros((*field.shape, GROUPS), np.float32)
+        worst = np.zeros((*field.shape, GROUPS), np.float32)
         heard.renew(left, wanted | walls.bridged, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
         going_on = self._going_on(walls, smooth, heard, left, alike)
         worst[walls.bridged] = 0.0
-        refuted = answers.of_cells(field, "refuted")
-        of_mirrors = answers.of_cells(field, "mirrors_refuted")
-
-        def refuted_with(proofs: NDArray[np.float32]) -> Refuted:
-            return lambda worst: are_refuted(worst, proofs, refuted, of_mirrors, self._proofs)
-
-        is_refuted = refuted_with(proofs)(worst)
-        proven = (proofs >= self._proofs) & over_last(np.logical_and, is_refuted)
+        refuting = Refuting.by(answers, field, proofs, self._proofs)
+        proven = (proofs >= self._proofs) & refuting.every(worst)
         # What continues walls is of their kind.
         walls, may_be = continued(
             walls, going_on, proven | stood, self._stood,
@@ -144,38 +134,50 @@ class FreeSpace:
         )  # fmt: skip
         walls = walls.without(going_on < HARDLY)
         panes = self._where_panes_may_be(smooth, walls.shown, proven | stood)
-        closed |= may_be | panes
+        closed |= smooth.suspected() | may_be | panes
         closed |= behind_walls(walls, evidence, field) & ~proven & (alike >= ENDS)
-        occupied = walls.shown
-        wanted &= ~occupied
-        stood &= ~occupied
-        nothing, widest_m = np.zeros_like(proofs), widest_gap_m(len(smooth.mirrors))
-        refuted_for_good = refuted_with(nothing if smooth.mirrors else proofs)
+        cells = Asked(wanted & ~walls.shown, stood & ~walls.shown, proven, closed, panes)
+        free = self._freed(walls, smooth, heard, cells, refuting, worst)
+        self.heard = Refutations(worst, proofs, closed)
+        return walls, led_to(free, cells.stood, proven, walls)
+
+    def _freed(
+        self,
+        walls: Walls,
+        smooth: SmoothSurfaces,
+        heard: HeardOfSurfaces,
+        cells: Asked,
+        refuting: Refuting,
+        worst: NDArray[np.float32],
+    ) -> BoolArray:
+        """Cells that are free, in rounds: those that are not yet hold sound back.
+
+        Parameters
+        ----------
+        walls, smooth
+            What stands.
+        heard, refuting
+            What pings say of surfaces, and when that refutes them.
+        cells : Asked
+            That are asked for.
+        worst : (rows, columns, GROUPS) float32 array
+            By `refute_surfaces`; renewed.
+        """
+        wanted, ended_m = cells.wanted, smooth.ended_m()
+        for_good = refuting.by_silence() if smooth.mirrors else refuting
+        free = np.zeros(self._field.shape, bool)
         for turn in range(FREE_ROUNDS):
-            is_refuted |= stood[:, :, np.newaxis]
-            if smooth.mirrors:
-                here, silence = next(answers.each(field))
-                refute_for_room(
-                    is_refuted,
-                    worst,
-                    wanted & here,
-                    walls.all_lines,
-                    silence,
-                    widest_m / field.resolution_m,
-                )
-            before, free = free, (wanted & over_last(np.logical_and, is_refuted) & ~closed) | stood
-            if smooth.mirrors:
-                by_silence = over_last(np.logical_and, refuted_with(nothing)(worst))
-                free = without_slits(free, by_silence | (proofs == 0.0) | stood, field.resolution_m)
+            asked, before = cells._replace(wanted=wanted), free
+            free = free_now(
+                self._field, self.answers, walls, len(smooth.mirrors), asked, refuting, worst
+            )
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break
             # What was not refuted while all was open is not when less is.
-            wanted &= free | proven | closed
-            left = self._left(self._held(walls, free, worst, answers, panes), ended_m)
-            heard.renew_where_in_doubt(left, wanted, worst, refuted_for_good)
-            is_refuted = refuted_with(proofs)(worst)
-        self.heard = Refutations(worst, proofs, closed)
-        return walls, led_to(free, stood, proven, walls)
+            wanted = wanted & (free | cells.proven | cells.closed)
+            held = self._held(walls, free, worst, self.answers, cells.panes)
+            heard.renew_where_in_doubt(self._left(held, ended_m), wanted, worst, for_good.each)
+        return free
 
     def more(
         self,

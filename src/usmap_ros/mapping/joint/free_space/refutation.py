@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, MIRRORS, ORIENTATIONS
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR
-from usmap_ros.mapping.joint.free_space.silence import Silence
+from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
 from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
 from usmap_ros.mapping.joint.surfaces.lines import drawn, facing_so
+from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic
 
@@ -29,33 +30,52 @@ class Refutations(NamedTuple):
     closed: BoolArray
 
 
-def are_refuted(
-    worst: NDArray[np.float32],
-    proven: NDArray[np.float32],
-    refuted: float | FloatArray,
-    mirrors_refuted: float | FloatArray,
-    proofs: float,
-) -> BoolArray:
-    """Whether no surface of each group can stand in a cell, by silence and by sound that passed it.
+class Refuting(NamedTuple):
+    """When surfaces are refuted, by silence and by sound that passed through cells."""
 
-    Each ping whose sound came back through it says an equal part of what silence would have to say
-    of mirrors, and is outweighed by echoes in the same way.
+    #: (rows, columns) float32 array: pings whose sound is known to have passed each cell.
+    proofs: NDArray[np.float32]
+    #: What silence has to say, see `usmap_ros.mapping.joint.free_space.silence.Thresholds`: numbers
+    #: or (rows, columns) arrays.
+    refuted: float | FloatArray
+    mirrors_refuted: float | FloatArray
+    #: Pings that do, alone.
+    enough_proofs: float
 
-    Parameters
-    ----------
-    worst : (rows, columns, GROUPS) float32 array
-        Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
-    proven : (rows, columns) float32 array
-        Pings whose sound is known to have passed it.
-    refuted, mirrors_refuted : float or (rows, columns) array
-        What silence has to say, see `usmap_ros.mapping.joint.free_space.silence.Thresholds`.
-    proofs : float
-        Pings that do, alone.
-    """
-    said = -mirrors_refuted * proven / proofs
-    fails: BoolArray = worst < (refuted + said)[:, :, np.newaxis]
-    fails[:, :, MIRRORS] = worst[:, :, MIRRORS] < mirrors_refuted + said
-    return fails
+    @classmethod
+    def by(
+        cls, answers: Answers, field: Field, proofs: NDArray[np.float32], enough_proofs: float
+    ) -> "Refuting":
+        """As a place answers."""
+        refuted, of_mirrors = (
+            answers.of_cells(field, name) for name in ("refuted", "mirrors_refuted")
+        )
+        return cls(proofs, refuted, of_mirrors, enough_proofs)
+
+    def by_silence(self) -> "Refuting":
+        """The same, whatever passed."""
+        return self._replace(proofs=np.zeros_like(self.proofs))
+
+    def each(self, worst: NDArray[np.float32]) -> BoolArray:
+        """Whether no surface of each group can stand in a cell: (rows, columns, GROUPS) bool array.
+
+        Each ping whose sound came back through it says an equal part of what silence would have to
+        say of mirrors, and is outweighed by echoes in the same way.
+
+        Parameters
+        ----------
+        worst : (rows, columns, GROUPS) float32 array
+            Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
+        """
+        said = -self.mirrors_refuted * self.proofs / self.enough_proofs
+        fails: BoolArray = worst < (self.refuted + said)[:, :, np.newaxis]
+        fails[:, :, MIRRORS] = worst[:, :, MIRRORS] < self.mirrors_refuted + said
+        return fails
+
+    def every(self, worst: NDArray[np.float32]) -> BoolArray:
+        """Whether no surface of any group can: (rows, columns) bool array."""
+        all_fail: BoolArray = over_last(np.logical_and, self.each(worst))
+        return all_fail
 
 
 def beliefs(

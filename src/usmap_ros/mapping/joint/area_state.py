@@ -70,7 +70,7 @@ class CellStates(NamedTuple):
 
 @dataclass(frozen=True)
 class AreaState:
-    """What is known of an area."""
+    """What is known of an area; nothing changes its arrays, which others may have, too."""
 
     #: Its cells.
     field: Field
@@ -106,10 +106,6 @@ class AreaState:
         whole = Field(bottom, left, top - bottom, right - left, own.resolution_m)
         return self if whole == own else self._on(whole)
 
-    def copy(self) -> AreaState:
-        """The same with arrays of its own."""
-        return replace(self, cells=self.part(self.field))
-
     def _on(self, whole: Field) -> AreaState:
         """The same on a field around this one."""
         larger = _nothing(whole, self.answers)
@@ -117,14 +113,26 @@ class AreaState:
         return replace(self, field=whole, cells=larger)
 
     def part(self, field: Field) -> CellStates:
-        """What is known of the cells of a field within this one; with arrays of their own."""
+        """What is known of the cells of a field within this one, in the same arrays."""
         place = _place(field, self.field)
-        parts: list[Any] = [values[place].copy() for values in self.cells]
+        parts: list[Any] = [values[place] for values in self.cells]
         return CellStates(*parts)
 
-    def put(self, cells: CellStates, field: Field) -> None:
-        """Set what is known of the cells of a field within this one."""
-        _put(self.cells, self.field, cells, field)
+    def with_part(self, cells: CellStates, field: Field) -> AreaState:
+        """The same with something else known of the cells of a field within this one."""
+        if field == self.field:
+            return replace(self, cells=cells)
+        place = _place(field, self.field)
+
+        def put(old: Any, new: Any) -> Any:
+            # What is as `part` gave it stays.
+            if new.base is old:
+                return old
+            whole = old.copy()
+            whole[place] = new
+            return whole
+
+        return replace(self, cells=CellStates(*map(put, self.cells, cells)))
 
 
 def _place(field: Field, whole: Field) -> tuple[slice, slice]:

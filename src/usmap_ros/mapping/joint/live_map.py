@@ -222,7 +222,7 @@ class LiveMap:
                     batch, wanted = wanted[:size], wanted[size:]
                     is_whole = len(batch) >= BATCH
                     # The others are explained anew with those that come.
-                    areas = areas if is_whole else [area.copy() for area in areas]
+                    areas = areas if is_whole else list(areas)
                     # One core gains as much as two that wait for each other after each loop.
                     with alone():
                         areas, has_all = _with_more(areas, batch, known.sensors, self._parameters)
@@ -254,7 +254,7 @@ def _with_more(
     Parameters
     ----------
     areas : list of AreaState
-        What was known; changed.
+        What was known; the list is changed.
     more : list of Numbered
         The pings, which are explained some at a time.
     sensors : Sensors

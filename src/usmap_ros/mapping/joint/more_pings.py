@@ -53,7 +53,7 @@ class MorePings:
         self._opacity = parameters.opacity if parameters.occlusion else 0.0
 
     def add_to(self, known: AreaState) -> AreaState:
-        """What is known with these pings, which may be in the arrays of what was known before."""
+        """What is known with these pings."""
         pings, parameters = self._pings, self._parameters
         known = known.reaching(self.field)
         before = known.part(self.field)
@@ -75,8 +75,7 @@ class MorePings:
             parameters.proof_rays, pings.first_only,
         )  # fmt: skip
         more = space.more(walls, before.free, before.worst, smooth, powers, known.answers)
-        known.put(self._freed(cells, walls, more, known), self.field)
-        return known
+        return known.with_part(self._freed(cells, walls, more, known), self.field)
 
     def _explained(self, powers: Powers, before: CellStates) -> CellStates:
         """What these pings say of powers and evidence, beside what was known."""
@@ -102,7 +101,7 @@ class MorePings:
     ) -> CellStates:
         """Cells with what silence has freed."""
         answers, shown = known.answers, walls.shown
-        worst, asked = cells.worst, ~cells.free & ~shown
+        worst, asked = cells.worst.copy(), ~cells.free & ~shown
         shape = np.broadcast_to(answers.of_cells(self.field, "shape"), shown.shape)
         add_overdispersed(worst, more.worst, shape, asked)
         proven = cells.proven + more.proven

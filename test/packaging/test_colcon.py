@@ -60,7 +60,7 @@ def environment(root, clean_environment) -> dict[str, str]:
         # Without a pip of its own: Debian's Python may not have one to give.
         command = [sys.executable, "-m", "pip", "--python", str(folder / "bin/python"), "install"]
         subprocess.run(
-            [*command, "-qq", "--constraint", str(constraints), *wanted],
+            [*command, "-qq", "--no-compile", "--constraint", str(constraints), *wanted],
             check=True,
             env=clean_environment,
         )

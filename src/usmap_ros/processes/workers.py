@@ -141,20 +141,29 @@ class _Processes(ProcessPoolExecutor):
         return result
 
 
-def _put(work: Callable[..., Any], *given: Any, **named: Any) -> Path:
-    """A file with what work gives."""
-    result = work(*given, **named)
-    with NamedTemporaryFile(prefix="usmap_result_", delete=False) as file:
-        pickle.dump(result, file, pickle.HIGHEST_PROTOCOL)
-    return Path(file.name)
+def _put(work: Callable[..., Any], *given: Any, **named: Any) -> Path | bytes:
+    """A file with what work gives; or where there is no place for one, what would be in it."""
+    content, path = pickle.dumps(work(*given, **named), pickle.HIGHEST_PROTOCOL), None
+    try:
+        with NamedTemporaryFile(prefix="usmap_result_", delete=False) as file:
+            path = Path(file.name)
+            file.write(content)
+    except OSError:
+        if path is not None:
+            path.unlink()
+        return content
+    return path
 
 
-def _take(result: Future[Any], handed_over: Future[Path]) -> None:
+def _take(result: Future[Any], handed_over: Future[Path | bytes]) -> None:
     """Give who waits for a result what was handed over, or what went wrong."""
     try:
-        path = handed_over.result()
-        content = path.read_bytes()
-        path.unlink()
+        given = handed_over.result()
+        if isinstance(given, Path):
+            content = given.read_bytes()
+            given.unlink()
+        else:
+            content = given
         taken = pickle.loads(content)
     except BaseException as error:
         result.set_exception(error)

@@ -120,6 +120,31 @@ def test_work_of_one_that_is_killed_as_it_sends_is_done_here(tmp_path: Path) -> 
     assert (done.stderr, done.stdout) == (KILLED, "done\n")
 
 
+#: No file may have anything in it, as on a disk that is full.
+WITHOUT_FILES = """
+import resource, tempfile
+from pathlib import Path
+from usmap_ros.processes.workers import Beside, worker_processes
+
+def work():
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+    return bytes(1_000_000)
+
+with worker_processes(2) as executor:
+    assert Beside(work, executor=executor).result() == bytes(1_000_000)
+assert not list(Path(tempfile.gettempdir()).iterdir())
+print("done")
+"""
+
+
+def test_work_is_handed_over_where_files_cannot_be_written(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_FILES], capture_output=True, text=True, check=False,
+        timeout=120.0, env=os.environ | {"TMPDIR": str(tmp_path)},
+    )  # fmt: skip
+    assert (done.stderr, done.stdout) == ("", "done\n")
+
+
 def test_without_helpers_work_is_done_here() -> None:
     work = Beside(os.getpid)
     assert work.is_done

@@ -66,20 +66,24 @@ print("done")
 """
 
 
-def test_a_helper_works_beside_and_its_work_is_done_here_when_it_is_killed() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False, timeout=120.0
-    )
+def run(program: str, temporary: Path) -> subprocess.CompletedProcess[str]:
+    """Run a program whose temporary files have a folder of their own."""
+    return subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False,
+        timeout=120.0, env=os.environ | {"TMPDIR": str(temporary)},
+    )  # fmt: skip
+
+
+def test_a_helper_works_beside_and_its_work_is_done_here_when_it_is_killed(tmp_path: Path) -> None:
+    done = run(PROGRAM, tmp_path)
     # Once: what comes after is not tried there.
     assert done.stderr == KILLED
     assert done.stdout.endswith("done\n")
     assert "none" in done.stdout
 
 
-def test_workers_are_helpers_whose_patience_is_their_own() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", WORKERS], capture_output=True, text=True, check=False, timeout=120.0
-    )
+def test_workers_are_helpers_whose_patience_is_their_own(tmp_path: Path) -> None:
+    done = run(WORKERS, tmp_path)
     assert (done.stderr, done.stdout) == (KILLED, "done\n")
 
 
@@ -113,10 +117,7 @@ print("done")
 
 def test_work_of_one_that_is_killed_as_it_sends_is_done_here(tmp_path: Path) -> None:
     """Who read the pipe that all of them share waited for the rest for ever."""
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED_AS_IT_SENDS], capture_output=True, text=True, check=False,
-        timeout=120.0, env=os.environ | {"TMPDIR": str(tmp_path)},
-    )  # fmt: skip
+    done = run(KILLED_AS_IT_SENDS, tmp_path)
     assert (done.stderr, done.stdout) == (KILLED, "done\n")
 
 
@@ -138,10 +139,7 @@ print("done")
 
 
 def test_work_is_handed_over_where_files_cannot_be_written(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_FILES], capture_output=True, text=True, check=False,
-        timeout=120.0, env=os.environ | {"TMPDIR": str(tmp_path)},
-    )  # fmt: skip
+    done = run(WITHOUT_FILES, tmp_path)
     assert (done.stderr, done.stdout) == ("", "done\n")
 
 

@@ -137,7 +137,7 @@ class FreeSpace:
         closed |= smooth.suspected() | may_be | panes
         closed |= behind_walls(walls, evidence, field) & ~proven & (alike >= ENDS)
         cells = Asked(wanted & ~walls.shown, stood & ~walls.shown, proven, closed, panes)
-        free = self._freed(walls, smooth, heard, cells, refuting, worst)
+        free = self._freed(walls, smooth, heard, cells, refuting, worst, ended_m)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, cells.stood, proven, walls)
 
@@ -149,6 +149,7 @@ class FreeSpace:
         cells: Asked,
         refuting: Refuting,
         worst: NDArray[np.float32],
+        ended_m: FloatArray,
     ) -> BoolArray:
         """Cells that are free, in rounds: those that are not yet hold sound back.
 
@@ -162,8 +163,10 @@ class FreeSpace:
             That are asked for.
         worst : (rows, columns, GROUPS) float32 array
             By `refute_surfaces`; renewed.
+        ended_m : (pings,) array
+            As in `_left`.
         """
-        wanted, ended_m = cells.wanted, smooth.ended_m()
+        wanted = cells.wanted
         for_good = refuting.by_silence() if smooth.mirrors else refuting
         free = np.zeros(self._field.shape, bool)
         for turn in range(FREE_ROUNDS):

@@ -6,7 +6,8 @@ behind.  How loud that was it does not say: as loud as an ordinary object would 
 
 from __future__ import annotations
 
-from collections import Counter
+import math
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,7 @@ from usmap_ros.acoustics.transducer import Transducer
 from usmap_ros.errors import MalformedMessageError
 from usmap_ros.numerics.arrays import FloatArray
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.clutter import Kind, kind_of
 from usmap_ros.pings.cone import EchoCone, encode_limits
 
 #: Reflectivity that an object is taken to have, standard deviation of what it has relative to
@@ -101,34 +103,53 @@ class RangeReading:
         return cone
 
 
-#: Pings with an echo that a sensor is judged by, and the share of them that may have another one,
-#: for noise, with which it still reports the first thing only.
-ENOUGH_PINGS, MOST_WITH_SEVERAL = 30, 0.05
+#: Pings of a kind of sensor that would hear several things if these came by chance, by which it is
+#: judged, and the share of them that may, for noise, with which it still reports the first only.
+#: Of sonars among few poles, in noise, it is 0.2 to 0.5.
+ENOUGH_EXPECTED, MOST_WITH_SEVERAL = 20.0, 0.05
 #: Gain of such a sensor at the edge of its beam.
 EDGE_GAIN = 0.6
 
 
 def report_first_only(cones: Iterable[EchoCone]) -> set[str]:
-    """Sensors, by their frames, whose traces hold the first thing in the beam and nothing behind.
+    """Sensors, by their frames, whose pings hold the first thing in the beam and nothing behind.
 
     Range readings are recorded as traces, too, with a pulse at the range.  Silence behind it says
-    nothing, and neither does its loudness.
+    nothing, and neither does its loudness.  But where little stands, or noise hides it, sonars hear
+    one thing at a time as well: they are told from these by how many of their pings would hear
+    several things if each came by chance (Poisson's distribution), all sensors of a kind together.
 
     Parameters
     ----------
     cones : iterable of EchoCone
         Of any sensors.
     """
-    heard: Counter[str] = Counter()
-    several: Counter[str] = Counter()
+    frames: defaultdict[Kind, set[str]] = defaultdict(set)
+    pings: Counter[Kind] = Counter()
+    heard: Counter[Kind] = Counter()
+    several: Counter[Kind] = Counter()
+    deaf: Counter[Kind] = Counter()
     for cone in cones:
-        heard[cone.child_frame_id] += len(cone.ranges_m) > 0
-        several[cone.child_frame_id] += len(cone.ranges_m) > 1
-    return {
-        frame
-        for frame, count in heard.items()
-        if count >= ENOUGH_PINGS and several[frame] < MOST_WITH_SEVERAL * count
-    }
+        kind = kind_of(cone)
+        frames[kind].add(cone.child_frame_id)
+        pings[kind] += 1
+        heard[kind] += len(cone.ranges_m) > 0
+        several[kind] += len(cone.ranges_m) > 1
+        deaf[kind] += is_deaf_behind(cone)
+    found: set[str] = set()
+    for kind, own in frames.items():
+        expected = _several_by_chance(pings[kind], heard[kind])
+        is_alone = several[kind] < MOST_WITH_SEVERAL * expected
+        if (expected >= ENOUGH_EXPECTED and is_alone) or 0 < heard[kind] == deaf[kind]:
+            found |= own
+    return found
+
+
+def _several_by_chance(pings: int, heard: int) -> float:
+    """How many pings would hear several things, if so many hear any and these come by chance."""
+    nothing = 1.0 - heard / (pings + 1)
+    one = -nothing * math.log(nothing)
+    return pings * (1.0 - nothing - one)
 
 
 def is_deaf_behind(cone: EchoCone) -> bool:

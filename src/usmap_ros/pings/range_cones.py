@@ -7,7 +7,7 @@ behind.  How loud that was it does not say: as loud as an ordinary object would 
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -106,7 +106,7 @@ class RangeReading:
 #: Pings of a kind of sensor that would hear several things if these came by chance, by which it is
 #: judged, and the share of them that may, for noise, with which it still reports the first only.
 #: Of sonars among few poles, in noise, it is 0.2 to 0.5.
-ENOUGH_EXPECTED, MOST_WITH_SEVERAL = 20.0, 0.05
+ENOUGH_EXPECTED, MOST_WITH_SEVERAL = 25.0, 0.05
 #: Gain of such a sensor at the edge of its beam.
 EDGE_GAIN = 0.6
 
@@ -124,25 +124,26 @@ def report_first_only(cones: Iterable[EchoCone]) -> set[str]:
     cones : iterable of EchoCone
         Of any sensors.
     """
-    frames: defaultdict[Kind, set[str]] = defaultdict(set)
+    kinds: dict[str, Kind] = {}
     pings: Counter[Kind] = Counter()
     heard: Counter[Kind] = Counter()
     several: Counter[Kind] = Counter()
     deaf: Counter[Kind] = Counter()
     for cone in cones:
-        kind = kind_of(cone)
-        frames[kind].add(cone.child_frame_id)
+        kind = kinds.get(cone.child_frame_id)
+        if kind is None:
+            kind = kinds[cone.child_frame_id] = kind_of(cone)
         pings[kind] += 1
         heard[kind] += len(cone.ranges_m) > 0
         several[kind] += len(cone.ranges_m) > 1
         deaf[kind] += is_deaf_behind(cone)
-    found: set[str] = set()
-    for kind, own in frames.items():
+
+    def is_one(kind: Kind) -> bool:
         expected = _several_by_chance(pings[kind], heard[kind])
-        is_alone = several[kind] < MOST_WITH_SEVERAL * expected
-        if (expected >= ENOUGH_EXPECTED and is_alone) or 0 < heard[kind] == deaf[kind]:
-            found |= own
-    return found
+        are_few = expected >= ENOUGH_EXPECTED and several[kind] < MOST_WITH_SEVERAL * expected
+        return are_few or 0 < heard[kind] == deaf[kind]
+
+    return {frame for frame, kind in kinds.items() if is_one(kind)}
 
 
 def _several_by_chance(pings: int, heard: int) -> float:

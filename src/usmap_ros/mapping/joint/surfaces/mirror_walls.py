@@ -42,8 +42,8 @@ STEADY, CERTAIN_HITS = 0.07, 35
 #: Pings that must have heard likely mirrors: two poles make a line of six.
 LEAST_HITS = 9
 #: Where cells explain such a share of all echoes, likely mirrors are lines of poles: of rooms that
-#: have mirrors they explain 0.65 at the most.
-MOST_EXPLAINED = 0.8
+#: have mirrors they explain 0.65 at the most, of poles that line up, above a floor, 0.72 and more.
+MOST_EXPLAINED = 0.7
 #: Walls of one place are mostly alike: logarithms of reflectivities that differ by less.
 ALIKE = 0.25
 #: Logarithm of reflectivity by which single echoes of a place's mirrors differ from the usual one.

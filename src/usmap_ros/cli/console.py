@@ -41,7 +41,8 @@ def compile_loops(*, everything: bool = False) -> None:
         Also those that few need.
     """
     from usmap_ros.numerics.compiled import begin_without_blas
-    from usmap_ros.runs.compilation import ALL, SESSION, compile_if_needed
+    from usmap_ros.runs.compilation import compile_if_needed
+    from usmap_ros.runs.small_session import ALL, SESSION
 
     parts = ALL if everything else SESSION
     compile_if_needed(lambda line: print(f"usmap: {line}", file=sys.stderr), parts)

@@ -2,8 +2,8 @@
 
 Left alone, Numba compiles a loop when it is first called: bit by bit, in the process that maps, of
 which the compiler then takes hundreds of megabytes for good, and in several processes at once the
-same.  Here a session in small is run in processes of its own, at once on the cores there are; what
-they compile is kept on disk, where all others find it.
+same.  Here a session in small (`usmap_ros.runs.small_session`) is run in processes of its own, at
+once on the cores there are; what they compile is kept on disk, where all others find it.
 """
 
 from __future__ import annotations
@@ -16,33 +16,15 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
-from usmap_ros.acoustics.propagation import Channel
-from usmap_ros.acoustics.pulse import Pulse, PulseShape
-from usmap_ros.acoustics.transducer import Transducer
-from usmap_ros.evaluation.line_of_sight import pings_in_sight
-from usmap_ros.mapping.joint.estimate import JointEstimate
-from usmap_ros.mapping.joint.leave_one_out import kept_pings
-from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
-from usmap_ros.mapping.joint.visibility.field import field_around
-from usmap_ros.mapping.next_view import best_views, candidate_poses
-from usmap_ros.mapping.robot_check.consistency import Consistency
 from usmap_ros.numerics import compiled
 from usmap_ros.numerics.compiled import IS_COMPILED
-from usmap_ros.numerics.geometry import Pose
-from usmap_ros.parameters import MappingParameters
-from usmap_ros.pings.cone import EchoCone, encode_limits
-from usmap_ros.pings.fields_of_view import PingViews
-from usmap_ros.pings.trace import Encoding
 from usmap_ros.processes.cores import available_cores
 from usmap_ros.processes.memory import look_for_garbage_rarely
 from usmap_ros.processes.parent import end_with_parent
-from usmap_ros.runs.pipeline import Pipeline
+from usmap_ros.runs.small_session import ALL, SESSION
 
 #: What is said of it.
 ONCE = "Compiling the inner loops, once on this machine (some 30 s)"
@@ -55,88 +37,6 @@ SLOW = "the inner loops run as Python, some eighty times slower"
 VERSIONS_KEPT, MOST_SAID = 8, 300
 #: Modules that parts load when they run, on whose sources machine code depends as well.
 LOADED_LATER = ("usmap_ros.localisation.refine",)
-#: Pings that are mapped.
-PINGS = 10
-
-
-def reconstruct_all_kinds() -> None:
-    """Reconstruct a ping of each encoding, and one with several paths to each object."""
-    # Here, because none but the processes that compile need a simulator.
-    from usmap_ros.simulation.points import AIR, RECEIVER, hear
-
-    pipeline = Pipeline()
-    raw = replace(RECEIVER, encoding=Encoding.RAW, sample_rate_hz=250_000.0)
-    envelope = replace(RECEIVER, encoding=Encoding.ENVELOPE)
-    floor = Channel(343.0, floor_height_m=0.3, floor_reflectivity=0.5)
-    for receiver, channel in ((RECEIVER, AIR), (RECEIVER, floor), (envelope, AIR), (raw, AIR)):
-        pipeline.reconstruct(hear([(1.5, 0.2), (2.5, -0.3)], receiver=receiver, channel=channel))
-
-
-def reconstruct_chirps() -> None:
-    """Reconstruct a ping whose pulse is complex, for which all is compiled once more."""
-    from usmap_ros.simulation.points import TRANSDUCER, hear
-
-    chirp = Pulse(PulseShape.CHIRP, 50_000.0, 0.001, sweep_hz=5_000.0)
-    Pipeline().reconstruct(hear([(1.5, 0.2)], transducer=replace(TRANSDUCER, pulse=chirp)))
-
-
-def map_pings() -> None:
-    """Map pings together, compare robots, and see what was in sight of them."""
-    from usmap_ros.simulation.points import TRANSDUCER
-
-    pipeline, cones = _mapped(TRANSDUCER)
-    occupancy = pipeline.occupancy_map()
-    pings_in_sight(occupancy.observed, occupancy.geometry, PingViews.of(cones))
-    consistency = Consistency(pipeline.parameters.mapping)
-    for ping, cone in enumerate(cones):
-        consistency.add("one" if ping < PINGS // 2 else "other", cone)
-    consistency.findings()
-
-
-def find_free_space() -> None:
-    """Ask what is free, before anything is known of what stands: what mapping does last."""
-    from usmap_ros.simulation.points import TRANSDUCER
-
-    parameters = MappingParameters()
-    cones = [_cone_from(0.1 * number, TRANSDUCER) for number in range(PINGS)]
-    pings = kept_pings({"": cones}, parameters).pings()
-    field = field_around(pings.table, pings.rows, parameters.resolution_m)
-    estimate = JointEstimate(pings.table, pings.rows, pings.weights, pings.echoes, field)
-    estimate.free_space(estimate.walls())
-    # Two objects are no wall.
-    surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)
-
-
-def plan_views() -> None:
-    """Ask where to look next."""
-    from usmap_ros.simulation.points import TRANSDUCER
-
-    occupancy = _mapped(TRANSDUCER)[0].occupancy_map()
-    best_views(occupancy, candidate_poses(occupancy), TRANSDUCER, 1)
-
-
-def refine_odometry() -> None:
-    """Correct the poses of a robot that drifts."""
-    from usmap_ros.localisation.refine import refine_poses
-    from usmap_ros.simulation.points import TRANSDUCER
-
-    refine_poses([("/robot/echo", cone) for cone in _mapped(TRANSDUCER)[1]], insists=True)
-
-
-#: What is compiled at the same time, by what has it compiled, each about as long: by the time that
-#: `map_pings` gets to free space, it finds on disk what `find_free_space` has compiled.
-SESSION: dict[str, Callable[[], None]] = {
-    reconstruct_all_kinds.__name__: reconstruct_all_kinds,
-    find_free_space.__name__: find_free_space,
-    map_pings.__name__: map_pings,
-}
-#: The same with what is rarely needed.
-ALL = {
-    **SESSION,
-    reconstruct_chirps.__name__: reconstruct_chirps,
-    plan_views.__name__: plan_views,
-    refine_odometry.__name__: refine_odometry,
-}
 
 
 def compile_if_needed(
@@ -258,37 +158,6 @@ def main(parent: str, name: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     look_for_garbage_rarely()
     sys.exit(_failure(ALL[name]))
-
-
-def _mapped(transducer: Transducer) -> tuple[Pipeline, list[EchoCone]]:
-    """A pipeline with a map of some cones, and these."""
-    pipeline = Pipeline()
-    cones = [_cone_from(0.1 * number, transducer) for number in range(PINGS)]
-    for cone in cones:
-        pipeline.fuse(cone)
-    return pipeline, cones
-
-
-def _cone_from(x_m: float, transducer: Transducer) -> EchoCone:
-    """What a transducer hears of two objects, without reconstruction."""
-    ranges_m = np.sort(np.hypot(np.array([1.5, 2.5]) - x_m, [0.2, -0.3]))
-    amplitudes = ranges_m**-2.0
-    as_message = np.float32
-    return EchoCone(
-        stamp_ns=round(1e9 * x_m),
-        frame_id="map",
-        child_frame_id="sonar",
-        pose=Pose.planar(x_m, 0.0, 0.0),
-        transducer=transducer,
-        attenuation_db_m=0.0,
-        ranges_m=ranges_m.astype(as_message),
-        range_stds_m=np.full(2, 1e-4, as_message),
-        amplitudes=amplitudes.astype(as_message),
-        amplitude_stds=(0.02 * amplitudes).astype(as_message),
-        limit_step_m=0.02,
-        detection_limits=encode_limits(np.full(240, 0.02)),
-        residual=0.1,
-    )
 
 
 if __name__ == "__main__":

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from usmap_ros.runs import compilation
-from usmap_ros.runs.compilation import ALL, ONCE, SESSION
+from usmap_ros.runs.compilation import ONCE
+from usmap_ros.runs.small_session import ALL, SESSION
 
 
 @pytest.mark.parametrize(

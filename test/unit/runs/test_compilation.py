@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from usmap_ros import numerics
 from usmap_ros.grids import OCCUPIED_PROBABILITY
@@ -17,14 +18,13 @@ from usmap_ros.io.map_files import load_map
 from usmap_ros.numerics.compiled import IS_COMPILED
 from usmap_ros.runs import compilation
 from usmap_ros.runs.compilation import (
-    ALL,
     EACH_TIME,
     LOADED_LATER,
     ONCE,
-    SESSION,
     SLOW,
     compile_if_needed,
 )
+from usmap_ros.runs.small_session import ALL, SESSION
 
 SOURCE = Path(compilation.__file__).parents[1]
 needs_compiler = pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
@@ -215,6 +215,33 @@ def test_everything_that_is_compiled_is_known() -> None:
 
 
 @needs_compiler
+def test_a_session_in_small_runs_every_loop() -> None:
+    """What it missed was compiled by the first map that needed it, for seconds and in silence."""
+    compile_if_needed(lambda line: None, ALL)
+    loops = {
+        (".".join(path.relative_to(SOURCE.parent).with_suffix("").parts), name)
+        for path in SOURCE.rglob("*.py")
+        for name in re.findall(r"^@compiled\ndef (\w+)", path.read_text(encoding="utf-8"), re.M)
+    }
+    program = f"""
+import importlib
+from usmap_ros.runs.small_session import ALL
+for part in ALL.values():
+    part()
+for module, name in {sorted(loops)}:
+    loop = getattr(importlib.import_module(module), name)
+    if not loop.signatures:
+        print(module, name)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert len(loops) > 40
+    # Numba's own functions are looked up by compiling it.
+    assert done.stdout.splitlines() == ["usmap_ros.numerics.compiled _nothing"]
+
+
+@needs_compiler
 def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
     """Machine code may differ from Python in the last bits, and no cell's class may."""
     compile_if_needed(lambda line: None)
@@ -279,10 +306,23 @@ def test_with_a_numba_that_fails_commands_run_as_python(tmp_path: Path) -> None:
 def test_a_map_has_nothing_left_to_compile(
     tmp_path: Path, encoding: str, rate_hz: float, duration_s: float
 ) -> None:
+    scenario = SCENARIO.format(encoding=encoding, rate_hz=rate_hz, duration_s=duration_s)
+    assert_nothing_is_compiled(scenario, tmp_path)
+
+
+@needs_compiler
+def test_a_map_of_smooth_walls_has_nothing_left_to_compile(tmp_path: Path) -> None:
+    """Mirrors and columns are looked for where there are walls, and errors in many pings."""
+    room = yaml.safe_load((SOURCE.parents[1] / "config/scenarios/room.yaml").read_text())
+    room["duration_s"] = 4.0
+    room["world"]["surface"] = {"specular_reflectivity": 0.5, "diffuse_reflectivity": 0.0}
+    assert_nothing_is_compiled(yaml.safe_dump(room), tmp_path)
+
+
+def assert_nothing_is_compiled(scenario: str, tmp_path: Path) -> None:
+    """Check that neither a map of it nor a plan has any loop compiled."""
     compile_if_needed(lambda line: None, ALL)
-    (tmp_path / "scenario.yaml").write_text(
-        SCENARIO.format(encoding=encoding, rate_hz=rate_hz, duration_s=duration_s)
-    )
+    (tmp_path / "scenario.yaml").write_text(scenario)
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-c", PROGRAM, *arguments]

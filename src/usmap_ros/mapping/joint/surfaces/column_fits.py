@@ -184,7 +184,7 @@ def log_ratio_of_point(ping_set: PingSet, circle: Circle) -> float:
     across_m = np.hypot(*(place[:2] - numbers[:, [X, Y]]).T) - circle.radius_m
     off_m = _off_point(numbers, ranges_m, place)
     crowd = _crowd(echoes, circle.pings, across_m, ranges_m)
-    return _log_ratio(off_m, numbers[:, RANGE_STD], crowd, circle.misses)
+    return _log_ratio(off_m, numbers[:, RANGE_STD].copy(), crowd, circle.misses)
 
 
 def log_ratio_of_two_points(ping_set: PingSet, circle: Circle) -> float:
@@ -209,7 +209,7 @@ def log_ratio_of_two_points(ping_set: PingSet, circle: Circle) -> float:
         points = [middle_m - circle.radius_m * towards[own].mean(axis=0)
                   for own in (~is_second, is_second)]  # fmt: skip
         off_m = _off_two_points(places_m, ranges_m, points, is_second)
-        best = max(best, _log_ratio(off_m, numbers[:, RANGE_STD], crowd, circle.misses))
+        best = max(best, _log_ratio(off_m, numbers[:, RANGE_STD].copy(), crowd, circle.misses))
     return best
 
 
@@ -292,7 +292,7 @@ def _log_ratio(
     off_m : (hits,) array
         Distance of each hit from where the column's echo should be.
     stds_m : (hits,) array
-        Standard deviation of each range by the ping's pose.
+        Standard deviation of each range by the ping's pose; contiguous, or all is compiled anew.
     crowd : (hits,) integer array
         Other echoes of the ping within `CROWD_M` of it.
     misses : int

@@ -40,6 +40,7 @@ from usmap_ros.mapping.joint.witnesses import (
     credit,
     halves_of,
     mutual_evidence,
+    near_columns,
 )
 from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -182,8 +183,12 @@ class JointEstimate:
             # Who stands among mirrors denies what is behind them: that is no contradiction.
             part += count * any_holds(mirrored, places_m)
         apart = weighed.evidence_of_parts(part, count * (2 if mirrored else 1))
+        known = self._smooth.recognised
+        elsewhere = ~near_columns([*known.columns, *known.suspected], self.field)
+        alike = elsewhere.ravel()[weighed.number]
+        number, apart = weighed.number[alike], apart[:, :, alike]
         said = [
-            mutual_evidence(weighed.number, apart[first : first + count], self.field)
+            mutual_evidence(number, apart[first : first + count], self.field)
             for first in range(0, len(apart), count)
         ]
         return dict(zip(names, credit(MutualEvidence(*np.sum(said, axis=0))), strict=True))

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block, strength_of
+from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Parts of a robot's pings that are held against each other; and robots that can contradict.
 HALVES, LEAST_WITNESSES = 2, 2
@@ -37,6 +38,8 @@ HEALTHY = 2.5
 #: other either has half.  And credit that is none if it is less.
 LEAST_CHANCE, LEAST_CREDIT = 0.6, 0.1
 TINY = 1e-9
+#: Within this distance of a column what is heard may be of it, m.
+BESIDE_M = 0.15
 
 
 class MutualEvidence(NamedTuple):
@@ -78,6 +81,23 @@ def halves_of(sources: Sequence[str], names: Sequence[str]) -> NDArray[np.int64]
         own = np.flatnonzero(number == robot)
         halves[own[len(own) // HALVES :]] += 1
     return halves
+
+
+def near_columns(columns: Sequence[RoundColumn], field: Field) -> BoolArray:
+    """Where robots need not agree: what is smooth and round answers each side from another place.
+
+    Parameters
+    ----------
+    columns : sequence of RoundColumn
+        What is known or suspected to be one.
+    field : Field
+        All cells.
+    """
+    near = np.zeros(field.shape, bool)
+    for column in columns:
+        place = np.array([column.x_m]), np.array([column.y_m])
+        near |= field.cells_within(*place, column.radius_m + BESIDE_M)
+    return near
 
 
 def mutual_evidence(

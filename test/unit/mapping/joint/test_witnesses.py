@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.joint.witnesses import MutualEvidence, credit, mutual_evidence
+from usmap_ros.mapping.joint.witnesses import (
+    MutualEvidence,
+    credit,
+    mutual_evidence,
+    near_columns,
+)
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -81,6 +87,16 @@ def test_what_is_heard_beside_a_cell_bears_it_out_and_silence_denies_it() -> Non
     assert agreed[0, 1] == agreed[1, 0] == pytest.approx(8.0)
     assert contradicted[0, 1] == contradicted[1, 0] == pytest.approx(5.0)
     assert np.diag(agreed).tolist() == np.diag(contradicted).tolist() == [0.0, 0.0]
+
+
+def test_who_stand_on_two_sides_of_a_column_need_not_agree() -> None:
+    """Two of three robots hear one side of it, the third the other: that one was not believed."""
+    field, nobody = Field(0, 0, 40, 40, 0.05), np.zeros(0, np.int64)
+    column = RoundColumn(1.0, 1.0, 0.2, nobody, nobody, is_certain=False)
+    near = near_columns([column], field)
+    sides = np.array([[20, 15], [20, 24]]), np.array([[20, 10], [20, 29]])
+    assert [near[tuple(side.T)].tolist() for side in sides] == [[True, True], [False, False]]
+    assert not near_columns([], field).any()
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,9 @@
 What a robot claims of a cell, others deny if they looked there and heard nothing, and bear out if
 they claim the same beside it.  One that is misplaced, late or loud is contradicted by all who look
 at the same things, whereas these bear each other out; one whose heading is wrong contradicts itself
-as well.  Some contradiction is usual where walls are smooth or hide one another.  Who is wrong of
-two whom nobody else can judge is not told, and both are believed.
+as well.  Some contradiction is usual where walls are smooth or hide one another, and little is
+known of who mostly looks where nobody else does.  Who is wrong of two whom nobody else can judge is
+not told, and both are believed.
 """
 
 import math
@@ -196,6 +197,12 @@ def _against(agreed: FloatArray, contradicted: FloatArray, robot: int) -> FloatA
     total = agreed[robot] + contradicted[robot]
     share = agreed[robot] / np.maximum(total, TINY)
     ratios = np.clip(STEEPNESS * (1.0 - share / least), *BOUNDS) * total / (total + HALF_WORTH)
+    # Who looks at other rooms meets others at walls alone, which look otherwise from either side,
+    # or are not known to be in the way.
+    said = agreed + contradicted
+    own = np.diag(said)
+    met = np.minimum(1.0, (said.sum(axis=1) - own) / np.maximum(own, TINY))
+    ratios[others] *= np.minimum(met[robot], met[others])
     # That halves of its pings agree does not clear a robot: it may be misplaced throughout.
     ratios[robot] = max(0.0, ratios[robot])
     return np.asarray(ratios)

@@ -41,6 +41,17 @@ def said(*pairs: tuple[int, int, float, float], robots: int = 3) -> MutualEviden
         pytest.param(said((0, 1, 837, 1821), (0, 2, 0, 83), (1, 2, 860, 833)), id="two sides"),
         pytest.param(said((0, 1, 0, 500), robots=2), id="of two nobody can tell who is wrong"),
         pytest.param(said((0, 1, 0, 500)), id="nor can a third who looks elsewhere"),
+        pytest.param(
+            said(
+                (0, 1, 1, 182),
+                (0, 2, 3289, 20),
+                (1, 2, 2, 105),
+                (0, 0, 2164, 0),
+                (1, 1, 2096, 32),
+                (2, 2, 1791, 14),
+            ),
+            id="one in the room beside theirs",
+        ),
     ],
 )
 def test_those_of_whom_nobody_can_tell_are_believed(mutual_evidence: MutualEvidence) -> None:

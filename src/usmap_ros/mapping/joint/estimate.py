@@ -40,7 +40,6 @@ from usmap_ros.mapping.joint.witnesses import (
     credit,
     halves_of,
     mutual_evidence,
-    near_columns,
 )
 from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -184,11 +183,9 @@ class JointEstimate:
             part += count * any_holds(mirrored, places_m)
         apart = weighed.evidence_of_parts(part, count * (2 if mirrored else 1))
         known = self._smooth.recognised
-        elsewhere = ~near_columns([*known.columns, *known.suspected], self.field)
-        alike = elsewhere.ravel()[weighed.number]
-        number, apart = weighed.number[alike], apart[:, :, alike]
+        columns = [*known.columns, *known.suspected]
         said = [
-            mutual_evidence(number, apart[first : first + count], self.field)
+            mutual_evidence(weighed.number, apart[first : first + count], self.field, columns)
             for first in range(0, len(apart), count)
         ]
         return dict(zip(names, credit(MutualEvidence(*np.sum(said, axis=0))), strict=True))

@@ -84,25 +84,11 @@ def halves_of(sources: Sequence[str], names: Sequence[str]) -> NDArray[np.int64]
     return halves
 
 
-def near_columns(columns: Sequence[RoundColumn], field: Field) -> BoolArray:
-    """Where robots need not agree: what is smooth and round answers each side from another place.
-
-    Parameters
-    ----------
-    columns : sequence of RoundColumn
-        What is known or suspected to be one.
-    field : Field
-        All cells.
-    """
-    near = np.zeros(field.shape, bool)
-    for column in columns:
-        place = np.array([column.x_m]), np.array([column.y_m])
-        near |= field.cells_within(*place, column.radius_m + BESIDE_M)
-    return near
-
-
 def mutual_evidence(
-    number: NDArray[np.int32], said: NDArray[np.float32], field: Field
+    number: NDArray[np.int32],
+    said: NDArray[np.float32],
+    field: Field,
+    columns: Sequence[RoundColumn] = (),
 ) -> MutualEvidence:
     """Compare what robots say.
 
@@ -114,8 +100,12 @@ def mutual_evidence(
         What each half of each robot's pings says of them, and of their blocks.
     field : Field
         All cells.
+    columns : sequence of RoundColumn
+        What is known or suspected to be smooth and round: it answers each side from another place,
+        so that nobody is contradicted near it.
     """
     robots = len(said) // HALVES
+    is_told = ~_near(columns, field).ravel()[number]
     whole = said.reshape(robots, HALVES, 2, -1).sum(axis=1)
     claims, beside = _claims(number, np.concatenate([whole, said]), field)
     agreed, contradicted = (np.zeros((robots, robots)) for _ in range(2))
@@ -123,11 +113,20 @@ def mutual_evidence(
         first = robots + HALVES * one
         pairs = [(one, other, one, other) for other in range(one)]
         for row, column, a, b in [*pairs, (one, one, first, first + 1)]:
-            said_both = [_compared(claims, beside, *order) for order in ((a, b), (b, a))]
+            said_both = [_compared(claims, beside, is_told, *order) for order in ((a, b), (b, a))]
             agreed[row, column] = agreed[column, row] = 0.5 * sum(both for both, _ in said_both)
             against = sum(denied for _, denied in said_both)
             contradicted[row, column] = contradicted[column, row] = against
     return MutualEvidence(agreed, contradicted)
+
+
+def _near(columns: Sequence[RoundColumn], field: Field) -> BoolArray:
+    """Cells near some columns."""
+    near = np.zeros(field.shape, bool)
+    for column in columns:
+        place = np.array([column.x_m]), np.array([column.y_m])
+        near |= field.cells_within(*place, column.radius_m + BESIDE_M)
+    return near
 
 
 def _claims(
@@ -145,14 +144,18 @@ def _claims(
 
 
 def _compared(
-    claims: NDArray[np.float32], beside: NDArray[np.float32], one: int, other: int
+    claims: NDArray[np.float32],
+    beside: NDArray[np.float32],
+    is_told: BoolArray,
+    one: int,
+    other: int,
 ) -> tuple[float, float]:
-    """How much of what one claims another bears out, and how much it denies."""
+    """How much of what one claims another bears out, and how much it denies where that tells."""
     claimed = np.flatnonzero(claims[one] > LEAST)
     own, near, there = claims[one, claimed], beside[other, claimed], claims[other, claimed]
     is_borne_out, is_denied = near > LEAST, there < -LEAST
     agreed = np.minimum(own, near)[is_borne_out].sum()
-    denied = np.minimum(own, -there)[is_denied & ~is_borne_out].sum()
+    denied = np.minimum(own, -there)[is_denied & ~is_borne_out & is_told[claimed]].sum()
     return float(agreed), float(denied)
 
 

@@ -13,7 +13,6 @@ from usmap_ros.mapping.joint.witnesses import (
     MutualEvidence,
     credit,
     mutual_evidence,
-    near_columns,
 )
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -104,10 +103,17 @@ def test_who_stand_on_two_sides_of_a_column_need_not_agree() -> None:
     """Two of three robots hear one side of it, the third the other: that one was not believed."""
     field, nobody = Field(0, 0, 40, 40, 0.05), np.zeros(0, np.int64)
     column = RoundColumn(1.0, 1.0, 0.2, nobody, nobody, is_certain=False)
-    near = near_columns([column], field)
-    sides = np.array([[20, 15], [20, 24]]), np.array([[20, 10], [20, 29]])
-    assert [near[tuple(side.T)].tolist() for side in sides] == [[True, True], [False, False]]
-    assert not near_columns([], field).any()
+    # One of each side, and a cell that is far from both.
+    number = np.array([20 * 40 + 15, 20 * 40 + 24, 20 * 40 + 34], np.int32)
+    halves = np.zeros((4, 2, 3), np.float32)
+    halves[0, :, 0] = halves[2, :, 1] = halves[0, :, 2] = 9.0
+    halves[1, :, 1] = halves[3, :, 0] = halves[3, :, 2] = -6.0
+    for columns, denied in (((), 18.0), ([column], 6.0)):
+        said_both = mutual_evidence(number, halves, field, columns)
+        assert said_both.contradicted[0, 1] == pytest.approx(denied)
+    # What both hear on one side bears them out none the less.
+    halves[2, :, 0] = 9.0
+    assert mutual_evidence(number, halves, field, [column]).agreed[0, 1] > 0.0
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,9 @@ from usmap_ros.reconstruction.sampled.matrix import (
 )
 from usmap_ros.reconstruction.template import Template
 
+#: Ridge of least squares, but where more is asked for.
+RIDGE = 1e-10
+
 
 class DelayDictionary:
     """Echoes of one or several pulses at every delay of an even grid.
@@ -157,6 +160,7 @@ class DelayDictionary:
             sound_speed_m_s=self.channel.sound_speed_m_s,
             floor_detour_m2=self.channel.floor_detour_m2,
             floor_legs=self.channel.floor_legs,
+            ridge=RIDGE,
         )
 
     # ------------------------------------------------------------------ the grid

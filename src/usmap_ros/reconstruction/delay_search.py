@@ -14,7 +14,7 @@ from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import Baseband
 from usmap_ros.reconstruction.cosamp import check_signal
-from usmap_ros.reconstruction.delay_domain import DelayDictionary
+from usmap_ros.reconstruction.delay_domain import RIDGE, DelayDictionary
 from usmap_ros.reconstruction.detection import noise_thresholds
 from usmap_ros.reconstruction.sampled import search as sampled
 
@@ -30,6 +30,10 @@ MOST_SAMPLES_OFF = 4
 #: Variance of where the mean of a series changes, over (noise / change)⁴; two edges halve the
 #: noise's power (Yao, Annals of Statistics 15, 1987, 1321-1328).
 CHANGE_POINT_VARIANCE = 26.0
+#: Largest ridge of least squares where objects have several paths, each with a coefficient of its
+#: own: one over the floor may come with another object's straight one, and nearly alike, they had
+#: hundreds of times what is heard, one against the other.
+MOST_RIDGE = 1e-3
 #: Part of a sample that rounding may amount to, and what keeps a quotient finite.
 _ROUNDING = 1e-6
 _TINY = 1e-30
@@ -77,7 +81,7 @@ def search(
     # How much of an echo may be due to its pulse being known imperfectly.
     model_error = max(parameters.model_error, *(one.misfit for one in baseband.templates))
     found = sampled.search(
-        dictionary.sampled,
+        dictionary.sampled._replace(ridge=_ridge(dictionary, baseband)),
         signal.astype(np.complex128, copy=False),
         noise_thresholds(dictionary, baseband, parameters.false_alarms_per_ping),
         sampled.SearchSettings(
@@ -111,6 +115,17 @@ def search(
         found.thresholds,
         found.scores,
     )
+
+
+def _ridge(dictionary: DelayDictionary, baseband: Baseband) -> float:
+    """Ridge of least squares: noise's share of the power, where paths may be nearly alike.
+
+    Without noise, columns that differ at all are told apart exactly.
+    """
+    if dictionary.path_weights.shape[1] == 1:
+        return RIDGE
+    power = float(np.mean(np.abs(baseband.signal) ** 2))
+    return min(max(baseband.noise_std**2 / max(power, _TINY), RIDGE), MOST_RIDGE)
 
 
 def _between_samples(

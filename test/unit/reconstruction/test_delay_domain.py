@@ -8,10 +8,9 @@ from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.acoustics.sampling import Sampling
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.reconstruction.baseband import Baseband
-from usmap_ros.reconstruction.delay_domain import DelayDictionary
-from usmap_ros.reconstruction.delay_search import search
+from usmap_ros.reconstruction.delay_domain import RIDGE, DelayDictionary
+from usmap_ros.reconstruction.delay_search import MOST_RIDGE, search
 from usmap_ros.reconstruction.sampled.band import without_negatives
-from usmap_ros.reconstruction.sampled.fit import RIDGE, RIDGE_OF_PATHS
 from usmap_ros.reconstruction.sampled.matched_filter import loudness
 from usmap_ros.reconstruction.template import Template
 
@@ -76,7 +75,8 @@ def test_echoes_are_the_least_squares_of_their_columns(templates, channel):
 
     formed = np.hstack([columns(dictionary, block) for block in found.support])
     gram = formed.conj().T @ formed
-    gram += np.diag((RIDGE if paths == 1 else RIDGE_OF_PATHS) * gram.diagonal())
+    noise_share = 0.01**2 / np.mean(np.abs(signal) ** 2)
+    gram += np.diag((RIDGE if paths == 1 else min(noise_share, MOST_RIDGE)) * gram.diagonal())
     expected = np.linalg.solve(gram, formed.conj().T @ signal)
     assert set(blocks) <= {block + step for block in found.support for step in (-1, 0, 1)}
     np.testing.assert_allclose(found.residual, signal - formed @ expected, atol=1e-3)

@@ -9,11 +9,6 @@ from usmap_ros.numerics.compiled import compiled_within, inlined
 from usmap_ros.reconstruction.sampled.band import factorise, solve, without_negatives
 from usmap_ros.reconstruction.sampled.matrix import Columns, Places, SampledMatrix, columns_of
 
-#: Ridge of least squares: columns that are alike get equal shares.  Of several paths of an object
-#: each has a coefficient of its own, and one over the floor may come with another object's straight
-#: one: nearly alike, they had hundreds of times what is heard, one against the other.
-RIDGE, RIDGE_OF_PATHS = 1e-10, 1e-3
-
 
 class Fit(NamedTuple):
     """Echoes of a support that come closest to a signal."""
@@ -59,8 +54,7 @@ def least_squares(
     begins = _first_neighbours(columns)
     gram = _gram(columns, begins)
     fitted = correlations(columns, signal)
-    ridge = RIDGE if matrix.delays_s.shape[1] == 1 else RIDGE_OF_PATHS
-    factor = factorise(gram, begins, ridge)
+    factor = factorise(gram, begins, matrix.ridge)
     if non_negative:
         _make_non_negative(gram, begins, factor, fitted)
     else:

@@ -52,6 +52,8 @@ class SampledMatrix(NamedTuple):
     floor_detour_m2: float
     #: How many more legs over the floor each path has than the one before it.
     floor_legs: int
+    #: Of least squares, relative to columns' squared norms: what is alike gets equal shares.
+    ridge: float
 
 
 class Places(NamedTuple):

@@ -20,13 +20,13 @@ from usmap_ros.evaluation.line_of_sight import pings_in_sight
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.free_space.open_rays import likely_as_anything
 from usmap_ros.mapping.joint.fusion import JointFusion
-from usmap_ros.mapping.joint.kept_pings import KeptPings
+from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS
 from usmap_ros.mapping.next_view import best_views, candidate_poses
 from usmap_ros.mapping.robot_check.consistency import Consistency
-from usmap_ros.numerics.geometry import Pose
+from usmap_ros.numerics.geometry import Pose, wrapped
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone, encode_limits
 from usmap_ros.pings.fields_of_view import PingViews
@@ -82,10 +82,8 @@ def map_pings() -> None:
 
 def find_free_space() -> None:
     """Ask what is free, before anything is known of what stands: what mapping does last."""
-    parameters, kept = MappingParameters(), KeptPings(MappingParameters())
-    for source, cone in _session()[:FEW_PINGS]:
-        kept.add(cone, source)
-    pings = kept.pings()
+    parameters, cones = MappingParameters(), [cone for _, cone in _session()[:FEW_PINGS]]
+    pings = kept_pings({"": cones}, parameters).pings()
     field = field_around(pings.table, pings.rows, parameters.resolution_m)
     estimate = JointEstimate(pings.table, pings.rows, pings.weights, pings.echoes, field)
     estimate.free_space(estimate.walls())
@@ -178,6 +176,5 @@ def _heard(transducer: Transducer, pose: Pose, stamp_ns: int) -> EchoCone:
 
 def _gain(transducer: Transducer, pose: Pose, direction_rad: float) -> float:
     """Gain of the beam in a direction; 0 outside."""
-    off_rad = abs((direction_rad - pose.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi)
-    beam = transducer.beam
-    return float(beam.gain(np.array(off_rad))) if off_rad < beam.half_angle_rad else 0.0
+    off_rad, beam = abs(wrapped(np.array(direction_rad - pose.yaw_rad))), transducer.beam
+    return float(beam.gain(off_rad)) if off_rad < beam.half_angle_rad else 0.0

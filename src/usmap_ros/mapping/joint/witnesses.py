@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block, strength_of
-from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn
+from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn, discs
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
@@ -105,7 +105,7 @@ def mutual_evidence(
         so that nobody is contradicted near it.
     """
     robots = len(said) // HALVES
-    is_told = ~_near(columns, field).ravel()[number]
+    is_told = ~discs(list(columns), field, BESIDE_M).ravel()[number]
     whole = said.reshape(robots, HALVES, 2, -1).sum(axis=1)
     claims, beside = _claims(number, np.concatenate([whole, said]), field)
     agreed, contradicted = (np.zeros((robots, robots)) for _ in range(2))
@@ -118,15 +118,6 @@ def mutual_evidence(
             against = sum(denied for _, denied in said_both)
             contradicted[row, column] = contradicted[column, row] = against
     return MutualEvidence(agreed, contradicted)
-
-
-def _near(columns: Sequence[RoundColumn], field: Field) -> BoolArray:
-    """Cells near some columns."""
-    near = np.zeros(field.shape, bool)
-    for column in columns:
-        place = np.array([column.x_m]), np.array([column.y_m])
-        near |= field.cells_within(*place, column.radius_m + BESIDE_M)
-    return near
 
 
 def _claims(
@@ -197,12 +188,12 @@ def _against(agreed: FloatArray, contradicted: FloatArray, robot: int) -> FloatA
     both, against = (float(np.tril(sums[apart]).sum()) for sums in (agreed, contradicted))
     usual = (both + BEFORE) / (both + against + BEFORE + BEFORE_AGAINST)
     least = USUAL + USUALLY_MORE * max(0.0, (usual - WHOLLY) / (1.0 - WHOLLY))
-    total = agreed[robot] + contradicted[robot]
+    said = agreed + contradicted
+    total = said[robot]
     share = agreed[robot] / np.maximum(total, TINY)
     ratios = np.clip(STEEPNESS * (1.0 - share / least), *BOUNDS) * total / (total + HALF_WORTH)
     # Who looks at other rooms meets others at walls alone, which look otherwise from either side,
     # or are not known to be in the way.
-    said = agreed + contradicted
     own = np.diag(said)
     met = np.minimum(1.0, (said.sum(axis=1) - own) / np.maximum(own, TINY))
     ratios[others] *= np.minimum(met[robot], met[others])

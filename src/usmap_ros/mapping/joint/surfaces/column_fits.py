@@ -195,6 +195,7 @@ def log_ratio_of_two_points(ping_set: PingSet, circle: Circle) -> float:
     table, pings, echoes, _ = ping_set
     numbers, ranges_m = table.numbers[pings[circle.pings]], echoes.range_m[circle.echoes]
     places_m, middle_m = numbers[:, [X, Y]], np.array([circle.x_m, circle.y_m])
+    stds_m = numbers[:, RANGE_STD].copy()
     offsets = middle_m - places_m
     away_m = np.hypot(*offsets.T)
     crowd = _crowd(echoes, circle.pings, away_m - circle.radius_m, ranges_m)
@@ -209,7 +210,7 @@ def log_ratio_of_two_points(ping_set: PingSet, circle: Circle) -> float:
         points = [middle_m - circle.radius_m * towards[own].mean(axis=0)
                   for own in (~is_second, is_second)]  # fmt: skip
         off_m = _off_two_points(places_m, ranges_m, points, is_second)
-        best = max(best, _log_ratio(off_m, numbers[:, RANGE_STD].copy(), crowd, circle.misses))
+        best = max(best, _log_ratio(off_m, stds_m, crowd, circle.misses))
     return best
 
 

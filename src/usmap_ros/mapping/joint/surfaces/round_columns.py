@@ -190,11 +190,12 @@ def drawn_columns(columns: list[RoundColumn], field: Field) -> BoolArray:
     return mask
 
 
-def discs(columns: list[RoundColumn], field: Field) -> BoolArray:
-    """Cells that columns cover, and those beside them."""
+def discs(columns: list[RoundColumn], field: Field, beside_m: float | None = None) -> BoolArray:
+    """Cells that columns cover, and those beside them: as far as a cell is wide, or so far."""
+    beside_m = field.resolution_m if beside_m is None else beside_m
     mask = np.zeros(field.shape, bool)
     for column in columns:
-        mask |= _beyond_m(column, field) < field.resolution_m
+        mask |= _beyond_m(column, field) < beside_m
     return mask
 
 

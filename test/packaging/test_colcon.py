@@ -47,6 +47,21 @@ def colcon_requirements(root: Path) -> list[str]:
     return sorted(set(lines))
 
 
+def link_installed(source: Path, folder: Path) -> None:
+    """Give an environment what another one has, but for its programs and for what is ours.
+
+    Links are made in a second, and to install all that again takes more than a minute.
+    """
+    if source == Path(sys.base_prefix):
+        return
+    left_out = shutil.ignore_patterns(
+        folder.name, "bin", "*usmap_*", "__pycache__", ".stamp*", "pyvenv.cfg", "lib64"
+    )
+    shutil.copytree(
+        source, folder, copy_function=os.link, ignore=left_out, symlinks=True, dirs_exist_ok=True
+    )
+
+
 @pytest.fixture
 def environment(root, clean_environment) -> dict[str, str]:
     """Give the environment in which colcon is found. It is made once and kept beside the tests'."""
@@ -57,6 +72,7 @@ def environment(root, clean_environment) -> dict[str, str]:
     stamp = folder / f"stamp-{hashlib.sha256(content.encode()).hexdigest()[:16]}"
     if not stamp.exists():
         venv.create(folder, clear=True)
+        link_installed(Path(sys.prefix), folder)
         # Without a pip of its own: Debian's Python may not have one to give.
         command = [sys.executable, "-m", "pip", "--python", str(folder / "bin/python"), "install"]
         subprocess.run(

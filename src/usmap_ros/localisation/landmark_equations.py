@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from usmap_ros.localisation.data_association import DataAssociation
 from usmap_ros.localisation.echo_table import TrackEchoes
@@ -65,39 +64,29 @@ class LandmarkEquations:
         self._landmarks = landmarks
         kept = np.flatnonzero(heard.shares > _LEAST_SHARE)
         echo, wall = heard.echo[kept], heard.landmark[kept]
-        ping, rows = echoes.ping[echo], np.arange(len(echo))
+        ping = echoes.ping[echo]
         weights = heard.shares[kept] * echoes.weight[echo] * weight * heard.precision[kept]
         off_m, along_m = heard.off_m[kept], heard.along_m[kept]
-        number, lines = landmarks.total, len(echo)
+        number = landmarks.total
         changes = heard.by_pose[:, kept]
-        turns, self._middle_m = changes_by_landmark(landmarks, wall, along_m, changes, weights)
-        is_free = knots.before[ping] >= 0
-        before, share = np.maximum(knots.before[ping], 0), knots.share[ping]
-        after = np.minimum(before + 1, count - 1)
-        parts = np.stack([1.0 - share, share]) * is_free
-        values = (parts[:, np.newaxis] * changes).reshape(6, -1)
-        columns = np.stack([3 * knot + axis for knot in (before, after) for axis in range(3)])
-        by_pose = sparse.csr_matrix(
-            (values.ravel(), (np.tile(rows, 6), columns.ravel())), (lines, 3 * count)
-        )
-        columns = np.concatenate([2 * wall, 2 * wall + 1])
-        by_wall = sparse.csr_matrix(
-            (turns.ravel(), (np.tile(rows, 2), columns)), (lines, 2 * number)
-        )
-        weighed = sparse.diags(weights) @ by_pose
-        self._matrix = (by_pose.T @ weighed).toarray()
-        self._right = -np.asarray(by_pose.T @ (weights * off_m))
-        own = (by_wall.T @ sparse.diags(weights) @ by_wall).toarray()
+        by_wall, self._middle_m = changes_by_landmark(landmarks, wall, along_m, changes, weights)
+        by_pose, columns = _changes_by_knots(changes, ping, knots, count)
+        weighed, walls = weights * by_pose, np.stack([2 * wall, 2 * wall + 1])
+        self._matrix = _summed(weighed, by_pose, columns, columns, (3 * count, 3 * count))
+        self._coupling = _summed(weighed, by_wall, columns, walls, (3 * count, 2 * number))
+        own = _summed(weights * by_wall, by_wall, walls, walls, (2 * number, 2 * number))
+        off_m = off_m[np.newaxis]
+        nowhere = np.zeros_like(columns[:1])
+        self._right = -_summed(weighed, off_m, columns, nowhere, (3 * count, 1)).ravel()
+        alone = -_summed(weights * by_wall, off_m, walls, nowhere, (2 * number, 1)).ravel()
         may_change = np.full((number, 2), _MAY_MOVE_M)
         may_change[: len(landmarks.normals_rad), 0] = _MAY_TURN_RAD
         own += np.diag(may_change.ravel() ** -2)
-        alone = -np.asarray(by_wall.T @ (weights * off_m))
         is_turn = slice(0, 2 * len(square.off_rad), 2)
         own[is_turn, is_turn] += square.information()
         alone[is_turn] -= square.information() @ square.off_rad
-        self._to_walls = np.linalg.solve(own, (by_wall.T @ weighed).toarray())
+        self._to_walls = np.linalg.solve(own, self._coupling.T)
         self._alone = np.linalg.solve(own, alone)
-        self._coupling = (weighed.T @ by_wall).toarray()
 
     def add(self, matrix: FloatArray, right: FloatArray) -> None:
         """Add to both sides of the equations of the knots."""
@@ -174,6 +163,32 @@ def with_changes(landmarks: Landmarks, changes: FloatArray, middle_m: FloatArray
         landmarks.distances_m + shift_m + middle_m[:lines] * turn_rad,
         landmarks.points_m + changes[lines:],
     )
+
+
+def _changes_by_knots(
+    by_pose: FloatArray, ping: NDArray[np.intp], knots: Knots, count: int
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """How far echoes of pings are behind landmarks as knots change, and which columns those are.
+
+    Both are (6, n): by x, y and yaw of the knot before and of the one after.
+    """
+    is_free = knots.before[ping] >= 0
+    before, share = np.maximum(knots.before[ping], 0), knots.share[ping]
+    after = np.minimum(before + 1, count - 1)
+    parts = np.stack([1.0 - share, share]) * is_free
+    columns = 3 * np.stack([before, after])[:, np.newaxis] + np.arange(3)[:, np.newaxis]
+    return (parts[:, np.newaxis] * by_pose).reshape(6, -1), columns.reshape(6, -1)
+
+
+def _summed(
+    left: FloatArray, right: FloatArray, row: NDArray[np.int64], column: NDArray[np.int64],
+    shape: tuple[int, int],
+) -> FloatArray:  # fmt: skip
+    """The product A'B of two matrices of few columns a line, (a, n) and (b, n), as a full one."""
+    places = row[:, np.newaxis] * shape[1] + column
+    values = left[:, np.newaxis] * right
+    sums = np.bincount(places.ravel(), values.ravel(), shape[0] * shape[1])
+    return np.asarray(sums, float).reshape(shape)
 
 
 def _middles_m(

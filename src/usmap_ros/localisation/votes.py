@@ -150,9 +150,11 @@ class _Ballot:
 
     def take(self, gone: NDArray[np.intp]) -> None:
         """Take votes of some echoes out."""
-        spans = [np.arange(self._first[echo], self._first[echo + 1]) for echo in gone]
-        if spans:
-            self._counts[:-1] -= self._counted(np.concatenate(spans))
+        first, votes = self._first[gone], np.diff(self._first)[gone]
+        before = np.cumsum(votes) - votes
+        self._counts[:-1] -= self._counted(
+            np.repeat(first - before, votes) + np.arange(votes.sum())
+        )
 
     def forget(self) -> None:
         """Take all votes for the best cell out."""
@@ -193,10 +195,10 @@ class _Lines:
         put_on_line(self._rows, left, *line, along_m, off_m)
         off_m = np.abs(off_m)
         hits = np.flatnonzero(off_m < 2.0 * self._sigma_m)
-        places = np.unique(np.floor(along_m[hits] / 0.1))
-        is_enough = self._rows.weight[hits].sum() >= _LEAST_ECHOES
         gone = np.flatnonzero(off_m < 2.0 * max(self._step_m, self._sigma_m))
-        return gone, bool(is_enough and len(places) >= _LEAST_PLACES)
+        if self._rows.weight[hits].sum() < _LEAST_ECHOES:
+            return gone, False
+        return gone, len(np.unique(np.floor(along_m[hits] / 0.1))) >= _LEAST_PLACES
 
 
 class _Points:

@@ -236,7 +236,7 @@ def at_height(places_m: FloatArray, height_m: float | FloatArray) -> FloatArray:
 
 def wrapped(angles_rad: FloatArray) -> FloatArray:
     """Angles in [-π, π)."""
-    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
+    return np.asarray(angles_rad - 2.0 * np.pi * np.floor(angles_rad / (2.0 * np.pi) + 0.5))
 
 
 def way_between(first: Pose, second: Pose) -> tuple[float, float]:

@@ -35,6 +35,16 @@ TYPES = RosMessageTypes()
 Cones = list[tuple[str, EchoCone]]
 
 
+def add_fusion(live: Any, namespace: str = "", **parameters: Any) -> MapFusion:
+    """Add a node that takes cones as they come.
+
+    Where nodes wait for stragglers, the last cones of some robots are fused seconds later.
+    """
+    node = live.add(MapFusion, namespace, order_wait_s=0.0, **parameters)
+    assert isinstance(node, MapFusion)
+    return node
+
+
 def send(live: Any, cones: Cones) -> None:
     """Publish cones on their topics, and wait until all are fused."""
     node = live.nodes[0]
@@ -175,7 +185,7 @@ def test_a_map_is_put_off_while_cones_wait_but_not_for_ever(
 ) -> None:
     clock = SimpleNamespace(monotonic=lambda: clock.now_s, now_s=0.0)
     monkeypatch.setattr("usmap_ros.nodes.plumbing.map_bringer.time", clock)
-    node = live.add(MapFusion)
+    node = add_fusion(live)
     publisher = live.publisher(CONE, "/robot1/cone", 50)
     publisher.publish(cone_to_cdr(cones[0][1]))
     live.until(lambda: steps["fuse"]() or node.health.total("fused") == 1)
@@ -232,8 +242,8 @@ def test_a_cloud_has_every_normal_of_a_map() -> None:
 
 def test_two_fusions_share_an_area_and_each_ping_is_in_one_map(live: Any, cones: Cones) -> None:
     middle_m = float(np.median([cone.pose.position_m[0] for _, cone in cones]))
-    west = live.add(MapFusion, "west", area_m=[-99.0, middle_m, -99.0, 99.0])
-    east = live.add(MapFusion, "east", area_m=[middle_m, 99.0, -99.0, 99.0])
+    west = add_fusion(live, "west", area_m=[-99.0, middle_m, -99.0, 99.0])
+    east = add_fusion(live, "east", area_m=[middle_m, 99.0, -99.0, 99.0])
     publishers = {topic: live.publisher(CONE, topic, 50) for topic in sorted(dict(cones))}
     live.until(lambda: all(p.get_subscription_count() == 2 for p in publishers.values()))
     for topic, cone in cones:
@@ -249,7 +259,7 @@ def test_two_fusions_share_an_area_and_each_ping_is_in_one_map(live: Any, cones:
 
 
 def test_nothing_is_published_while_nothing_changes(live: Any, cones: Cones, nav2_qos: Any) -> None:
-    node = live.add(MapFusion, publish_rate_hz=50.0)
+    node = add_fusion(live, publish_rate_hz=50.0)
     grids = live.listen(GRID, "/map", nav2_qos)
     live.spin(0.2)
     assert grids == []
@@ -266,7 +276,7 @@ def test_growth_never_moves_a_cell(
     nav2_qos: Any,
     assert_nav2_takes: Callable[[Any], None],
 ) -> None:
-    node = live.add(MapFusion, publish_rate_hz=20.0, topic_pattern="/walker/*")
+    node = add_fusion(live, publish_rate_hz=20.0, topic_pattern="/walker/*")
     grids = live.listen(GRID, "/map", nav2_qos)
     publisher = live.publisher(CONE, "/walker/cone", 50)
     places = [(0.0, 0.0), (-7.3, 4.1), (9.9, -20.2), (31.7, 15.0)]
@@ -292,7 +302,7 @@ def test_growth_never_moves_a_cell(
 
 
 def test_robots_join_and_leave(live: Any, cones: Cones) -> None:
-    live.add(MapFusion, discovery_period_s=0.1, topic_pattern="/robot[12]/cone")
+    add_fusion(live, discovery_period_s=0.1, topic_pattern="/robot[12]/cone")
     by_topic = {topic: [c for c in cones if c[0] == topic] for topic, _ in cones}
     send(live, by_topic["/robot1/cone"])
     send(live, by_topic["/robot2/cone"])
@@ -307,7 +317,7 @@ def test_robots_join_and_leave(live: Any, cones: Cones) -> None:
 
 
 def test_who_left_is_let_go_of_and_taken_up_again(live: Any, cones: Cones) -> None:
-    node = live.add(MapFusion, discovery_period_s=0.1, absence_s=0.5)
+    node = add_fusion(live, discovery_period_s=0.1, absence_s=0.5)
     message_class = interface_class(CONE)
     robots = [live.peer.create_publisher(message_class, f"/r{n}/cone", 50) for n in range(5)]
     live.until(lambda: all(robot.get_subscription_count() for robot in robots))
@@ -321,7 +331,7 @@ def test_who_left_is_let_go_of_and_taken_up_again(live: Any, cones: Cones) -> No
 
 
 def test_listed_topics_are_the_only_ones(live: Any, cones: Cones) -> None:
-    node = live.add(MapFusion, cone_topics=["/robot2/cone"])
+    node = add_fusion(live, cone_topics=["/robot2/cone"])
     publisher = live.publisher(CONE, "/robot2/cone", 50)
     other = live.peer.create_publisher(interface_class("usmap_msgs/msg/EchoCone"), "/other", 50)
     publisher.publish(cone_to_cdr(cones[0][1]))
@@ -330,7 +340,7 @@ def test_listed_topics_are_the_only_ones(live: Any, cones: Cones) -> None:
 
 
 def test_get_map_and_save_map(live: Any, cones: Cones, tmp_path: Path) -> None:
-    node = live.add(MapFusion, save_path=str(tmp_path / "saved"))
+    node = add_fusion(live, save_path=str(tmp_path / "saved"))
     send(live, cones)
     grid = live.call("nav_msgs/srv/GetMap", "/map_fusion/get_map").map
     assert grid.header.frame_id == "map"
@@ -345,7 +355,7 @@ def test_get_map_and_save_map(live: Any, cones: Cones, tmp_path: Path) -> None:
 
 def test_save_map_says_why_it_cannot(live: Any, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    live.add(MapFusion, save_path=str(tmp_path / "file" / "map"))
+    add_fusion(live, save_path=str(tmp_path / "file" / "map"))
     response = live.call("std_srvs/srv/Trigger", "/map_fusion/save_map")
     assert not response.success
     assert "cannot be written" in response.message
@@ -354,7 +364,7 @@ def test_save_map_says_why_it_cannot(live: Any, tmp_path: Path) -> None:
 def test_pause_and_reset(
     live: Any, cones: Cones, nav2_qos: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node = live.add(MapFusion, publish_rate_hz=20.0, latency_limit_s=3600.0)
+    node = add_fusion(live, publish_rate_hz=20.0, latency_limit_s=3600.0)
     # However busy the machine, the node is neither slow nor unheard.
     monkeypatch.setattr(node.health, "clock", lambda: 0.0)
     grids = live.listen(GRID, "/map", nav2_qos)
@@ -375,7 +385,7 @@ def test_pause_and_reset(
 
 
 def test_the_life_cycle(live: Any, cones: Cones, tmp_path: Path) -> None:
-    node = live.add(MapFusion, autostart=False, checkpoint_path=str(tmp_path / "map"))
+    node = add_fusion(live, autostart=False, checkpoint_path=str(tmp_path / "map"))
 
     def state() -> str:
         response = live.call("lifecycle_msgs/srv/GetState", "/map_fusion/get_state")
@@ -411,20 +421,20 @@ def test_the_life_cycle(live: Any, cones: Cones, tmp_path: Path) -> None:
 
 
 def test_checkpoints_are_begun_early_enough_to_be_written_within_their_period(live: Any) -> None:
-    node = live.add(MapFusion, checkpoint_period_s=8.0)
+    node = add_fusion(live, checkpoint_period_s=8.0)
     assert max(timer.timer_period_ns for timer in node.timers) == 6_000_000_000
 
 
 def test_a_map_is_kept_and_resumed(live: Any, cones: Cones, tmp_path: Path, nav2_qos: Any) -> None:
     options = {"checkpoint_path": str(tmp_path / "map"), "checkpoint_period_s": 0.1}
-    node = live.add(MapFusion, **options)
+    node = add_fusion(live, **options)
     send(live, cones)
     expected = node.session.fusion.occupancy_map()
     live.until((tmp_path / "map" / "map.npz").exists)
     live.remove(node)
     kept, _ = load_map(tmp_path / "map")
     np.testing.assert_array_equal(kept.log_odds, expected.log_odds)
-    resumed = live.add(MapFusion, **options)
+    resumed = add_fusion(live, **options)
     grids = live.listen(GRID, "/map", nav2_qos)
     live.until(lambda: grids)
     occupancy = resumed.session.fusion.occupancy_map()
@@ -441,7 +451,7 @@ def test_a_damaged_checkpoint_is_set_aside_and_mapping_begins(
     path = tmp_path / "map"
     path.mkdir()
     (path / "map.npz").write_bytes(b"PK nonsense")
-    node = live.add(MapFusion, checkpoint_path=str(path))
+    node = add_fusion(live, checkpoint_path=str(path))
     assert "set aside as map.npz.damaged-1" in node.health.reason("set aside")
     assert (path / "map.npz.damaged-1").read_bytes() == b"PK nonsense"
     send(live, cones[:3])
@@ -461,7 +471,7 @@ def test_a_checkpoint_that_does_not_fit_is_left_alone(
     live: Any, cones: Cones, tmp_path: Path, damage: str
 ) -> None:
     path = tmp_path / "map"
-    node = live.add(MapFusion, checkpoint_path=str(path))
+    node = add_fusion(live, checkpoint_path=str(path))
     send(live, cones[:3])
     live.remove(node)
     content = (path / "map.npz").read_bytes()
@@ -470,7 +480,7 @@ def test_a_checkpoint_that_does_not_fit_is_left_alone(
         options["mapping__resolution_m"] = 0.1
     if damage == "another frame":
         options["frame_id"] = "odom"
-    node = live.add(MapFusion, checkpoint_path=str(path), **options)
+    node = add_fusion(live, checkpoint_path=str(path), **options)
     assert node.session is None
     report = node.health.report()
     assert report.level == Level.ERROR
@@ -480,7 +490,7 @@ def test_a_checkpoint_that_does_not_fit_is_left_alone(
 
 
 def test_a_cone_in_another_frame_is_refused_with_the_reason(live: Any, cones: Cones) -> None:
-    node = live.add(MapFusion, frame_id="map")
+    node = add_fusion(live, frame_id="map")
     send(live, cones[:3])
     publisher = live.publisher(CONE, "/lost/cone", 50)
     publisher.publish(cone_to_cdr(replace(cones[0][1], frame_id="elsewhere")))
@@ -539,7 +549,7 @@ def test_a_silent_robot_does_not_stop_the_others(live: Any, cones: Cones) -> Non
 
 
 def test_two_reconstructors_of_a_robot_count_once(live: Any, cones: Cones) -> None:
-    node = live.add(MapFusion)
+    node = add_fusion(live)
     send(live, cones[:3])
     expected = node.session.fusion.occupancy_map()
     twin = live.publisher(CONE, "/twin/cone", 50)
@@ -594,7 +604,7 @@ def test_a_check_of_robots_keeps_to_its_own_thread(
         return {}
 
     monkeypatch.setattr(Consistency, "findings", findings)
-    live.add(MapFusion, check_period_s=0.1)
+    add_fusion(live, check_period_s=0.1)
     send(live, cones[:3])
     live.until(lambda: threads)
     assert len(threads[0]) == 1
@@ -602,7 +612,7 @@ def test_a_check_of_robots_keeps_to_its_own_thread(
 
 def test_a_check_of_robots_ends_with_its_node(live: Any, cones: Cones) -> None:
     """Though it is in the middle of a judgement that takes long."""
-    node = live.add(MapFusion, check_period_s=0.1)
+    node = add_fusion(live, check_period_s=0.1)
     send(live, cones[:3])
     began = []
 

@@ -4,9 +4,9 @@
 PYTHON ?= python3
 VENV ?= .venv
 PYTEST_ARGS ?=
-# Test processes that run at once, one more than there are cores in most places that run them: those
+# Test processes that run at once, two more than there are cores in most places that run them: those
 # on ROS 2 often wait.  A file's tests stay together, because they share what they set up.
-TEST_JOBS ?= 3
+TEST_JOBS ?= 4
 
 # Programs start hundreds of times here, and would compile all that they import each time.
 unexport PYTHONDONTWRITEBYTECODE

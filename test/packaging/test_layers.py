@@ -1,5 +1,6 @@
 """Imports go one way, in no circle, and the core needs no ROS."""
 
+import functools
 import importlib.util
 import re
 from graphlib import CycleError, TopologicalSorter
@@ -48,12 +49,14 @@ def imported(path: Path) -> set[str]:
     return set(map_of_code.imported(path, MODULES))
 
 
-#: What each module imports of the package.  The package's own page of names points everywhere.
-IMPORTS = {
-    name: {module for module in imported(path) if module in MODULES and module != name}
-    for name, path in MODULES.items()
-    if name != "usmap_ros"
-}
+@functools.cache
+def imports() -> dict[str, set[str]]:
+    """What each module imports of the package, whose own page of names points everywhere."""
+    return {
+        name: {module for module in imported(path) if module in MODULES and module != name}
+        for name, path in MODULES.items()
+        if name != "usmap_ros"
+    }
 
 
 def part(module: str) -> str:
@@ -62,14 +65,14 @@ def part(module: str) -> str:
 
 
 def test_every_part_has_a_layer() -> None:
-    assert {part(name) for name in IMPORTS} == set(HEIGHT)
+    assert {part(name) for name in imports()} == set(HEIGHT)
 
 
 @pytest.mark.parametrize("name", sorted(HEIGHT))
 def test_no_import_goes_up_or_across(name: str) -> None:
     wrong = [
         f"{module} imports {other}"
-        for module, others in IMPORTS.items()
+        for module, others in imports().items()
         if part(module) == name
         for other in others - {"usmap_ros"}
         if part(other) != name and HEIGHT[part(other)] >= HEIGHT[name]
@@ -87,18 +90,18 @@ def test_rooms_of_the_joint_estimate_follow_each_other() -> None:
 
     wrong = [
         f"{module} imports {other}"
-        for module, others in IMPORTS.items()
+        for module, others in imports().items()
         if module.startswith(within)
         for other in others
         if other.startswith(within) and height(other) > height(module)
     ]
     assert not wrong
-    assert set(map(height, IMPORTS)) == set(range(len(JOINT) + 1))
+    assert set(map(height, imports())) == set(range(len(JOINT) + 1))
 
 
 def test_no_imports_form_a_circle() -> None:
     try:
-        TopologicalSorter(IMPORTS).prepare()
+        TopologicalSorter(imports()).prepare()
     except CycleError as error:
         pytest.fail(" → ".join(error.args[1]))
 
@@ -142,8 +145,8 @@ def test_types_of_arrays_have_one_home() -> None:
 
 def test_the_tests_see_imports() -> None:
     """Or the others would pass whatever there is."""
-    assert "usmap_ros.numerics.geometry" in IMPORTS["usmap_ros.pings.trace"]
-    assert "usmap_ros.evaluation.scoring" in IMPORTS["usmap_ros.cli.evaluate"]
+    assert "usmap_ros.numerics.geometry" in imports()["usmap_ros.pings.trace"]
+    assert "usmap_ros.evaluation.scoring" in imports()["usmap_ros.cli.evaluate"]
     assert "rclpy" in {
         module.split(".")[0]
         for name, path in MODULES.items()

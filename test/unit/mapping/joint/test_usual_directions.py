@@ -5,16 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.kinds import MIRRORS, ORIENTATIONS, OTHERS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
     ANY_WIDTH_M,
     EXPECTED_M,
+    FACES_SO,
     LONG_M,
     SHORT_M,
-    SIDES,
-    WIDEST_M,
+    STANDS,
     facing,
     lacks_room,
     lengths,
@@ -125,13 +126,25 @@ def gap_of(cells: int) -> BoolArray:
     return is_refuted
 
 
-def lacking(is_refuted: BoolArray, said: float, normal_rad: float) -> BoolArray:
-    """Ask of all cells whether there is too little room, if so much speaks for walls in each."""
-    everywhere = np.full(is_refuted.shape, said, np.float32)
-    asked, none = np.ones_like(is_refuted), np.zeros_like(is_refuted)
-    return lacks_room(
-        everywhere, is_refuted, asked, none, normal_rad, ALL_LONG, REFUTED, ANY_WIDTH_M
-    )
+def nothing() -> NDArray[np.uint8]:
+    """Make cells in which nothing stands."""
+    return np.zeros((60, 60), np.uint8)
+
+
+def lacking(
+    is_refuted: BoolArray,
+    said: float | FloatArray = 0.0,
+    normal_rad: float = 0.0,
+    widest: float = ANY_WIDTH_M,
+    kinds: FloatArray = ALL_LONG,
+    asked: BoolArray | None = None,
+    stands: NDArray[np.uint8] | None = None,
+) -> BoolArray:
+    """Ask whether there is too little room; of all cells, where nothing stands, unless stated."""
+    asked = np.ones_like(is_refuted) if asked is None else asked
+    stands = nothing() if stands is None else stands
+    everywhere = np.broadcast_to(np.float32(said), is_refuted.shape).copy()
+    return lacks_room(everywhere, is_refuted, asked, stands, normal_rad, kinds, REFUTED, widest)
 
 
 @pytest.mark.parametrize("normal_rad", [0.0, 0.5 * math.pi])
@@ -163,69 +176,63 @@ def test_room_says_nothing_against_a_wall_that_was_heard() -> None:
 
 
 def test_only_what_is_asked_for_lacks_room() -> None:
-    is_refuted, said = gap_of(5), np.zeros((60, 60), np.float32)
-    asked = np.zeros_like(is_refuted)
+    asked = np.zeros((60, 60), bool)
     asked[12, 10] = True
-    none = np.zeros_like(is_refuted)
-    lacks = lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)
-    assert np.argwhere(lacks).tolist() == [[12, 10]]
+    assert np.argwhere(lacking(gap_of(5), asked=asked)).tolist() == [[12, 10]]
 
 
 def test_room_says_nothing_of_how_far_a_wall_goes_on() -> None:
     """A partition that was struck squarely near its end alone went on as free space."""
-    is_refuted, said = gap_of(15), np.zeros((60, 60), np.float32)
-    asked, stands = np.ones_like(is_refuted), np.zeros_like(is_refuted)
-    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)[17, 10]
-    stands[11:14, 10] = True
-    assert not lacks_room(
-        said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M
-    ).any()
+    stands = nothing()
+    assert lacking(gap_of(15))[17, 10]
+    stands[11:14, 10] = FACES_SO
+    assert not lacking(gap_of(15), stands=stands).any()
     # What was hardly heard of it is no wall yet.
     for heard, lacks in ((1.9, True), (2.1, False)):
+        said = np.zeros((60, 60))
         said[12, 10] = heard
-        nothing = np.zeros_like(is_refuted)
-        found = lacks_room(said, is_refuted, asked, nothing, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)
-        assert found[17, 10] == lacks
+        assert lacking(gap_of(15), said)[17, 10] == lacks
 
 
-def test_where_a_side_of_a_room_may_be_missing_it_may_be_in_wide_gaps() -> None:
+def test_a_wall_may_end_where_it_meets_another_one() -> None:
+    """The side of an alcove began at the corridor's wall, and was free."""
+    crossing, is_refuted = nothing(), np.zeros((60, 60), bool)
+    is_refuted[:8] = True
+    assert lacking(is_refuted)[9, 10]
+    crossing[8] = STANDS
+    assert not lacking(is_refuted, stands=crossing)[9:].any()
+    # Of what is on its other side it says nothing.
+    assert lacking(is_refuted, stands=np.roll(crossing, 4, axis=0))[9, 10]
+
+
+def test_the_more_sides_of_a_room_are_missing_the_less_a_wide_gap_says() -> None:
     """Few pings in a room of mirrors struck three of its sides, and the fourth was free."""
-    assert [widest_gap_m(mirrors) for mirrors in (1, SIDES - 1)] == [WIDEST_M, WIDEST_M]
-    assert widest_gap_m(SIDES) > 100.0
-    is_refuted, said = gap_of(15), np.zeros((60, 60), np.float32)
-    asked, none = np.ones_like(is_refuted), np.zeros_like(is_refuted)
+    widest_m = [widest_gap_m(mirrors) for mirrors in range(6)]
+    assert widest_m == sorted(widest_m)
+    assert widest_m[2] < 1.0 < widest_m[3] < 2.0
+    assert widest_m[4] > 100.0
     for widest, lacks in ((14.0, False), (16.0, True)):
-        found = lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED, widest)
-        assert found[17, 10] == lacks
+        assert lacking(gap_of(15), widest=widest)[17, 10] == lacks
     # Where only one end is known there is no gap.
     is_refuted = np.zeros((60, 60), bool)
     is_refuted[:8] = True
-    assert lacks_room(said, is_refuted, asked, none, 0.0, ALL_LONG, REFUTED, 14.0)[10].all()
+    assert lacking(is_refuted, widest=14.0)[10].all()
 
 
 def test_walls_beyond_what_is_refuted_are_others() -> None:
-    is_refuted, said = gap_of(15), np.zeros((60, 60), np.float32)
-    asked, stands = np.ones_like(is_refuted), np.zeros_like(is_refuted)
+    is_refuted, stands = gap_of(15), nothing()
     is_refuted[30:40, 10] = False
-    stands[32:38, 10] = True
-    assert lacks_room(said, is_refuted, asked, stands, 0.0, ALL_LONG, REFUTED, ANY_WIDTH_M)[17, 10]
+    stands[32:38, 10] = FACES_SO
+    assert lacking(is_refuted, stands=stands)[17, 10]
 
 
 def test_where_things_are_short_too_something_short_may_stand_where_there_is_little_room() -> None:
-    is_refuted, middle = gap_of(15), (17, 10)
-    said, asked = np.zeros((60, 60), np.float32), np.ones((60, 60), bool)
-    none = np.zeros_like(asked)
     for share, lacks in ((0.0, True), (0.05, True), (0.3, False)):
         kinds = np.array([[20.0, 1.0 - share], [4.0, share]])
-        assert (
-            lacks_room(said, is_refuted, asked, none, 0.0, kinds, REFUTED, ANY_WIDTH_M)[middle]
-            == lacks
-        )
+        assert lacking(gap_of(15), kinds=kinds)[17, 10] == lacks
     # But in a gap of a cell or two there is room for nothing.
     kinds = np.array([[20.0, 0.5], [4.0, 0.5]])
-    assert lacks_room(said, gap_of(2), asked, none, 0.0, kinds, REFUTED, ANY_WIDTH_M)[
-        10:12, 10
-    ].all()
+    assert lacking(gap_of(2), kinds=kinds)[10:12, 10].all()
 
 
 def test_boxes_and_what_stands_alone_make_short_things_usual() -> None:

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, MIRRORS, ORIENTATIONS
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR
 from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
-from usmap_ros.mapping.joint.free_space.usual_directions import lacks_room
+from usmap_ros.mapping.joint.free_space.usual_directions import FACES_SO, STANDS, lacks_room
 from usmap_ros.mapping.joint.surfaces.lines import drawn, facing_so
+from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic
@@ -109,7 +110,7 @@ def refute_for_room(
     is_refuted: BoolArray,
     worst: NDArray[np.float32],
     wanted: BoolArray,
-    lines: FloatArray,
+    walls: Walls,
     silence: Silence,
     widest: float,
 ) -> None:
@@ -123,8 +124,8 @@ def refute_for_room(
         Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
     wanted : (rows, columns) bool array
         Cells that are asked for.
-    lines : (lines, 5) array
-        Walls that stand, see `usmap_ros.mapping.joint.surfaces.lines`.
+    walls : Walls
+        What stands.
     silence : Silence
         What was learnt of the place.
     widest : float
@@ -133,7 +134,8 @@ def refute_for_room(
     for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
         here, said = is_refuted[:, :, group], worst[:, :, group]
         usual = float(silence.kinds[first, 0])
-        stands = drawn(facing_so(lines, usual), here.shape)
+        stands = np.where(walls.shown, np.uint8(STANDS), np.uint8(0))
+        stands[drawn(facing_so(walls.all_lines, usual), here.shape)] = FACES_SO
         here |= lacks_room(
             said, here.copy(), wanted, stands, usual, silence.long_and_short, silence.refuted,
             widest,

@@ -57,9 +57,7 @@ def free_now(
     if mirrors:
         here, silence = next(answers.each(field))
         widest_cells = widest_gap_m(mirrors) / field.resolution_m
-        refute_for_room(
-            is_refuted, worst, cells.wanted & here, walls.all_lines, silence, widest_cells
-        )
+        refute_for_room(is_refuted, worst, cells.wanted & here, walls, silence, widest_cells)
     free: BoolArray = cells.wanted & over_last(np.logical_and, is_refuted) & ~cells.closed
     free |= cells.stood
     if not mirrors:

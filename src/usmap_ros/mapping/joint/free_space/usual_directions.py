@@ -37,9 +37,11 @@ HEARD = 2.0
 #: How far it is from a place in what is long, and what is short, to an end of it, on the mean, m.
 #: As ends come by chance, the first is the mean length of long walls, which more walls continue.
 LONG_M, SHORT_M = 10.0, 0.3
-#: Sides of a room, and the widest gap, m, that may be too narrow for one of them that is missing;
-#: where none is, gaps of any width may be.
-SIDES, WIDEST_M, ANY_WIDTH_M = 4, 1.5, 1e9
+#: Widest gaps, m, that may be too narrow for a side of a room that is missing, by how many of its
+#: sides were found: none, one, two or three; and where none is missing.
+WIDEST_M, ANY_WIDTH_M = (0.5, 0.5, 0.5, 1.5), 1e9
+#: What stands in a cell: anything, or a wall that is known to face as one that is asked for does.
+STANDS, FACES_SO = 1, 2
 #: Lines that are shorter than this are short things, and how much of those is expected beside what
 #: was found, m.
 SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
@@ -151,14 +153,15 @@ def widest_gap_m(mirrors: int) -> float:
     """How wide a gap may be, m, that says by its width that no mirror is in it.
 
     Where fewer were found than a room has sides, one is missing that nobody struck, and goes from
-    one end to the other of what was not refuted: sound let a robot out there.
+    one end to the other of what was not refuted: sound let a robot out there.  Where several are
+    missing, so may be the sides of an alcove.
 
     Parameters
     ----------
     mirrors : int
         How many were found.
     """
-    return ANY_WIDTH_M if mirrors >= SIDES else WIDEST_M
+    return WIDEST_M[mirrors] if mirrors < len(WIDEST_M) else ANY_WIDTH_M
 
 
 @compiled
@@ -166,7 +169,7 @@ def lacks_room(
     said: NDArray[np.float32],
     is_refuted: BoolArray,
     asked: BoolArray,
-    stands: BoolArray,
+    stands: NDArray[np.uint8],
     normal_rad: float,
     kinds: FloatArray,
     refuted: float,
@@ -187,8 +190,8 @@ def lacks_room(
         Where no wall that faces so can stand.
     asked : (rows, columns) bool array
         Cells that are asked for.
-    stands : (rows, columns) bool array
-        Cells of walls that are known to stand and face so.
+    stands : (rows, columns) uint8 array
+        What stands in each cell: `FACES_SO`, `STANDS` or nothing, 0.
     normal_rad : float
         Direction that it faces.
     kinds : (kinds, 2) array
@@ -224,14 +227,14 @@ def lacks_room(
 def _find_ends(
     said: NDArray[np.float32],
     is_refuted: BoolArray,
-    stands: BoolArray,
+    stands: NDArray[np.uint8],
     row: int,
     column: int,
     normal_rad: float,
     farthest: int,
     ends: FloatArray,
 ) -> bool:
-    """Set how far it is to where a wall must end, either way, 0 if it is too far to tell.
+    """Set how far it is to where a wall must end, either way, 0 if that says nothing.
 
     Returns whether a wall is known to stand before that.
     """
@@ -247,5 +250,7 @@ def _find_ends(
             if is_refuted[y, x]:
                 ends[side] = step - 0.5
                 break
-            is_known = is_known or stands[y, x] or said[y, x] > HEARD
+            is_known = is_known or stands[y, x] == FACES_SO or said[y, x] > HEARD
+            if stands[y, x]:
+                break
     return is_known

@@ -45,7 +45,7 @@ SUSPECTED = -0.5
 FREE_ROUNDS, FREE_OPACITY = 4, 2.0
 #: Up to so far beyond the last foot on a mirror, m, it holds sound back with such a belief, as long
 #: as nothing there is free: it ends where robots turned round, and walls seldom do.
-GOING_ON_M, GOING_ON = 1.0, 0.9
+GOING_ON_M, GOING_ON = 4.0, 0.9
 #: The same of what may be a pane: nobody knows where it ends.
 PANES_GO_ON_M = 5.0
 

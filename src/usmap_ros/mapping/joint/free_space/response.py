@@ -44,7 +44,7 @@ LEAST_SILENT, MOST_SILENT = 0.05, 1.0 - 1e-4
 #: Diffuseness below which grazing silence says nothing of surfaces, and above which as much as
 #: silence at 10 to 20 degrees, to a power: in the last class a smaller one, since what is looked at
 #: edge-on shows little of itself.
-SMOOTH, ROUGH, GRAZING_POWER, EDGE_ON_POWER = 0.38, 0.5, 0.8, 0.4
+SMOOTH, ROUGH, GRAZING_POWER, EDGE_ON_POWER = 0.38, 0.5, 0.65, 0.4
 #: An echo is explained by what is expected to return such a share of its power, and then was to
 #: be heard, whatever else stands there, with this probability.
 EXPLAINED_SHARE, MOST_EXPLAINED = 0.7, 0.8

@@ -57,8 +57,8 @@ class Thresholds(NamedTuple):
     unknown: float
 
 
-#: Among lone things, and among walls.
-LONE, WALLED = Thresholds(-1.0, -1.1, 0.02), Thresholds(-1.0, -1.7, 0.12)
+#: Among lone things, and among walls, where nothing round is refuted by being rare alone, log 1/3.
+LONE, WALLED = Thresholds(-1.0, -1.1, 0.02), Thresholds(-1.1, -1.7, 0.12)
 #: Share of rays that end at nothing, of all pings, up to which a place is one of rooms, and from
 #: which on it is wide, or has walls that nobody has heard.  Of 24 recordings of rough places of six
 #: kinds 22 have 0.02 to 0.13, and two 0.18 and 0.20; of eleven of rooms with walls of glass, of

@@ -1,5 +1,7 @@
 """Ranges to landmarks in the normal equations of knots, the landmarks eliminated."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +26,29 @@ class Knots(NamedTuple):
     before: NDArray[np.int64]
     #: (pings,) array: how far it is on the way to the next one, 0 to 1.
     share: FloatArray
+
+
+class _Rows(NamedTuple):
+    """A matrix of a row for each echo, with few entries."""
+
+    #: (entries, echoes) arrays: in which column each is, and what it is.
+    columns: NDArray[np.int64]
+    values: FloatArray
+    #: Columns in all.
+    width: int
+
+    def times(self, weights: FloatArray, other: _Rows) -> FloatArray:
+        """Transposed, times weights of the echoes, times another one: a full matrix."""
+        places = self.columns[:, np.newaxis] * other.width + other.columns
+        values = (weights * self.values)[:, np.newaxis] * other.values
+        size = self.width * other.width
+        sums = np.bincount(places.ravel(), values.ravel(), size)
+        return np.asarray(sums, float).reshape(self.width, other.width)
+
+    def summed(self, of_echoes: FloatArray) -> FloatArray:
+        """Transposed, times a vector of the echoes."""
+        values = self.values * of_echoes
+        return np.asarray(np.bincount(self.columns.ravel(), values.ravel(), self.width), float)
 
 
 class LandmarkEquations:
@@ -69,16 +94,15 @@ class LandmarkEquations:
         off_m, along_m = heard.off_m[kept], heard.along_m[kept]
         number = landmarks.total
         changes = heard.by_pose[:, kept]
-        by_wall, self._middle_m = changes_by_landmark(landmarks, wall, along_m, changes, weights)
-        by_pose, columns = _changes_by_knots(changes, ping, knots, count)
-        weighed, walls = weights * by_pose, np.stack([2 * wall, 2 * wall + 1])
-        self._matrix = _summed(weighed, by_pose, columns, columns, (3 * count, 3 * count))
-        self._coupling = _summed(weighed, by_wall, columns, walls, (3 * count, 2 * number))
-        own = _summed(weights * by_wall, by_wall, walls, walls, (2 * number, 2 * number))
-        off_m = off_m[np.newaxis]
-        nowhere = np.zeros_like(columns[:1])
-        self._right = -_summed(weighed, off_m, columns, nowhere, (3 * count, 1)).ravel()
-        alone = -_summed(weights * by_wall, off_m, walls, nowhere, (2 * number, 1)).ravel()
+        changes_by_wall, self._middle_m = changes_by_landmark(
+            landmarks, wall, along_m, changes, weights
+        )
+        by_wall = _Rows(np.stack([2 * wall, 2 * wall + 1]), changes_by_wall, 2 * number)
+        by_pose = _changes_by_knots(changes, ping, knots, count)
+        self._matrix = by_pose.times(weights, by_pose)
+        self._coupling = by_pose.times(weights, by_wall)
+        own = by_wall.times(weights, by_wall)
+        self._right, alone = -by_pose.summed(weights * off_m), -by_wall.summed(weights * off_m)
         may_change = np.full((number, 2), _MAY_MOVE_M)
         may_change[: len(landmarks.normals_rad), 0] = _MAY_TURN_RAD
         own += np.diag(may_change.ravel() ** -2)
@@ -167,28 +191,15 @@ def with_changes(landmarks: Landmarks, changes: FloatArray, middle_m: FloatArray
 
 def _changes_by_knots(
     by_pose: FloatArray, ping: NDArray[np.intp], knots: Knots, count: int
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """How far echoes of pings are behind landmarks as knots change, and which columns those are.
-
-    Both are (6, n): by x, y and yaw of the knot before and of the one after.
-    """
+) -> _Rows:
+    """How far echoes of pings are behind landmarks as x, y and yaw of the knots beside change."""
     is_free = knots.before[ping] >= 0
     before, share = np.maximum(knots.before[ping], 0), knots.share[ping]
     after = np.minimum(before + 1, count - 1)
     parts = np.stack([1.0 - share, share]) * is_free
     columns = 3 * np.stack([before, after])[:, np.newaxis] + np.arange(3)[:, np.newaxis]
-    return (parts[:, np.newaxis] * by_pose).reshape(6, -1), columns.reshape(6, -1)
-
-
-def _summed(
-    left: FloatArray, right: FloatArray, row: NDArray[np.int64], column: NDArray[np.int64],
-    shape: tuple[int, int],
-) -> FloatArray:  # fmt: skip
-    """The product A'B of two matrices of few columns a line, (a, n) and (b, n), as a full one."""
-    places = row[:, np.newaxis] * shape[1] + column
-    values = left[:, np.newaxis] * right
-    sums = np.bincount(places.ravel(), values.ravel(), shape[0] * shape[1])
-    return np.asarray(sums, float).reshape(shape)
+    values = (parts[:, np.newaxis] * by_pose).reshape(6, -1)
+    return _Rows(columns.reshape(6, -1), values, 3 * count)
 
 
 def _middles_m(

@@ -11,6 +11,7 @@ from usmap_ros.evaluation.drivability import share
 from usmap_ros.evaluation.sight import PINGS_TO_KNOW
 from usmap_ros.grids import OccupancyMap, TruthMap
 from usmap_ros.numerics.arrays import FloatArray, IntArray
+from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.simulation import Scenario
 
 #: Times the receiver's noise an echo's amplitude has to be.
@@ -73,7 +74,7 @@ def _times_heard(
         ahead = places_m - cone.pose.position_m[:2]
         range_m = np.maximum(np.hypot(*ahead.T), 1e-3)
         turned = np.arctan2(ahead[:, 1], ahead[:, 0]) - cone.pose.yaw_rad
-        bearing_rad = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi)
+        bearing_rad = np.abs(wrapped(turned))
         transducer = cone.transducer
         inside = bearing_rad < transducer.beam.half_angle_rad
         gain = transducer.beam.gain(np.where(inside, bearing_rad, 0.0))

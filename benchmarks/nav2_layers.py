@@ -23,6 +23,7 @@ import numpy as np
 from usmap_ros.grids import OccupancyMap
 from usmap_ros.mapping.candidates import candidate_cells
 from usmap_ros.mapping.free_scan import free_scan
+from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -114,7 +115,7 @@ class RangeLayer:
         resolution_m = self.window.resolution_m
         centers = np.stack([columns, rows], axis=-1) + self.window.corner + 0.5
         east_m, north_m = (centers * resolution_m - place_m).T
-        angle = (np.arctan2(north_m, east_m) - yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
+        angle = wrapped(np.arctan2(north_m, east_m) - yaw_rad)
         far_m = np.hypot(east_m, north_m)
         sensor = np.zeros_like(far_m) if is_clear else self._model(r, far_m, angle, half)
         prior = self.window.values[rows, columns] / LETHAL

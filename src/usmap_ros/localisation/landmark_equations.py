@@ -106,9 +106,9 @@ class LandmarkEquations:
         may_change = np.full((number, 2), _MAY_MOVE_M)
         may_change[: len(landmarks.normals_rad), 0] = _MAY_TURN_RAD
         own += np.diag(may_change.ravel() ** -2)
-        is_turn = slice(0, 2 * len(square.off_rad), 2)
-        own[is_turn, is_turn] += square.information()
-        alone[is_turn] -= square.information() @ square.off_rad
+        is_turn, information = slice(0, 2 * len(square.off_rad), 2), square.information()
+        own[is_turn, is_turn] += information
+        alone[is_turn] -= information @ square.off_rad
         self._to_walls = np.linalg.solve(own, self._coupling.T)
         self._alone = np.linalg.solve(own, alone)
 

@@ -21,7 +21,7 @@ from usmap_ros.localisation.line_fits import (
     put_on_point,
 )
 from usmap_ros.localisation.lines_and_points import WITHIN, Landmarks
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, spans
 from usmap_ros.numerics.geometry import wrapped
 
 #: Directions of normals that are voted for, and least width of a step of distance, m.
@@ -150,11 +150,8 @@ class _Ballot:
 
     def take(self, gone: NDArray[np.intp]) -> None:
         """Take votes of some echoes out."""
-        first, votes = self._first[gone], np.diff(self._first)[gone]
-        before = np.cumsum(votes) - votes
-        self._counts[:-1] -= self._counted(
-            np.repeat(first - before, votes) + np.arange(votes.sum())
-        )
+        votes = spans(self._first[gone], np.diff(self._first)[gone])
+        self._counts[:-1] -= self._counted(votes)
 
     def forget(self) -> None:
         """Take all votes for the best cell out."""
@@ -209,7 +206,7 @@ class _Points:
         self.count = len(rows.x_m)
         count = np.ceil(2.0 * rows.reach_rad * rows.range_m / step_m).astype(np.int64) + 1
         echo = np.repeat(np.arange(len(count)), count)
-        number = np.arange(len(echo)) - np.repeat(np.cumsum(count) - count, count)
+        number = spans(np.zeros_like(count), count)
         off_rad = rows.reach_rad[echo] * (2.0 * (number + 0.5) / count[echo] - 1.0)
         heading = rows.yaw_rad[echo] + off_rad
         column = np.floor((rows.x_m[echo] + rows.range_m[echo] * np.cos(heading)) / step_m)

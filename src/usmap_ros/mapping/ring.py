@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from usmap_ros.mapping.footprint import Footprint
-from usmap_ros.numerics.arrays import IndexArray, RealArray
+from usmap_ros.numerics.arrays import IndexArray, RealArray, spans
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -57,7 +57,7 @@ def find_ring(cone: EchoCone, footprint: Footprint, parameters: MappingParameter
     cells = np.flatnonzero(count)
     first, count = first[cells], count[cells]
     cell = np.repeat(np.arange(len(cells)), count)
-    echo = np.arange(len(cell)) + np.repeat(first - (np.cumsum(count) - count), count)
+    echo = spans(first, count)
 
     place = cells[cell]
     offset_m = cone.ranges_m[echo].astype(float) - footprint.range_m[place]

@@ -23,6 +23,12 @@ def over_last(combine: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
     return combined
 
 
+def spans(first: NDArray[np.integer], count: NDArray[np.integer]) -> IndexArray:
+    """Indices of several spans, one behind the other: each its first one, and as many as it has."""
+    before = np.cumsum(count) - count
+    return np.asarray(np.repeat(first - before, count) + np.arange(count.sum()), np.intp)
+
+
 def median(values: NDArray[np.floating]) -> float:
     """Median of finite values, as `numpy.median` gives it after a fifth of the time."""
     middle = len(values) // 2

@@ -27,6 +27,7 @@ from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.mapping.joint.visibility.projection import MOST_BLUR_BINS
 from usmap_ros.mapping.ping_bins import ECHO, GAIN_STEPS, SILENCE, UNJUDGED, PingBins
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, IndexArray
+from usmap_ros.numerics.geometry import wrapped
 from usmap_ros.numerics.special import logistic, logit
 from usmap_ros.parameters import MappingParameters
 
@@ -187,8 +188,7 @@ def _heard_by(
     power = np.maximum(ping.power[at], ping.noise).astype(np.float64)
     level = np.where(is_heard, np.maximum(power - ping.noise, 0.25 * power), ping.limit[at])
     variance = 4.0 * fluctuation**2 + 2.0 * ping.noise / power
-    heading = np.arctan2(y, x) - ping.heading_rad
-    off = (heading + np.pi) % (2.0 * np.pi) - np.pi - ping.bearing[at]
+    off = wrapped(np.arctan2(y, x) - ping.heading_rad) - ping.bearing[at]
     fit = np.where(is_heard, np.exp(-ping.bearing_weight[at] * off**2), 1.0)
     return kind, at, level, variance, weight, fit
 

@@ -25,7 +25,7 @@ from usmap_ros.mapping.ping_table import (
     X,
     Y,
 )
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, spans
 from usmap_ros.numerics.geometry import wrapped
 
 #: Reflections of a way at the most, and mirrors that are taken for it, those with most echoes.
@@ -218,7 +218,7 @@ def reflected(
     for ping, length_m, loudness in _ways(loudest, numbers, most):
         count = echoes.start[ping + 1] - echoes.start[ping]
         way = np.repeat(np.arange(len(ping)), count)
-        echo = np.arange(len(way)) + np.repeat(echoes.start[ping] - np.cumsum(count) + count, count)
+        echo = spans(echoes.start[ping], count)
         heard_m, number = echoes.range_m[echo], numbers[ping[way]]
         decay = np.exp(-0.5 * number[:, ABSORPTION] * heard_m)
         is_near = np.abs(heard_m - length_m[way]) < NEAR_M + number[:, RANGE_STD]

@@ -162,7 +162,10 @@ $(TOOLS): $(OFFLINE)
 	@$(PINNED) --editable '.[dev,ros]'
 	@touch $@
 
+# pip would install what the build needs, ROS 2 included, a second time for this alone.
 $(FULL): $(TOOLS) $(MESSAGES)
 	@echo "Compiling the messages (a minute, once)"
-	@$(PINNED) --force-reinstall --no-deps ./msg_schemas
+	@$(BIN)/python tools/build_requirements.py msg_schemas >$(VENV)/build_requirements.txt
+	@$(PINNED) --requirement $(VENV)/build_requirements.txt
+	@$(PINNED) --no-build-isolation --force-reinstall --no-deps ./msg_schemas
 	@touch $@

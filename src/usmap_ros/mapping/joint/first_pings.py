@@ -63,6 +63,12 @@ class PlaceReadings(NamedTuple):
     #: How well it fits a measured bearing.
     fit: FloatArray
 
+    @classmethod
+    def of_nothing(cls, places: int) -> PlaceReadings:
+        """A row of places of which nothing is heard."""
+        kind, echo_bin = np.full(places, UNJUDGED, np.uint8), np.zeros(places, np.int64)
+        return cls(kind, echo_bin, *np.ones((4, places)))
+
     def of(self, places: IndexArray) -> PlaceReadings:
         """The same of some places."""
         parts: list[NDArray[Any]] = [values[:, places] for values in self]
@@ -164,16 +170,17 @@ def read_places(
 
 def _heard_by(
     ping: PingBins, x_m: FloatArray, y_m: FloatArray, side_m: float, fluctuation: float
-) -> tuple[NDArray[Any], ...]:
+) -> PlaceReadings:
     """What one ping has of places: a row of each field of `PlaceReadings`."""
     x, y = x_m - ping.x_m, y_m - ping.y_m
     distance = np.sqrt(x * x + y * y + ping.rise_m**2)
     cosine = (ping.axis_x * x + ping.axis_y * y + ping.axis_z * ping.rise_m) / distance
-    is_inside = (
+    inside = np.flatnonzero(
         (distance > ping.least_range_m)
         & (distance < ping.greatest_range_m)
         & (cosine > ping.cos_half_angle)
     )
+    x, y, distance, cosine = x[inside], y[inside], distance[inside], cosine[inside]
     entry = (1.0 - cosine) / (1.0 - ping.cos_half_angle) * GAIN_STEPS
     gain = np.interp(entry, np.arange(GAIN_STEPS + 1), ping.power_gain)
     weight = np.maximum(gain * np.exp(-ping.absorption_per_m * distance) / distance**4, 1e-12)
@@ -182,15 +189,19 @@ def _heard_by(
     spread = np.sqrt(half_bins**2 + 3.0 * (ping.range_std_m / ping.bin_m) ** 2)
     spread = np.maximum(np.minimum(spread, MOST_BLUR_BINS), half_bins)
     echo = _nearest_echo(ping, middle - spread, middle + spread)
-    is_heard = is_inside & (echo >= 0)
+    is_heard = echo >= 0
     at = np.where(is_heard, echo, np.clip(middle, 0, len(ping.kind) - 1).astype(np.int64))
-    kind = np.where(is_inside, ping.kind[at], UNJUDGED).astype(np.uint8)
     power = np.maximum(ping.power[at], ping.noise).astype(np.float64)
     level = np.where(is_heard, np.maximum(power - ping.noise, 0.25 * power), ping.limit[at])
     variance = 4.0 * fluctuation**2 + 2.0 * ping.noise / power
     off = wrapped(np.arctan2(y, x) - ping.heading_rad) - ping.bearing[at]
     fit = np.where(is_heard, np.exp(-ping.bearing_weight[at] * off**2), 1.0)
-    return kind, at, level, variance, weight, fit
+    readings = PlaceReadings.of_nothing(len(x_m))
+    for values, those_inside in zip(
+        readings, (ping.kind[at], at, level, variance, weight, fit), strict=True
+    ):
+        values[inside] = those_inside
+    return readings
 
 
 def _nearest_echo(ping: PingBins, low: FloatArray, high: FloatArray) -> IndexArray:
@@ -233,11 +244,13 @@ def densities(heard: PlaceReadings, parameters: MappingParameters) -> FloatArray
         here = heard.of(batch)
         likely = _log_likelihood(here, log_power)
         total = (-0.5 * off**2)[:, np.newaxis] + likely.sum(axis=0)
-        for index, log_density in enumerate(likely):
-            others = total - log_density
+        for index, of_ping in enumerate(likely):
+            judged = np.flatnonzero(here.kind[index] != UNJUDGED)
+            log_density = of_ping[:, judged]
+            others = total[:, judged] - log_density
             others = np.exp(others - others.max(axis=0))
             mean = (others * np.exp(log_density)).sum(axis=0) / others.sum(axis=0)
-            density[index, batch] = mean * here.fit[index]
+            density[index, batch[judged]] = mean * here.fit[index, judged]
     return density
 
 
@@ -251,15 +264,17 @@ def _log_likelihood(heard: PlaceReadings, log_power: FloatArray) -> FloatArray:
     log_power : (powers,) array
         Powers that an object may have.
     """
-    kind, _, level, variance, weight, _ = (values[:, np.newaxis] for values in heard)
+    kind, _, level, variance, weight, _ = heard
     best = np.log(np.maximum(level, 1e-30) / weight)
-    off = best - log_power[:, np.newaxis]
-    echo = -0.5 * np.log(2.0 * np.pi * variance) - 0.5 * off**2 / variance
-    silence = np.log(np.maximum(-np.expm1(-np.exp(off)), LEAST_SILENCE))
-    is_silent = kind == SILENCE
-    likely: FloatArray = np.where(
-        kind == ECHO, np.maximum(echo, LEAST_LOG_DENSITY), np.where(is_silent, silence, 0.0)
-    )
+    likely = np.zeros((len(kind), len(log_power), kind.shape[1]))
+    for index, of_ping in enumerate(likely):
+        echo, silence = (np.flatnonzero(kind[index] == which) for which in (ECHO, SILENCE))
+        off = best[index, echo] - log_power[:, np.newaxis]
+        spread = variance[index, echo]
+        density = -0.5 * (np.log(2.0 * np.pi * spread) + off**2 / spread)
+        of_ping[:, echo] = np.maximum(density, LEAST_LOG_DENSITY)
+        off = best[index, silence] - log_power[:, np.newaxis]
+        of_ping[:, silence] = np.log(np.maximum(-np.expm1(-np.exp(off)), LEAST_SILENCE))
     return likely
 
 

@@ -1,4 +1,6 @@
-"""Print what building a package needs, a line each, for pip to install into this environment::
+"""Print what building a package needs, a line each, for pip to install into this environment.
+
+For example::
 
     python tools/build_requirements.py msg_schemas | pip install -r /dev/stdin
 

@@ -195,12 +195,13 @@ def _heard_by(
     level = np.where(is_heard, np.maximum(power - ping.noise, 0.25 * power), ping.limit[at])
     variance = 4.0 * fluctuation**2 + 2.0 * ping.noise / power
     off = wrapped(np.arctan2(y, x) - ping.heading_rad) - ping.bearing[at]
-    fit = np.where(is_heard, np.exp(-ping.bearing_weight[at] * off**2), 1.0)
     readings = PlaceReadings.of_nothing(len(x_m))
-    for values, those_inside in zip(
-        readings, (ping.kind[at], at, level, variance, weight, fit), strict=True
-    ):
-        values[inside] = those_inside
+    readings.kind[inside] = ping.kind[at]
+    readings.bin[inside] = at
+    readings.level[inside] = level
+    readings.variance[inside] = variance
+    readings.weight[inside] = weight
+    readings.fit[inside] = np.where(is_heard, np.exp(-ping.bearing_weight[at] * off**2), 1.0)
     return readings
 
 

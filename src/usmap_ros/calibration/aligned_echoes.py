@@ -3,6 +3,7 @@
 All of them are the same pulse, later and weaker or stronger, and some have others beside them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,9 +63,10 @@ def align(snippets: Signal, apart: int) -> AlignedEchoes:
     return AlignedEchoes(_finer(shifted[kept]), fine, misfits[kept], _finer(crowded))
 
 
-def misfits(snippets: Signal, template: Signal, apart: int) -> FloatArray:
-    """What a template leaves of each echo that it explains best, as `align` has it of its own."""
-    left = _onto(np.fft.fft(snippets, 2 * snippets.shape[1], axis=1), template, apart)[2]
+def misfits(snippets: Signal, templates: Sequence[Signal], apart: int) -> FloatArray:
+    """What the best template leaves of each echo that it explains well, as `align` of its own."""
+    spectra = np.fft.fft(snippets, 2 * snippets.shape[1], axis=1)
+    left: FloatArray = np.min([_onto(spectra, one, apart)[2] for one in templates], axis=0)
     return left[left <= np.quantile(left, _KEPT)]
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
-from usmap_ros.acoustics.pulse import Pulse
+from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.calibration import calibrate
 from usmap_ros.calibration.aligned_echoes import FINER, align
 from usmap_ros.calibration.pulse import measure_pulse
@@ -17,6 +18,7 @@ from usmap_ros.parameters import PulseParameters, ReconstructionParameters
 from usmap_ros.pings.preparation.received_pulse import driven_resonators
 from usmap_ros.pings.trace import EchoTrace
 from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.simulation.points import RECEIVER, TRANSDUCER, hear
 
 SCENARIOS = Path(__file__).parents[3] / "config/scenarios"
 AS_REAL = SCENARIOS / "as_real.yaml"
@@ -57,6 +59,28 @@ def test_where_the_stated_pulse_explains_echoes_no_other_is_looked_for(
     measured = measure_pulse(traces, ReconstructionParameters())
     assert not measured.is_known
     assert measured.residual == measured.stated_residual < 0.1
+
+
+@pytest.mark.parametrize("rounded_s", [0.0, 1.2e-4])
+def test_a_burst_whose_edges_are_rounded_is_learnt_though_little_is_left_of_it(
+    rounded_s: float,
+) -> None:
+    stated = replace(TRANSDUCER, pulse=Pulse(PulseShape.TONE_BURST, 10_000.0, 1.2e-3))
+    receiver = replace(RECEIVER, sample_rate_hz=5_000.0, noise_std=3e-4)
+    traces = []
+    for number in range(30):
+        where = [(1.2 + 0.05 * number, 0.1)]
+        trace = hear(where, transducer=stated, receiver=receiver, seed=number)
+        iq = trace.samples.reshape(-1, 2)
+        iq = gaussian_filter1d(iq, 5_000.0 * rounded_s, axis=0) if rounded_s else iq
+        traces.append(replace(trace, samples=iq.ravel().astype(np.float32)))
+
+    measured = measure_pulse(traces, ReconstructionParameters())
+
+    assert measured is not None
+    assert measured.is_known == (rounded_s > 0.0)
+    if measured.is_known:
+        assert measured.residual < 0.5 * measured.stated_residual < 0.06
 
 
 def test_the_loneliest_echoes_tell_the_pulse():

@@ -38,8 +38,10 @@ def heard_of(
     wrong: RangeError,
     pings: int,
     robot: int = 1,
+    radius_m: float = 0.0,
+    nearest_m: float = 0.3,
 ) -> list[Ping]:
-    """Pings of a robot on its way among points, whose ranges are all wrong."""
+    """Pings of a robot on its way among points or columns, whose ranges are all wrong."""
     rng, found = np.random.default_rng(robot), list[Ping]()
     for number in range(pings):
         x_m, y_m = rng.uniform(-0.5, 4.5, 2)
@@ -48,8 +50,11 @@ def heard_of(
         for point in points_m:
             away_m = math.hypot(point[0] - x_m, point[1] - y_m)
             off_rad = math.atan2(point[1] - y_m, point[0] - x_m) - yaw_rad
-            if 0.3 < away_m < 2.8 and abs(math.remainder(off_rad, 2.0 * math.pi)) < 0.6:
-                told_m = (away_m + wrong.late_m) / wrong.scale + rng.normal(0.0, 0.003)
+            if (
+                nearest_m < away_m - radius_m < 2.8
+                and abs(math.remainder(off_rad, 2.0 * math.pi)) < 0.6
+            ):
+                told_m = (away_m - radius_m + wrong.late_m) / wrong.scale + rng.normal(0.0, 0.003)
                 echoes.append((told_m, 0.5 / away_m**2))
         cone = make_cone(*sorted(echoes), x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, stamp_ns=number)
         found.append((cone, f"robot{robot}"))
@@ -84,6 +89,16 @@ def test_ranges_that_are_told_late_are_found_out(make_cone: Make, late_m: float)
 )  # fmt: skip
 def test_ranges_that_are_hardly_off_stay(make_cone: Make, wrong: RangeError) -> None:
     assert error_of(heard_of(POLES_M, make_cone, wrong, 200)) == NOTHING
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "nearest_m"), [(0.05, 0.3), (0.05, 1.8), (0.08, 1.0), (0.12, 1.0), (0.2, 1.8)]
+)
+def test_round_columns_are_heard_before_their_middles_and_sound_is_as_stated(
+    make_cone: Make, radius_m: float, nearest_m: float
+) -> None:
+    pings = heard_of(POLES_M, make_cone, NOTHING, 400, radius_m=radius_m, nearest_m=nearest_m)
+    assert error_of(pings) == NOTHING
 
 
 def test_few_pings_tell_nothing(make_cone: Make) -> None:

@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from usmap_ros.acoustics.propagation import Channel
+from usmap_ros.acoustics.pulse import Pulse, PulseShape
 from usmap_ros.parameters import ReconstructionParameters
 from usmap_ros.pings.cone import LIMIT_STEP_DB
 from usmap_ros.reconstruction.delays import reconstruct_delays
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation import Scenario, simulate
+from usmap_ros.simulation.points import RECEIVER, TRANSDUCER
+from usmap_ros.simulation.points import hear as hear_points
 
 PARAMETERS = ReconstructionParameters()
 FLOOR = Channel(343.0, 1.3, floor_height_m=0.4, floor_reflectivity=0.6)
@@ -53,6 +57,26 @@ def test_echoes_with_sharp_edges_are_found_to_a_sample(hear, reception):
     step_m = 0.5 * 343.0 / trace.sample_rate_hz
     np.testing.assert_allclose(cone.ranges_m, ranges_m(POINTS), atol=1.01 * step_m)
     np.testing.assert_allclose(cone.amplitudes, amplitudes(POINTS, STRENGTHS, trace), rtol=0.2)
+
+
+@pytest.mark.parametrize("rate_hz", [5_000.0, 25_000.0])
+@pytest.mark.parametrize("noise_std", [0.0003, 0.001])
+def test_no_row_of_echoes_makes_up_for_a_burst_whose_edges_are_rounded(rate_hz, noise_std):
+    """Overlapping echoes of opposite signs cancel, and there were 17 to 22 of a single object."""
+    burst = Pulse(PulseShape.TONE_BURST, 10_000.0, 1.2e-3)
+    stated = replace(TRANSDUCER, pulse=burst)
+    receiver = replace(RECEIVER, sample_rate_hz=rate_hz, noise_std=noise_std)
+    trace = hear_points([(2.0, 0.0)], transducer=stated, receiver=receiver)
+    iq = gaussian_filter1d(trace.samples.reshape(-1, 2), 1.5e-4 * rate_hz, axis=0)
+    rounded = replace(trace, samples=iq.ravel().astype(np.float32))
+
+    cone = reconstruct(rounded, PARAMETERS).cone
+
+    assert cone.ranges_m[np.argmax(cone.amplitudes)] == pytest.approx(2.0, abs=0.02)
+    length_m = 0.5 * 343.0 * burst.duration_s
+    # Edges are missed and smeared within the pulse; beyond it nothing was heard.
+    assert np.abs(cone.ranges_m - 2.0).max() < 1.25 * length_m
+    assert len(cone.ranges_m) <= 5
 
 
 @pytest.mark.parametrize("reception", [*RECEPTIONS, "square"])

@@ -14,12 +14,14 @@ has changed, and least squares goes by runs of echoes that overlap.
 
 import numpy as np
 
-from usmap_ros.numerics.arrays import FloatArray, IndexArray
+from usmap_ros.numerics.arrays import FloatArray, IndexArray, Signal
 from usmap_ros.numerics.compiled import compiled_within, inlined
-from usmap_ros.reconstruction.sampled.fit import Fit, least_squares, strengths
+from usmap_ros.reconstruction.sampled.fit import Fit, heard_shares, least_squares, strengths
 from usmap_ros.reconstruction.sampled.matched_filter import MatchedFilter, first_at, refilter
 from usmap_ros.reconstruction.sampled.matrix import Places, SampledMatrix, columns_of
 
+#: Share of an echo's power that must be heard where it is, if it is not a mere help to others.
+HEARD = 0.05
 #: Blocks of which the loudest is kept in mind, so that to choose one not all are looked at.
 STRETCH = 64
 
@@ -59,7 +61,7 @@ def cosamp(
     signal = matched.signal
     sparsity, max_iterations, non_negative = limits
     best = least_squares(matrix, places, warm_start, signal, non_negative)
-    kept = _pruning(matrix, best, thresholds, sparsity)
+    kept = _pruning(matrix, best, signal, thresholds, sparsity)
     if len(kept) < len(warm_start):
         best = least_squares(matrix, places, kept, signal, non_negative)
     for _ in range(max_iterations):
@@ -72,7 +74,7 @@ def cosamp(
             break
         merged = _support_merger(best.support, identified)
         estimate = least_squares(matrix, places, merged, signal, non_negative)
-        pruned = _pruning(matrix, estimate, thresholds, sparsity)
+        pruned = _pruning(matrix, estimate, signal, thresholds, sparsity)
         if same(pruned, best.support):
             break
         latest = estimate
@@ -198,9 +200,14 @@ def _drop_rivals(matrix: SampledMatrix, free: FloatArray, loudest: FloatArray, c
 
 
 @compiled_within
-def _pruning(matrix: SampledMatrix, estimate: Fit, limits: FloatArray, sparsity: int) -> IndexArray:
-    """Prune to obtain next approximation: the support of b_s, less what is below its limit."""
-    found = strengths(matrix, estimate)
+def _pruning(
+    matrix: SampledMatrix, estimate: Fit, signal: Signal, limits: FloatArray, sparsity: int
+) -> IndexArray:
+    """Prune to obtain next approximation: the support of b_s, less what is below its limit.
+
+    Less, too, what nothing is heard of.
+    """
+    found, heard = strengths(matrix, estimate), heard_shares(estimate, signal)
     loud = np.zeros(len(found), np.bool_)
     if len(found) <= sparsity:
         loud[:] = True
@@ -213,7 +220,7 @@ def _pruning(matrix: SampledMatrix, estimate: Fit, limits: FloatArray, sparsity:
     kept, last = np.empty(len(found), np.int64), 0
     for number in range(len(found)):
         block = estimate.support[number]
-        if loud[number] and found[number] > limits[block]:
+        if loud[number] and found[number] > limits[block] and heard[number] > HEARD:
             kept[last] = block
             last += 1
     return kept[:last]

@@ -100,6 +100,25 @@ def strengths(matrix: SampledMatrix, fit: Fit) -> FloatArray:
     return found
 
 
+@compiled_within
+def heard_shares(fit: Fit, signal: Signal) -> FloatArray:
+    """Power that was heard where the pulse of each echo is, relative to that of the echo.
+
+    Both are averaged over the pulse by its own power.  Echoes that overlap may weaken one another,
+    but not to nothing: what is heard of one that is there is about 1, and next to nothing where a
+    row of echoes that cancel each other makes up for an imperfect pulse.
+    """
+    columns = fit.columns
+    heard, told = np.zeros(len(fit.support)), np.zeros(len(fit.support))
+    for number in range(len(columns.first)):
+        begin, power = columns.first[number], abs(fit.fitted[number]) ** 2
+        for tap in range(columns.values.shape[1]):
+            weight = abs(columns.values[number, tap]) ** 2
+            heard[columns.blocks[number]] += weight * abs(signal[begin + tap]) ** 2
+            told[columns.blocks[number]] += weight * weight * power
+    return heard / np.maximum(told, 1e-300)
+
+
 @inlined
 def _first_neighbours(columns: Columns) -> IndexArray:
     """First of the columns before each that it overlaps with, or itself."""

@@ -27,9 +27,9 @@ from usmap_ros.processes.parent import end_with_parent
 from usmap_ros.runs.small_session import ALL, SESSION
 
 #: What is said of it.
-ONCE = "Compiling the inner loops, once on this machine (some 30 s)"
+ONCE = "Compiling the inner loops, once on this machine (about a minute)"
 EACH_TIME = (
-    "Compiling the inner loops (some 40 s), as at each start: no folder to keep them in can be"
+    "Compiling the inner loops (some two minutes), as at each start: no folder to keep them in can be"
     " written; NUMBA_CACHE_DIR can name one"
 )
 SLOW = "the inner loops run as Python, some eighty times slower"

@@ -57,8 +57,11 @@ def reconstruct_all_kinds() -> None:
         pipeline.reconstruct(hear([(1.5, 0.2), (2.5, -0.3)], receiver=receiver, channel=channel))
 
 
-def reconstruct_chirps() -> None:
-    """Reconstruct a ping whose pulse is complex, for which all is compiled once more."""
+def reconstruct_complex_pulse() -> None:
+    """Reconstruct a ping whose pulse is complex, for which all is compiled once more.
+
+    So are chirps, and all pulses that were learnt from I and Q.
+    """
     from usmap_ros.simulation.points import TRANSDUCER, hear
 
     chirp = Pulse(PulseShape.CHIRP, 50_000.0, 0.001, sweep_hz=5_000.0)
@@ -119,11 +122,11 @@ SESSION: dict[str, Callable[[], None]] = {
     reconstruct_all_kinds.__name__: reconstruct_all_kinds,
     find_free_space.__name__: find_free_space,
     map_pings.__name__: map_pings,
+    reconstruct_complex_pulse.__name__: reconstruct_complex_pulse,
 }
 #: The same with what is rarely needed.
 ALL = {
     **SESSION,
-    reconstruct_chirps.__name__: reconstruct_chirps,
     plan_views.__name__: plan_views,
     refine_odometry.__name__: refine_odometry,
 }

@@ -242,6 +242,26 @@ for module, name in {sorted(loops)}:
 
 
 @needs_compiler
+def test_a_session_has_complex_pulses_too() -> None:
+    """Any map by a pulse that was learnt compiled its search anew, for half a minute in silence."""
+    compile_if_needed(lambda line: None)
+    program = """
+from usmap_ros.reconstruction.sampled.search import search
+from usmap_ros.runs.small_session import SESSION
+for name, part in SESSION.items():
+    if name.startswith("reconstruct"):
+        part()
+print(*{str(arguments[0]).partition(",")[0] for arguments in search.signatures})
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert set(done.stdout.split()) == {
+        f"SampledMatrix(array({kind}" for kind in ("float64", "complex128")
+    }
+
+
+@needs_compiler
 def test_without_numba_the_map_is_the_same(tmp_path: Path) -> None:
     """Machine code may differ from Python in the last bits, and no cell's class may."""
     compile_if_needed(lambda line: None)

@@ -21,7 +21,7 @@ from usmap_ros.reconstruction.sampled.matched_filter import MatchedFilter, first
 from usmap_ros.reconstruction.sampled.matrix import Places, SampledMatrix, columns_of
 
 #: Share of an echo's power that must be heard where it is, if it is not a mere help to others.
-HEARD = 0.05
+HEARD = 0.02
 #: Blocks of which the loudest is kept in mind, so that to choose one not all are looked at.
 STRETCH = 64
 

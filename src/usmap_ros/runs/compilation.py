@@ -29,8 +29,8 @@ from usmap_ros.runs.small_session import ALL, SESSION
 #: What is said of it.
 ONCE = "Compiling the inner loops, once on this machine (about a minute)"
 EACH_TIME = (
-    "Compiling the inner loops (some two minutes), as at each start: no folder to keep them in can be"
-    " written; NUMBA_CACHE_DIR can name one"
+    "Compiling the inner loops (some two minutes), as at each start: no folder to keep them in can"
+    " be written; NUMBA_CACHE_DIR can name one"
 )
 SLOW = "the inner loops run as Python, some eighty times slower"
 #: Versions of each module whose machine code is kept; characters of what a compiler complains of.

@@ -3,18 +3,14 @@
 ``pip install pyroomacoustics`` and ``python benchmarks/room_acoustics.py FOLDER``.  Nothing of this
 package makes the recordings: ways of sound up to three reflections are that simulator's image
 sources, floor and ceiling included, and what rough walls scatter is its ray tracing (Scheibler,
-Bezzam & Dokmanic, "Pyroomacoustics", ICASSP 2018); messages are written by rosbags after their
-definitions.  A kind of room and a seed choose the rest: walls, robots, ways, carrier, pulse, beam,
-encoding, noise, how poses are known.  ``usmap map`` with its defaults and ``usmap evaluate`` do the
-rest.
-With ``--page`` the table goes into a document.
+Bezzam & Dokmanic, "Pyroomacoustics", ICASSP 2018).  A kind of room and a seed choose the rest:
+walls, robots, ways, carrier, pulse, beam, encoding, noise, how poses are known.  With ``--page``
+the table goes into a document.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,13 +21,18 @@ import pyroomacoustics as pra
 from numpy.typing import NDArray
 from pages import put
 from pyroomacoustics.doa import fibonacci_spherical_sampling
-from rosbags.rosbag2 import Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from scipy.interpolate import CubicSpline
+from stranger_recordings import (
+    Sensor,
+    Sounding,
+    rotation,
+    scored,
+    way,
+    write_bag,
+    write_truth,
+)
 
 FloatArray = NDArray[np.float64]
-SCHEMAS = Path(__file__).parents[1] / "msg_schemas" / "msg"
-SOUND_SPEED, CELL_M, PINGS, RAYS, DIRECTIONS, BIN_S = 343.0, 0.05, 480, 2500, 720, 5e-5
+SOUND_SPEED, PINGS, RAYS, DIRECTIONS, BIN_S = 343.0, 480, 2500, 720, 5e-5
 #: Robots stand so long before they drive, s; microphones are so far beside where sound leaves, m.
 STANDS_S, BESIDE_M = 4.0, 0.01
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -185,24 +186,15 @@ def samples(it: SimpleNamespace, ways: FloatArray) -> tuple[FloatArray, float]:
     return np.abs(received) if it.encoding == 1 else received.view(float), rate
 
 
-def way(it: SimpleNamespace, robot: int) -> CubicSpline:
-    """Where a robot is by the metres of its way, round a corner of its rectangle and the next."""
-    left, low, right, high = ROOMS[it.kind][2][robot % 3]
-    angles = np.linspace(0.0, 2.0 * np.pi, 49) * (-1.0 if robot >= 3 else 1.0)
-    loop = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    loop = np.sign(loop) * np.abs(loop) ** 0.6 * [0.5 * (right - left), 0.5 * (high - low)]
-    middle = 0.5 * (left + right), 0.5 * (low + high)
-    knots = placed(loop + np.array(middle), it)
-    knots[-1] = knots[0]
-    steps = np.linalg.norm(np.diff(knots, axis=0), axis=1)
-    return CubicSpline(np.concatenate([[0.0], np.cumsum(steps)]), knots, bc_type="periodic")
-
-
-def pings(it: SimpleNamespace) -> Iterator[tuple[float, int, float, FloatArray, FloatArray, Any]]:
-    """Stamp, robot, mount, true and told x, y, yaw, and variances of these, of each ping."""
+def pings(it: SimpleNamespace) -> Iterator[Sounding]:
+    """What robots hear, robot by robot in turn."""
+    sides = surfaces(it)
     told: dict[int, FloatArray] = {}
     last: dict[int, FloatArray] = {}
-    ways = [way(it, robot) for robot in range(it.robots)]
+    ways = [
+        way(ROOMS[it.kind][2][robot % 3], lambda points: placed(points, it), 1 if robot < 3 else -1)
+        for robot in range(it.robots)
+    ]
     for number in range(PINGS):
         robot, step = number % it.robots, number // it.robots
         seconds = step / it.rate + 0.01 * robot
@@ -222,86 +214,22 @@ def pings(it: SimpleNamespace) -> Iterator[tuple[float, int, float, FloatArray, 
         else:
             variances = np.array([0.02, 0.02, 0.012]) ** 2 * (it.poses == "noisy")
             pose = true + it.rng.normal(size=3) * np.sqrt(variances)
-        yield seconds, robot, it.mounts_rad[step % len(it.mounts_rad)], true, pose, variances
-
-
-def rotation(yaw_rad: float) -> FloatArray:
-    """Matrix that turns vectors."""
-    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([[cosine, -sine], [sine, cosine]])
+        mount_rad = it.mounts_rad[step % len(it.mounts_rad)]
+        place = np.array([true[0], true[1], it.above])
+        received, rate_hz = samples(it, heard(sides, it, place, true[2] + mount_rad))
+        yield Sounding(seconds, robot, mount_rad, pose, variances, received, rate_hz)
 
 
 def record(it: SimpleNamespace, folder: Path) -> None:
     """Write a bag, and the truth as a nav2 map."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    for name in ("Transducer", "EchoTrace"):
-        text = (SCHEMAS / f"{name}.msg").read_text()
-        store.register(get_types_from_msg(text, f"usmap_msgs/msg/{name}"))
-
-    def make(name: str, *fields: Any) -> Any:
-        package, kind = name.split("/")
-        return store.types[f"{package}/msg/{kind}"](*fields)
-
-    sides, angles = surfaces(it), np.linspace(0.0, it.half_rad, 12)
-    transducer = make(
-        "usmap_msgs/Transducer", it.shape, it.carrier, it.cycles / it.carrier, angles,
-        gain(it, angles) ** 2, 0.15, it.reach,
+    angles = np.linspace(0.0, it.half_rad, 12)
+    sensor = Sensor(
+        it.shape, it.carrier, it.cycles / it.carrier, angles, gain(it, angles) ** 2, 0.15, it.reach,
+        SOUND_SPEED, it.air_db_m, it.encoding, it.noise, it.above,
     )  # fmt: skip
     folder.mkdir(parents=True)
-    with Writer(folder / "bag", version=9) as bag:
-        topics = [
-            bag.add_connection(f"/robot{robot}/echo", "usmap_msgs/msg/EchoTrace", typestore=store)
-            for robot in range(it.robots)
-        ]
-        for seconds, robot, mount_rad, true, told, variances in pings(it):
-            place = np.array([true[0], true[1], it.above])
-            received, rate = samples(it, heard(sides, it, place, true[2] + mount_rad))
-            stamp_ns, half_rad = round((100.0 + seconds) * 1e9), 0.5 * (told[2] + mount_rad)
-            covariance = np.zeros(36)
-            covariance[[0, 7, 35]] = variances
-            point = make("geometry_msgs/Point", told[0], told[1], it.above)
-            facing = make("geometry_msgs/Quaternion", 0.0, 0.0, np.sin(half_rad), np.cos(half_rad))
-            pose = make("geometry_msgs/Pose", point, facing)
-            stamp = make("builtin_interfaces/Time", *divmod(stamp_ns, 10**9))
-            message = make(
-                "usmap_msgs/EchoTrace", make("std_msgs/Header", stamp, "map"),
-                f"robot{robot}/sonar{mount_rad:.0f}",
-                make("geometry_msgs/PoseWithCovariance", pose, covariance), transducer,
-                SOUND_SPEED, it.air_db_m, 0.0, 0.0, it.encoding, rate, 0.0, it.noise,
-                received.astype(np.float32),
-            )  # fmt: skip
-            bag.write(topics[robot], stamp_ns, store.serialize_cdr(message, message.__msgtype__))
-    truth(it, folder)
-
-
-def truth(it: SimpleNamespace, folder: Path) -> None:
-    """Write a nav2 map of all walls."""
-    sides = [(a, b) for loop, _ in loops(it) for a, b in zip(loop, np.roll(loop, -1, 0))]  # noqa: B905
-    steps = np.linspace(0.0, 1.0, 3000)[:, np.newaxis]
-    cells = np.floor(np.vstack([a + steps * (b - a) for a, b in sides]) / CELL_M + 1e-9).astype(int)
-    low, high = cells.min(axis=0) - 20, cells.max(axis=0) + 21
-    grid = np.full((high - low)[::-1], 254, np.uint8)
-    grid[tuple((cells - low).T[::-1])] = 0
-    header = f"P5\n{grid.shape[1]} {grid.shape[0]}\n255\n".encode()
-    (folder / "truth.pgm").write_bytes(header + grid[::-1].tobytes())
-    origin = [float(value) for value in low * CELL_M] + [0.0]
-    (folder / "truth.yaml").write_text(
-        f"image: truth.pgm\nmode: trinary\nresolution: {CELL_M}\norigin: {origin}\nnegate: 0\n"
-        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    )
-
-
-def scored(folder: Path, method: str) -> str:
-    """Map a recording, and write its scores as one cell of the table."""
-    out = folder / method
-    if not out.exists():
-        command = ["usmap", "map", folder / "bag", "-o", out, "--method", method]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    command = ["usmap", "evaluate", out, "--truth", folder / "truth.yaml", "--json"]
-    done = subprocess.run(command, check=True, capture_output=True)
-    of = json.loads(done.stdout)
-    shares = f"{of['f1']:.2f} / {of['known']:.2f} / {of['leak']:.3f} / {of['lost']:.3f}"
-    return f"{shares} / {of['escape_m2']:.2f}"
+    write_bag(folder, it.robots, sensor, pings(it))
+    write_truth(folder, [loop for loop, _ in loops(it)])
 
 
 def main() -> None:

@@ -10,7 +10,6 @@ the table goes into a document.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,13 +18,12 @@ from typing import Any
 import numpy as np
 import pyroomacoustics as pra
 from numpy.typing import NDArray
-from pages import put
 from pyroomacoustics.doa import fibonacci_spherical_sampling
 from stranger_recordings import (
     Sensor,
     Sounding,
+    compare,
     rotation,
-    scored,
     way,
     write_bag,
     write_truth,
@@ -234,28 +232,14 @@ def record(it: SimpleNamespace, folder: Path) -> None:
 
 def main() -> None:
     """Record, map and score."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, help="where recordings and maps are kept")
-    parser.add_argument("--kinds", nargs="+", default=list(ROOMS), choices=list(ROOMS))
-    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3, 4])
-    parser.add_argument("--record", action="store_true", help="map nothing")
-    parser.add_argument("--page", type=Path, help="a document with a place for the table")
-    arguments = parser.parse_args()
-    what = "F1 / known / leak / lost / escape, m²"
-    columns = ["room", "scattered", "poses", "robots", what, "the same, nav2's range model"]
-    rows = [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
-    for kind in arguments.kinds:
-        for seed in arguments.seeds:
-            it, folder = drawn(kind, seed), arguments.folder / f"{kind}{seed}"
-            if not (folder / "truth.yaml").exists():
-                record(it, folder)
-            if not arguments.record:
-                row = [f"{kind} {seed}", f"{it.scattering:.2f}", it.poses, str(it.robots)]
-                row += [scored(folder, method) for method in ("joint", "range_only")]
-                rows.append(f"| {' | '.join(row)} |")
-                print(rows[-1], flush=True)
-    if arguments.page is not None:
-        put(arguments.page, "room acoustics", "\n".join(rows) + "\n")
+    compare(
+        __doc__, "room acoustics", (list(ROOMS), [1, 2, 3, 4]), (drawn, record),
+        {
+            "scattered": lambda it: f"{it.scattering:.2f}",
+            "poses": lambda it: str(it.poses),
+            "robots": lambda it: str(it.robots),
+        },
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

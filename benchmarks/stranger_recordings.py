@@ -6,14 +6,17 @@ Nothing of this package makes them: messages are written by rosbags after their 
 
 from __future__ import annotations
 
+import argparse
 import json
 import subprocess
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pages import put
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.interpolate import CubicSpline
@@ -143,3 +146,52 @@ def scored(folder: Path, method: str) -> str:
     of = json.loads(done.stdout)
     shares = f"{of['f1']:.2f} / {of['known']:.2f} / {of['leak']:.3f} / {of['lost']:.3f}"
     return f"{shares} / {of['escape_m2']:.2f}"
+
+
+def compare(
+    description: str | None,
+    place: str,
+    rooms: tuple[list[str], list[int]],
+    simulator: tuple[
+        Callable[[str, int], SimpleNamespace], Callable[[SimpleNamespace, Path], None]
+    ],
+    told: dict[str, Callable[[SimpleNamespace], str]],
+) -> None:
+    """Record, map and score rooms, as the command line says.
+
+    Parameters
+    ----------
+    description : str
+        Of the command.
+    place : str
+        Of the table, in a document.
+    rooms : list of str, list of int
+        Kinds, and the seeds that are taken where none is named.
+    simulator : callable, callable
+        What a recording is of, by kind and seed; and what writes it.
+    told : dict
+        Columns of the table beside the scores.
+    """
+    (kinds, seeds), (drawn, record) = rooms, simulator
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("folder", type=Path, help="where recordings and maps are kept")
+    parser.add_argument("--kinds", nargs="+", default=kinds, choices=kinds)
+    parser.add_argument("--seeds", nargs="+", type=int, default=seeds)
+    parser.add_argument("--record", action="store_true", help="map nothing")
+    parser.add_argument("--page", type=Path, help="a document with a place for the table")
+    arguments = parser.parse_args()
+    what = "F1 / known / leak / lost / escape, m²"
+    columns = ["room", *told, what, "the same, nav2's range model"]
+    rows = [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
+    for kind in arguments.kinds:
+        for seed in arguments.seeds:
+            it, folder = drawn(kind, seed), arguments.folder / f"{kind}{seed}"
+            if not (folder / "truth.yaml").exists():
+                record(it, folder)
+            if not arguments.record:
+                row = [f"{kind} {seed}", *(of(it) for of in told.values())]
+                row += [scored(folder, method) for method in ("joint", "range_only")]
+                rows.append(f"| {' | '.join(row)} |")
+                print(rows[-1], flush=True)
+    if arguments.page is not None:
+        put(arguments.page, place, "\n".join(rows) + "\n")

@@ -48,9 +48,9 @@ SMOOTH, ROUGH, GRAZING_POWER, EDGE_ON_POWER = 0.38, 0.5, 0.65, 0.4
 #: Answers to sound at 56 to 67 and at 67 to 79 degrees, over those to square sound, up to which
 #: silence at such angles and flatter ones says what it was heard to say, and from which on what it
 #: does of rough walls.  Walls that are bent by a tenth of the wavelength, as the wave equation has
-#: them, answer at the one and hardly at the other: four rooms of `benchmarks/wave_equation.py` come
-#: to 0.23 to 0.46 and 0.06 to 0.23; 16 of own rough scenes to 0.38 and 0.21 at least.
-FADING = {5: (0.25, 0.36), 6: (0.1, 0.2)}
+#: them, answer at the one and not at the other: halfrough of `benchmarks/wave_equation.py` comes to
+#: 0.23 and 0.06.  18 of own rough scenes come to 0.32 and 0.11 at least.
+FADING = {5: (0.22, 0.3), 6: (0.06, 0.1)}
 #: An echo is explained by what is expected to return such a share of its power, and then was to
 #: be heard, whatever else stands there, with this probability.
 EXPLAINED_SHARE, MOST_EXPLAINED = 0.7, 0.8

@@ -23,6 +23,9 @@ from stranger_recordings import (
     Sensor,
     Sounding,
     compare,
+    drives,
+    off_by_chance,
+    placed,
     rotation,
     way,
     write_bag,
@@ -79,13 +82,8 @@ def drawn(kind: str, seed: int) -> SimpleNamespace:
         rate=pick(2.0, 3.0, 5.0), speed=rng.uniform(0.15, 0.4), air_db_m=rng.uniform(1.0, 1.6),
         noise=pick(0.0005, 0.002, 0.005), poses=pick("exact", "exact", "noisy", "odometry"),
         mounts_rad=pick((0.0, 1.57, -1.57), (0.8, -0.8), (0.0, 2.1, -2.1, 3.14)),
+        stands_s=STANDS_S,
     )  # fmt: skip
-
-
-def placed(points: Any, it: SimpleNamespace) -> FloatArray:
-    """Places of a room as it was drawn."""
-    cosine, sine = np.cos(it.turn_rad), np.sin(it.turn_rad)
-    return it.size * np.asarray(points, float) @ np.array([[cosine, sine], [-sine, cosine]])
 
 
 def loops(it: SimpleNamespace) -> list[tuple[FloatArray, bool]]:
@@ -190,16 +188,9 @@ def pings(it: SimpleNamespace) -> Iterator[Sounding]:
     told: dict[int, FloatArray] = {}
     last: dict[int, FloatArray] = {}
     ways = [
-        way(ROOMS[it.kind][2][robot % 3], lambda points: placed(points, it), 1 if robot < 3 else -1)
-        for robot in range(it.robots)
+        way(ROOMS[it.kind][2][robot % 3], it, 1 if robot < 3 else -1) for robot in range(it.robots)
     ]
-    for number in range(PINGS):
-        robot, step = number % it.robots, number // it.robots
-        seconds = step / it.rate + 0.01 * robot
-        metres = max(seconds - STANDS_S, 0.0) * it.speed
-        on_m = metres % ways[robot].x[-1]
-        (x, y), (dx, dy) = ways[robot](on_m), ways[robot](on_m, 1)
-        true = np.array([x, y, np.arctan2(dy, dx)])
+    for seconds, robot, mount_rad, true, metres in drives(it, ways, PINGS):
         if it.poses == "odometry":
             before, was = told.get(robot, true), last.get(robot, true)
             step_m = rotation(-was[2]) @ (true - was)[:2] * (1.0 + it.rng.normal() * 0.02)
@@ -210,9 +201,7 @@ def pings(it: SimpleNamespace) -> Iterator[Sounding]:
             grown = np.array([0.002, 0.002, np.deg2rad(1.5) ** 2])
             variances = np.array([0.02, 0.02, 0.01]) ** 2 + grown * metres
         else:
-            variances = np.array([0.02, 0.02, 0.012]) ** 2 * (it.poses == "noisy")
-            pose = true + it.rng.normal(size=3) * np.sqrt(variances)
-        mount_rad = it.mounts_rad[step % len(it.mounts_rad)]
+            pose, variances = off_by_chance(it, true)
         place = np.array([true[0], true[1], it.above])
         received, rate_hz = samples(it, heard(sides, it, place, true[2] + mount_rad))
         yield Sounding(seconds, robot, mount_rad, pose, variances, received, rate_hz)
@@ -234,11 +223,7 @@ def main() -> None:
     """Record, map and score."""
     compare(
         __doc__, "room acoustics", (list(ROOMS), [1, 2, 3, 4]), (drawn, record),
-        {
-            "scattered": lambda it: f"{it.scattering:.2f}",
-            "poses": lambda it: str(it.poses),
-            "robots": lambda it: str(it.robots),
-        },
+        ("scattered", lambda it: f"{it.scattering:.2f}"),
     )  # fmt: skip
 
 

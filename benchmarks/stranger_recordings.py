@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import subprocess
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -56,25 +56,56 @@ class Sounding(NamedTuple):
     rate_hz: float
 
 
+class Drive(NamedTuple):
+    """When which robot pings: by which transducer, from which x, y, yaw, and after what way."""
+
+    seconds: float
+    robot: int
+    mount_rad: float
+    pose: FloatArray
+    metres: float
+
+
 def rotation(yaw_rad: float) -> FloatArray:
     """Matrix that turns vectors."""
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
-def way(
-    rectangle: list[float], placed: Callable[[FloatArray], FloatArray], direction: float = 1.0
-) -> CubicSpline:
+def placed(points: Any, it: SimpleNamespace) -> FloatArray:
+    """Places of a room as it was drawn."""
+    return it.size * np.asarray(points, float) @ rotation(it.turn_rad).T
+
+
+def way(rectangle: list[float], it: SimpleNamespace, direction: float = 1.0) -> CubicSpline:
     """Where a robot is by the metres of its way, round the corners of a rectangle."""
     left, low, right, high = rectangle
     angles = np.linspace(0.0, 2.0 * np.pi, 49) * direction
     loop = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     loop = np.sign(loop) * np.abs(loop) ** 0.6 * [0.5 * (right - left), 0.5 * (high - low)]
     middle = 0.5 * (left + right), 0.5 * (low + high)
-    knots = placed(loop + np.array(middle))
+    knots = placed(loop + np.array(middle), it)
     knots[-1] = knots[0]
     steps = np.linalg.norm(np.diff(knots, axis=0), axis=1)
     return CubicSpline(np.concatenate([[0.0], np.cumsum(steps)]), knots, bc_type="periodic")
+
+
+def drives(it: SimpleNamespace, ways: list[CubicSpline], pings: int) -> Iterator[Drive]:
+    """Where robots ping, in turn: they stand first, and then go round."""
+    for number in range(pings):
+        robot, step = number % it.robots, number // it.robots
+        seconds = step / it.rate + 0.01 * robot
+        metres = max(seconds - it.stands_s, 0.0) * it.speed
+        on_m = metres % ways[robot].x[-1]
+        (x, y), (dx, dy) = ways[robot](on_m), ways[robot](on_m, 1)
+        pose = np.array([x, y, np.arctan2(dy, dx)])
+        yield Drive(seconds, robot, it.mounts_rad[step % len(it.mounts_rad)], pose, metres)
+
+
+def off_by_chance(it: SimpleNamespace, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A pose as it is told where each is off for itself, or exact; and its variances."""
+    variances = np.array([0.02, 0.02, 0.012]) ** 2 * (it.poses == "noisy")
+    return pose + it.rng.normal(size=3) * np.sqrt(variances), variances
 
 
 def write_bag(folder: Path, robots: int, sensor: Sensor, pings: Iterable[Sounding]) -> None:
@@ -155,7 +186,7 @@ def compare(
     simulator: tuple[
         Callable[[str, int], SimpleNamespace], Callable[[SimpleNamespace, Path], None]
     ],
-    told: dict[str, Callable[[SimpleNamespace], str]],
+    told: tuple[str, Callable[[SimpleNamespace], str]],
 ) -> None:
     """Record, map and score rooms, as the command line says.
 
@@ -169,8 +200,8 @@ def compare(
         Kinds, and the seeds that are taken where none is named.
     simulator : callable, callable
         What a recording is of, by kind and seed; and what writes it.
-    told : dict
-        Columns of the table beside the scores.
+    told : str, callable
+        Head of a column of the table, beside poses, robots and scores, and what stands there.
     """
     (kinds, seeds), (drawn, record) = rooms, simulator
     parser = argparse.ArgumentParser(description=description)
@@ -181,7 +212,7 @@ def compare(
     parser.add_argument("--page", type=Path, help="a document with a place for the table")
     arguments = parser.parse_args()
     what = "F1 / known / leak / lost / escape, m²"
-    columns = ["room", *told, what, "the same, nav2's range model"]
+    columns = ["room", told[0], "poses", "robots", what, "the same, nav2's range model"]
     rows = [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns)]
     for kind in arguments.kinds:
         for seed in arguments.seeds:
@@ -189,7 +220,7 @@ def compare(
             if not (folder / "truth.yaml").exists():
                 record(it, folder)
             if not arguments.record:
-                row = [f"{kind} {seed}", *(of(it) for of in told.values())]
+                row = [f"{kind} {seed}", told[1](it), it.poses, str(it.robots)]
                 row += [scored(folder, method) for method in ("joint", "range_only")]
                 rows.append(f"| {' | '.join(row)} |")
                 print(rows[-1], flush=True)

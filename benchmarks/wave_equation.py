@@ -17,7 +17,17 @@ import numpy as np
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from stranger_recordings import Sensor, Sounding, compare, way, write_bag, write_truth
+from stranger_recordings import (
+    Sensor,
+    Sounding,
+    compare,
+    drives,
+    off_by_chance,
+    placed,
+    way,
+    write_bag,
+    write_truth,
+)
 from waves import CARRIER_HZ, CELL_M, STEP_S, Air, gain
 
 FloatArray = NDArray[np.float64]
@@ -69,14 +79,8 @@ def drawn(kind: str, seed: int) -> SimpleNamespace:
         rate=pick(2.0, 3.0), speed=rng.uniform(0.15, 0.3), noise=pick(0.0005, 0.002, 0.004),
         poses=pick("exact", "exact", "noisy"),
         mounts_rad=pick((0.0, 1.57, -1.57), (0.8, -0.8), (0.0, 2.1, -2.1)),
-        absorbed=rng.uniform(0.0, 0.08), bent_m=ROOMS[kind][4],
+        absorbed=rng.uniform(0.0, 0.08), bent_m=ROOMS[kind][4], stands_s=STANDS_S,
     )  # fmt: skip
-
-
-def placed(points: Any, it: SimpleNamespace) -> FloatArray:
-    """Places of a room as it was drawn."""
-    cosine, sine = np.cos(it.turn_rad), np.sin(it.turn_rad)
-    return it.size * np.asarray(points, float) @ np.array([[cosine, sine], [-sine, cosine]])
 
 
 def loops(it: SimpleNamespace) -> list[FloatArray]:
@@ -135,24 +139,15 @@ def unit_of(it: SimpleNamespace) -> float:
 def pings(it: SimpleNamespace, air: Air) -> Iterator[Sounding]:
     """What robots hear, robot by robot in turn."""
     unit = unit_of(it)
-    ways = [
-        way(ROOMS[it.kind][3][robot % 3], lambda points: placed(points, it))
-        for robot in range(it.robots)
-    ]
+    ways = [way(ROOMS[it.kind][3][robot % 3], it) for robot in range(it.robots)]
     count = int((2.0 * it.reach / BURST_SPEED + it.long_s) * RATE_HZ)
-    for number in range(PINGS):
-        robot, step = number % it.robots, number // it.robots
-        seconds = step / it.rate + 0.01 * robot
-        on_m = max(seconds - STANDS_S, 0.0) * it.speed % ways[robot].x[-1]
-        (x, y), (dx, dy) = ways[robot](on_m), ways[robot](on_m, 1)
-        mount_rad, yaw_rad = it.mounts_rad[step % len(it.mounts_rad)], np.arctan2(dy, dx)
-        base = air.heard(np.array([x, y]), yaw_rad + mount_rad, it)
-        at = np.arange(count) / RATE_HZ / STEP_S
+    at = np.arange(count) / RATE_HZ / STEP_S
+    for seconds, robot, mount_rad, pose, _ in drives(it, ways, PINGS):
+        base = air.heard(pose[:2], pose[2] + mount_rad, it)
         steps = np.arange(len(base))
         iq = unit * (np.interp(at, steps, base.real) + 1j * np.interp(at, steps, base.imag))
         iq += it.noise * (it.rng.normal(size=(count, 2)) @ [1.0, 1j]) / np.sqrt(2.0)
-        variances = np.array([0.02, 0.02, 0.012]) ** 2 * (it.poses == "noisy")
-        told = np.array([x, y, yaw_rad]) + it.rng.normal(size=3) * np.sqrt(variances)
+        told, variances = off_by_chance(it, pose)
         received = np.abs(iq) if it.encoding == 1 else iq.view(float)
         yield Sounding(seconds, robot, mount_rad, told, variances, received, RATE_HZ)
 
@@ -176,11 +171,7 @@ def main() -> None:
     """Record, map and score."""
     compare(
         __doc__, "wave equation", (list(ROOMS), [1]), (drawn, record),
-        {
-            "bent, mm": lambda it: f"{1e3 * it.bent_m:g}",
-            "poses": lambda it: str(it.poses),
-            "robots": lambda it: str(it.robots),
-        },
+        ("bent, mm", lambda it: f"{1e3 * it.bent_m:g}"),
     )  # fmt: skip
 
 

@@ -21,11 +21,6 @@ from packaging.requirements import Requirement
 
 from usmap_ros.nodes.program import NODE_NAMES
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 EXECUTABLES = [*NODE_NAMES, "usmap"]
 #: Enough to see that tests run on what colcon built: all of them run without it anyway.  None needs
 #: an inner loop, all of which would be compiled anew for this place.
@@ -34,8 +29,9 @@ SOME_TESTS = ["test/unit/acoustics", "test/ros/test_conversions.py::test_traces_
 
 def colcon_requirements(root: Path) -> list[str]:
     """List what colcon, the build of the messages, the package and its tests need."""
-    project = tomllib.loads((root / "msg_schemas/pyproject.toml").read_text())
-    lines = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
+    # What the messages depend on is among what their build requires.
+    command = [sys.executable, str(root / "tools/build_requirements.py"), str(root / "msg_schemas")]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     lines += [
         str(requirement).partition(";")[0]
         for requirement in map(Requirement, requires("usmap_ros") or [])

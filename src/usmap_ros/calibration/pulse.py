@@ -96,10 +96,12 @@ def measure_pulse(
         return None
     pulse = seen.pulse
     apart = max(2, round(pulse.length_s * rate_hz))
-    as_stated = [_as_sampled(seen, snippets.shape[1], rate_hz)]
+    finely = _finely(seen, snippets.shape[1], rate_hz)
+    as_stated = [_as_sampled(finely)]
     left_as_stated = misfits(snippets, as_stated, apart)
     if left_as_stated.min() > _ALWAYS_LEFT:
-        as_stated += _as_they_fall(seen, snippets.shape[1], rate_hz)
+        # Of a pulse that nothing filtered, edges may fall anywhere between two samples.
+        as_stated += [finely[part::FINER] for part in range(FINER)]
         left_as_stated = misfits(snippets, as_stated, apart)
     stated = residual = float(np.median(left_as_stated))
     is_much = stated > _STATED_MISFIT
@@ -196,19 +198,17 @@ def _least_left(snippets: Signal, apart: int) -> float:
     )
 
 
-def _as_sampled(seen: Template, samples: int, rate_hz: float) -> Signal:
-    """An echo of a pulse: of edges samples keep what is below half of their rate."""
+def _finely(seen: Template, samples: int, rate_hz: float) -> Signal:
+    """An echo of a pulse, `FINER` values to each sample."""
     time_s = seen.start_s + (np.arange(FINER * samples) - FINER * _LEAD) / (FINER * rate_hz)
-    spectrum = np.fft.fft(np.asarray(seen(time_s), dtype=np.complex128))
-    spectrum[np.abs(np.fft.fftfreq(len(time_s))) > 0.5 / FINER] = 0.0
+    return np.asarray(seen(time_s), dtype=np.complex128)
+
+
+def _as_sampled(finely: Signal) -> Signal:
+    """Samples of an echo: of edges they keep what is below half of their rate."""
+    spectrum = np.fft.fft(finely)
+    spectrum[np.abs(np.fft.fftfreq(len(finely))) > 0.5 / FINER] = 0.0
     return np.asarray(np.fft.ifft(spectrum)[::FINER])
-
-
-def _as_they_fall(seen: Template, samples: int, rate_hz: float) -> list[Signal]:
-    """Echoes of a pulse that nothing filtered: its edges may fall anywhere between two samples."""
-    parts = np.arange(0.0, 1.0, 1.0 / FINER)[:, np.newaxis]
-    time_s = seen.start_s + (np.arange(samples) - _LEAD + parts) / rate_hz
-    return [np.asarray(seen(one), dtype=np.complex128) for one in time_s]
 
 
 def _extent(template: Signal, rate_hz: float, pulse: Pulse) -> tuple[int, int]:

@@ -67,23 +67,22 @@ def range_error(chosen: list[Ping]) -> RangeError:
     met |= meetings({error: _without(told, error) for error in others})
     tried = max(SCALES, DELAYS, key=lambda errors: max(met[error].sum() for error in errors))
     place = int(np.argmax([met[error].sum() for error in tried]))
-    gain = met[tried[place]].sum() - met[NOTHING].sum()
-    is_greater = tried[place].scale > 1.0
-    if place in {0, len(tried) - 1} or (is_greater and ROUND_SHARE * gain < _if_round(told)):
+    if place in {0, len(tried) - 1}:
         return NOTHING
-    best = _between(tried, place, met)
-    if abs(best.scale - 1.0) < LEAST_SCALE and best.late_m < LEAST_LATE_M:
+    best, gains = _between(tried, place, met), met[tried[place]] - met[NOTHING]
+    is_little = abs(best.scale - 1.0) < LEAST_SCALE and best.late_m < LEAST_LATE_M
+    if is_little or not is_sure(gains, told):
         return NOTHING
-    if not is_sure(met[tried[place]] - met[NOTHING], told):
+    if best.scale > 1.0 and _are_round(told, met[NOTHING].sum(), gains.sum()):
         return NOTHING
     is_of_all = not contradicts_one(chosen, lambda _, arcs: _without(arcs, best))
     return best if is_of_all else NOTHING
 
 
-def _if_round(told: Arcs) -> float:
-    """How much better ranges to the middles of round things meet than those that were told."""
-    met = meetings({error: _without(told, error) for error in (NOTHING, *ROUND)})
-    return float(max(met[error].sum() for error in ROUND) - met[NOTHING].sum())
+def _are_round(told: Arcs, met: float, gain: float) -> bool:
+    """Whether ranges to the middles of round things gain nearly as much on what met as a scale."""
+    to_middles = meetings({error: _without(told, error) for error in ROUND}).values()
+    return max(float(meet.sum()) for meet in to_middles) - met > ROUND_SHARE * gain
 
 
 def _between(tried: list[RangeError], place: int, met: dict[RangeError, FloatArray]) -> RangeError:

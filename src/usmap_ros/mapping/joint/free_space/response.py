@@ -227,13 +227,12 @@ def learn_response(views: SurfaceViews, surfaces: FloatArray) -> FloatArray:
         Logarithm of P(silent | surface), as far as silence is trusted.
     """
     has_normal = (surfaces[:, 2] != NO_NORMAL)[views.surface]
-    silent, beside = (
+    silent, looks = (
         _tally(views, weights.astype(np.float64), has_normal)
         for weights in (views.heard == 0, views.beside)
     )
-    looks = beside
     # Steps of loudness lend to their neighbours.
-    padded = np.pad([silent, beside], [(0, 0), (1, 1), (0, 0)], mode="edge")
+    padded = np.pad([silent, looks], [(0, 0), (1, 1), (0, 0)], mode="edge")
     silent, beside = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
     pseudo = PSEUDO_COUNT
     if _are_lone(surfaces):
@@ -245,7 +244,7 @@ def learn_response(views: SurfaceViews, surfaces: FloatArray) -> FloatArray:
     # What is louder, or struck more squarely, is not more often silent.
     p_silent = np.maximum.accumulate(np.minimum.accumulate(as_heard, axis=0), axis=1)
     p_silent = np.clip(p_silent, LEAST_SILENT, MOST_SILENT)
-    diffuseness = _diffuseness(p_silent, looks[:, OBLIQUE].sum(axis=1), surfaces)
+    diffuseness = _diffuseness(p_silent, looks, surfaces)
     trust = float(np.clip((diffuseness - SMOOTH) / (ROUGH - SMOOTH), 0.0, 1.0))
     return _trusted(p_silent, trust * _kept_up(as_heard, p_silent, looks))
 
@@ -260,14 +259,23 @@ def _tally(views: SurfaceViews, weights: FloatArray, has_normal: BoolArray) -> F
     return sums
 
 
-def _diffuseness(p_silent: FloatArray, oblique: FloatArray, surfaces: FloatArray) -> float:
+def _diffuseness(p_silent: FloatArray, looks: FloatArray, surfaces: FloatArray) -> float:
     """Answers to oblique sound over those to square sound."""
-    views = oblique * (p_silent[:, 1] < 0.7)
-    if views.sum() > LEAST_LOOKS:
-        answers = 1.0 - p_silent
-        square = (views * answers[:, SQUARE].mean(axis=1)).sum()
-        return float((views * answers[:, OBLIQUE].mean(axis=1)).sum() / max(square, 1e-9))
-    return float(_are_lone(surfaces))
+    oblique = (1.0 - p_silent[:, OBLIQUE]).mean(axis=1)
+    share = _over_square(oblique, looks[:, OBLIQUE].sum(axis=1), p_silent)
+    return float(_are_lone(surfaces)) if share is None else share
+
+
+def _over_square(answers: FloatArray, looks: FloatArray, p_silent: FloatArray) -> float | None:
+    """Answers to looks over those to as many square ones, all by loudness; None if looks are few.
+
+    Only where square sound is answered at all.
+    """
+    views = looks * (p_silent[:, 1] < 0.7)
+    if views.sum() <= LEAST_LOOKS:
+        return None
+    square = (views * (1.0 - p_silent[:, SQUARE]).mean(axis=1)).sum()
+    return float((views * answers).sum() / max(square, 1e-9))
 
 
 def _are_lone(surfaces: FloatArray) -> bool:
@@ -279,15 +287,11 @@ def _are_lone(surfaces: FloatArray) -> bool:
 def _kept_up(as_heard: FloatArray, p_silent: FloatArray, looks: FloatArray) -> FloatArray:
     """How far answers keep up to each class of incidence, (INCIDENCES,), by `FADING`."""
     kept_up = np.ones(INCIDENCES)
-    square = 1.0 - p_silent[:, SQUARE].mean(axis=1)
     for incidence, bounds in FADING.items():
-        views = looks[:, incidence] * (p_silent[:, 1] < 0.7)
-        if views.sum() > LEAST_LOOKS:
-            answers = (views * (1.0 - as_heard[:, incidence])).sum()
-            share = float(
-                np.interp(answers / max((views * square).sum(), 1e-9), bounds, (0.0, 1.0))
-            )
-            kept_up[incidence:] = np.minimum(kept_up[incidence:], share)
+        share = _over_square(1.0 - as_heard[:, incidence], looks[:, incidence], p_silent)
+        if share is not None:
+            as_far = np.interp(share, bounds, (0.0, 1.0))
+            kept_up[incidence:] = np.minimum(kept_up[incidence:], as_far)
     return kept_up
 
 

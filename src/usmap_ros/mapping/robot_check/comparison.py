@@ -127,7 +127,7 @@ class RobotComparison:
             )
             if left > 0.0 or usual < LEAST_USUAL or shares[robot] > FAR_LESS * usual:
                 continue
-            if self._said.shared(robot) < LEAST_SAID:
+            if self._said.shared(robot) < LEAST_SAID or self._expects_nothing(topic):
                 continue
             evidence: dict[str, float | int | None] = {
                 "borne_out": shares[robot],
@@ -146,6 +146,14 @@ class RobotComparison:
         is_of = np.array([[one == name for one in who] for name in names], float)
         said = MutualEvidence(*(is_of @ sums @ is_of.T for sums in self._said))
         return credit(said)[names.index(topic)]
+
+    def _expects_nothing(self, topic: str) -> bool:
+        """Whether the others' map has nothing to be heard in nearly all of some pings.
+
+        They are of a place that nobody else looked into, and what is said of the same cells is said
+        of what reverberates: of echoes of echoes behind the walls of either place.
+        """
+        return self._agreements[topic].pings < LEAST_PINGS
 
     def _why_not_borne_out(self, topic: str) -> Verdict:
         others = [a.echoes for t, a in self._agreements.items() if t != topic]

@@ -12,7 +12,7 @@ from usmap_ros.mapping.common_error import CommonError
 from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.joint.witnesses import MutualEvidence
 from usmap_ros.mapping.robot_check import displacement
-from usmap_ros.mapping.robot_check.agreement import Agreement
+from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
 from usmap_ros.mapping.robot_check.comparison import RobotComparison, finding_of
 from usmap_ros.mapping.robot_check.consistency import Consistency, is_of
 from usmap_ros.mapping.robot_check.displacement import Displacement, Robot
@@ -191,6 +191,20 @@ def test_one_whom_nobody_bears_out_is_named(monkeypatch: pytest.MonkeyPatch) -> 
 
     assert named(found) == {LIAR: "misplaced"}
     assert found[LIAR].summary()["evidence"]["borne_out"] < 0.1
+
+
+def test_one_of_whom_the_others_expect_nothing_is_not_accused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It looks into a room of its own, and what it denies of theirs is what reverberates."""
+    monkeypatch.setattr("usmap_ros.mapping.robot_check.consistency.shifted", lambda *_: {})
+    monkeypatch.setattr(
+        "usmap_ros.mapping.robot_check.comparison.agreement",
+        lambda expected: replace(agreement(expected), pings=LEAST_PINGS - 1, fit=None),
+    )
+    pings = [(topic, displaced(cone, 0.0) if topic == LIAR else cone) for topic, cone in cones(11)]
+
+    assert named(findings(pings)) == {}
 
 
 def test_no_map_accuses_one_whose_landmarks_others_hear(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,8 @@ LATE_S = (-1.0, -0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 SCALES = (0.93, 0.95, 0.97, 1.0, 1.03, 1.05, 1.07)
 CLOSER_RAD, CLOSER_S = math.radians(5.0), 0.1
 #: Turns that are so far from the best one must be worse; and so many parts of a robot's way must
-#: gain so much in sum, each by itself: a few walls, met from a few places, fit others by chance.
+#: gain so much in sum, each by itself, by a turn or a delay: a few walls, met from a few places,
+#: fit others by chance.
 #: Not if as much is gained as all that the echoes are explained as told, where those of a part are
 #: too far apart: of 256 healthy robots 0.4 of it was gained at the most.
 ELSEWHERE_RAD = math.radians(60.0)
@@ -112,15 +113,13 @@ class Robot:
         size = abs(best.error[0])
         least = LEAST_TURN_RAD if best is turned else LEAST_LATE_S
         is_sure = best.gain >= LEAST_GAIN + LEAST_SHARE * self.told and size >= least
-        if is_sure and best is turned and best.gain < self.told:
+        if is_sure and best.gain < self.told:
             is_sure = self._gain_in_parts(best) >= LEAST_IN_PARTS
         return best if is_sure else None
 
     def is_borne_out(self, wrong: Displacement, robots: Iterable[Robot]) -> bool:
         """Whether what others hear does not speak against a turn or a delay by which it gains."""
-        right = self._turned(-wrong.error[0])
-        if wrong.kind == "late":
-            right, _ = self._way.later(wrong.error[0])
+        right, _ = self._without(wrong)
         landmarks, gain = self._explained(right)[1], wrong.gain
         for other in robots:
             if other is not self:
@@ -147,13 +146,22 @@ class Robot:
     def _gain_of_turn(self, by_rad: float) -> float:
         return self._explained(self._turned(by_rad), least=self.told)[0] - self.told
 
-    def _gain_in_parts(self, turned: Displacement) -> float:
-        """What landmarks that each part of its way shows by itself gain by a turn, in sum."""
-        heard, part = self._turned(-turned.error[0]), PARTS * self.heard.ping // len(self.heard.x_m)
+    def _gain_in_parts(self, wrong: Displacement) -> float:
+        """What landmarks that each part of its way shows by itself gain without it, in sum."""
+        right, wanted = self._without(wrong)
+        part = PARTS * self.heard.ping // len(self.heard.x_m)
         return sum(
-            self._explained(heard, part == one)[0] - self._explained(self.heard, part == one)[0]
+            self._explained(right, wanted & (part == one))[0]
+            - self._explained(self.heard, wanted & (part == one))[0]
             for one in range(PARTS)
         )
+
+    def _without(self, wrong: Displacement) -> tuple[Sightings, BoolArray]:
+        """What it heard without a turn or a delay, and which echoes are of poses that are known."""
+        if wrong.kind == "late":
+            later, known = self._way.later(wrong.error[0])
+            return later, known[self.heard.ping]
+        return self._turned(-wrong.error[0]), self._every
 
     def _turned(self, by_rad: float) -> Sightings:
         return self.heard._replace(yaw_rad=wrapped(self.heard.yaw_rad + by_rad))

@@ -21,7 +21,6 @@ from usmap_ros.localisation.echo_table import TrackEchoes, tabulate
 from usmap_ros.localisation.found import FoundPoses
 from usmap_ros.localisation.landmark_equations import changes_by_landmark, with_changes
 from usmap_ros.localisation.lines_and_points import Landmarks
-from usmap_ros.localisation.planar import told_poses
 from usmap_ros.localisation.votes import find_landmarks
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
@@ -41,13 +40,15 @@ _FLOOR = 1e-3
 _MAY_MOVE = 0.3
 
 
-def settle(cones: Sequence[EchoCone]) -> FoundPoses | None:
+def settle(cones: Sequence[EchoCone], told: FloatArray, known: FloatArray) -> FoundPoses | None:
     """Correct poses that are off by chance.
 
     Parameters
     ----------
     cones : sequence of EchoCone
-        Of one frame, of any number of robots; the covariance of each pose says how far it is off.
+        Of one frame, of any number of robots.
+    told, known : (n, 3) and (n, 3, 3) arrays
+        Where they are from: x, y (m) and yaw (rad), and how far these are off, as covariances.
 
     Returns
     -------
@@ -55,7 +56,6 @@ def settle(cones: Sequence[EchoCone]) -> FoundPoses | None:
         None where poses as told explain what was heard as well.  Pings that hear nothing that
         others hear, too, stay where they were.
     """
-    told, known = told_poses(cones)
     clutter = clutter_of(cones)
     echoes = tabulate([without_clutter(cone, clutter) for cone in cones], np.ones(len(cones)))
     if len(echoes.ping) == 0:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from usmap_ros.localisation.echo_table import tabulate
 from usmap_ros.localisation.found import FoundPoses
+from usmap_ros.localisation.motion_model import smoothed
 from usmap_ros.localisation.noisy_poses import settle
 from usmap_ros.localisation.planar import told_poses
 from usmap_ros.localisation.pose_kind import PoseKind, pose_kind, robot_of
@@ -169,24 +170,36 @@ def _settle_frame(
     rows: dict[str, NDArray[np.intp]],
     kinds: dict[str, PoseKind],
 ) -> dict[str, float]:
-    """The same with poses that are off by chance, each by itself."""
+    """The same with poses that are off by chance: by how robots move, then each by itself."""
     all_rows = np.concatenate(list(rows.values()))
     cones = [pings[row][1] for row in all_rows]
-    told, _ = told_poses(cones)
-    known, to_landmarks = (np.full((len(cones), 3, 3), np.nan) for _ in range(2))
-    found = FoundPoses(told.copy(), known, to_landmarks)
-    is_noisy = np.repeat(
-        [kinds[robot] is PoseKind.NOISY for robot in rows], [len(own) for own in rows.values()]
-    )
-    in_time = np.argsort([one.stamp_ns for one in cones], kind="stable")
+    told, stated = told_poses(cones)
+    poses, known = told.copy(), stated.copy()
+    robot_names = np.repeat(list(rows), [len(own) for own in rows.values()])
+    is_noisy = np.array([kinds[name] is PoseKind.NOISY for name in robot_names])
+    stamps_ns = np.array([one.stamp_ns for one in cones])
+    for own in _tracks(robot_names, cones):
+        if is_noisy[own[0]]:
+            stamps_s = 1e-9 * (stamps_ns[own] - stamps_ns[own[0]])
+            poses[own], known[own] = smoothed(stamps_s, told[own], stated[own])
+    found = FoundPoses(poses.copy(), known.copy(), known.copy())
+    in_time = np.argsort(stamps_ns, kind="stable")
     for together in np.array_split(in_time, -(-len(cones) // _MOST_TOGETHER)):
-        settled = settle([cones[row] for row in together])
+        settled = settle([cones[row] for row in together], poses[together], known[together])
         if settled is not None:
             own = together[is_noisy[together]]
             found.poses[own] = settled.poses[is_noisy[together]]
             found.covariances[own] = settled.covariances[is_noisy[together]]
             found.to_landmarks[own] = settled.to_landmarks[is_noisy[together]]
+    found.covariances[~is_noisy] = np.nan
     return _put(pings, covariances, rows, told, found)
+
+
+def _tracks(robot_names: NDArray[np.str_], cones: Sequence[EchoCone]) -> list[NDArray[np.intp]]:
+    """Rows of the pings of each transducer, in their order."""
+    names = [f"{robot} {one.child_frame_id}" for robot, one in zip(robot_names, cones, strict=True)]
+    _, track = np.unique(names, return_inverse=True)
+    return [np.flatnonzero(track == number) for number in range(track.max() + 1)]
 
 
 def _put(

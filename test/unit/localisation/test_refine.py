@@ -7,8 +7,10 @@ import pytest
 from pings_among_poles import Ping, circle, cone, heard, poles
 
 from usmap_ros.localisation import PoseKind, Refinement, refine, refine_poses
+from usmap_ros.localisation.found import FoundPoses
 from usmap_ros.localisation.noisy_poses import settle
 from usmap_ros.numerics.geometry import Pose
+from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.trajectory import Trajectory
 
 Drifting = tuple[list[Ping], dict[str, Trajectory]]
@@ -177,7 +179,12 @@ def test_absolute_poses_that_are_off_by_chance_are_each_corrected() -> None:
 def test_many_pings_are_corrected_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, "_MOST_TOGETHER", 120)
     counts: list[int] = []
-    monkeypatch.setattr(refine, "settle", lambda cones: counts.append(len(cones)) or settle(cones))
+
+    def counted(cones: list[EchoCone], *poses: np.ndarray) -> FoundPoses | None:
+        counts.append(len(cones))
+        return settle(cones, *poses)
+
+    monkeypatch.setattr(refine, "settle", counted)
     pings = noisy(0.03, 0.03)
     done = refine_poses(pings)
     assert counts == [100, 100]
@@ -191,10 +198,11 @@ def test_poses_that_are_better_than_stated_are_hardly_moved() -> None:
     assert rms_m(off_circle_m(done.pings)) < 0.006
 
 
-def test_where_nothing_is_heard_noisy_poses_stand() -> None:
+def test_where_nothing_is_heard_noisy_poses_are_corrected_by_how_a_robot_moves() -> None:
     pings = noisy(0.03, 0.03, hears=False)
     done = refine_poses(pings)
-    assert all(one is other for one, other in zip(done.pings, pings, strict=True))
+    assert rms_m(off_circle_m(done.pings)) < 0.4 * rms_m(off_circle_m(pings))
+    assert done.stds_m["robot1"] < 0.4 * 0.03 * np.sqrt(2.0)
 
 
 def test_robots_that_are_well_known_keep_their_poses_beside_one_that_is_not() -> None:

@@ -14,8 +14,6 @@ from usmap_ros.numerics.geometry import wrapped
 
 #: Least and most that odometry is off over what is stated, and errors that outweigh that.
 _SPREADS, _USUAL = (0.05, 2.0), 4.0
-#: How far off ways by odometry are as a whole, as a share.
-_SCALE_STD = 0.03
 
 
 def odometry_errors(track: Track, knots: FloatArray) -> FloatArray:
@@ -36,7 +34,7 @@ def odometry_cost(track: Track, knots: FloatArray) -> float:
     """Squared Mahalanobis distance of knots from what odometry says."""
     errors, start = odometry_errors(track, knots), start_error(track, knots)
     cost = np.einsum("ni,nij,nj->", errors, track.informations, errors)
-    stretched = (track.scale - 1.0) / _SCALE_STD
+    stretched = (track.scale - 1.0) / track.scale_std
     return float(cost + start @ track.start_information() @ start + stretched**2)
 
 
@@ -63,8 +61,8 @@ class ScaleEquation(NamedTuple):
         coupling, by_change = np.zeros((len(knots), 3)), np.einsum("ni,nij->nj", weighed, change)
         coupling[:-1] += by_change[:, :3]
         coupling[1:] += by_change[:, 3:]
-        information = _SCALE_STD**-2 - float(np.sum(weighed * track.ways))
-        right = -(track.scale - 1.0) * _SCALE_STD**-2 - float(np.sum(weighed * errors))
+        information = track.scale_std**-2 - float(np.sum(weighed * track.ways))
+        right = -(track.scale - 1.0) * track.scale_std**-2 - float(np.sum(weighed * errors))
         return cls(coupling, information, right)
 
     def eliminate(self, matrix: FloatArray, right: FloatArray) -> None:

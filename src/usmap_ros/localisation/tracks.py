@@ -48,8 +48,10 @@ class Track:
     is_fixed: bool = False
     #: Whether the covariances say how odometry drifts; otherwise it does as wheels usually do.
     is_stated: bool = True
-    #: Ways that the robot has gone over those that odometry tells.
+    #: Ways that the robot has gone over those that odometry tells, and how far off 1 that is known
+    #: to be beforehand, as a standard deviation.
     scale: float = 1.0
+    scale_std: float = 0.03
     #: (3,) array: standard deviations of odometry's errors along, across and in heading, over those
     #: stated.
     spread: FloatArray = field(default_factory=lambda: np.ones(3))

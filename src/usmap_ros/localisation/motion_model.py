@@ -25,8 +25,9 @@ _PIECE, _LEAST_PINGS = 100, 12
 #: Shares of the standard deviation that may be anew at each ping; and what changes from one ping to
 #: the next may be, over that standard deviation.
 _SHARES, _CHANGES = np.array([1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1]), np.geomspace(0.02, 5.0, 24)
-#: Degrees of freedom of Student's t, and rounds of reweighting.
-_FREEDOM, _ROUNDS = 3.0, 4
+#: Degrees of freedom of Student's t, rounds of reweighting at the most, and by how much no weight
+#: changes any more once it has settled.
+_FREEDOM, _ROUNDS, _SETTLED = 2.0, 20, 0.05
 #: Directions that a step may be along: the heading before it, midway, or after it, as shares of
 #: the turn, for who stamps poses when differs; and none, of what moves anywhere.
 _ALONG = (0.5, 0.0, 1.0, None)
@@ -194,10 +195,15 @@ def _likeliest(spectra: Sequence[_Spectrum]) -> _Noises:
 def _settled(pieces: Sequence[_Piece], noises: _Noises) -> tuple[FloatArray, FloatArray]:
     """Unknowns over their standard deviations, and what is left of their variances."""
     spectra = [_spectrum(piece) for piece in pieces]
+    before: FloatArray | float = np.inf
     for _ in range(_ROUNDS):
         pairs = list(zip(pieces, spectra, strict=True))
-        spectra = [_spectrum(piece, _weights(piece, each, noises)) for piece, each in pairs]
-        noises = _likeliest(spectra)
+        weights = [_weights(piece, each, noises) for piece, each in pairs]
+        spectra = [_spectrum(*both) for both in zip(pieces, weights, strict=True)]
+        noises, all_weights = _likeliest(spectra), np.concatenate(weights)
+        if np.abs(all_weights - before).max() < _SETTLED:
+            break
+        before = all_weights
     values = np.concatenate([each.likeliest(noises) for each in spectra])
     kept = np.concatenate([each.vectors**2 @ each.kept(noises) for each in spectra])
     # What wanders is not smoothed away.

@@ -40,6 +40,11 @@ GATES = {
     "range_only": (Case("swarm", "ranges", 4721),),
     # Of sonars that report the first echo only, which smooth walls answer as mirrors do.
     "first_echoes": (Case("flat_smooth", "first_echoes", 4722),),
+    # Whose poses are off by chance, which is smoothed by how robots move.
+    "poses_off": (
+        Case("flat_rough", "100_poses_off", 4723),
+        Case("columns_smooth", "100_poses_off", 4724),
+    ),
     # So early that no mirror is known: who calls free what is behind one leads a robot astray.
     "first_pings": (
         Case("columns_smooth", "few_pings", 921),

@@ -11,7 +11,7 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 NAMES = (
     "clutter", "rough_rooms", "smooth_rooms", "corridors", "mixed", "panes", "columns",
-    "few_pings", "range_only", "first_echoes", "first_pings",
+    "few_pings", "range_only", "first_echoes", "poses_off", "first_pings",
 )  # fmt: skip
 
 

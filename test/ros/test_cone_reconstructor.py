@@ -130,8 +130,8 @@ def test_the_oldest_is_dropped_and_counted_when_it_cannot_keep_up(
     # One is worked on, three wait.
     assert total("dropped") == 8
     may_go_on.set()
-    live.until(lambda: len(found) == 4)
-    assert total("published") == 4
+    # A cone may be here before it is counted.
+    live.until(lambda: len(found) == 4 and total("published") == 4)
     assert found[-1].header.stamp == header_to_message(traces[11][1].stamp_ns, "", TYPES).stamp
 
     def warning() -> Any:

@@ -70,6 +70,14 @@ class _Spectrum(NamedTuple):
         return np.asarray(self.vectors @ (self.kept(noises) * self.told))
 
 
+class _Fit(NamedTuple):
+    """Pieces of a track, and the noises by which what was told is likeliest."""
+
+    pieces: list[_Piece]
+    spectra: list[_Spectrum]
+    noises: _Noises
+
+
 def smoothed(
     stamps_s: FloatArray, poses: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -110,7 +118,7 @@ def _smoothed_yaw(
     if not stds.all():
         return told, np.ones(len(told))
     parts = [_piece(_changes_of_rate(stamps_s[own]), told[own], stds[own], stds) for own in pieces]
-    values, kept = _settled(parts, _likeliest([_spectrum(part) for part in parts]))
+    values, kept = _settled(_fit(parts))
     return values * stds, kept
 
 
@@ -124,18 +132,16 @@ def _smoothed_places(
     """Places, and shares of their variances that are left."""
     stds_m, middle_m = np.repeat(np.sqrt(variances), 2), places_m.mean(axis=0)
     told = (places_m - middle_m).ravel()
-    best: tuple[_Noises, list[_Piece]] | None = None
-    for share in _ALONG:
+
+    def along(share: float | None) -> _Fit:
         parts = []
         for own in pieces:
             rows = _changes_of_velocity(stamps_s[own], _directions_rad(yaw_rad[own], share))
             both = np.stack([2 * own, 2 * own + 1], axis=1).ravel()
             parts.append(_piece(rows, told[both], stds_m[both], stds_m))
-        noises = _likeliest([_spectrum(part) for part in parts])
-        if best is None or noises.log_likelihood > best[0].log_likelihood:
-            best = noises, parts
-    assert best is not None
-    values, kept = _settled(best[1], best[0])
+        return _fit(parts)
+
+    values, kept = _settled(max(map(along, _ALONG), key=lambda fit: fit.noises.log_likelihood))
     return (values * stds_m).reshape(-1, 2) + middle_m, kept.reshape(-1, 2).mean(axis=1)
 
 
@@ -146,24 +152,27 @@ def _directions_rad(yaw_rad: FloatArray, share: float | None) -> FloatArray:
     return np.asarray((1.0 - share) * yaw_rad[:-1] + share * yaw_rad[1:])
 
 
-def _changes_of_rate(stamps_s: FloatArray) -> FloatArray:
-    """Rows that give the changes of a number's rate, over the root of their time."""
+def _steps(stamps_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times between pings over the usual one, and the roots of those between their middles."""
     steps_s = np.maximum(np.diff(stamps_s), _LEAST_S)
     steps = steps_s / np.median(steps_s)
+    return steps, np.sqrt(0.5 * (steps[1:] + steps[:-1]))
+
+
+def _changes_of_rate(stamps_s: FloatArray) -> FloatArray:
+    """Rows that give the changes of a number's rate, over the root of their time."""
+    steps, between = _steps(stamps_s)
     rates = np.diff(np.eye(len(stamps_s)), axis=0) / steps[:, np.newaxis]
-    between = np.sqrt(0.5 * (steps[1:] + steps[:-1]))
     return np.asarray(np.diff(rates, axis=0) / between[:, np.newaxis])[:, np.newaxis, :]
 
 
 def _changes_of_velocity(stamps_s: FloatArray, along_rad: FloatArray) -> FloatArray:
     """The same of velocities along given axes; unknowns are x and y of each ping in turn."""
-    steps_s = np.maximum(np.diff(stamps_s), _LEAST_S)
-    steps, count = steps_s / np.median(steps_s), len(stamps_s)
+    (steps, between), count = _steps(stamps_s), len(stamps_s)
     cosine, sine = np.cos(along_rad) / steps, np.sin(along_rad) / steps
     turn = np.array([[cosine, sine], [-sine, cosine]]).transpose(2, 0, 1)
     velocities, step = np.zeros((count - 1, 2, count, 2)), np.arange(count - 1)
     velocities[step, :, step + 1], velocities[step, :, step] = turn, -turn
-    between = np.sqrt(0.5 * (steps[1:] + steps[:-1]))
     changes = np.diff(velocities, axis=0) / between[:, np.newaxis, np.newaxis, np.newaxis]
     return np.asarray(changes).reshape(count - 2, 2, 2 * count)
 
@@ -172,7 +181,7 @@ def _piece(rows: FloatArray, told: FloatArray, stds: FloatArray, all_stds: Float
     return _Piece(rows * (stds / all_stds.mean()), told / stds)
 
 
-def _spectrum(piece: _Piece, weights: FloatArray | float = 1.0) -> _Spectrum:
+def _spectrum(piece: _Piece, weights: FloatArray | float) -> _Spectrum:
     rows = piece.changes * np.sqrt(np.reshape(weights, (-1, 1, 1)))
     rows = rows.reshape(-1, rows.shape[-1])
     precisions, vectors = np.linalg.eigh(rows.T @ rows)
@@ -192,22 +201,26 @@ def _likeliest(spectra: Sequence[_Spectrum]) -> _Noises:
     return _Noises(float(_SHARES[share]), float(_CHANGES[change]), float(likely[share, change]))
 
 
-def _settled(pieces: Sequence[_Piece], noises: _Noises) -> tuple[FloatArray, FloatArray]:
+def _fit(pieces: list[_Piece], weights: Sequence[FloatArray | float] | None = None) -> _Fit:
+    weights = [1.0] * len(pieces) if weights is None else weights
+    spectra = [_spectrum(*both) for both in zip(pieces, weights, strict=True)]
+    return _Fit(pieces, spectra, _likeliest(spectra))
+
+
+def _settled(fit: _Fit) -> tuple[FloatArray, FloatArray]:
     """Unknowns over their standard deviations, and what is left of their variances."""
-    spectra = [_spectrum(piece) for piece in pieces]
     before: FloatArray | float = np.inf
     for _ in range(_ROUNDS):
-        pairs = list(zip(pieces, spectra, strict=True))
-        weights = [_weights(piece, each, noises) for piece, each in pairs]
-        spectra = [_spectrum(*both) for both in zip(pieces, weights, strict=True)]
-        noises, all_weights = _likeliest(spectra), np.concatenate(weights)
+        pairs = zip(fit.pieces, fit.spectra, strict=True)
+        weights = [_weights(piece, spectrum, fit.noises) for piece, spectrum in pairs]
+        fit, all_weights = _fit(fit.pieces, weights), np.concatenate(weights)
         if np.abs(all_weights - before).max() < _SETTLED:
             break
         before = all_weights
-    values = np.concatenate([each.likeliest(noises) for each in spectra])
-    kept = np.concatenate([each.vectors**2 @ each.kept(noises) for each in spectra])
+    values = np.concatenate([each.likeliest(fit.noises) for each in fit.spectra])
+    kept = np.concatenate([each.vectors**2 @ each.kept(fit.noises) for each in fit.spectra])
     # What wanders is not smoothed away.
-    return values, 1.0 - noises.white**2 * (1.0 - kept)
+    return values, 1.0 - fit.noises.white**2 * (1.0 - kept)
 
 
 def _weights(piece: _Piece, spectrum: _Spectrum, noises: _Noises) -> FloatArray:

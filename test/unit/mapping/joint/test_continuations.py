@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from usmap_ros.mapping.joint.free_space.behind import behind, behind_alone
+from usmap_ros.mapping.joint.forward_model.cell_evidence import no_evidence
+from usmap_ros.mapping.joint.free_space.behind import (
+    BEHIND_MIRRORS_M,
+    behind,
+    behind_alone,
+    behind_walls,
+)
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     Continuations,
     continue_lines,
     may_go_on,
 )
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, drawn
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NO_LINES, drawn
+from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import FloatArray
 
@@ -128,6 +135,19 @@ def test_behind_a_wall_is_what_lies_on_the_other_side(
     if solid_row is not None:
         assert mask[solid_row, 11:30].all()
         assert not mask[solid_row, [8, 32]].any()
+
+
+def test_behind_a_mirror_its_other_side_may_be() -> None:
+    """A robot was led into a wall between rooms, for it was thought to be as thin as a line."""
+    shown, nothing = drawn(ALONG_ROW[np.newaxis], SHAPE), np.zeros(SHAPE, bool)
+    walls = Walls(nothing, shown, nothing, NO_LINES, ALONG_ROW[np.newaxis])
+    field = Field(5, -7, *SHAPE, 0.05)
+    mask = behind_walls(walls, no_evidence(field), field)
+    (row,) = np.unique(np.nonzero(shown)[0])
+    # The normal points north, away from who heard it.
+    assert np.unique(np.nonzero(mask)[0]).tolist() == [
+        row + step for step in range(1, round(BEHIND_MIRRORS_M / 0.05) + 1)
+    ]
 
 
 @pytest.mark.parametrize(("towards_east", "solid_columns"), [(9.0, range(22, 30)), (3.0, [])])

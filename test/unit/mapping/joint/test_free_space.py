@@ -27,17 +27,15 @@ from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.joint.visibility.open_ways import PROVING_SHARE, prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import (
-    BEHIND_ECHO_M,
     RAYS,
     STEPS,
     WHOLE,
     changed_from,
-    end_rays,
     everything,
 )
 from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
 from usmap_ros.mapping.ping_bins import ECHO
-from usmap_ros.mapping.ping_table import BIN_M, GREATEST_RANGE, PingTable
+from usmap_ros.mapping.ping_table import BIN_M, PingTable
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -129,33 +127,6 @@ def test_what_echoes_from_several_sides_speak_for_holds_sound_back() -> None:
     assert 0.3 < two_sides < 0.5
     worst[0, 3, 1] = 50.0
     assert beliefs(hides, free, worst, 0.05)[0, 3] == OCCUPIED
-
-
-def test_what_returns_as_much_as_a_mirror_lets_nothing_through(
-    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone]
-) -> None:
-    """A wall that is struck from one place, and so not found, beside one that is."""
-    kept = KeptPings(MappingParameters())
-    for cone in mirror_pings:
-        kept.add(cone, "robot")
-    east = {"x_m": 3.0, "yaw_rad": 0.0}
-    kept.add(make_cone((0.8, 0.5), stamp_ns=100, **east), "robot")
-    kept.add(make_cone((0.8, 0.1), (1.9, 0.2), stamp_ns=101, **east), "robot")
-    table, rows, _, echoes, first_only, _ = kept.pings()
-    field = field_around(table, rows, RESOLUTION_M)
-    smooth = SmoothSurfaces(table, rows, echoes, field)
-    assert np.isinf(smooth.ended_m()).all()
-    nothing = np.zeros(field.shape, np.float32)
-    smooth.find(np.zeros(len(echoes.range_m), bool), [], first_only, nothing)
-    assert len(smooth.mirrors) == 1
-    ended_m = smooth.ended_m()
-    assert np.isinf(ended_m[:-2]).all()
-    assert ended_m[-2:] == pytest.approx([0.8, 1.9])
-    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
-    end_rays(left, ended_m, table.numbers[rows, GREATEST_RANGE])
-    assert (left[:-2] == WHOLE).all()
-    reached_m = (left[-2:, 0] == WHOLE).mean(axis=1) * table.numbers[rows[-2:], GREATEST_RANGE]
-    assert reached_m == pytest.approx(ended_m[-2:] + BEHIND_ECHO_M, abs=0.03)
 
 
 def test_estimates_of_few_pings_and_of_lone_things_are_not_trusted() -> None:

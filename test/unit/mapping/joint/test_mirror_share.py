@@ -143,7 +143,8 @@ def test_few_pings_that_pass_poles_do_not_take_them_for_mirrors() -> None:
         (0.7, 60, 0.5, 0.5 * (0.3 - OF_POLES) / (OF_MIRRORS - OF_POLES)),
         (0.54, ENOUGH_PINGS - 1, 1.0, 1.0),
         (0.0, ENOUGH_PINGS - 1, 1.0, 1.0),
-        (0.4, ENOUGH_PINGS, 1.0, 0.0),
+        (0.4, ENOUGH_PINGS, 1.0, 1.0),
+        (0.9, ENOUGH_PINGS, 1.0, 0.0),
     ],
 )
 def test_what_nothing_explains_may_be_mirrors(
@@ -171,6 +172,7 @@ def test_few_things_do_not_say_that_a_place_is_one_of_poles() -> None:
     assert shares[:3] == [1.0] * 3
     assert shares == sorted(shares, reverse=True)
     assert shares[MANY_THINGS - 2 :] == [0.0] * 6
+    assert unexplained_share(chances, np.ones(100), 2, ENOUGH_PINGS, 1.0) == 0.0
 
 
 def test_of_few_echoes_hardly_any_may_be_left_unexplained() -> None:
@@ -183,3 +185,4 @@ def test_of_few_echoes_hardly_any_may_be_left_unexplained() -> None:
     )
     assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, 10, 0.0) == 0.0
     assert unexplained_share(chances[3:], ranges_m[3:], MANY_THINGS, 10, 1.0) == 0.0
+    assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, ENOUGH_PINGS, 1.0) == 0.0

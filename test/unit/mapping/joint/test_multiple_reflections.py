@@ -75,6 +75,22 @@ def test_what_is_heard_through_a_door_is_a_wall(make_cone: Callable[..., EchoCon
     assert distances_m[-1] == pytest.approx(2.0 * WIDE_M, abs=0.01)
 
 
+@pytest.mark.parametrize(("through", "found"), [(5, 2), (20, 3)])
+def test_what_hardly_anybody_heard_through_a_door_is_none(
+    make_cone: Callable[..., EchoCone], through: int, found: int
+) -> None:
+    """Of a wall three echoes were left, all of one place, and it was drawn on for 4 m."""
+    more = (2.85, 0.02)
+    walls = corridor_pings(make_cone, lambda before_m, gain: [by_both(before_m, gain)[0], more])
+    both = corridor_pings(make_cone, lambda before_m, gain: [*by_both(before_m, gain), more])
+    behind = corridor_pings(make_cone, lambda before_m, gain: [by_both(before_m, gain)[1], more])
+    pings = list(walls)
+    for which, begin, count in ((behind, 40, through), (both, 40 + 2 * through, 1)):
+        pings[begin : begin + 2 * count : 2] = which[begin : begin + 2 * count : 2]
+    distances_m = walls_and_reflected(pings)[0]
+    assert len({round(distance_m, 1) for distance_m in distances_m}) == found
+
+
 def test_what_is_louder_than_mirrors_are_is_no_reflection(
     make_cone: Callable[..., EchoCone],
 ) -> None:

@@ -13,6 +13,8 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 #: How far behind what was heard from one side alone silence must say as much as where walls
 #: may go on, m.
 BEHIND_M = 0.5
+#: The same of mirrors: another side of it may be as far behind, as of walls between rooms.
+BEHIND_MIRRORS_M = 0.25
 #: A line was heard from one side if the mean of the cosines of its echoes' incidence, with the sign
 #: of the side that they were heard from, is more.
 ONE_SIDED = 0.4
@@ -46,7 +48,17 @@ def behind_walls(walls: Walls, evidence: CellEvidence, field: Field) -> BoolArra
     backs = behind_alone(alone, heard, east, north, field, 0.5 * BEHIND_M)
     depth_cells = round(BEHIND_M / field.resolution_m)
     backs |= behind(walls.lines, heard, east, north, depth_cells)
+    mirrors_cells = round(BEHIND_MIRRORS_M / field.resolution_m)
+    # Normals of mirrors point away from who heard them.
+    backs |= drawn(_shifted(walls.mirrors, np.arange(1.0, mirrors_cells + 1.0)), field.shape)
     return backs & ~walls.shown
+
+
+def _shifted(lines: FloatArray, cells: FloatArray) -> FloatArray:
+    """Lines, each moved along its normal by each of some numbers of cells."""
+    moved = np.repeat(lines, len(cells), axis=0)
+    moved[:, DISTANCE] += np.tile(cells, len(lines))
+    return moved
 
 
 def behind(
@@ -72,9 +84,8 @@ def behind(
         on = drawn(line[np.newaxis], heard.shape)
         side = float(line[NORMAL_X] * east[on].sum() + line[NORMAL_Y] * north[on].sum())
         if abs(side) > ONE_SIDED * float(heard[on].sum()):
-            back = np.repeat(line[np.newaxis], depth_cells, axis=0)
-            back[:, DISTANCE] -= np.sign(side) * np.arange(1.0, depth_cells + 1.0)
-            mask |= drawn(back, heard.shape)
+            cells = -np.sign(side) * np.arange(1.0, depth_cells + 1.0)
+            mask |= drawn(_shifted(line[np.newaxis], cells), heard.shape)
     return mask
 
 

@@ -109,7 +109,8 @@ class FreeSpace:
         field, occupied, hides = self._field, walls.shown, walls.shown | self._standing
         ended_m, trusted = smooth.ended_m(), trust(float(self._weights.sum()), walls)
         listening = self._listening(walls, smooth, powers, trusted)
-        left = self._left(np.where(hides, OCCUPIED, 0.0), ended_m)
+        open_left = self._cast(np.where(hides, OCCUPIED, 0.0))
+        left = self._ended(open_left, ended_m)
         self.answers = answers = learn_answers(
             self._table, self._pings, field, left, listening, walls, smooth, evidence
         )._replace(trusted=trusted)
@@ -130,13 +131,16 @@ class FreeSpace:
         # What continues walls is of their kind.
         walls, may_be = continued(
             walls, going_on, proven | stood, self._stood,
-            Lookers(self._table, self._pings, field, left),
+            Lookers(self._table, self._pings, field, open_left),
         )  # fmt: skip
         walls = walls.without(going_on < HARDLY)
         panes = self._where_panes_may_be(smooth, walls.shown, proven | stood)
         closed |= smooth.suspected() | may_be | panes
         closed |= behind_walls(walls, evidence, field) & ~proven & (alike >= ENDS)
-        cells = Asked(wanted & ~walls.shown, stood & ~walls.shown, proven, closed, panes)
+        cells = Asked(
+            wanted & ~walls.shown, stood & ~walls.shown, proven, closed, panes,
+            smooth.behind_unfound(),
+        )  # fmt: skip
         free = self._freed(walls, smooth, heard, cells, refuting, worst, ended_m)
         self.heard = Refutations(worst, proofs, closed)
         return walls, led_to(free, cells.stood, proven, walls)
@@ -264,7 +268,7 @@ class FreeSpace:
         return held
 
     def _left(self, belief: FloatArray, ended_m: FloatArray) -> NDArray[np.uint8]:
-        """How much of the sound is left along rays, by what may hold it back.
+        """How much of the sound is left along rays, by what may hold it back, and where it ends.
 
         Parameters
         ----------
@@ -273,10 +277,18 @@ class FreeSpace:
         ended_m : (pings,) array
             Range beyond which hardly anything is left of each ping.
         """
+        return self._ended(self._cast(belief), ended_m)
+
+    def _cast(self, belief: FloatArray) -> NDArray[np.uint8]:
+        """The same wherever it ends."""
         depth = optical_depth(belief, FREE_OPACITY)
-        left = cast_all_rays(self._table, self._pings, self._field, depth)
-        end_rays(left, ended_m, self._table.numbers[self._pings, GREATEST_RANGE])
-        return left
+        return cast_all_rays(self._table, self._pings, self._field, depth)
+
+    def _ended(self, left: NDArray[np.uint8], ended_m: FloatArray) -> NDArray[np.uint8]:
+        """What of it is left where it ends."""
+        ended = left.copy()
+        end_rays(ended, ended_m, self._table.numbers[self._pings, GREATEST_RANGE])
+        return ended
 
     def _in_reach(self) -> BoolArray:
         """Cells that a ping may reach, and some in the corners around."""

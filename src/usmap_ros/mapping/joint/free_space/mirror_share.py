@@ -37,7 +37,8 @@ OF_POLES, OF_MIRRORS = 0.15, 0.45
 FEW_THINGS, MANY_THINGS, LEAST_TOLD = 4, 6, 0.1
 #: Echoes below which hardly any may be left unexplained, and the share of mirrors where more are.
 LEAST_ECHOES, HARDLY_ANY, UNKNOWN_SHARE = 60, 0.05, 0.5
-#: Pings by which walls that are there have shown themselves.
+#: Pings from which on what else is there would have shown itself: few things, and few echoes, tell
+#: as much as many.
 ENOUGH_PINGS = 2 * TELLING_PINGS
 #: A wall ends where its cells are farther apart than this.
 APART_CELLS = 10.0
@@ -100,12 +101,12 @@ def unexplained_share(
     pings: int,
     lone_share: float,
 ) -> float:
-    """Share of surfaces that may be mirrors, by echoes that nothing explains, while pings are few.
+    """Share of surfaces that may be mirrors, by echoes that nothing explains.
 
     Pings strike a mirror in a few places, each of them from one side: what they hear fits no point
     that all of them should have heard, and nothing is shown.  Poles explain what they return, but
     for those that are far off, which few pings hear: so the nearer half of the echoes tells.  And
-    where few things were found, there is little to say that the place is one of poles.
+    where few things were found by few pings, there is little to say that the place is one of poles.
 
     Parameters
     ----------
@@ -120,12 +121,13 @@ def unexplained_share(
     lone_share : float
         How far a place is one of lone things: walls that were found tell of themselves.
     """
-    if not len(chances) or pings >= ENOUGH_PINGS:
+    if not len(chances):
         return 0.0
-    is_unexplained = chances <= EXPLAINED
-    if len(chances) < LEAST_ECHOES:
-        return UNKNOWN_SHARE * lone_share * bool(is_unexplained.mean() > HARDLY_ANY)
-    told = min(max((things - FEW_THINGS) / (MANY_THINGS - FEW_THINGS), LEAST_TOLD), 1.0)
+    is_unexplained, told = chances <= EXPLAINED, 1.0
+    if pings < ENOUGH_PINGS:
+        if len(chances) < LEAST_ECHOES:
+            return UNKNOWN_SHARE * lone_share * bool(is_unexplained.mean() > HARDLY_ANY)
+        told = min(max((things - FEW_THINGS) / (MANY_THINGS - FEW_THINGS), LEAST_TOLD), 1.0)
     unexplained = float(is_unexplained[ranges_m <= np.median(ranges_m)].mean()) / told
     return lone_share * min(max(unexplained - OF_POLES, 0.0) / (OF_MIRRORS - OF_POLES), 1.0)
 

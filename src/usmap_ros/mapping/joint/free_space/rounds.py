@@ -24,6 +24,8 @@ class Asked(NamedTuple):
     #: Those that are not free whatever is said, and of them where panes may be.
     closed: BoolArray
     panes: BoolArray
+    #: Those behind mirrors that were struck, and not found: there may be room for others.
+    behind: BoolArray
 
 
 def free_now(
@@ -57,7 +59,8 @@ def free_now(
     if mirrors:
         here, silence = next(answers.each(field))
         widest_cells = widest_gap_m(mirrors) / field.resolution_m
-        refute_for_room(is_refuted, worst, cells.wanted & here, walls, silence, widest_cells)
+        asked = cells.wanted & here & ~cells.behind
+        refute_for_room(is_refuted, worst, asked, walls, silence, widest_cells)
     free: BoolArray = cells.wanted & over_last(np.logical_and, is_refuted) & ~cells.closed
     free |= cells.stood
     if not mirrors:

@@ -71,7 +71,7 @@ def fitted(
         normal_rad, distance_m, score, hits = fit(search, *candidate)
         if score < bar.score or len(hits.echo) < bar.hits:
             return None
-        if _tells_direction(bar, hits.along_m):
+        if tells_direction(bar, hits.along_m):
             return _judged(search, bar, normal_rad, distance_m, hits)
         # Who stands or turns in one place hears a line often there, and it may go on elsewhere.
         is_open = search.is_open.copy()
@@ -79,8 +79,8 @@ def fitted(
         search = search._replace(is_open=is_open)
 
 
-def _tells_direction(bar: MirrorCriteria, feet_m: FloatArray) -> bool:
-    """Whether feet are spread as far as those of a wall must be."""
+def tells_direction(bar: MirrorCriteria, feet_m: FloatArray) -> bool:
+    """Whether feet, in ascending order, are spread as far as those of a wall must be."""
     stretch_m, places = _spread(feet_m)
     return stretch_m >= bar.stretch_m and places >= bar.places
 

@@ -14,7 +14,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.surfaces.mirror_criteria import ANY, USUAL, MirrorCriteria, fitted
+from usmap_ros.mapping.joint.surfaces.mirror_criteria import (
+    ANY,
+    USUAL,
+    MirrorCriteria,
+    fitted,
+    tells_direction,
+)
 from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
 from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import (
@@ -99,7 +105,14 @@ def mirror_walls(
     search = search._replace(is_open=is_left, faintest=math.exp(usual - FAINTER), loudest=faintest)
     fainter = _likelier_than_points(found_mirrors(search, ANY))
     walls += [each for each in fainter if each.deviation < NEARLY_STEADY and _is_bare(each)]
-    return squared(seen_directly(without_doubles(walls), places_m), places_m, echoes)
+    seen = seen_directly(without_doubles(walls), places_m)
+    return squared([wall for wall in seen if _is_still(wall, places_m)], places_m, echoes)
+
+
+def _is_still(wall: MirrorWall, places_m: FloatArray) -> bool:
+    """Whether what is left of a wall, without the pings that others hide it from, tells of one."""
+    feet_m = places_m[wall.pings] @ (-math.sin(wall.normal_rad), math.cos(wall.normal_rad))
+    return len(feet_m) >= USUAL.hits and tells_direction(USUAL, np.sort(feet_m))
 
 
 def left_of(is_open: BoolArray, walls: list[MirrorWall]) -> BoolArray:

@@ -11,6 +11,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, larger_columns
+from usmap_ros.mapping.joint.surfaces.loud_echoes import FEW_ECHOES, LoudEchoes
 from usmap_ros.mapping.joint.surfaces.mirror_walls import perpendicular_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, on_field
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
@@ -28,23 +29,15 @@ from usmap_ros.mapping.joint.surfaces.round_columns import (
     without_pairs,
 )
 from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
-from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
+from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.ray_casting import cast_all_rays
 from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
-from usmap_ros.mapping.ping_table import (
-    ABSORPTION,
-    PingTable,
-    X,
-    Y,
-)
+from usmap_ros.mapping.ping_table import PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Power that smooth things return, over what would have been reported.
 LOUD = 100.0
-#: An echo as loud as this, as a share of what the place's mirrors return on the beam's axis, is of
-#: a mirror that is struck squarely within the beam, or of something as near as it is large.
-MIRROR_SHARE = 0.5
 
 
 class KnownSurfaces(NamedTuple):
@@ -235,38 +228,29 @@ class SmoothSurfaces:
         return out_of_sight(points_m, self.mirrors, places_m)
 
     def ended_m(self) -> FloatArray:
-        """How far the sound of each ping can have gone, by echoes as loud as mirrors' are.
+        """How far the sound of each ping can have gone, by echoes as loud as mirrors' are."""
+        loud = self._loud_echoes()
+        return np.full(len(self._pings), np.inf) if loud is None else loud.ended_m()
 
-        Who strikes a wall squarely from a single place hears it at one range, from which it may be
-        anywhere in the beam: no wall is found, and nothing stands where its sides are.  Whatever
-        returns as much as a mirror does lets nothing through.
-
-        Returns
-        -------
-        ended_m : (pings,) array
-            Range of the nearest echo that is as loud as one of a mirror, but of none that was
-            found; infinite where there is none.
-        """
-        ended_m = np.full(len(self._pings), np.inf)
-        if not self.mirrors:
-            return ended_m
-        # By those who found them: these pings may have struck none of them.
-        found = self._known_mirrors or self.mirrors
-        hits = [len(wall.echoes) for wall in found]
-        usual = float(np.average([wall.log_mirror for wall in found], weights=hits))
-        level = mirror_levels(self._echoes, self.places.numbers[:, ABSORPTION])
-        is_found = self._reflected.copy()
+    def behind_unfound(self) -> BoolArray:
+        """Cells behind walls that were struck, but not found, where few echoes are heard."""
+        loud = self._loud_echoes()
+        if loud is None or len(self._echoes.range_m) > FEW_ECHOES * len(self._pings):
+            return np.zeros(self._field.shape, bool)
+        explained = self._reflected.copy()
         # What goes on beyond the feet that it was found by is heard there, too.
         for wall in self.mirrors:
-            is_found |= self.places.are_of_mirror(wall)
+            explained |= self.places.are_of_mirror(wall)
         for column in self.columns:
-            is_found |= self.places.are_of_column(column)
-        ends = ~is_found & (level > MIRROR_SHARE * np.exp(usual))
-        if self.mirrored:
-            # Rough walls of other parts are as loud.
-            ends &= any_holds(self.mirrored, self.places.numbers[:, [X, Y]])
-        np.minimum.at(ended_m, self.places.ping[ends], self._echoes.range_m[ends])
-        return ended_m
+            explained |= self.places.are_of_column(column)
+        return loud.behind(explained, self._field)
+
+    def _loud_echoes(self) -> LoudEchoes | None:
+        """Echoes as loud as those of mirrors, if any mirror is known."""
+        # By those who found them: these pings may have struck none of them.
+        found = self._known_mirrors or self.mirrors
+        given = self._table, self._pings, self._echoes, self.places
+        return LoudEchoes(found, self.mirrored, *given) if found else None
 
     def drawn_columns(self) -> BoolArray:
         """Cells at the surface of columns."""

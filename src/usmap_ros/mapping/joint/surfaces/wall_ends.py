@@ -20,10 +20,10 @@ from usmap_ros.mapping.joint.visibility.beams import (
     LOOKING_SHARE,
     WITHIN_GREATEST_M,
     WITHIN_LEAST_M,
+    amplitude_gains,
 )
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
-from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.mapping.ping_table import (
     ABSORPTION,
     BIN_M,
@@ -157,9 +157,8 @@ class WallEnds:
         near = np.abs(self._echoes.range_m - across[self._echo_ping]) < TOLERANCE_M
         heard = np.bincount(self._echo_ping[near], minlength=len(across))[asked] > 0
         numbers, across, off, half = numbers[asked], across[asked], off[asked], half[asked]
-        entry = (1.0 - np.cos(off)) / (1.0 - np.cos(half)) * GAIN_STEPS
         rows = self._pings[asked]
-        gain = np.sqrt(self._table.power_gain[rows, np.clip(entry.astype(int), 0, GAIN_STEPS)])
+        gain = amplitude_gains(self._table, rows, off)
         b = ((across - numbers[:, LEAST_RANGE]) / numbers[:, BIN_M]).astype(int)
         limit = np.sqrt(self._table.limit[rows, np.minimum(b, self._table.bins[rows] - 1)])
         ray = np.clip(((off + half) * RAYS / (2.0 * half)).astype(int), 0, RAYS - 1)

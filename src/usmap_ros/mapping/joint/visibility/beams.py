@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_bins import GAIN_STEPS
 from usmap_ros.mapping.ping_table import (
@@ -102,3 +105,11 @@ def amplitude_gain(table: PingTable, ping: int, off_rad: float) -> float:
     half = table.numbers[ping, HALF_ANGLE]
     entry = int((1.0 - math.cos(off_rad)) / (1.0 - math.cos(half)) * GAIN_STEPS)
     return math.sqrt(table.power_gain[ping, min(max(entry, 0), GAIN_STEPS)])
+
+
+def amplitude_gains(table: PingTable, pings: NDArray[np.int64], off_rad: FloatArray) -> FloatArray:
+    """The same of some rows of the table, each at an angle of its own: (pings,) array."""
+    half = table.numbers[pings, HALF_ANGLE]
+    entry = (1.0 - np.cos(off_rad)) / (1.0 - np.cos(half)) * GAIN_STEPS
+    gain = table.power_gain[pings, np.clip(entry.astype(int), 0, GAIN_STEPS)]
+    return np.asarray(np.sqrt(gain), np.float64)

@@ -37,6 +37,9 @@ USUAL_SHARE, LEAST_GAIN = 0.35, 0.1
 #: Echoes a ping below which walls are heard so seldom that some are not found: 0.5 to 1.6 in eleven
 #: rooms of strangers of which space outside was called free, 1.7 and more where hardly any was.
 FEW_ECHOES = 1.65
+#: Share of pings' nearest loud echoes that are of something that was found, where nothing is
+#: missing.
+ALL_FOUND = 0.87
 #: A mirror is so wide to either side of where it was struck, m; steps in which cells behind it are
 #: looked for, cells.
 HALF_WIDTH_M, STEP_CELLS = 2.0, 0.8
@@ -117,6 +120,8 @@ class LoudEchoes:
         loud = np.flatnonzero(self.are_loud)
         # Echoes of a ping come by range.
         nearest = loud[np.unique(ping[loud], return_index=True)[1]]
+        if not len(nearest) or explained[nearest].mean() >= ALL_FOUND:
+            return np.zeros(field.shape, bool)
         struck = nearest[~explained[nearest] & self._looks[nearest]]
         bearing_rad = numbers[struck, HEADING] + self._turn_rad[struck]
         step_m, behind = STEP_CELLS * field.resolution_m, np.zeros(field.shape, bool)

@@ -241,7 +241,7 @@ class SmoothSurfaces:
         # What goes on beyond the feet that it was found by is heard there, too.
         for wall in self.mirrors:
             explained |= self.places.are_of_mirror(wall)
-        for column in self.columns:
+        for column in [*self.columns, *self._suspected]:
             explained |= self.places.are_of_column(column)
         return loud.behind(explained, self._field)
 

@@ -8,10 +8,11 @@ import pytest
 
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.loud_echoes import (
-    ALL_FOUND,
+    A_WALL,
     FEW_ECHOES,
     HALF_WIDTH_M,
     MIRROR_SHARE,
+    MOST_FOUND,
 )
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.visibility.field import Field, field_around
@@ -109,8 +110,13 @@ def test_there_is_room_for_anything_behind_a_wall_that_was_struck_and_not_found(
     assert [is_behind(4.4, y_m) for y_m in beside_m] == [True, False]
     # What looks askew may be of anything; and where most is explained, so may be the rest.
     assert not behind_of([*mirror_pings, *struck_once(make_cone, yaw_rad=0.8)])[0].any()
-    few = round((1.0 - ALL_FOUND) * len(mirror_pings)) - 1
+    few = round((1.0 - MOST_FOUND) * len(mirror_pings))
     assert not behind_of([*mirror_pings, *struck_once(make_cone)[:few]])[0].any()
+    # But three of one line are of a wall.
+    beside = [make_cone((0.8, 0.5), stamp_ns=90 + n, y_m=0.1 * n, **EAST) for n in range(A_WALL)]
+    _, is_behind = behind_of([*mirror_pings, *beside])
+    assert is_behind(3.9, 0.0)
+    assert not behind_of([*mirror_pings, *beside[1:]])[0].any()
 
 
 def test_where_echoes_are_many_walls_that_are_there_were_found(

@@ -128,7 +128,7 @@ class FreeSpace:
         worst[walls.bridged] = 0.0
         refuting = Refuting.by(answers, field, proofs, self._proofs)
         proven = (proofs >= self._proofs) & refuting.every(worst)
-        # What continues walls is of their kind; who struck one may have looked at what continues it.
+        # What continues walls is of their kind; who struck one may look at what continues it.
         walls, may_be = continued(
             walls, going_on, proven | stood, self._stood,
             Lookers(self._table, self._pings, field, open_left),

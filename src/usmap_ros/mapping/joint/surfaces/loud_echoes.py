@@ -37,9 +37,10 @@ USUAL_SHARE, LEAST_GAIN = 0.35, 0.1
 #: Echoes a ping below which walls are heard so seldom that some are not found: 0.5 to 1.6 in eleven
 #: rooms of strangers of which space outside was called free, 1.7 and more where hardly any was.
 FEW_ECHOES = 1.65
-#: Share of pings' nearest loud echoes that are of something that was found, where nothing is
-#: missing.
-ALL_FOUND = 0.87
+#: Share of pings' nearest loud echoes that are of something that was found, from which on single
+#: ones of the others may be of anything; and how many in line are a wall: so near to it, m, and to
+#: each other.
+MOST_FOUND, A_WALL, IN_LINE_M, TOGETHER_M = 0.87, 3, 0.06, 2.0
 #: A mirror is so wide to either side of where it was struck, m; steps in which cells behind it are
 #: looked for, cells.
 HALF_WIDTH_M, STEP_CELLS = 2.0, 0.8
@@ -120,10 +121,11 @@ class LoudEchoes:
         loud = np.flatnonzero(self.are_loud)
         # Echoes of a ping come by range.
         nearest = loud[np.unique(ping[loud], return_index=True)[1]]
-        if not len(nearest) or explained[nearest].mean() >= ALL_FOUND:
-            return np.zeros(field.shape, bool)
         struck = nearest[~explained[nearest] & self._looks[nearest]]
         bearing_rad = numbers[struck, HEADING] + self._turn_rad[struck]
+        if explained[nearest].sum() >= MOST_FOUND * len(nearest):
+            several = self._in_line(struck, bearing_rad) >= A_WALL
+            struck, bearing_rad = struck[several], bearing_rad[several]
         step_m, behind = STEP_CELLS * field.resolution_m, np.zeros(field.shape, bool)
         beside_m = np.arange(-HALF_WIDTH_M, HALF_WIDTH_M, step_m)
         for echo, bearing in zip(struck.tolist(), bearing_rad.tolist(), strict=True):
@@ -135,3 +137,14 @@ class LoudEchoes:
                 (y_m + away_m * sine + beside_m * cosine).ravel(),
             )
         return behind
+
+    def _in_line(self, struck: NDArray[np.int64], bearing_rad: FloatArray) -> NDArray[np.int64]:
+        """With how many others, and itself, each echo is of one wall that faces so, (echoes,)."""
+        cosine, sine = np.cos(bearing_rad), np.sin(bearing_rad)
+        x_m, y_m = self._places.numbers[struck][:, [X, Y]].T
+        distance_m = x_m * cosine + y_m * sine + self._range_m[struck]
+        along_m = y_m * cosine - x_m * sine
+        alike = np.cos(bearing_rad[:, np.newaxis] - bearing_rad) > 0.0
+        alike &= np.abs(distance_m[:, np.newaxis] - distance_m) < IN_LINE_M
+        alike &= np.abs(along_m[:, np.newaxis] - along_m) < TOGETHER_M
+        return np.asarray(alike.sum(axis=1), np.int64)

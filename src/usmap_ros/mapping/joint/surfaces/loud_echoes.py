@@ -1,9 +1,9 @@
 """Echoes as loud as those of mirrors: whatever they are of lets hardly any sound through.
 
 Who strikes a wall squarely from a single place hears it at one range, from which it may be anywhere
-in the beam: no wall is found, and nothing stands where its sides are.  Where a wall is found, it is
-known as far as somebody struck it, and goes on beside that: sound that went past its known end in
-the same beam met more of it.
+in the beam: no wall is found, and nothing stands where its sides are.  Where little is heard, and a
+wall is found, it is known as far as somebody struck it, and goes on beside that: sound that went
+past its known end in the same beam met more of it.
 """
 
 from collections.abc import Sequence
@@ -94,8 +94,13 @@ class LoudEchoes:
         if mirrored:
             self.are_loud &= any_holds(mirrored, numbers[:, [X, Y]])
 
-    def ended_m(self) -> FloatArray:
+    def ended_m(self, known: BoolArray) -> FloatArray:
         """How far the sound of each ping can have gone.
+
+        Parameters
+        ----------
+        known : (echoes,) bool array
+            Which are of things that are known to end, so that sound goes on beside them.
 
         Returns
         -------
@@ -103,8 +108,8 @@ class LoudEchoes:
             Range of its nearest loud echo; infinite where there is none.
         """
         ended_m = np.full(self._count, np.inf)
-        ping = self._places.ping[self.are_loud]
-        np.minimum.at(ended_m, ping, self._range_m[self.are_loud])
+        ends = self.are_loud & ~known
+        np.minimum.at(ended_m, self._places.ping[ends], self._range_m[ends])
         return ended_m
 
     def behind(self, explained: BoolArray, field: Field) -> BoolArray:

@@ -228,22 +228,37 @@ class SmoothSurfaces:
         return out_of_sight(points_m, self.mirrors, places_m)
 
     def ended_m(self) -> FloatArray:
-        """How far the sound of each ping can have gone, by echoes as loud as mirrors' are."""
+        """How far the sound of each ping can have gone, by echoes as loud as mirrors' are.
+
+        Of things that were found it is known how far they go, unless few echoes are heard.
+        """
         loud = self._loud_echoes()
-        return np.full(len(self._pings), np.inf) if loud is None else loud.ended_m()
+        if loud is None:
+            return np.full(len(self._pings), np.inf)
+        nothing = np.zeros(len(self._echoes.range_m), bool)
+        return loud.ended_m(nothing if self._hears_little else self._explained(self.columns))
 
     def behind_unfound(self) -> BoolArray:
         """Cells behind walls that were struck, but not found, where few echoes are heard."""
         loud = self._loud_echoes()
-        if loud is None or len(self._echoes.range_m) > FEW_ECHOES * len(self._pings):
+        if loud is None or not self._hears_little:
             return np.zeros(self._field.shape, bool)
+        return loud.behind(self._explained([*self.columns, *self._suspected]), self._field)
+
+    @property
+    def _hears_little(self) -> bool:
+        """Whether few echoes are heard."""
+        return len(self._echoes.range_m) <= FEW_ECHOES * len(self._pings)
+
+    def _explained(self, columns: list[RoundColumn]) -> BoolArray:
+        """Which echoes are of mirrors, go by way of several, or are of some columns."""
         explained = self._reflected.copy()
         # What goes on beyond the feet that it was found by is heard there, too.
         for wall in self.mirrors:
             explained |= self.places.are_of_mirror(wall)
-        for column in [*self.columns, *self._suspected]:
+        for column in columns:
             explained |= self.places.are_of_column(column)
-        return loud.behind(explained, self._field)
+        return explained
 
     def _loud_echoes(self) -> LoudEchoes | None:
         """Echoes as loud as those of mirrors, if any mirror is known."""

@@ -70,6 +70,17 @@ def test_what_returns_as_much_as_a_mirror_lets_nothing_through(
     assert reached_m == pytest.approx(ended_m[-2:] + BEHIND_ECHO_M, abs=0.03)
 
 
+def test_where_much_is_heard_sound_goes_on_beside_what_is_known(
+    make_cone: MakeCone, mirror_pings: list[EchoCone]
+) -> None:
+    """The face of a box hid what is beside it: a room that lost 15 % of its walls lost 21 %."""
+    faint = [(1.0 + 0.05 * number, 0.02) for number in range(20)]
+    beside = make_cone((0.8, 0.5), *faint, stamp_ns=100, **EAST)
+    ended_m = surfaces_of([*mirror_pings, beside])[0].ended_m()
+    assert np.isinf(ended_m[:-1]).all()
+    assert ended_m[-1] == pytest.approx(0.8)
+
+
 def test_what_is_struck_at_the_edge_of_the_beam_is_fainter(
     make_cone: MakeCone, mirror_pings: list[EchoCone]
 ) -> None:

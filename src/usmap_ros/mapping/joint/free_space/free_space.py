@@ -110,7 +110,7 @@ class FreeSpace:
         ended_m, trusted = smooth.ended_m(), trust(float(self._weights.sum()), walls)
         listening = self._listening(walls, smooth, powers, trusted)
         open_left = self._cast(np.where(hides, OCCUPIED, 0.0))
-        left = self._ended(open_left, ended_m)
+        left = self._ended(open_left.copy(), ended_m)
         self.answers = answers = learn_answers(
             self._table, self._pings, field, left, listening, walls, smooth, evidence
         )._replace(trusted=trusted)
@@ -285,10 +285,9 @@ class FreeSpace:
         return cast_all_rays(self._table, self._pings, self._field, depth)
 
     def _ended(self, left: NDArray[np.uint8], ended_m: FloatArray) -> NDArray[np.uint8]:
-        """What of it is left where it ends."""
-        ended = left.copy()
-        end_rays(ended, ended_m, self._table.numbers[self._pings, GREATEST_RANGE])
-        return ended
+        """What of it is left where it ends: the same array, changed."""
+        end_rays(left, ended_m, self._table.numbers[self._pings, GREATEST_RANGE])
+        return left
 
     def _in_reach(self) -> BoolArray:
         """Cells that a ping may reach, and some in the corners around."""

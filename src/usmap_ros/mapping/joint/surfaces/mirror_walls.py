@@ -111,7 +111,7 @@ def mirror_walls(
 
 def _is_still(wall: MirrorWall, places_m: FloatArray) -> bool:
     """Whether what is left of a wall, without the pings that others hide it from, tells of one."""
-    feet_m = places_m[wall.pings] @ (-math.sin(wall.normal_rad), math.cos(wall.normal_rad))
+    feet_m = wall.feet_m(places_m)
     return len(feet_m) >= USUAL.hits and tells_direction(USUAL, np.sort(feet_m))
 
 

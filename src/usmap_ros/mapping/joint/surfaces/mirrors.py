@@ -49,6 +49,11 @@ class MirrorWall:
         """Direction in which a place hears it, rad: the same one everywhere."""
         return self.normal_rad
 
+    def feet_m(self, places_m: FloatArray) -> FloatArray:
+        """Where along the tangent its pings' feet are, by where all pings were heard from."""
+        along = -math.sin(self.normal_rad), math.cos(self.normal_rad)
+        return np.asarray(places_m[self.pings] @ along)
+
     def line(self, field: Field) -> FloatArray:
         """The wall on a field, its cells half a cell behind its face."""
         res = field.resolution_m
@@ -137,7 +142,7 @@ def heard_by(wall: MirrorWall, are_own: BoolArray, places_m: FloatArray) -> Mirr
 
 def _between_feet(wall: MirrorWall, places_m: FloatArray) -> MirrorWall:
     """The wall as far as its pings heard it."""
-    feet_m = places_m[wall.pings] @ (-math.sin(wall.normal_rad), math.cos(wall.normal_rad))
+    feet_m = wall.feet_m(places_m)
     return replace(wall, begin_m=float(feet_m.min()), end_m=float(feet_m.max()))
 
 

@@ -240,8 +240,8 @@ class SmoothSurfaces:
 
     def behind_unfound(self) -> BoolArray:
         """Cells behind walls that were struck, but not found, where few echoes are heard."""
-        loud = self._loud_echoes()
-        if loud is None or not self._hears_little:
+        loud = self._loud_echoes() if self._hears_little else None
+        if loud is None:
             return np.zeros(self._field.shape, bool)
         return loud.behind(self._explained([*self.columns, *self._suspected]), self._field)
 

@@ -74,7 +74,9 @@ class MorePings:
             pings.table, pings.rows, pings.weights, self.field, before.standing, self._stood,
             parameters.proof_rays, pings.first_only,
         )  # fmt: skip
-        more = space.more(walls, before.free, before.worst, smooth, powers, known.answers)
+        more = space.more(
+            walls, before.free, before.worst, smooth, powers, before.evidence, known.answers
+        )
         return known.with_part(self._freed(cells, walls, more, known), self.field)
 
     def _explained(self, powers: Powers, before: CellStates) -> CellStates:

@@ -26,7 +26,12 @@ from usmap_ros.mapping.robot_check.comparison import (
     RobotComparison,
 )
 from usmap_ros.mapping.robot_check.displacement import Robot, displaced
-from usmap_ros.mapping.robot_check.echo_health import echo_health, odd_echoes
+from usmap_ros.mapping.robot_check.echo_health import (
+    EchoHealth,
+    echo_health,
+    heard_louder,
+    odd_echoes,
+)
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.mapping.robot_check.receiver_health import odd_receivers, receiver_health
 from usmap_ros.mapping.robot_check.shifts import RobotPairs, shifted
@@ -207,13 +212,29 @@ def _told(robots: Mapping[str, _Robot]) -> float:
 
 def _by_themselves(sources: Mapping[str, list[EchoCone]]) -> dict[str, Finding]:
     """Those who are found without a map, which they would spoil."""
-    heard = {name: echo_health(cones) for name, cones in sources.items()}
-    odd = odd_echoes({name: own for name, own in heard.items() if own})
-    # Who heard before may be where there is nothing: what others expect there tells.
-    hears = {name for name in sources if name + EARLIER_PINGS in heard.keys() - odd.keys()}
-    found = {name: own for name, own in odd.items() if own.verdict != "deaf" or name not in hears}
+    healths = {name: echo_health(cones) for name, cones in sources.items()}
+    heard = {name: own for name, own in healths.items() if own}
+    odd = odd_echoes(heard)
+    found = {name: own for name, own in odd.items() if not _heard_before(name, own, heard, odd)}
     receivers = {name: receiver_health(cones) for name, cones in sources.items()}
     return found | odd_receivers({name: own for name, own in receivers.items() if own})
+
+
+def _heard_before(
+    name: str,
+    own: Finding,
+    heard: Mapping[str, EchoHealth],
+    odd: Collection[str],
+) -> bool:
+    """Whether earlier pings show that a robot is where there is little to be heard, or quiet.
+
+    Then what others expect there tells.
+    """
+    before = name + EARLIER_PINGS
+    if own.verdict == "deaf":
+        return before in heard and before not in odd
+    is_clipped = own.verdict == "clipped" and before in heard
+    return is_clipped and heard_louder(heard[before], heard[name])
 
 
 def _cleared(screened: Mapping[str, Finding]) -> dict[str, Finding]:

@@ -104,6 +104,13 @@ def odd_echoes(healths: Mapping[str, EchoHealth]) -> dict[str, Finding]:
     return found
 
 
+def heard_louder(before: EchoHealth, own: EchoHealth) -> bool:
+    """Whether a robot has heard far louder before than it does now: then nothing clips that low."""
+    if before.whole_db is None or own.whole_db is None:
+        return False
+    return before.whole_db > own.whole_db + LOUDER_DB
+
+
 def _odd(own: EchoHealth, others: Sequence[EchoHealth]) -> Finding | None:
     if not others:
         return None

@@ -56,3 +56,34 @@ def test_few_grazing_looks_do_not_tell_whether_answers_fade() -> None:
     rough, bent = (learn_response(looks_at(shares, looks), WALL)[LOUD] for shares in (ROUGH, BENT))
     assert bent[GRAZING] == pytest.approx(rough[GRAZING], abs=0.3)
     assert bent[GRAZING] < -1.0
+
+
+def test_what_nobody_saw_aslant_from_one_side_is_not_rough() -> None:
+    """Robots that looked ahead alone left through the walls beside them."""
+    looks = [400] * 5 + [40, 0, 0]
+    several, one = (
+        learn_response(looks_at(ROUGH, looks), WALL, one_sided)[LOUD] for one_sided in (0.0, 1.0)
+    )
+    assert several[GRAZING] < -1.0
+    assert one[GRAZING] == pytest.approx(0.0, abs=0.01)
+    np.testing.assert_array_equal(several[:4], one[:4])
+
+
+def test_flat_looks_that_were_many_tell_as_much_from_one_side() -> None:
+    several, one = (
+        learn_response(looks_at(ROUGH, [400] * INCIDENCES), WALL, one_sided)
+        for one_sided in (0.0, 1.0)
+    )
+    np.testing.assert_array_equal(several, one)
+
+
+def test_faint_answers_may_fade_where_loud_ones_do_not() -> None:
+    """Near walls answered at any angle, and far ones did not: space behind a far one was free."""
+    mute, faint = [*ROUGH[:5], 0.2, 0.2, 0.2], LOUD - 6
+    near, far = looks_at(ROUGH, [400] * INCIDENCES), looks_at(mute, [400] * INCIDENCES)
+    far = far._replace(loud=far.loud - (LOUD - faint))
+    both = SurfaceViews(*(np.concatenate(each) for each in zip(near, far, strict=True)))
+    learnt = learn_response(both, WALL)
+    assert learnt[LOUD, GRAZING] < -1.0
+    assert learnt[faint, GRAZING] == pytest.approx(0.0, abs=0.01)
+    assert learnt[faint, 3] < -1.0

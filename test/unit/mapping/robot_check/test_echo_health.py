@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from usmap_ros.mapping.robot_check.echo_health import EchoHealth, echo_health, odd_echoes
+from usmap_ros.mapping.robot_check.consistency import Consistency
+from usmap_ros.mapping.robot_check.echo_health import (
+    EchoHealth,
+    echo_health,
+    heard_louder,
+    odd_echoes,
+)
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.parameters import ReconstructionParameters
+from usmap_ros.parameters import MappingParameters, ReconstructionParameters
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.reconstruction.reconstructor import reconstruct
 from usmap_ros.simulation.points import hear
@@ -145,3 +151,27 @@ def test_one_that_makes_echoes_up_is_named() -> None:
 def test_a_robot_alone_is_not_judged(heard: EchoCone) -> None:
     assert odd_echoes({"own": health(drive(heard, LOUD))}) == {}
     assert echo_health([]) is None
+
+
+def test_one_that_has_heard_far_louder_before_does_not_clip(heard: EchoCone) -> None:
+    """Down a corridor loudest echoes are of walls beside, all alike, after one that was ahead."""
+    quiet, loud = health(drive(heard, LOUD)), health(drive(heard))
+    assert heard_louder(loud, quiet)
+    assert not heard_louder(quiet, quiet)
+    assert not heard_louder(quiet, loud)
+    silent = EchoHealth(40, 1.0, 0.0)
+    assert not heard_louder(silent, quiet)
+    assert not heard_louder(quiet, silent)
+
+
+@pytest.mark.parametrize(("before", "is_clipped"), [(np.inf, False), (LOUD, True)])
+def test_nobody_is_said_to_clip_what_it_has_heard_louder(
+    heard: EchoCone, before: float, is_clipped: bool
+) -> None:
+    consistency = Consistency(MappingParameters())
+    ways = {"own": [before, before, LOUD, LOUD], "other": [np.inf] * 4}
+    for name, most in ways.items():
+        pings = [ping for each in most for ping in drive(heard, each)]
+        for number, ping in enumerate(pings):
+            consistency.add(name, replace(ping, stamp_ns=number * 10**8))
+    assert (consistency.findings()["own"].verdict == "clipped") == is_clipped

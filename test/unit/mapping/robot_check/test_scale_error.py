@@ -45,9 +45,29 @@ def test_ranges_are_wrong_if_enough_is_gained_for_what_is_unexplained(
     scale: float, own: float, theirs: float, background: float, error: float | None
 ) -> None:
     """Healthy ones are those that gained most of 1,600, the others of those that gained least."""
-    found = scale_error(scale, np.array([own, theirs]), background)
+    found = scale_error(scale, np.array([own, theirs]), background, 0.0)
 
     assert (found and found[0]) == pytest.approx(error)
+
+
+@pytest.mark.parametrize(
+    ("scale", "gain", "told", "is_wrong"),
+    [
+        (0.9575, 41.2, 356.0, False),
+        (0.9475, 28.5, 274.0, False),
+        (0.9225, 54.7, 201.0, False),
+        (0.9475, 38.0, 232.0, True),
+        (0.95, 26.9, 176.0, True),
+    ],
+    ids=["healthy", "healthy", "healthy, and odd", "5 % too long", "5 % too long"],
+)
+def test_ranges_are_not_wrong_by_little_of_all_that_chance_explains(
+    scale: float, gain: float, told: float, is_wrong: bool
+) -> None:
+    """Robots that look ahead hear as much from walls that reverberate as from landmarks."""
+    found = scale_error(scale, np.array([gain, 0.0]), 1.2, told)
+
+    assert (found is not None) == is_wrong
 
 
 def passing(factor: float, error_m: float) -> list[EchoCone]:

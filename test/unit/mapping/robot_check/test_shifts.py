@@ -22,8 +22,22 @@ Pairs = Callable[[Mapping[tuple[str, str], Said], Mapping[tuple[str, str], Said]
 
 @pytest.mark.parametrize(
     ("told", "gain", "is_moved"),
-    [(-10.0, 40.0, True), (0.0, 45.0, False), (-5.0, 58.0, False), (7.0, 263.0, True)],
-    ids=["contradicted", "alone", "hardly contradicted", "borne out far better"],
+    [
+        (-10.0, 40.0, True),
+        (0.0, 45.0, False),
+        (-5.0, 58.0, False),
+        (6.9, 69.0, False),
+        (0.4, 75.6, True),
+        (7.0, 263.0, True),
+    ],
+    ids=[
+        "contradicted",
+        "alone",
+        "hardly contradicted",
+        "healthy, where walls reverberate",
+        "1 m off, with one other",
+        "borne out far better",
+    ],
 )
 def test_one_who_is_alone_where_it_is_may_be_there(
     told: float, gain: float, is_moved: bool

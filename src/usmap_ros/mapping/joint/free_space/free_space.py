@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
-from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth, over_block
+from usmap_ros.mapping.joint.forward_model.log_odds import cell_log_odds, optical_depth
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.behind import behind_walls
 from usmap_ros.mapping.joint.free_space.connected import led_to
@@ -21,6 +21,7 @@ from usmap_ros.mapping.joint.free_space.heard_of_surfaces import HeardOfSurfaces
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, all_usual
 from usmap_ros.mapping.joint.free_space.listening import listening_beside, scattering, trust
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers
+from usmap_ros.mapping.joint.free_space.one_sided import surely_returned
 from usmap_ros.mapping.joint.free_space.refutation import (
     OCCUPIED,
     Refutations,
@@ -118,7 +119,7 @@ class FreeSpace:
             self._table, self._pings, field, listening, answers, scattering(powers),
             left,
         )  # fmt: skip
-        proofs = self._proven(occupied, left, powers, smooth)
+        proofs = self._proven(occupied, left, powers, smooth, evidence, answers.one_sided)
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         worst = np.zeros((*field.shape, GROUPS), np.float32)
@@ -193,6 +194,7 @@ class FreeSpace:
         worst: NDArray[np.float32],
         smooth: SmoothSurfaces,
         powers: Powers,
+        evidence: CellEvidence,
         answers: Answers,
     ) -> Refutations:
         """What these pings say of cells beside those that `answers` was learnt from.
@@ -205,7 +207,7 @@ class FreeSpace:
             Cells that were free before.
         worst : (rows, columns, GROUPS) float32 array
             What pings before said of the others, by `refute_surfaces`.
-        powers
+        powers, evidence
             Of what stands.
         answers : Answers
             What was learnt of the place.
@@ -219,7 +221,7 @@ class FreeSpace:
             self._table, self._pings, self._field, listening, answers.by(all_usual),
             scattering(powers), left,
         )  # fmt: skip
-        proofs = self._proven(walls.shown, left, powers, smooth)
+        proofs = self._proven(walls.shown, left, powers, smooth, evidence, answers.one_sided)
         panes = self._where_panes_may_be(smooth, hides, free)
         left = self._left(self._held(walls, free, worst, answers, panes), ended_m)
         more = np.zeros_like(worst)
@@ -310,10 +312,12 @@ class FreeSpace:
         left: NDArray[np.uint8],
         powers: Powers,
         smooth: SmoothSurfaces,
+        evidence: CellEvidence,
+        one_sided: float,
     ) -> NDArray[np.float32]:
         """Pings whose sound is known to have passed each cell, as far as it is."""
         proven = np.zeros(self._field.shape, np.float32)
-        believed = np.where(over_block(occupied), powers.of_cells, np.float32(0.0))
+        believed = surely_returned(evidence, occupied, powers.of_cells, one_sided)
         prove_open(
             self._table, self._pings, self._field, left, powers.expected, believed, proven,
             self._weights,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.free_space.fading import kept_up, over_square
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.soundings import (
     INCIDENCES,
@@ -26,8 +27,8 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled
 from usmap_ros.processes.threads import for_each
 
-#: Classes of square and of oblique incidence, that diffuseness compares.
-SQUARE, OBLIQUE = slice(1, 3), slice(4, 6)
+#: Classes of oblique incidence, that diffuseness compares with those of square one.
+OBLIQUE = slice(4, 6)
 #: Pings of which one thread looks at surfaces at a time.
 BATCH = 32
 #: A ping looks at a cell, for learning, if so much of its sound gets there.
@@ -45,20 +46,14 @@ LEAST_SILENT, MOST_SILENT = 0.05, 1.0 - 1e-4
 #: silence at 10 to 20 degrees, to a power: in the last class a smaller one, since what is looked at
 #: edge-on shows little of itself.
 SMOOTH, ROUGH, GRAZING_POWER, EDGE_ON_POWER = 0.38, 0.5, 0.65, 0.4
-#: Answers to sound at 56 to 67 and at 67 to 79 degrees, over those to square sound, up to which
-#: silence at such angles and flatter ones says what it was heard to say, and from which on what it
-#: does of rough walls.  Walls that are bent by a tenth of the wavelength, as the wave equation has
-#: them, answer at the one and not at the other: halfrough of `benchmarks/wave_equation.py` comes to
-#: 0.23 and 0.06.  18 of own rough scenes come to 0.32 and 0.11 at least.
-FADING = {5: (0.22, 0.3), 6: (0.06, 0.1)}
 #: An echo is explained by what is expected to return such a share of its power, and then was to
 #: be heard, whatever else stands there, with this probability.
 EXPLAINED_SHARE, MOST_EXPLAINED = 0.7, 0.8
 #: Silence that is hardly less likely with a surface than this says nothing; below, all it says.
 MUTE, TELLING = 0.65, 0.4
-#: Looks that diffuseness is learnt from at least, and the share of cells on no line at which a
-#: place of few looks counts as one that answers from anywhere.
-LEAST_LOOKS, LONE_SHARE = 200.0, 0.8
+#: Share of the cells on no line at which a place of few looks counts as one that answers from
+#: anywhere.
+LONE_SHARE = 0.8
 #: In the place of the normal of what has none: compiled functions take no number for not finite.
 NO_NORMAL = -9.0
 
@@ -213,13 +208,16 @@ def _look_at(
     )  # fmt: skip
 
 
-def learn_response(views: SurfaceViews, surfaces: FloatArray) -> FloatArray:
+def learn_response(views: SurfaceViews, surfaces: FloatArray, one_sided: float = 0.0) -> FloatArray:
     """Learn how the surfaces of a place answer.
 
     Parameters
     ----------
     views, surfaces
         By and as in `look_at`.
+    one_sided : float
+        How far the place was looked at from one side only: then what was not looked at aslant is
+        not taken to answer as rough walls do.
 
     Returns
     -------
@@ -246,7 +244,7 @@ def learn_response(views: SurfaceViews, surfaces: FloatArray) -> FloatArray:
     p_silent = np.clip(p_silent, LEAST_SILENT, MOST_SILENT)
     diffuseness = _diffuseness(p_silent, looks, surfaces)
     trust = float(np.clip((diffuseness - SMOOTH) / (ROUGH - SMOOTH), 0.0, 1.0))
-    return _trusted(p_silent, trust * _kept_up(as_heard, p_silent, looks))
+    return _trusted(p_silent, trust * kept_up(as_heard, p_silent, looks, one_sided))
 
 
 def _tally(views: SurfaceViews, weights: FloatArray, has_normal: BoolArray) -> FloatArray:
@@ -262,37 +260,14 @@ def _tally(views: SurfaceViews, weights: FloatArray, has_normal: BoolArray) -> F
 def _diffuseness(p_silent: FloatArray, looks: FloatArray, surfaces: FloatArray) -> float:
     """Answers to oblique sound over those to square sound."""
     oblique = (1.0 - p_silent[:, OBLIQUE]).mean(axis=1)
-    share = _over_square(oblique, looks[:, OBLIQUE].sum(axis=1), p_silent)
+    share = over_square(oblique, looks[:, OBLIQUE].sum(axis=1), p_silent)
     return float(_are_lone(surfaces)) if share is None else share
-
-
-def _over_square(answers: FloatArray, looks: FloatArray, p_silent: FloatArray) -> float | None:
-    """Answers to looks over those to as many square ones, all by loudness; None if looks are few.
-
-    Only where square sound is answered at all.
-    """
-    views = looks * (p_silent[:, 1] < 0.7)
-    if views.sum() <= LEAST_LOOKS:
-        return None
-    square = (views * (1.0 - p_silent[:, SQUARE]).mean(axis=1)).sum()
-    return float((views * answers).sum() / max(square, 1e-9))
 
 
 def _are_lone(surfaces: FloatArray) -> bool:
     """Whether most surfaces are on no line."""
     has_no_line = surfaces[:, 2] == NO_NORMAL
     return len(surfaces) > 0 and bool(has_no_line.mean() > LONE_SHARE)
-
-
-def _kept_up(as_heard: FloatArray, p_silent: FloatArray, looks: FloatArray) -> FloatArray:
-    """How far answers keep up to each class of incidence, (INCIDENCES,), by `FADING`."""
-    kept_up = np.ones(INCIDENCES)
-    for incidence, bounds in FADING.items():
-        share = _over_square(1.0 - as_heard[:, incidence], looks[:, incidence], p_silent)
-        if share is not None:
-            as_far = np.interp(share, bounds, (0.0, 1.0))
-            kept_up[incidence:] = np.minimum(kept_up[incidence:], as_far)
-    return kept_up
 
 
 def _trusted(p_silent: FloatArray, trust: FloatArray) -> FloatArray:
@@ -304,7 +279,7 @@ def _trusted(p_silent: FloatArray, trust: FloatArray) -> FloatArray:
     for incidence in range(4, INCIDENCES):
         power = GRAZING_POWER if incidence < INCIDENCES - 1 else EDGE_ON_POWER
         grazing = np.minimum(log_silent[:, incidence], power * log_silent[:, 3])
-        log_silent[:, incidence] += trust[incidence] * (grazing - log_silent[:, incidence])
+        log_silent[:, incidence] += trust[:, incidence] * (grazing - log_silent[:, incidence])
     telling = np.clip((MUTE - np.exp(log_silent)) / (MUTE - TELLING), 1e-6, 1.0)
     trusted: FloatArray = log_silent * telling
     return trusted

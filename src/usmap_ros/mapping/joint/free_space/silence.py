@@ -14,6 +14,7 @@ from usmap_ros.mapping.joint.free_space.mirror_share import (
     mirror_share,
     unexplained_share,
 )
+from usmap_ros.mapping.joint.free_space.one_sided import one_sided_share
 from usmap_ros.mapping.joint.free_space.open_rays import open_shares
 from usmap_ros.mapping.joint.free_space.overdispersion import learn_shape
 from usmap_ros.mapping.joint.free_space.response import (
@@ -104,6 +105,9 @@ class Answers(NamedTuple):
     #: How far what is estimated and not shown is trusted, by
     #: `usmap_ros.mapping.joint.free_space.listening.trust`.
     trusted: float = 0.0
+    #: How far it was looked at from one side only, by
+    #: `usmap_ros.mapping.joint.free_space.one_sided.one_sided_share`.
+    one_sided: float = 0.0
 
     def each(self, field: Field) -> Iterator[tuple[BoolArray, Silence]]:
         """Cells of a field, and what silence says there."""
@@ -157,10 +161,13 @@ def learn_answers(
     """
     given, columns = (table, pings, field), smooth.columns_likely
     usually_open = float(open_shares(table, pings, left, listening).mean())
-    answers = Answers([], smooth.mirrored, usually_open)
+    one_sided = one_sided_share(evidence, walls.occupied)
+    answers = Answers([], smooth.mirrored, usually_open, one_sided=one_sided)
     everywhere, struck = np.ones(len(pings), bool), min(len(smooth.mirrors), MOST_STRUCK)
     places = [
-        _Standing(everywhere, walls, smooth.mirrors, columns, struck or smooth.panes.expected)
+        _Standing(
+            everywhere, walls, smooth.mirrors, columns, one_sided, struck or smooth.panes.expected
+        )
     ]
     if smooth.mirrored:
         inside = answers.inside(field)
@@ -169,8 +176,10 @@ def learn_answers(
         # A part in which no mirror was found is quieter than the rest, as if there were one; and
         # what else seems to be of glass may be in either.
         places = [
-            _Standing(own, walls.within(inside), smooth.mirrors, columns, max(struck, 1)),
-            _Standing(~own, walls.within(~inside), [], columns, smooth.panes.expected),
+            _Standing(
+                own, walls.within(inside), smooth.mirrors, columns, one_sided, max(struck, 1)
+            ),
+            _Standing(~own, walls.within(~inside), [], columns, one_sided, smooth.panes.expected),
         ]
     wide = float(np.interp(usually_open, (FEW_OPEN, MANY_OPEN), (0.0, 1.0)))
     answers.silences.extend(
@@ -188,6 +197,8 @@ class _Standing(NamedTuple):
     mirrors: list[MirrorWall]
     #: How many columns are likely.
     columns: float
+    #: How far all of it was looked at from one side only.
+    one_sided: float
     #: Mirrors that count as struck squarely whatever was heard of them aslant.
     struck: float = 0.0
 
@@ -203,15 +214,15 @@ def _learnt(
     wide: float,
 ) -> Silence:
     """Learn what silence says there; other arguments as of `learn_answers` and `thresholds_of`."""
-    own, walls, mirrors, columns, struck = place
+    own, walls, mirrors, columns, one_sided, struck = place
     surfaces, on_lines = _surfaces(walls, evidence, field)
     things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     views = look_at(table, pings, field, left, listening, surfaces)
-    facing_them = facing_who_heard(views, surfaces, len(pings))
+    facing_them = facing_who_heard(views, surfaces, len(pings), one_sided)
     if facing_them is not surfaces:
         surfaces = facing_them
         views = look_at(table, pings, field, left, listening, surfaces)
-    log_silent = learn_response(views, surfaces)
+    log_silent = learn_response(views, surfaces, one_sided)
     walled = walled_share(walls.shown, on_lines)
     alone_m = np.count_nonzero(walls.occupied & ~on_lines) * field.resolution_m
     mine = np.flatnonzero(own)

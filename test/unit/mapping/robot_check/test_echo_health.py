@@ -169,7 +169,8 @@ def test_nobody_is_said_to_clip_what_it_has_heard_louder(
     heard: EchoCone, before: float, is_clipped: bool
 ) -> None:
     consistency = Consistency(MappingParameters())
-    ways = {"own": [before, before, LOUD, LOUD], "other": [np.inf] * 4}
+    whole = [np.inf] * 4
+    ways = {"own": [before, before, LOUD, LOUD], "other": whole, "another": whole}
     for name, most in ways.items():
         pings = [ping for each in most for ping in drive(heard, each)]
         for number, ping in enumerate(pings):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from usmap_ros.mapping.joint.free_space.fading import FAINTEST
 from usmap_ros.mapping.joint.free_space.response import (
     GRAZING_POWER,
     SurfaceViews,
@@ -87,3 +88,19 @@ def test_faint_answers_may_fade_where_loud_ones_do_not() -> None:
     assert learnt[LOUD, GRAZING] < -1.0
     assert learnt[faint, GRAZING] == pytest.approx(0.0, abs=0.01)
     assert learnt[faint, 3] < -1.0
+
+
+def test_the_faintest_are_taken_as_what_is_a_little_louder() -> None:
+    """Hardly anything answers there aslant, and rough flats knew 1 % less for it."""
+    rough, mute = looks_at(ROUGH, [400] * INCIDENCES), [*ROUGH[:5], 0.2, 0.2, 0.2]
+    faint = looks_at(mute, [400] * INCIDENCES)
+    both = [
+        rough._replace(loud=rough.loud - (LOUD - FAINTEST)),
+        faint._replace(loud=faint.loud * 0),
+    ]
+    learnt, alone = (
+        learn_response(SurfaceViews(*map(np.concatenate, zip(*some, strict=True))), WALL)
+        for some in (both, both[:1])
+    )
+    assert learnt[FAINTEST - 2, GRAZING] < -1.0
+    assert learnt[FAINTEST - 2, GRAZING] == pytest.approx(alone[FAINTEST - 2, GRAZING], abs=0.5)

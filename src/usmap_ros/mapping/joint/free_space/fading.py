@@ -21,10 +21,12 @@ LEAST_LOOKS = 200.0
 FADING = {5: (0.22, 0.3), 6: (0.06, 0.1)}
 #: The same of looks that are about as loud as each other, at least so many: steps to either side.
 #: What is loud may answer as rough walls do, and what is faint not at all: in a public simulator
-#: 900 looks of the fainter half come to 0.00 and 0.00, in eight own rough scenes to 0.10 and 0.02
+#: 900 looks of the fainter half come to 0.00 and 0.00, in twelve own rough scenes to 0.10 and 0.02
 #: at the least.
 FADING_AS_LOUD = {5: (0.03, 0.1), 6: (0.008, 0.02)}
 AS_LOUD, LEAST_AS_LOUD = 2, 50.0
+#: Class of loudness below which hardly anything answers aslant anywhere: taken as what is so loud.
+FAINTEST = 6
 #: Share of all looks below which hardly any was so flat, where a place was seen from one side.
 HARDLY_ANY = 0.08
 
@@ -74,6 +76,7 @@ def _fading_as_loud(
         share = over_square(answers[near], looks[near], p_silent[near], LEAST_AS_LOUD)
         if share is not None:
             as_far[loud] = np.interp(share, FADING_AS_LOUD[incidence], (0.0, 1.0))
+    as_far[:FAINTEST] = as_far[FAINTEST]
     return as_far
 
 

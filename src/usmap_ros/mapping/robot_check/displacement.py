@@ -274,10 +274,9 @@ def scale_error(
     # Round columns answer from in front of the point that they seem to be, and what is not exact
     # fits as well what is far nearer.
     times = 1.0 if LEAST_USUAL_SCALE <= scale <= 1.0 else TIMES_IF_ODD
-    least = times * max(
-        LEAST_WRONG_GAIN * max(1.0, background / DENSE) / abs(size), SHARE_OF_SCALED * told
-    )
-    return (size, gain) if own >= 0.0 and gain >= least else None
+    is_much = gain * abs(size) >= times * LEAST_WRONG_GAIN * max(1.0, background / DENSE)
+    is_much = is_much and gain >= times * SHARE_OF_SCALED * told
+    return (size, gain) if own >= 0.0 and is_much else None
 
 
 def _agreement(marks: FloatArray, heard: Sightings) -> float:

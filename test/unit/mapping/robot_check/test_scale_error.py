@@ -50,6 +50,11 @@ def test_ranges_are_wrong_if_enough_is_gained_for_what_is_unexplained(
     assert (found and found[0]) == pytest.approx(error)
 
 
+def test_ranges_that_are_best_as_told_are_not_wrong() -> None:
+    """What landmarks are found varies by chance, and with them which scale is best at last."""
+    assert scale_error(1.0, np.array([60.0, 0.0]), 0.63, 100.0) is None
+
+
 @pytest.mark.parametrize(
     ("scale", "gain", "told", "is_wrong"),
     [

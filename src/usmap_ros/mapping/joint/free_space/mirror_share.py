@@ -131,17 +131,15 @@ def unexplained_share(
     """
     if not len(chances):
         return 0.0
-    is_unexplained, told = chances <= EXPLAINED, 1.0
+    is_unexplained, told, every = chances <= EXPLAINED, 1.0, 0.0
     if pings < ENOUGH_PINGS:
         if len(chances) < LEAST_ECHOES:
             return UNKNOWN_SHARE * lone_share * bool(is_unexplained.mean() > HARDLY_ANY)
         told = min(max((things - FEW_THINGS) / (MANY_THINGS - FEW_THINGS), LEAST_TOLD), 1.0)
-    nearer = float(is_unexplained[ranges_m <= np.median(ranges_m)].mean()) / told
-    share = np.interp(nearer, (OF_POLES, OF_MIRRORS), (0.0, 1.0))
-    if pings >= ENOUGH_PINGS:
+    else:
         every = np.interp(is_unexplained.mean(), (ALL_OF_POLES, ALL_OF_MIRRORS), (0.0, 1.0))
-        share = max(share, every)
-    return lone_share * float(share)
+    nearer = float(is_unexplained[ranges_m <= np.median(ranges_m)].mean()) / told
+    return lone_share * float(max(np.interp(nearer, (OF_POLES, OF_MIRRORS), (0.0, 1.0)), every))
 
 
 def facing_who_heard(

@@ -75,7 +75,7 @@ class MorePings:
             parameters.proof_rays, pings.first_only,
         )  # fmt: skip
         more = space.more(
-            walls, before.free, before.worst, smooth, powers, before.evidence, known.answers
+            walls, before.free, before.worst, smooth, powers, cells.evidence, known.answers
         )
         return known.with_part(self._freed(cells, walls, more, known), self.field)
 

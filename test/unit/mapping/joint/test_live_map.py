@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 from usmap_ros.grids import OccupancyMap
-from usmap_ros.mapping.joint import explanation, live_map
+from usmap_ros.mapping.joint import explanation, live_map, more_pings
 from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.estimate import JointEstimate
+from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
+from usmap_ros.mapping.joint.free_space.one_sided import LEAST_HEARD
+from usmap_ros.mapping.joint.free_space.refutation import Refutations
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.more_pings import MorePings, add_overdispersed
 from usmap_ros.parameters import MappingParameters
@@ -20,6 +23,8 @@ from usmap_ros.pings.cone import EchoCone
 
 #: Another object, which later pings hear.
 LATE = (1.0, -0.9, 0.6)
+#: What is so near to a thing is of it, m.
+NEAR_M = 0.1
 KNOWN, BATCH = 8, 4
 #: Nothing that a test waits for takes as long.
 WAIT_S = 300.0
@@ -184,6 +189,26 @@ def test_maps_in_time_tell_of_some_while_many_wait(
     assert stamps_ns == [13, 17, 20]
     assert are_behind == [True, True, False]
     assert_same(occupancy, at_once.live_snapshot()())
+
+
+def test_what_new_pings_heard_tells_where_sound_came_back_from(
+    pings: list[EchoCone], few: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A thing that nobody had heard before is where it is drawn if they heard it from all sides."""
+    heard: list[float] = []
+
+    class Space(FreeSpace):
+        def more(self, *given: Any) -> Refutations:
+            there = self._field.cells_within(*np.array(LATE[:2])[:, np.newaxis], NEAR_M)
+            heard.append(float(given[5].heard[there.ravel()].sum()))
+            return super().more(*given)
+
+    monkeypatch.setattr(live_map, "MORE_SHARE", 10.0)
+    monkeypatch.setattr(more_pings, "FreeSpace", Space)
+    fusion = known(pings[:10])
+    fuse(fusion, pings[34:40])
+    fusion.live_snapshot()()
+    assert heard[0] > LEAST_HEARD
 
 
 def test_a_map_without_news_takes_no_work(

@@ -6,6 +6,8 @@ import numpy as np
 
 from usmap_ros.mapping.robot_check.landmarks import (
     HEARD,
+    HEARER_X,
+    HEARER_Y,
     HIGH,
     KIND,
     LEVEL,
@@ -32,6 +34,10 @@ STD_M, SURE_DB, NOT_HEARD, LEAST, MOST = 0.05, 6.0, -0.7, -4.0, 6.0
 NEAREST_M, BEYOND_M, INSIDE = 0.2, 0.1, 0.9
 #: Standard deviations within which an echo may be a landmark's.
 WITHIN = 4.0
+#: A point was heard from one side if its hearers' directions have so long a mean; it may be a piece
+#: of a wall, whose other side need not answer: only who looks from where that mean has so long a
+#: part is sure to hear it.
+ONE_SIDE, SAME_SIDE = 0.5, 0.25
 
 
 @compiled_within
@@ -52,6 +58,14 @@ def evidence_of_ping(
         return best
     is_missing = not is_hidden and level_db > heard.limit_db[ping] + SURE_DB
     return NOT_HEARD if is_missing else 0.0
+
+
+@compiled_within
+def is_from_its_side(mark: FloatArray, to_x: float, to_y: float) -> bool:
+    """Whether who looks at a point in such a direction is where it was heard from."""
+    long = math.hypot(mark[HEARER_X], mark[HEARER_Y])
+    towards = -(mark[HEARER_X] * to_x + mark[HEARER_Y] * to_y)
+    return long < ONE_SIDE or towards > SAME_SIDE * math.hypot(to_x, to_y)
 
 
 @compiled
@@ -105,4 +119,6 @@ def add_evidence(
             off_rad = abs(wrap(math.atan2(to_y, to_x) - heard.yaw_rad[ping]))
         if NEAREST_M <= far_m <= heard.reach_m[ping] and off_rad <= edge:
             off = off_rad / heard.half_rad[ping]
-            said[number] += evidence_of_ping(mark, heard, ping, far_m, off)
+            speaks = evidence_of_ping(mark, heard, ping, far_m, off)
+            if speaks > 0.0 or is_wall or is_from_its_side(mark, to_x, to_y):
+                said[number] += speaks

@@ -14,10 +14,11 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled_within
 
 #: Kinds of landmarks; columns of one: its kind, x and y or direction of the normal and distance,
-#: the log-likelihood ratio of its echoes, their level at one metre on the axis, dB, and between
-#: which places along it they were heard.
+#: the log-likelihood ratio of its echoes, their level at one metre on the axis, dB, between which
+#: places along a wall they were heard, and the mean of the directions, x and y, in which a point's
+#: hearers are.
 POINT, WALL = 0.0, 1.0
-KIND, A, B, GAIN, LEVEL, LOW, HIGH, COLUMNS = range(8)
+KIND, A, B, GAIN, LEVEL, LOW, HIGH, HEARER_X, HEARER_Y, COLUMNS = range(10)
 #: Standard deviations of ranges (with those of poses), m, and of levels, dB; and share of the
 #: former that that of every other echo is, where poses are exact and nothing else is heard beside.
 RANGE_STD_M, LEVEL_STD_DB, SHARP = 0.03, 4.0, 0.1
@@ -149,6 +150,7 @@ def fit(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatche
 def judge(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatches) -> int:
     """Set what a landmark explains, how loud it is, and which echoes are its; how many."""
     mark[GAIN], mark[LEVEL], mark[LOW], mark[HIGH] = 0.0, 0.0, FAR_M, -FAR_M
+    mark[HEARER_X], mark[HEARER_Y] = 0.0, 0.0
     count, within_db = match(mark, heard, left, its), 1e3
     levels_db = np.empty(count)
     for number in range(count):
@@ -172,6 +174,8 @@ def judge(mark: FloatArray, heard: Sightings, left: BoolArray, its: LandmarkMatc
         mark[GAIN] += math.log(1.0 + fits * fits_level(levels_db[number] - mark[LEVEL]))
         along_m = math.cos(mark[A]) * heard.y_m[ping] - math.sin(mark[A]) * heard.x_m[ping]
         mark[LOW], mark[HIGH] = min(mark[LOW], along_m), max(mark[HIGH], along_m)
+        mark[HEARER_X] -= math.cos(its.angle_rad[number]) / count
+        mark[HEARER_Y] -= math.sin(its.angle_rad[number]) / count
     return count
 
 

@@ -205,14 +205,12 @@ def test_a_wall_may_end_where_it_meets_another_one() -> None:
     assert lacking(is_refuted, stands=np.roll(crossing, 4, axis=0))[9, 10]
 
 
-def test_a_wide_gap_says_nothing_where_a_side_of_a_room_is_missing() -> None:
-    """Pings in a room of mirrors struck three of its sides, and the fourth was free.
-
-    So was the rest of one that was struck in part, over 1.4 m.
-    """
+def test_the_more_sides_of_a_room_are_missing_the_less_a_wide_gap_says() -> None:
+    """Few pings in a room of mirrors struck three of its sides, and the fourth was free."""
     widest_m = [widest_gap_m(mirrors) for mirrors in range(6)]
-    assert max(widest_m[:4]) < 1.0
-    assert min(widest_m[4:]) > 100.0
+    assert widest_m == sorted(widest_m)
+    assert widest_m[2] < 1.0 < widest_m[3] < 2.0
+    assert widest_m[4] > 100.0
     for widest, lacks in ((14.0, False), (16.0, True)):
         assert lacking(gap_of(15), widest=widest)[17, 10] == lacks
     # Where only one end is known there is no gap.

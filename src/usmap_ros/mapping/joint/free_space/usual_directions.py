@@ -37,9 +37,9 @@ HEARD = 2.0
 #: How far it is from a place in what is long, and what is short, to an end of it, on the mean, m.
 #: As ends come by chance, the first is the mean length of long walls, which more walls continue.
 LONG_M, SHORT_M = 10.0, 0.3
-#: Sides that a room has at the least; widest gap, m, that may be too narrow for one of them where
-#: fewer were found; and where none is missing.
-SIDES, WIDEST_M, ANY_WIDTH_M = 4, 0.5, 1e9
+#: Widest gaps, m, that may be too narrow for a side of a room that is missing, by how many of its
+#: sides were found: none, one, two or three; and where none is missing.
+WIDEST_M, ANY_WIDTH_M = (0.5, 0.5, 0.5, 1.5), 1e9
 #: What stands in a cell: anything, or a wall that is known to face as one that is asked for does.
 STANDS, FACES_SO = 1, 2
 #: Lines that are shorter than this are short things, and how much of those is expected beside what
@@ -153,14 +153,15 @@ def widest_gap_m(mirrors: int) -> float:
     """How wide a gap may be, m, that says by its width that no mirror is in it.
 
     Where fewer were found than a room has sides, one is missing that nobody struck, and goes from
-    one end to the other of what was not refuted, or is of the one that ends there: robots left so.
+    one end to the other of what was not refuted: sound let a robot out there.  Where several are
+    missing, so may be the sides of an alcove.
 
     Parameters
     ----------
     mirrors : int
         How many were found.
     """
-    return WIDEST_M if mirrors < SIDES else ANY_WIDTH_M
+    return WIDEST_M[mirrors] if mirrors < len(WIDEST_M) else ANY_WIDTH_M
 
 
 @compiled

@@ -100,6 +100,7 @@ def add_evidence(
     is_wall, edge = mark[KIND] == WALL, INSIDE * heard.half_rad[ping]
     along_x, along_y = math.cos(mark[A]), math.sin(mark[A])
     ahead_x, ahead_y = math.cos(heard.yaw_rad[ping]), math.sin(heard.yaw_rad[ping])
+    to_x, to_y = along_x, along_y
     off_rad = abs(wrap(mark[A] - heard.yaw_rad[ping]))
     if is_wall and off_rad > edge:
         return

@@ -1,6 +1,7 @@
 """Walls go on as far as pings say so, and where they may go on nothing is free."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,12 +18,18 @@ from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     Continuations,
     continue_lines,
+    continued,
     may_go_on,
 )
+from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers
+from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NO_LINES, drawn
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
+from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS
 from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.parameters import MappingParameters
+from usmap_ros.pings.cone import EchoCone
 
 #: A wall along row 10 from column 10 to 30, and one along column 45: of the tangent (-ny, nx).
 ALONG_ROW = np.array([0.0, 1.0, 10.0, -30.0, -10.0])
@@ -120,6 +127,28 @@ def test_a_gap_that_is_contradicted_stays_open() -> None:
     behind[[BEGIN, END]] = -50.0, -40.0
     assert followed([ALONG_ROW, behind], -1.0).lines[0, BEGIN] < -39.0
     assert followed([ALONG_ROW, behind], -3.0).lines[0, BEGIN] == pytest.approx(-30.0)
+
+
+@pytest.mark.parametrize("is_mirror", [False, True])
+def test_walls_go_on_as_far_where_there_are_mirrors(
+    make_cone: Callable[..., EchoCone], *, is_mirror: bool
+) -> None:
+    """A mirror that was struck in part went no farther, and robots left where it goes on."""
+    kept = KeptPings(MappingParameters())
+    kept.add(make_cone(), "robot")
+    table, rows, *_ = kept.pings()
+    field, nothing = Field(0, 0, *SHAPE, 0.05), np.zeros(SHAPE, bool)
+    lookers = Lookers(table, rows, field, np.zeros((len(rows), RAYS, STEPS), np.uint8))
+    lines = np.array([ALONG_ROW])
+    mirrors = lines + np.eye(5)[DISTANCE] * 6.0
+    shown = drawn(np.concatenate([lines, mirrors]), SHAPE)
+    walls = Walls(shown, nothing, nothing, lines, mirrors)
+    said = np.full(SHAPE, -1.0 if is_mirror else 0.5, np.float32)
+    walls, may_be = continued(walls, said, nothing, nothing, lookers)
+    beyond = slice(32, 58)
+    assert may_be[16 if is_mirror else 11, beyond].all()
+    assert walls.filled[10, beyond].all() != is_mirror
+    assert not walls.filled[16].any()
 
 
 @pytest.mark.parametrize(("towards_north", "solid_row"), [(8.0, 7), (-8.0, 13), (2.0, None)])

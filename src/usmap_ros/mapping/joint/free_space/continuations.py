@@ -30,8 +30,8 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 #: Log-likelihood ratios of a surface: more speaks for it than against it; hardly anything
 #: contradicts it; nothing goes on there.
 HEARD, HARDLY, ENDS = 0.01, -2.0, -5.0
-#: How far walls are followed beyond their ends, m, if there are no mirrors, and if there are.
-FOLLOWED_M, BESIDE_MIRRORS_M = 2.0, 0.2
+#: How far walls are followed beyond their ends, m.
+FOLLOWED_M = 4.0
 #: Lines cross if the cosine of the angle between them is less; they end where they meet another
 #: one, or what continues it for so many cells; and if they have met another one so many cells
 #: before.
@@ -113,9 +113,7 @@ def continued(
         Who looked there.
     """
     said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
-    # What is said among mirrors is said of them, which have been followed in their own way.
-    followed_m = BESIDE_MIRRORS_M if len(walls.mirrors) else FOLLOWED_M
-    most_cells = followed_m / lookers.field.resolution_m
+    most_cells = FOLLOWED_M / lookers.field.resolution_m
     lines, may_be = continue_lines(walls.lines, walls.shown, said, most_cells)
     _, more = continue_lines(walls.mirrors, walls.shown, said, most_cells)
     walls = walls.through(lines, stood)

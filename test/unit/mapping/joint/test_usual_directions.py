@@ -2,12 +2,23 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint.free_space.kinds import MIRRORS, ORIENTATIONS, OTHERS, ROUND
+from usmap_ros.mapping.joint.free_space.kinds import (
+    ALONG,
+    GROUPS,
+    KINDS,
+    MIRRORS,
+    ORIENTATIONS,
+    OTHERS,
+    ROUND,
+)
+from usmap_ros.mapping.joint.free_space.refutation import refute_for_room
 from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
     ANY_WIDTH_M,
@@ -24,6 +35,7 @@ from usmap_ros.mapping.joint.free_space.usual_directions import (
 )
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, face_usually
+from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 
@@ -203,6 +215,23 @@ def test_a_wall_may_end_where_it_meets_another_one() -> None:
     assert not lacking(is_refuted, stands=crossing)[9:].any()
     # Of what is on its other side it says nothing.
     assert lacking(is_refuted, stands=np.roll(crossing, 4, axis=0))[9, 10]
+
+
+@pytest.mark.parametrize("may_stand", [False, True])
+def test_a_wall_may_end_where_something_may_stand(*, may_stand: bool) -> None:
+    """The side of an alcove was free, beside the corner that the wall behind it went on to."""
+    is_refuted = np.ones((60, 60, GROUPS), bool)
+    is_refuted[:, :, ALONG] = gap_of(17)
+    closed, empty = np.zeros((60, 60), bool), np.zeros((60, 60), bool)
+    closed[26, 10] = may_stand
+    silence: Any = SimpleNamespace(
+        kinds=np.zeros((KINDS, 3)), long_and_short=ALL_LONG, refuted=REFUTED
+    )
+    refute_for_room(
+        is_refuted, np.zeros((60, 60, GROUPS), np.float32), ~empty,
+        Walls(empty, empty, empty, NO_LINES, NO_LINES), closed, silence, ANY_WIDTH_M,
+    )  # fmt: skip
+    assert is_refuted[18, 10, ALONG] != may_stand
 
 
 def test_the_more_sides_of_a_room_are_missing_the_less_a_wide_gap_says() -> None:

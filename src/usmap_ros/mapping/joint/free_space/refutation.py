@@ -111,10 +111,14 @@ def refute_for_room(
     worst: NDArray[np.float32],
     wanted: BoolArray,
     walls: Walls,
+    closed: BoolArray,
     silence: Silence,
     widest: float,
 ) -> None:
     """Refute walls that face as most do where there is too little room for them.
+
+    Where something may stand they may end, as in the corner to which a wall goes on: the side of an
+    alcove was free, for what was known of the wall behind it ended a decimetre before.
 
     Parameters
     ----------
@@ -126,6 +130,8 @@ def refute_for_room(
         Cells that are asked for.
     walls : Walls
         What stands.
+    closed : (rows, columns) bool array
+        Where something may stand whatever is said.
     silence : Silence
         What was learnt of the place.
     widest : float
@@ -134,7 +140,7 @@ def refute_for_room(
     for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
         here, said = is_refuted[:, :, group], worst[:, :, group]
         usual = float(silence.kinds[first, 0])
-        stands = np.where(walls.shown, np.uint8(STANDS), np.uint8(0))
+        stands = np.where(walls.shown | closed, np.uint8(STANDS), np.uint8(0))
         stands[drawn(facing_so(walls.all_lines, usual), here.shape)] = FACES_SO
         here |= lacks_room(
             said, here.copy(), wanted, stands, usual, silence.long_and_short, silence.refuted,

@@ -60,7 +60,7 @@ def free_now(
         here, silence = next(answers.each(field))
         widest_cells = widest_gap_m(mirrors) / field.resolution_m
         asked = cells.wanted & here & ~cells.behind
-        refute_for_room(is_refuted, worst, asked, walls, silence, widest_cells)
+        refute_for_room(is_refuted, worst, asked, walls, cells.closed, silence, widest_cells)
     free: BoolArray = cells.wanted & over_last(np.logical_and, is_refuted) & ~cells.closed
     free |= cells.stood
     if not mirrors:

@@ -31,6 +31,7 @@ from usmap_ros.mapping.joint.free_space.usual_directions import (
     lacks_room,
     lengths,
     log_priors,
+    sides,
     widest_gap_m,
 )
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
@@ -234,11 +235,21 @@ def test_a_wall_may_end_where_something_may_stand(*, may_stand: bool) -> None:
     assert is_refuted[18, 10, ALONG] != may_stand
 
 
+def test_mirrors_on_one_line_are_one_side_of_a_room() -> None:
+    """A room of four mirrors, two of them on one line, lacked a side, and robots left there."""
+    # Its line is turned about the middle of the first one.
+    beside = replace(ROOM[0], normal_rad=0.32, begin_m=5.0, end_m=6.0)
+    turned_m = 2.0 * math.cos(0.02) + 5.5 * math.sin(0.02)
+    assert sides([]) == 0
+    assert sides([*ROOM, replace(beside, distance_m=turned_m)]) == len(ROOM)
+    assert sides([*ROOM, replace(beside, distance_m=2.5)]) == len(ROOM) + 1
+
+
 def test_the_more_sides_of_a_room_are_missing_the_less_a_wide_gap_says() -> None:
     """Few pings in a room of mirrors struck three of its sides, and the fourth was free."""
     widest_m = [widest_gap_m(mirrors) for mirrors in range(6)]
     assert widest_m == sorted(widest_m)
-    assert widest_m[2] < 1.0 < widest_m[3] < 2.0
+    assert widest_m[1] < 1.0 < widest_m[2] <= widest_m[3] < 2.0
     assert widest_m[4] > 100.0
     for widest, lacks in ((14.0, False), (16.0, True)):
         assert lacking(gap_of(15), widest=widest)[17, 10] == lacks

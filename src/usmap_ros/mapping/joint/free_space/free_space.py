@@ -177,7 +177,7 @@ class FreeSpace:
         for turn in range(FREE_ROUNDS):
             asked, before = cells._replace(wanted=wanted), free
             free = free_now(
-                self._field, self.answers, walls, len(smooth.mirrors), asked, refuting, worst
+                self._field, self.answers, walls, smooth.mirrors, asked, refuting, worst
             )
             if turn == FREE_ROUNDS - 1 or (turn and np.array_equal(free, before)):
                 break

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from usmap_ros.mapping.joint.free_space.connected import without_slits
 from usmap_ros.mapping.joint.free_space.refutation import Refuting, refute_for_room
 from usmap_ros.mapping.joint.free_space.silence import Answers
-from usmap_ros.mapping.joint.free_space.usual_directions import widest_gap_m
+from usmap_ros.mapping.joint.free_space.usual_directions import sides, widest_gap_m
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, over_last
@@ -32,7 +33,7 @@ def free_now(
     field: Field,
     answers: Answers,
     walls: Walls,
-    mirrors: int,
+    mirrors: list[MirrorWall],
     cells: Asked,
     refuting: Refuting,
     worst: NDArray[np.float32],
@@ -45,8 +46,8 @@ def free_now(
         The cells.
     answers, walls
         How the place answers, and what stands.
-    mirrors : int
-        How many mirrors were found there.
+    mirrors : list of MirrorWall
+        Those that were found there.
     cells : Asked
         That are asked for.
     refuting : Refuting
@@ -58,7 +59,7 @@ def free_now(
     is_refuted |= cells.stood[:, :, np.newaxis]
     if mirrors:
         here, silence = next(answers.each(field))
-        widest_cells = widest_gap_m(mirrors) / field.resolution_m
+        widest_cells = widest_gap_m(sides(mirrors)) / field.resolution_m
         asked = cells.wanted & here & ~cells.behind
         refute_for_room(is_refuted, worst, asked, walls, cells.closed, silence, widest_cells)
     free: BoolArray = cells.wanted & over_last(np.logical_and, is_refuted) & ~cells.closed

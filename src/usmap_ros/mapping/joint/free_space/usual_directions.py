@@ -38,8 +38,10 @@ HEARD = 2.0
 #: As ends come by chance, the first is the mean length of long walls, which more walls continue.
 LONG_M, SHORT_M = 10.0, 0.3
 #: Widest gaps, m, that may be too narrow for a side of a room that is missing, by how many of its
-#: sides were found: none, one, two or three; and where none is missing.
-WIDEST_M, ANY_WIDTH_M = (0.5, 0.5, 0.5, 1.5), 1e9
+#: sides were found: none, one, two or three; and where none is missing.  Mirrors whose normals are
+#: so near to each other (rad), and that are so near to one line (m), are of one side.
+WIDEST_M, ANY_WIDTH_M = (0.5, 0.5, 1.5, 1.5), 1e9
+ONE_SIDE_RAD, ONE_SIDE_M = 0.18, 0.15
 #: What stands in a cell: anything, or a wall that is known to face as one that is asked for does.
 STANDS, FACES_SO = 1, 2
 #: Lines that are shorter than this are short things, and how much of those is expected beside what
@@ -149,7 +151,25 @@ def lengths(lines: FloatArray, alone_m: float, resolution_m: float) -> FloatArra
     return np.array([[LONG_M / resolution_m, 1.0 - share], [SHORT_M / resolution_m, share]])
 
 
-def widest_gap_m(mirrors: int) -> float:
+def sides(mirrors: list[MirrorWall]) -> int:
+    """How many sides of a place mirrors are: what is on the same line is of one."""
+    apart: list[MirrorWall] = []
+    for wall in mirrors:
+        if not any(_is_of_one_side(wall, other) for other in apart):
+            apart.append(wall)
+    return len(apart)
+
+
+def _is_of_one_side(wall: MirrorWall, other: MirrorWall) -> bool:
+    """Whether the middle of a mirror is on the line of another one, and faces as it does."""
+    turned_rad = wall.normal_rad - other.normal_rad
+    middle_m = 0.5 * (wall.begin_m + wall.end_m)
+    ahead_m = wall.distance_m * math.cos(turned_rad) - middle_m * math.sin(turned_rad)
+    is_near = abs(ahead_m - other.distance_m) < ONE_SIDE_M
+    return is_near and math.cos(turned_rad) > math.cos(ONE_SIDE_RAD)
+
+
+def widest_gap_m(found: int) -> float:
     """How wide a gap may be, m, that says by its width that no mirror is in it.
 
     Where fewer were found than a room has sides, one is missing that nobody struck, and goes from
@@ -158,10 +178,10 @@ def widest_gap_m(mirrors: int) -> float:
 
     Parameters
     ----------
-    mirrors : int
-        How many were found.
+    found : int
+        How many sides were, by `sides`.
     """
-    return WIDEST_M[mirrors] if mirrors < len(WIDEST_M) else ANY_WIDTH_M
+    return WIDEST_M[found] if found < len(WIDEST_M) else ANY_WIDTH_M
 
 
 @compiled

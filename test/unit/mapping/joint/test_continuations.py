@@ -17,10 +17,12 @@ from usmap_ros.mapping.joint.free_space.behind import (
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     Continuations,
+    Said,
     continue_lines,
     continued,
     may_go_on,
 )
+from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, GROUPS
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NO_LINES, drawn
@@ -41,7 +43,7 @@ def followed(lines: list[FloatArray], said: float) -> Continuations:
     """How lines go on where pings say the same of all cells but those that are known."""
     occupied = drawn(np.array(lines), SHAPE)
     least = np.where(occupied, -np.inf, said)
-    return continue_lines(np.array(lines), occupied, least, 12.0)
+    return continue_lines(np.array(lines), occupied, Said(least, {}), 12.0)
 
 
 def test_a_wall_goes_on_where_more_speaks_for_it() -> None:
@@ -144,11 +146,27 @@ def test_walls_go_on_as_far_where_there_are_mirrors(
     shown = drawn(np.concatenate([lines, mirrors]), SHAPE)
     walls = Walls(shown, nothing, nothing, lines, mirrors)
     said = np.full(SHAPE, -1.0 if is_mirror else 0.5, np.float32)
-    walls, may_be = continued(walls, said, nothing, nothing, lookers)
+    walls, may_be = continued(walls, Said(said, {}), nothing, nothing, lookers)
     beyond = slice(32, 58)
     assert may_be[16 if is_mirror else 11, beyond].all()
     assert walls.filled[10, beyond].all() != is_mirror
     assert not walls.filled[16].any()
+
+
+@pytest.mark.parametrize(("along", "may_be"), [(-1.0, True), (-3.0, False)])
+def test_a_wall_among_mirrors_may_go_on_for_what_is_said_of_those_that_face_so(
+    *, along: float, may_be: bool
+) -> None:
+    """Something round may stand anywhere, and half of a floor was behind where walls may go on."""
+    worst = np.full((*SHAPE, GROUPS), -1.1, np.float32)
+    worst[:, :, ALONG], worst[:, :, ACROSS] = along, -9.0
+    said = Said.among_mirrors(worst, 0.5 * math.pi)
+    lines = np.array([ALONG_ROW, ALONG_COLUMN])
+    going = continue_lines(lines, drawn(lines, SHAPE), said, 12.0)
+    assert going.may_be[10, 32] == may_be
+    assert not going.may_be[19, 45]
+    elsewhere = said.within(np.zeros(SHAPE, bool), np.full(SHAPE, -9.0, np.float32))
+    assert not elsewhere.may_hold(ALONG_ROW).any()
 
 
 @pytest.mark.parametrize(("towards_north", "solid_row"), [(8.0, 7), (-8.0, 13), (2.0, None)])

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block
+from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, MIRRORS
 from usmap_ros.mapping.joint.free_space.meeting_walls import Lookers, Surroundings, joined
 from usmap_ros.mapping.joint.surfaces.lines import (
     BEGIN,
@@ -21,15 +22,17 @@ from usmap_ros.mapping.joint.surfaces.lines import (
     cells_beyond,
     crossings,
     drawn,
+    facing_so,
     leading,
 )
 from usmap_ros.mapping.joint.surfaces.square_lines import squared
 from usmap_ros.mapping.joint.surfaces.walls import Walls
-from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 
 #: Log-likelihood ratios of a surface: more speaks for it than against it; hardly anything
-#: contradicts it; nothing goes on there.
-HEARD, HARDLY, ENDS = 0.01, -2.0, -5.0
+#: contradicts it; nothing goes on there, however it faces, or as the line does among mirrors, where
+#: what is round is never refuted.
+HEARD, HARDLY, ENDS, ENDS_SO = 0.01, -2.0, -5.0, -2.6
 #: How far walls are followed beyond their ends, m.
 FOLLOWED_M = 4.0
 #: Lines cross if the cosine of the angle between them is less; they end where they meet another
@@ -39,6 +42,50 @@ CROSSING_COSINE, MEETING_CELLS, MET_CELLS = 0.9, 3.0, 8.0
 #: What is shorter tells its direction too badly for cells beyond its ends to be shown: the tangent
 #: of a column, or a short side of something, ends nowhere in particular.
 FOLLOWED_CELLS = 15.0
+
+
+class Said(NamedTuple):
+    """What is said of surfaces that may continue walls: log-likelihood ratios."""
+
+    #: (rows, columns) array: of any, however they face.
+    anyhow: NDArray[np.float32]
+    #: Arrays of the same shape: of walls that face so, by the direction, rad.
+    facing: dict[float, NDArray[np.float32]]
+
+    @classmethod
+    def among_mirrors(cls, worst: NDArray[np.float32], usual_rad: float) -> "Said":
+        """Where mirrors are, most of which face in a direction or across it.
+
+        Parameters
+        ----------
+        worst : (rows, columns, GROUPS) float32 array
+            By `usmap_ros.mapping.joint.free_space.open_space.refute_surfaces`.
+        usual_rad : float
+            The direction.
+        """
+        across_rad = usual_rad + 0.5 * np.pi
+        facing = {usual_rad: worst[:, :, ALONG], across_rad: worst[:, :, ACROSS]}
+        return cls(over_last(np.maximum, worst[:, :, :MIRRORS]), facing)
+
+    def within(self, inside: BoolArray, others: NDArray[np.float32]) -> "Said":
+        """The same in some cells, and something else of all surfaces in others."""
+        facing = {so: np.where(inside, said, others) for so, said in self.facing.items()}
+        return Said(np.where(inside, self.anyhow, others), facing)
+
+    def beside(self, is_known: BoolArray) -> "Said":
+        """What is said of each cell or of one beside it, but for what is known."""
+
+        def unknown(said: NDArray[np.float32]) -> NDArray[np.float32]:
+            return over_block(np.where(is_known, -np.inf, said))
+
+        return Said(unknown(self.anyhow), {so: unknown(said) for so, said in self.facing.items()})
+
+    def may_hold(self, line: NDArray[np.float64]) -> BoolArray:
+        """Cells in which a line may go on."""
+        for normal_rad, said in self.facing.items():
+            if len(facing_so(line[np.newaxis], normal_rad)):
+                return said >= ENDS_SO
+        return self.anyhow >= ENDS
 
 
 class Continuations(NamedTuple):
@@ -51,7 +98,7 @@ class Continuations(NamedTuple):
 
 
 def continue_lines(
-    lines: FloatArray, occupied: BoolArray, least: FloatArray, most_cells: float
+    lines: FloatArray, occupied: BoolArray, beside: Said, most_cells: float
 ) -> Continuations:
     """Follow lines beyond their ends.
 
@@ -61,8 +108,8 @@ def continue_lines(
         Walls.
     occupied : (rows, columns) bool array
         What is known to stand.
-    least : (rows, columns) array
-        Log-likelihood ratio of a surface in each cell or beside it, however it may face.
+    beside : Said
+        Of each cell or of one beside it.
     most_cells : float
         How far they are followed.
     """
@@ -77,7 +124,7 @@ def continue_lines(
             rows, columns = cells_beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
             if len(rows) == 0:
                 continue
-            said, is_solid = least[rows, columns], stands[rows, columns]
+            said, is_solid = beside.anyhow[rows, columns], stands[rows, columns]
             # Beside the first there is the end itself.
             is_solid[0] = occupied[rows[0], columns[0]]
             is_solid[-1] |= first < most_cells
@@ -86,7 +133,7 @@ def continue_lines(
                 grown = int(bridged[-1]) + 1 if len(bridged) else 0
                 grown += leading((is_solid | (said > HEARD))[grown:])
                 longer[number, end] += sign * grown
-            open_end = leading(is_solid | (said >= ENDS))
+            open_end = leading(is_solid | beside.may_hold(line)[rows, columns])
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
                 may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
     return Continuations(_ending_at_corners(lines, longer), may_be & ~occupied)
@@ -94,7 +141,7 @@ def continue_lines(
 
 def continued(
     walls: Walls,
-    worst: NDArray[np.float32],
+    said: Said,
     is_open: BoolArray,
     stood: BoolArray,
     lookers: Lookers,
@@ -105,20 +152,20 @@ def continued(
     ----------
     walls : Walls
         What stands.
-    worst : (rows, columns) float32 array
-        Log-likelihood ratio of a surface in each cell.
+    said : Said
+        Of each cell.
     is_open, stood : (rows, columns) bool arrays
         Cells that are known to be open, and where robots stood.
     lookers : Lookers
         Who looked there.
     """
-    said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
     most_cells = FOLLOWED_M / lookers.field.resolution_m
-    lines, may_be = continue_lines(walls.lines, walls.shown, said, most_cells)
-    _, more = continue_lines(walls.mirrors, walls.shown, said, most_cells)
+    beside = said.beside(walls.shown | is_open)
+    lines, may_be = continue_lines(walls.lines, walls.shown, beside, most_cells)
+    _, more = continue_lines(walls.mirrors, walls.shown, beside, most_cells)
     walls = walls.through(lines, stood)
-    said = over_block(np.where(walls.shown | is_open, -np.inf, worst))
-    around = Surroundings(said, over_block(walls.shown), is_open)
+    beside = said.beside(walls.shown | is_open)
+    around = Surroundings(beside.anyhow, over_block(walls.shown), is_open)
     return walls.through(joined(lines, around, lookers), stood), may_be | more
 
 

@@ -13,6 +13,7 @@ from usmap_ros.mapping.joint.free_space.connected import led_to
 from usmap_ros.mapping.joint.free_space.continuations import (
     ENDS,
     HARDLY,
+    Said,
     continued,
     may_go_on,
     where_panes_may_be,
@@ -124,8 +125,8 @@ class FreeSpace:
         closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
         worst = np.zeros((*field.shape, GROUPS), np.float32)
         heard.renew(left, wanted | walls.bridged, worst)
+        going_on = self._going_on(walls, smooth, heard, left, worst)
         alike = over_last(np.maximum, worst[:, :, :MIRRORS])
-        going_on = self._going_on(walls, smooth, heard, left, alike)
         worst[walls.bridged] = 0.0
         refuting = Refuting.by(answers, field, proofs, self._proofs)
         proven = (proofs >= self._proofs) & refuting.every(worst)
@@ -134,7 +135,7 @@ class FreeSpace:
             walls, going_on, proven | stood, self._stood,
             Lookers(self._table, self._pings, field, open_left),
         )  # fmt: skip
-        walls = walls.without(going_on < HARDLY)
+        walls = walls.without(going_on.anyhow < HARDLY)
         panes = self._where_panes_may_be(smooth, walls.shown, proven | stood)
         closed |= smooth.suspected() | may_be | panes
         closed |= behind_walls(walls, evidence, field) & ~proven & (alike >= ENDS)
@@ -235,16 +236,17 @@ class FreeSpace:
         smooth: SmoothSurfaces,
         heard: HeardOfSurfaces,
         left: NDArray[np.uint8],
-        alike: NDArray[np.float32],
-    ) -> NDArray[np.float32]:
-        """Log-likelihood ratio of each cell to continue a wall; `alike` where mirrors are."""
-        if smooth.mirrors and not smooth.mirrored:
-            return alike
-        of_lines = heard.of_lines(walls, left)
+        worst: NDArray[np.float32],
+    ) -> Said:
+        """What is said of surfaces that may continue walls."""
+        if not (smooth.mirrors or smooth.mirrored):
+            return Said(heard.of_lines(walls, left), {})
+        usual_rad = float(self.answers.silences[0].kinds[0, 0])
+        among = Said.among_mirrors(worst, usual_rad)
         if not smooth.mirrored:
-            return of_lines
+            return among
         (inside, _), _ = self.answers.each(self._field)
-        return np.where(inside, alike, of_lines)
+        return among.within(inside, heard.of_lines(walls, left))
 
     def _where_panes_may_be(
         self, smooth: SmoothSurfaces, stands: BoolArray, is_open: BoolArray

@@ -7,7 +7,7 @@ do, without having found that there is none.  So does a wall that would meet wha
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,7 +149,7 @@ class Surroundings(NamedTuple):
     """What is known of cells around walls: (rows, columns) arrays."""
 
     #: Log-likelihood ratio of a surface in each or beside it.
-    said: FloatArray
+    said: NDArray[np.floating[Any]]
     #: Whether they hold something or are beside such, and whether they are known to be open.
     stands: BoolArray
     is_open: BoolArray

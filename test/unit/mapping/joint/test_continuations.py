@@ -165,6 +165,12 @@ def test_a_wall_among_mirrors_may_go_on_for_what_is_said_of_those_that_face_so(
     going = continue_lines(lines, drawn(lines, SHAPE), said, 12.0)
     assert going.may_be[10, 32] == may_be
     assert not going.may_be[19, 45]
+    # What stands behind is the same wall where hardly anything contradicts one that faces so.
+    behind = ALONG_ROW.copy()
+    behind[[BEGIN, END]] = -50.0, -40.0
+    lines = np.array([ALONG_ROW, behind])
+    bridged = continue_lines(lines, drawn(lines, SHAPE), said, 12.0).lines[0, BEGIN] < -39.0
+    assert bridged == may_be
     elsewhere = said.within(np.zeros(SHAPE, bool), np.full(SHAPE, -9.0, np.float32))
     assert not elsewhere.may_hold(ALONG_ROW).any()
 

@@ -80,12 +80,21 @@ class Said(NamedTuple):
 
         return Said(unknown(self.anyhow), {so: unknown(said) for so, said in self.facing.items()})
 
+    def of(self, line: NDArray[np.float64]) -> NDArray[np.float32]:
+        """What is said of surfaces that may continue a line."""
+        return self.anyhow if (so := self._facing_as(line)) is None else so
+
     def may_hold(self, line: NDArray[np.float64]) -> BoolArray:
         """Cells in which a line may go on."""
+        may: BoolArray = self.of(line) >= (ENDS if self._facing_as(line) is None else ENDS_SO)
+        return may
+
+    def _facing_as(self, line: NDArray[np.float64]) -> NDArray[np.float32] | None:
+        """What is said of walls that face as a line does, if most face so."""
         for normal_rad, said in self.facing.items():
             if len(facing_so(line[np.newaxis], normal_rad)):
-                return said >= ENDS_SO
-        return self.anyhow >= ENDS
+                return said
+        return None
 
 
 class Continuations(NamedTuple):
@@ -124,7 +133,7 @@ def continue_lines(
             rows, columns = cells_beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
             if len(rows) == 0:
                 continue
-            said, is_solid = beside.anyhow[rows, columns], stands[rows, columns]
+            said, is_solid = beside.of(line)[rows, columns], stands[rows, columns]
             # Beside the first there is the end itself.
             is_solid[0] = occupied[rows[0], columns[0]]
             is_solid[-1] |= first < most_cells

@@ -172,7 +172,8 @@ def test_a_wall_among_mirrors_may_go_on_for_what_is_said_of_those_that_face_so(
     bridged = continue_lines(lines, drawn(lines, SHAPE), said, 12.0).lines[0, BEGIN] < -39.0
     assert bridged == may_be
     elsewhere = said.within(np.zeros(SHAPE, bool), np.full(SHAPE, -9.0, np.float32))
-    assert not elsewhere.may_hold(ALONG_ROW).any()
+    of_line, ends = elsewhere.of(ALONG_ROW)
+    assert not (of_line >= ends).any()
 
 
 @pytest.mark.parametrize(("towards_north", "solid_row"), [(8.0, 7), (-8.0, 13), (2.0, None)])

@@ -80,21 +80,12 @@ class Said(NamedTuple):
 
         return Said(unknown(self.anyhow), {so: unknown(said) for so, said in self.facing.items()})
 
-    def of(self, line: NDArray[np.float64]) -> NDArray[np.float32]:
-        """What is said of surfaces that may continue a line."""
-        return self.anyhow if (so := self._facing_as(line)) is None else so
-
-    def may_hold(self, line: NDArray[np.float64]) -> BoolArray:
-        """Cells in which a line may go on."""
-        may: BoolArray = self.of(line) >= (ENDS if self._facing_as(line) is None else ENDS_SO)
-        return may
-
-    def _facing_as(self, line: NDArray[np.float64]) -> NDArray[np.float32] | None:
-        """What is said of walls that face as a line does, if most face so."""
+    def of(self, line: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
+        """What is said of surfaces that may continue a line, and below which nothing goes on."""
         for normal_rad, said in self.facing.items():
             if len(facing_so(line[np.newaxis], normal_rad)):
-                return said
-        return None
+                return said, ENDS_SO
+        return self.anyhow, ENDS
 
 
 class Continuations(NamedTuple):
@@ -126,14 +117,14 @@ def continue_lines(
     are_followed = lines[:, END] - lines[:, BEGIN] >= FOLLOWED_CELLS
     are_followed &= squared(lines).are_square
     for number, line in enumerate(lines):
-        met = _met(line, lines)
+        (of_line, ends), met = beside.of(line), _met(line, lines)
         for end, sign in ((BEGIN, -1.0), (END, 1.0)):
             ahead = sign * (met - line[end])
             first = ahead[ahead > -MET_CELLS].min(initial=most_cells)
             rows, columns = cells_beyond(line, line[end], sign, max(first, 0.0), occupied.shape)
             if len(rows) == 0:
                 continue
-            said, is_solid = beside.of(line)[rows, columns], stands[rows, columns]
+            said, is_solid = of_line[rows, columns], stands[rows, columns]
             # Beside the first there is the end itself.
             is_solid[0] = occupied[rows[0], columns[0]]
             is_solid[-1] |= first < most_cells
@@ -142,7 +133,7 @@ def continue_lines(
                 grown = int(bridged[-1]) + 1 if len(bridged) else 0
                 grown += leading((is_solid | (said > HEARD))[grown:])
                 longer[number, end] += sign * grown
-            open_end = leading(is_solid | beside.may_hold(line)[rows, columns])
+            open_end = leading(is_solid | (said >= ends))
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):
                 may_be[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = True
     return Continuations(_ending_at_corners(lines, longer), may_be & ~occupied)

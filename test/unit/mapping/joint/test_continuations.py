@@ -176,6 +176,19 @@ def test_a_wall_among_mirrors_may_go_on_for_what_is_said_of_those_that_face_so(
     assert not (of_line >= ends).any()
 
 
+@pytest.mark.parametrize(("across", "goes_on"), [(0.5, True), (-0.5, False)])
+def test_a_wall_among_mirrors_goes_on_where_anything_was_heard(
+    *, across: float, goes_on: bool
+) -> None:
+    """What was heard there is most likely the wall, though it may face any way by itself."""
+    worst = np.full((*SHAPE, GROUPS), -0.5, np.float32)
+    worst[:, :, ACROSS] = across
+    said = Said.among_mirrors(worst, 0.5 * math.pi)
+    lines = np.array([ALONG_ROW])
+    ends = continue_lines(lines, drawn(lines, SHAPE), said, 12.0).lines[0, [BEGIN, END]]
+    assert ends == pytest.approx([-42.0, 0.0] if goes_on else [-30.0, -10.0])
+
+
 @pytest.mark.parametrize(("towards_north", "solid_row"), [(8.0, 7), (-8.0, 13), (2.0, None)])
 def test_behind_a_wall_is_what_lies_on_the_other_side(
     towards_north: float, solid_row: int | None

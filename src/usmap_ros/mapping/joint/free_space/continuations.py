@@ -1,8 +1,9 @@
 """Where walls go on: cells that continue a line, as far as pings say that they do or may.
 
 Surfaces are seldom as short as what was heard well of them.  A cell that continues a line is wall
-where more speaks for a surface there than against it, and so are all up to the next thing if they
-are hardly contradicted; and it is not free unless it is refuted far more firmly than others are.
+where more speaks for a surface there, however it faces, than against it; and so are all up to the
+next thing if a wall that faces as the line does is hardly contradicted in them; and it is not free
+unless it is refuted far more firmly than others are.
 What continues a short line is never shown, for it does not say which way it goes on; nor what
 continues one that is not square to most walls of the place, or any where they are not square to
 each other: two thirds of that is wrong.
@@ -125,13 +126,14 @@ def continue_lines(
             if len(rows) == 0:
                 continue
             said, is_solid = of_line[rows, columns], stands[rows, columns]
+            anyhow = beside.anyhow[rows, columns]
             # Beside the first there is the end itself.
             is_solid[0] = occupied[rows[0], columns[0]]
             is_solid[-1] |= first < most_cells
             if are_followed[number]:
                 bridged = np.flatnonzero(is_solid[: leading(is_solid | (said >= HARDLY))])
                 grown = int(bridged[-1]) + 1 if len(bridged) else 0
-                grown += leading((is_solid | (said > HEARD))[grown:])
+                grown += leading((is_solid | (anyhow > HEARD))[grown:])
                 longer[number, end] += sign * grown
             open_end = leading(is_solid | (said >= ends))
             for row, column in zip(rows[:open_end], columns[:open_end], strict=True):

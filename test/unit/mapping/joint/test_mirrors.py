@@ -11,7 +11,8 @@ import pytest
 from usmap_ros.acoustics.beam import BeamPattern
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
-from usmap_ros.mapping.joint.surfaces.mirror_walls import mirror_walls
+from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch
+from usmap_ros.mapping.joint.surfaces.mirror_walls import BESIDE_M, mirror_walls, stands_out
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.panes import lone_lines
 from usmap_ros.mapping.ping_table import RANGE_STD
@@ -68,6 +69,32 @@ def test_a_mirror_far_from_the_origin_is_found_too(
     (wall,) = mirrors_of(mirror_pings_at(40.0, -25.0))
     assert wall.distance_m == pytest.approx(mirror_m - 25.0, abs=0.02)
     assert math.sin(wall.normal_rad) == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(("every", "does_stand_out"), [(1, False), (2, False), (8, True)])
+def test_a_line_of_which_no_more_is_heard_than_beside_it_is_no_mirror(
+    make_cone: Callable[..., EchoCone],
+    mirror_pings: list[EchoCone],
+    mirror_m: float,
+    *,
+    every: int,
+    does_stand_out: bool,
+) -> None:
+    """Where a floor fills all ranges, seven of its echoes lined up anywhere."""
+    (wall,) = mirrors_of(mirror_pings)
+    busy = list(mirror_pings)
+    for number in range(0, len(busy), every):
+        (range_m,), (amplitude,) = busy[number].ranges_m, busy[number].amplitudes
+        beside = [(range_m + off_m, amplitude) for off_m in BESIDE_M]
+        busy[number] = replace(
+            make_cone((range_m, amplitude), *beside, stamp_ns=busy[number].stamp_ns),
+            pose=busy[number].pose,
+        )
+    table, rows, _, echoes = kept_pings({"robot": busy}, MappingParameters()).pings()[:4]
+    of_mirror = math.exp(wall.log_mirror)
+    usable = np.ones(len(echoes.range_m), bool)
+    search = MirrorSearch(table, rows, echoes, usable, 0.7 * of_mirror, 1.4 * of_mirror)
+    assert stands_out(search, wall) == does_stand_out
 
 
 def test_an_object_is_no_mirror(views: list[EchoCone]) -> None:

@@ -159,6 +159,22 @@ def fit(
     return normal_rad, distance_m, score, hits
 
 
+@compiled
+def share_that_heard(
+    search: MirrorSearch, pings: NDArray[np.int64], normal_rad: float, distance_m: float
+) -> float:
+    """Share of some pings that have an open echo of a mirror on a line, whoever looked there."""
+    heard, cosine, sine = 0, math.cos(normal_rad), math.sin(normal_rad)
+    for index in pings:
+        numbers = search.table.numbers[search.pings[index]]
+        across = distance_m - (numbers[X] * cosine + numbers[Y] * sine)
+        off = off_axis(search.table, search.pings[index], normal_rad)
+        gain = max(amplitude_gain(search.table, search.pings[index], off), LEAST_GAIN)
+        nearest, _ = _nearest_echo(search, index, across, TOLERANCES_M[-1], gain)
+        heard += nearest >= 0
+    return heard / len(pings)
+
+
 @compiled_within
 def _stretch(
     search: MirrorSearch, normal_rad: float, distance_m: float, tolerance_m: float

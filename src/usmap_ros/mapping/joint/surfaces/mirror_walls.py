@@ -21,7 +21,11 @@ from usmap_ros.mapping.joint.surfaces.mirror_criteria import (
     fitted,
     tells_direction,
 )
-from usmap_ros.mapping.joint.surfaces.mirror_fits import MirrorSearch, candidates
+from usmap_ros.mapping.joint.surfaces.mirror_fits import (
+    MirrorSearch,
+    candidates,
+    share_that_heard,
+)
 from usmap_ros.mapping.joint.surfaces.mirror_odds import LEAST_ODDS, mirror_odds
 from usmap_ros.mapping.joint.surfaces.mirrors import (
     MirrorWall,
@@ -57,6 +61,9 @@ BAND = 0.4
 #: What comes first came by way of no other mirror: if it varies less than this, and few follow, it
 #: may be of a wall that is by so much fainter; how far behind the first others came with it, m.
 NEARLY_STEADY, FAINTER, FIRST_M = 0.16, 1.6, 0.05
+#: How far beside a mirror others would be, m, and share of its pings at the most that heard as much
+#: there: where a floor, or sound that came by way of many things, fills all ranges, some lines up.
+BESIDE_M, MOST_BESIDE = (-0.2, -0.16, -0.12, 0.12, 0.16, 0.2), 0.2
 
 
 def mirror_walls(
@@ -105,8 +112,27 @@ def mirror_walls(
     search = search._replace(is_open=is_left, faintest=math.exp(usual - FAINTER), loudest=faintest)
     fainter = _likelier_than_points(found_mirrors(search, ANY))
     walls += [each for each in fainter if each.deviation < NEARLY_STEADY and _is_bare(each)]
+    search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
     seen = seen_directly(without_doubles(walls), places_m)
-    return squared([wall for wall in seen if _is_still(wall, places_m)], places_m, echoes)
+    still = [wall for wall in seen if _is_still(wall, places_m) and stands_out(search, wall)]
+    return squared(still, places_m, echoes)
+
+
+def stands_out(search: MirrorSearch, wall: MirrorWall) -> bool:
+    """Whether more is heard of a wall than of what would be beside it.
+
+    Parameters
+    ----------
+    search : MirrorSearch
+        With the echoes that mirrors may explain.
+    wall : MirrorWall
+        One that was found among them.
+    """
+    beside = [
+        share_that_heard(search, wall.pings, wall.normal_rad, wall.distance_m + beside_m)
+        for beside_m in BESIDE_M
+    ]
+    return float(np.mean(beside)) <= MOST_BESIDE
 
 
 def _is_still(wall: MirrorWall, places_m: FloatArray) -> bool:

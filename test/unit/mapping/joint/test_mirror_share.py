@@ -14,6 +14,7 @@ from usmap_ros.mapping.joint.free_space.mirror_share import (
     expected_share,
     facing_who_heard,
     mirror_share,
+    told_by_walls,
     unexplained_share,
 )
 from usmap_ros.mapping.joint.free_space.response import NO_NORMAL, SurfaceViews
@@ -204,3 +205,13 @@ def test_of_few_echoes_hardly_any_may_be_left_unexplained() -> None:
     assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, 10, 0.0) == 0.0
     assert unexplained_share(chances[3:], ranges_m[3:], MANY_THINGS, 10, 1.0) == 0.0
     assert unexplained_share(chances[:-1], ranges_m[:-1], MANY_THINGS, ENOUGH_PINGS, 1.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("walls", "wide", "told"), [(1, 0.0, 0.8), (1, 1.0, 0.0), (4, 1.0, 0.8), (1, 0.5, 0.4)]
+)
+def test_one_wall_tells_nothing_of_others_where_most_was_not_heard(
+    walls: int, wide: float, told: float
+) -> None:
+    """Robots left a corridor of which one end was heard, and its sides at flat angles only."""
+    assert told_by_walls(0.8, walls, wide) == pytest.approx(told)

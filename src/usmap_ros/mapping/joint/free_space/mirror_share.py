@@ -47,6 +47,9 @@ LEAST_ECHOES, HARDLY_ANY, UNKNOWN_SHARE = 60, 0.05, 0.5
 #: Pings from which on what else is there would have shown itself: few things, and few echoes, tell
 #: as much as many.
 ENOUGH_PINGS = 2 * TELLING_PINGS
+#: Walls of which none is a mirror that tell nothing of others, where many have not been heard, and
+#: those that do: a room has four.
+FEW_WALLS = (1, 4)
 #: A wall ends where its cells are farther apart than this.
 APART_CELLS = 10.0
 #: Shares that are compared, and how likely they are before anything was heard: a Beta distribution.
@@ -140,6 +143,24 @@ def unexplained_share(
         every = np.interp(is_unexplained.mean(), (ALL_OF_POLES, ALL_OF_MIRRORS), (0.0, 1.0))
     nearer = float(is_unexplained[ranges_m <= np.median(ranges_m)].mean()) / told
     return lone_share * float(max(np.interp(nearer, (OF_POLES, OF_MIRRORS), (0.0, 1.0)), every))
+
+
+def told_by_walls(walled: float, walls: int, wide: float) -> float:
+    """How far walls that were found, none of which is a mirror, tell what others are.
+
+    Where one end of a corridor was heard, and most of what was sent along it did not come back, its
+    sides may be anything: over 0.8 m² beyond them were free.
+
+    Parameters
+    ----------
+    walled : float
+        How far a place is one of walls.
+    walls : int
+        How many were found.
+    wide : float
+        How far more rays end at nothing than in rooms.
+    """
+    return walled * (1.0 - wide * float(np.interp(walls, FEW_WALLS, (1.0, 0.0))))
 
 
 def facing_who_heard(

@@ -12,6 +12,7 @@ from usmap_ros.mapping.joint.forward_model.log_odds import judged, over_block
 from usmap_ros.mapping.joint.free_space.mirror_share import (
     facing_who_heard,
     mirror_share,
+    told_by_walls,
     unexplained_share,
 )
 from usmap_ros.mapping.joint.free_space.one_sided import one_sided_share
@@ -232,9 +233,10 @@ def _learnt(
         listening.chance[mine[index], bins],
         least_m[index] + (bins + 0.5) * bin_m[index],
     )
+    told = walled if mirrors else told_by_walls(walled, len(walls.lines), wide)
     mirrored = max(
         mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
-        unexplained_share(chances, ranges_m, things, len(mine), 1.0 - walled),
+        unexplained_share(chances, ranges_m, things, len(mine), 1.0 - told),
     )
     mirrored = max(mirrored, LEAST_MIRRORED) if mirrors else min(CAUTION**walled * mirrored, 1.0)
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)

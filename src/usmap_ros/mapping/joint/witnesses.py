@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block, strength_of
-from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn, discs
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn, discs
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 

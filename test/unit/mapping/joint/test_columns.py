@@ -20,12 +20,8 @@ from usmap_ros.mapping.joint.surfaces.lone_columns import (
     larger_columns,
     lone_cells,
 )
-from usmap_ros.mapping.joint.surfaces.round_columns import (
-    RoundColumn,
-    discs,
-    round_columns,
-    without_pairs,
-)
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn, discs, without_pairs
+from usmap_ros.mapping.joint.surfaces.round_columns import round_columns
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.visibility.field import Field, field_around
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS, WHOLE
@@ -75,7 +71,7 @@ def heard(cones: list[EchoCone]) -> tuple[PingSet, Field]:
 
 def columns_of(cones: list[EchoCone]) -> list[RoundColumn]:
     ping_set, field = heard(cones)
-    return round_columns(ping_set, np.zeros(len(ping_set.echoes.range_m), bool), field)
+    return round_columns(ping_set, np.zeros(len(ping_set.echoes.range_m), bool), field).columns
 
 
 def columns_instead_of(

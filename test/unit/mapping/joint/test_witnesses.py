@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.fusion import JointFusion
-from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.witnesses import MutualEvidence, credit, mutual_evidence
 from usmap_ros.parameters import MappingParameters

@@ -19,11 +19,11 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     fitted_circle,
     log_ratio_of_point,
 )
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     LEAST_HITS,
     LEAST_LOG_RATIO,
     SUSPECT_LOG_RATIO_A_HIT,
-    RoundColumn,
 )
 from usmap_ros.mapping.joint.visibility.beams import LOOKING_SHARE
 from usmap_ros.mapping.joint.visibility.field import Field

@@ -9,7 +9,8 @@ than points do are columns.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     log_ratio_of_point,
     log_ratio_of_two_points,
 )
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, DISTANCE, END, NORMAL_X, NORMAL_Y
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, RANGE_STD, PingTable, X, Y
@@ -52,75 +53,27 @@ LEAST_LOG_RATIO, LEAST_LOG_RATIO_A_HIT = 55.0, 0.16
 LEAST_OVER_POINT = 3.0
 #: In all, and on the mean of its hits, at which a column is suspected, from wherever it was heard.
 SUSPECT_LOG_RATIO, SUSPECT_LOG_RATIO_A_HIT = 20.0, 2.5
-#: Share of suspected columns that are some.
-SUSPECTED_SHARE = 0.5
-#: A wall so near to a column, in cells, touches it, and is none if it is shorter: columns' sides
-#: look like that, too.
-TOUCHING_CELLS, WALL_CELLS = 1.5, 20.0
+#: The same of circles which tell of each other: log-likelihood ratio, spread, misses over hits, and
+#: by how much likelier they are than a point and than two.  In none of 14 own rooms of walls there
+#: were four that are alike.
+FAINT_LOG_RATIO, FAINT_SPREAD, MOST_FAINT_MISSES = 23.0, 0.2, 0.2
+FAINT_OVER_POINT, FAINT_OVER_TWO_POINTS = 40.0, 5.0
 #: Candidates of votes lie near columns, but not so near that few steps lead there: some fits of
 #: rough columns ended by a radius beside them.
 FROM_VOTES = LevenbergMarquardt(12, np.full(3, 0.16))
 
 
-@dataclass(frozen=True)
-class RoundColumn:
-    """A column."""
+class FoundColumns(NamedTuple):
+    """What echoes show that nothing else explains."""
 
-    #: Its middle and radius.
-    x_m: float
-    y_m: float
-    radius_m: float
-    #: (hits,) integer arrays: that heard it, and their echoes of it.
-    pings: NDArray[np.int64]
-    echoes: NDArray[np.int64]
-    #: Whether it was heard often enough, and from enough directions, to be shown.
-    is_certain: bool
-    #: How likely it is one, if it is not certain.
-    likely: float = SUSPECTED_SHARE
-    #: By how much likelier than two points one that is certain is, by its log-likelihood ratio.
-    over_two_points: float = math.inf
-
-    @classmethod
-    def of(cls, circle: Circle, is_certain: bool, ping_set: PingSet) -> RoundColumn:
-        """What a circle shows that some pings heard."""
-        over = math.inf
-        if is_certain:
-            # Two points have one more unknown, by the Bayesian information criterion.
-            over = circle.log_ratio + 0.5 * math.log(len(circle.pings))
-            over -= log_ratio_of_two_points(ping_set, circle)
-        return cls(
-            circle.x_m,
-            circle.y_m,
-            circle.radius_m,
-            circle.pings,
-            circle.echoes,
-            is_certain,
-            over_two_points=over,
-        )
-
-    def bearing_from(self, x_m: float, y_m: float) -> float:
-        """Direction in which a place hears it, rad."""
-        return math.atan2(self.y_m - y_m, self.x_m - x_m)
-
-    def overlaps(self, other: RoundColumn) -> bool:
-        """Whether both cannot be there."""
-        apart_m = math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
-        return apart_m < self.radius_m + other.radius_m
-
-    def is_on(self, lines: FloatArray, field: Field) -> bool:
-        """Whether one of some lines on a field is a wall, and passes through it or touches it."""
-        right = self.x_m / field.resolution_m - field.first_column - 0.5
-        up = self.y_m / field.resolution_m - field.first_row - 0.5
-        across = right * lines[:, NORMAL_X] + up * lines[:, NORMAL_Y] - lines[:, DISTANCE]
-        along = up * lines[:, NORMAL_X] - right * lines[:, NORMAL_Y]
-        is_wall = lines[:, END] - lines[:, BEGIN] >= WALL_CELLS
-        is_near = np.abs(across) <= self.radius_m / field.resolution_m + TOUCHING_CELLS
-        is_beside = (along >= lines[:, BEGIN]) & (along <= lines[:, END])
-        return bool(np.any(is_wall & is_near & is_beside))
+    #: Columns, suspected ones among them.
+    columns: list[RoundColumn]
+    #: Circles that were heard too faintly for that, all around or nearly so, some of them twice.
+    faint: list[Circle]
 
 
-def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> list[RoundColumn]:
-    """Columns that explain echoes which nothing else does, suspected ones among them.
+def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> FoundColumns:
+    """Columns that explain echoes which nothing else does.
 
     Parameters
     ----------
@@ -131,9 +84,8 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
     field : Field
         The cells, which centres are looked for at.
     """
-    table, pings, echoes, _ = ping_set
-    stds_m = np.repeat(table.numbers[pings, RANGE_STD], np.diff(echoes.start))
-    is_open, found = ~is_explained & (stds_m <= MOST_RANGE_STD_M), list[RoundColumn]()
+    is_open, found = ~is_explained & tell_columns(ping_set), list[RoundColumn]()
+    faint = list[Circle]()
 
     def fitted(place: tuple[float, float, float]) -> Circle | None:
         x_m, y_m, radius_m = place
@@ -147,64 +99,27 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> l
         if circle is None:
             return False
         is_certain = _is_heard_around(circle, ping_set)
+        if not is_certain and is_faint(circle, ping_set):
+            faint.append(circle)
         if not is_certain and not _is_suspected(circle):
             return False
         found.append(RoundColumn.of(circle, is_certain, ping_set))
         is_open[circle.echoes] = False
         return True
 
-    in_turn(fitted, _candidates(ping_set, is_open, stds_m, field), take)
-    return found
+    in_turn(fitted, candidates(ping_set, is_open, field, RADII_M.tolist()), take)
+    return FoundColumns(found, faint)
 
 
-def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
-    """Columns, those suspected only which two points explain as well.
-
-    Of many things that stand alone, some two are bound to be heard as one column would be.  How
-    many things are round in this place, the columns tell that nothing else explains; where no more
-    than one does, it may as well be any pair of all things.
-
-    Parameters
-    ----------
-    columns : list of RoundColumn
-        Suspected ones among them.
-    things : int
-        How many things stand alone.
-    """
-    over = [column.over_two_points for column in columns if column.is_certain]
-    least = math.log1p(things)
-    told = sum(each > least for each in over)
-    least = least - math.log1p(told) if told > 1 else math.log1p(math.comb(things, 2))
-    return [
-        replace(column, is_certain=column.is_certain and column.over_two_points > least)
-        for column in columns
-    ]
+def tell_columns(ping_set: PingSet) -> BoolArray:
+    """Which echoes are of pings whose ranges are certain enough to find columns: (echoes,)."""
+    return _stds_m(ping_set) <= MOST_RANGE_STD_M
 
 
-def drawn_columns(columns: list[RoundColumn], field: Field) -> BoolArray:
-    """Cells at the surface of columns."""
-    mask = np.zeros(field.shape, bool)
-    for column in columns:
-        beyond_m = _beyond_m(column, field)
-        mask |= (beyond_m >= -field.resolution_m) & (beyond_m < 0.25 * field.resolution_m)
-    return mask
-
-
-def discs(columns: list[RoundColumn], field: Field, beside_m: float | None = None) -> BoolArray:
-    """Cells that columns cover, and those beside them: as far as a cell is wide, or so far."""
-    beside_m = field.resolution_m if beside_m is None else beside_m
-    mask = np.zeros(field.shape, bool)
-    for column in columns:
-        mask |= _beyond_m(column, field) < beside_m
-    return mask
-
-
-def _beyond_m(column: RoundColumn, field: Field) -> FloatArray:
-    """How far each cell's middle is from a column's surface, m; less than 0 inside of it."""
-    x_m = (field.first_column + np.arange(field.columns) + 0.5) * field.resolution_m - column.x_m
-    y_m = (field.first_row + np.arange(field.rows) + 0.5) * field.resolution_m - column.y_m
-    beyond_m: FloatArray = np.hypot(x_m[np.newaxis], y_m[:, np.newaxis]) - column.radius_m
-    return beyond_m
+def _stds_m(ping_set: PingSet) -> FloatArray:
+    """Standard deviation of each echo's range by the ping's pose: (echoes,) array."""
+    of_pings: FloatArray = ping_set.table.numbers[ping_set.pings, RANGE_STD]
+    return np.repeat(of_pings, np.diff(ping_set.echoes.start))
 
 
 def _is_heard_around(circle: Circle, ping_set: PingSet) -> bool:
@@ -226,12 +141,39 @@ def _is_suspected(circle: Circle) -> bool:
     return circle.log_ratio >= least_log_ratio
 
 
-def _candidates(
-    ping_set: PingSet, is_open: BoolArray, stds_m: FloatArray, field: Field
+def is_faint(circle: Circle, ping_set: PingSet) -> bool:
+    """Whether a circle may be a column if several of its place are like it."""
+    hits = len(circle.pings)
+    return (
+        hits >= LEAST_HITS
+        and circle.spread >= FAINT_SPREAD
+        and circle.log_ratio >= FAINT_LOG_RATIO
+        and circle.misses <= MOST_FAINT_MISSES * hits
+        and not circle.is_corner
+        and circle.log_ratio > log_ratio_of_point(ping_set, circle) + FAINT_OVER_POINT
+        and circle.log_ratio > log_ratio_of_two_points(ping_set, circle) + FAINT_OVER_TWO_POINTS
+    )
+
+
+def candidates(
+    ping_set: PingSet, is_open: BoolArray, field: Field, radii_m: Sequence[float]
 ) -> list[tuple[float, float, float]]:
-    """Middles and radii that open echoes vote for, the best ones first."""
+    """Middles and radii that open echoes vote for, the best ones first.
+
+    Parameters
+    ----------
+    ping_set : PingSet
+        Pings.
+    is_open : (echoes,) bool array
+        Which echoes vote.
+    field : Field
+        The cells, which centres are looked for at.
+    radii_m : sequence of float
+        That are tried.
+    """
     table, pings, echoes, _ = ping_set
-    telling, best = _telling(echoes, stds_m), list[tuple[float, float, float, float]]()
+    telling = _telling(echoes, _stds_m(ping_set))
+    best = list[tuple[float, float, float, float]]()
 
     def most(radius_m: float) -> list[tuple[float, float, float, float]]:
         votes = np.zeros(field.shape, np.float32)
@@ -242,7 +184,7 @@ def _candidates(
         told = zip(votes[rows, columns].tolist(), x_m.tolist(), y_m.tolist(), strict=True)
         return [(vote, x, y, radius_m) for vote, x, y in told]
 
-    for some in for_each(most, RADII_M.tolist()):
+    for some in for_each(most, radii_m):
         best += some
     best.sort(key=lambda candidate: -candidate[0])
     return [(x_m, y_m, radius_m) for _, x_m, y_m, radius_m in best[:MOST_TRIES]]

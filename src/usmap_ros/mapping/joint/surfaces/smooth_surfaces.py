@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.surfaces.alike_columns import columns_of_place
 from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
@@ -21,11 +22,10 @@ from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
 )
 from usmap_ros.mapping.joint.surfaces.panes import Panes, lone_lines
 from usmap_ros.mapping.joint.surfaces.parts import PartOfPlace, any_holds, mirrors_of_parts
-from usmap_ros.mapping.joint.surfaces.round_columns import (
+from usmap_ros.mapping.joint.surfaces.round_column import (
     RoundColumn,
     discs,
     drawn_columns,
-    round_columns,
     without_pairs,
 )
 from usmap_ros.mapping.joint.surfaces.wall_ends import WallEnds
@@ -119,7 +119,8 @@ class SmoothSurfaces:
         self._reflected = reflected(found, table, pings, echoes) & may_follow
         is_explained |= self._reflected
         ping_set = PingSet(table, pings, echoes, left)
-        columns = _but_corners(round_columns(ping_set, is_explained, self._field), found)
+        columns = columns_of_place(ping_set, is_explained, is_usable, self._field)
+        columns = _but_corners(columns, found)
         for column in columns:
             is_usable[column.echoes] &= not column.is_certain
         self.panes = self._panes_elsewhere(found, is_explained, is_usable, first_only)

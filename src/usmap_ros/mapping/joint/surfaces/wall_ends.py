@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, face_usually
-from usmap_ros.mapping.joint.surfaces.round_columns import RoundColumn
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.visibility.beams import (
     LOOKING_SHARE,
     WITHIN_GREATEST_M,

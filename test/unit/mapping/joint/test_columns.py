@@ -33,6 +33,8 @@ from usmap_ros.pings.cone import EchoCone
 #: Where a column stands, and its radius, m.
 X_M, Y_M, RADIUS_M = 0.42, -0.13, 0.2
 NO_PINGS = np.zeros(0, np.int64)
+#: No echo is of a sensor that reports the first thing only.
+NOT_FIRST = np.zeros(1000, bool)
 
 
 def pings_around(
@@ -170,9 +172,11 @@ def test_a_pair_of_poles_is_a_column_only_where_others_are(
     """Each heard from one side, they pass for what is round; of many poles some are bound to."""
     pair = [column for column in columns_of(pair_of_poles(make_cone)) if column.is_certain]
     assert pair
-    assert not any(column.is_certain for column in without_pairs(pair, 20))
+    assert not any(column.is_certain for column in without_pairs(pair, 20, NOT_FIRST))
+    # Who reports the first thing only hears the nearer one of two.
+    assert without_pairs(pair, 20, ~NOT_FIRST) == pair
     (column,) = columns_of(pings_around(make_cone, 0.0, 4.0, 24, 0.003))
-    (found,) = without_pairs([column], 20)
+    (found,) = without_pairs([column], 20, NOT_FIRST)
     assert found.is_certain
 
 
@@ -182,10 +186,13 @@ def test_a_single_column_among_many_poles_may_be_any_pair_of_them(
     """Of 25 poles two had been taken for the only column, by a log-likelihood ratio of 5.2."""
     (column,) = columns_of(pings_around(make_cone, 0.0, 4.0, 24, 0.003))
     unlikely, likely = (replace(column, over_two_points=over) for over in (5.2, 7.0))
-    assert [each.is_certain for each in without_pairs([unlikely], 25)] == [False]
-    assert [each.is_certain for each in without_pairs([likely], 25)] == [True]
-    assert [each.is_certain for each in without_pairs([unlikely, likely], 25)] == [True, True]
-    assert [each.is_certain for each in without_pairs([unlikely], 8)] == [True]
+    assert [each.is_certain for each in without_pairs([unlikely], 25, NOT_FIRST)] == [False]
+    assert [each.is_certain for each in without_pairs([likely], 25, NOT_FIRST)] == [True]
+    assert [each.is_certain for each in without_pairs([unlikely, likely], 25, NOT_FIRST)] == [
+        True,
+        True,
+    ]
+    assert [each.is_certain for each in without_pairs([unlikely], 8, NOT_FIRST)] == [True]
 
 
 def test_a_column_heard_from_one_side_replaces_the_cell_on_it(

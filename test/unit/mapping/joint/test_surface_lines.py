@@ -71,6 +71,7 @@ def test_a_point_is_shown_once_where_nothing_but_points_is(has_wall: bool, besid
     smooth: Any = SimpleNamespace(
         lines=lambda: NO_LINES,
         drawn_columns=lambda: nothing,
+        drawn_points=lambda: nothing,
         hide=lambda rows, _: np.zeros(len(rows), bool),
     )
     field = Field(0, 0, 40, 60, 0.05)

@@ -77,12 +77,15 @@ class RoundColumn:
         return bool(np.any(is_wall & is_near & is_beside))
 
 
-def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
+def without_pairs(
+    columns: list[RoundColumn], things: int, is_first: BoolArray
+) -> list[RoundColumn]:
     """Columns, those suspected only which two points explain as well.
 
     Of many things that stand alone, some two are bound to be heard as one column would be.  How
     many things are round in this place, the columns tell that nothing else explains; where no more
-    than one does, it may as well be any pair of all things.
+    than one does, it may as well be any pair of all things.  But of two points, sensors that report
+    the first thing only hear the nearer one, as of a column.
 
     Parameters
     ----------
@@ -90,14 +93,23 @@ def without_pairs(columns: list[RoundColumn], things: int) -> list[RoundColumn]:
         Suspected ones among them.
     things : int
         How many things stand alone.
+    is_first : (echoes,) bool array
+        Whether each echo is of a sensor that reports the first thing only.
     """
-    over = [column.over_two_points for column in columns if column.is_certain]
+    may_be_pairs = [not bool(is_first[column.echoes].all()) for column in columns]
+    over = [
+        column.over_two_points
+        for column, may_be_pair in zip(columns, may_be_pairs, strict=True)
+        if may_be_pair and column.is_certain
+    ]
     least = math.log1p(things)
     told = sum(each > least for each in over)
     least = least - math.log1p(told) if told > 1 else math.log1p(math.comb(things, 2))
     return [
         replace(column, is_certain=column.is_certain and column.over_two_points > least)
-        for column in columns
+        if may_be_pair
+        else column
+        for column, may_be_pair in zip(columns, may_be_pairs, strict=True)
     ]
 
 

@@ -12,6 +12,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import PingSet
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, larger_columns
+from usmap_ros.mapping.joint.surfaces.lone_points import lone_points
 from usmap_ros.mapping.joint.surfaces.loud_echoes import FEW_ECHOES, LoudEchoes
 from usmap_ros.mapping.joint.surfaces.mirror_walls import perpendicular_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, on_field
@@ -36,6 +37,8 @@ from usmap_ros.mapping.ping_bins import ECHO, UNJUDGED
 from usmap_ros.mapping.ping_table import PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
+#: A point is in cells whose middles are so near, over their sides: in one at least.
+POINT_SHARE = 0.71
 #: Power that smooth things return, over what would have been reported.
 LOUD = 100.0
 
@@ -75,6 +78,8 @@ class SmoothSurfaces:
         self._table, self._pings, self._echoes, self._field = table, pings, echoes, field
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
+        #: (points, 2) array: points that stand alone where no mirrors are, which cells do not tell.
+        self.points_m: FloatArray = np.zeros((0, 2))
         #: Parts of the place that mirrors are in, if not in all of it.
         self.mirrored: list[PartOfPlace] = []
         #: What may be mirrors where none was found.
@@ -134,12 +139,19 @@ class SmoothSurfaces:
             for column in columns
             if column.is_certain or not any(map(column.overlaps, instead))
         ]
-        columns = self._without_pairs([*columns, *instead], first_only, len(lone_cells_m))
+        columns = without_pairs(
+            [*columns, *instead], len(lone_cells_m), first_only[self.places.ping]
+        )
         self.columns = [column for column in columns if column.is_certain]
         self._suspected = [column for column in columns if not column.is_certain]
         self._suspected += larger_columns(self.columns, ping_set)
         ends = WallEnds(table, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
+        if not found:
+            is_open = is_usable & ~is_explained
+            for column in self.columns:
+                is_open[column.echoes] = False
+            self.points_m = lone_points(ping_set, is_open, self._field)
 
     def _panes_elsewhere(
         self,
@@ -164,18 +176,6 @@ class SmoothSurfaces:
             return False
         walls = perpendicular_walls(table, pings, echoes, first_only[self.places.ping], first_only)
         return answer_as_mirrors(walls, table, pings, echoes)
-
-    def _without_pairs(
-        self, columns: list[RoundColumn], first_only: BoolArray, things: int
-    ) -> list[RoundColumn]:
-        """Columns, but for those that two points explain as well.
-
-        Of two points, sensors that report the first thing only hear the nearer one, as of a column.
-        """
-        is_first = [bool(first_only[self.places.ping[column.echoes]].all()) for column in columns]
-        pairs = list(zip(columns, is_first, strict=True))
-        both = without_pairs([column for column, first in pairs if not first], things)
-        return [*(column for column, first in pairs if first), *both]
 
     @property
     def recognised(self) -> KnownSurfaces:
@@ -271,6 +271,11 @@ class SmoothSurfaces:
     def drawn_columns(self) -> BoolArray:
         """Cells at the surface of columns."""
         return drawn_columns(self.columns, self._field)
+
+    def drawn_points(self) -> BoolArray:
+        """Cells that points are in which stand alone."""
+        x_m, y_m = self.points_m.T
+        return self._field.cells_within(x_m, y_m, POINT_SHARE * self._field.resolution_m)
 
     @property
     def columns_likely(self) -> float:

@@ -147,5 +147,7 @@ def find_walls(
     occupied[rows[is_kept], columns[is_kept]] = True
     occupied &= ~stood
     smoothly = drawn(mirrors, field.shape) | smooth.drawn_columns()
+    if not len(lines) and not len(mirrors):
+        smoothly |= smooth.drawn_points()
     filled = (drawn(lines, field.shape) | smoothly) & ~stood
     return Walls(occupied, filled, filled & ~smoothly & ~occupied, lines, mirrors)

@@ -37,11 +37,17 @@ def on_a_way(
     return cones
 
 
-def points_of(cones: list[EchoCone]) -> FloatArray:
+def points_of(
+    cones: list[EchoCone], lone_cells_m: list[tuple[float, float]] | None = None
+) -> FloatArray:
+    """Points by all echoes, or by those that cells of one thing explain."""
     table, rows, _, echoes = kept_pings({"robot": cones}, MappingParameters()).pings()[:4]
     left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
     every = np.ones(len(echoes.range_m), bool)
-    return lone_points(PingSet(table, rows, echoes, left), every, field_around(table, rows, 0.05))
+    ping_set, field = PingSet(table, rows, echoes, left), field_around(table, rows, 0.05)
+    if lone_cells_m is None:
+        return lone_points(ping_set, every, every, [], field)
+    return lone_points(ping_set, ~every, every, [np.array(lone_cells_m)], field)
 
 
 def test_ranges_tell_where_a_far_pole_is_if_the_way_bends(
@@ -59,6 +65,14 @@ def test_what_is_heard_on_a_straight_way_may_be_on_either_side(
 
 def test_few_pings_tell_no_point(make_cone: Callable[..., EchoCone]) -> None:
     assert len(points_of(on_a_way(make_cone, 0.3, LEAST_HITS - 1))) == 0
+
+
+def test_ranges_tell_which_of_some_cells_a_pole_is_in(make_cone: Callable[..., EchoCone]) -> None:
+    """The cell that was believed most was a decimetre off."""
+    cones, (x_m, y_m) = on_a_way(make_cone, 0.3), POLE_M
+    (point_m,) = points_of(cones, [(x_m - 0.02, y_m + 0.12), (x_m, y_m + 0.02)])
+    assert point_m == pytest.approx(POLE_M, abs=0.05)
+    assert len(points_of(cones, [(x_m, y_m + 0.07), (x_m, y_m + 0.02)])) == 0
 
 
 def test_a_far_pole_is_in_the_map(make_cone: Callable[..., EchoCone]) -> None:

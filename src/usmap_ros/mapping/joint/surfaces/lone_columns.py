@@ -145,7 +145,7 @@ def _over_point_at(
 
     One for each radius that a fit begins with, by its descent.
     """
-    own, towards = _echoes_of(cells_m, ping_set)
+    own, towards = echoes_of(cells_m, ping_set)
     is_open_now = is_open | (own & may_be)
     middle_m = cells_m.mean(axis=0)
     point = fitted_circle(ping_set, is_open_now, np.append(middle_m, 0.0), TO_POINT)
@@ -236,8 +236,23 @@ def _is_heard_well(circle: Circle) -> bool:
     return hits >= LEAST_HITS and circle.log_ratio >= least and not circle.is_corner
 
 
-def _echoes_of(cells_m: FloatArray, ping_set: PingSet) -> tuple[BoolArray, FloatArray]:
-    """Which echoes may be of some cells; and the mean direction of those who heard them."""
+def echoes_of(cells_m: FloatArray, ping_set: PingSet) -> tuple[BoolArray, FloatArray]:
+    """Which echoes may be of some cells; and the mean direction of those who heard them.
+
+    Parameters
+    ----------
+    cells_m : (cells, 2) array
+        Their middles.
+    ping_set : PingSet
+        Pings.
+
+    Returns
+    -------
+    own : (echoes,) bool array
+        Which may be of them.
+    towards : (2,) array
+        A unit vector.
+    """
     table, pings, echoes, _ = ping_set
     numbers = table.numbers[pings]
     offsets = cells_m - numbers[:, np.newaxis, [X, Y]]

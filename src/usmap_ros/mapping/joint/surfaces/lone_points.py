@@ -8,11 +8,12 @@ them as well, and neither is.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from usmap_ros.mapping.joint.surfaces.column_fits import Circle, PingSet, fitted_circle
-from usmap_ros.mapping.joint.surfaces.lone_columns import TO_POINT
+from usmap_ros.mapping.joint.surfaces.lone_columns import TO_POINT, echoes_of
 from usmap_ros.mapping.joint.surfaces.round_columns import candidates, tell_columns
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, X, Y
@@ -30,15 +31,25 @@ SAME_M = 0.02
 TAKEN_SHARE = 0.3
 
 
-def lone_points(ping_set: PingSet, is_open: BoolArray, field: Field) -> FloatArray:
+def lone_points(
+    ping_set: PingSet,
+    is_open: BoolArray,
+    may_be: BoolArray,
+    lone_cells_m: Sequence[FloatArray],
+    field: Field,
+) -> FloatArray:
     """Points that stand alone.
 
     Parameters
     ----------
     ping_set : PingSet
         Pings.
-    is_open : (echoes,) bool array
-        Echoes that nothing explains.
+    is_open, may_be : (echoes,) bool arrays
+        Echoes that nothing explains, and those that cells may explain, too.
+    lone_cells_m : sequence of (cells, 2) arrays
+        Middles of cells, of one thing each, as
+        `usmap_ros.mapping.joint.surfaces.lone_columns.lone_cells` gives them: where they are far
+        apart, ranges tell which of them it is in.
     field : Field
         The cells, which are begun with.
 
@@ -47,20 +58,35 @@ def lone_points(ping_set: PingSet, is_open: BoolArray, field: Field) -> FloatArr
     points_m : (points, 2) array
         Where they are.
     """
-    is_open = is_open & tell_columns(ping_set)
+    tell = tell_columns(ping_set)
+    is_open, found = is_open & tell, list[Circle]()
     begun_m = np.array([place[:2] for place in candidates(ping_set, is_open, field, [0.0])])
-    found: list[tuple[float, float]] = []
-    for circle in _points_near(begun_m.reshape(-1, 2), ping_set, is_open):
-        if circle.log_ratio < LEAST_LOG_RATIO:
+    for point in _points_near(begun_m.reshape(-1, 2), ping_set, is_open):
+        if point.log_ratio < LEAST_LOG_RATIO:
             break
-        if is_open[circle.echoes].mean() < 1.0 - TAKEN_SHARE:
-            continue
-        arc = [circle, *_points_near(_arc_m(circle, ping_set), ping_set, is_open)]
-        best = max(arc, key=lambda other: other.log_ratio)
-        is_open[best.echoes] = False
-        if _is_heard_well(best) and _is_alone(best, arc):
-            found.append((best.x_m, best.y_m))
-    return np.array(found).reshape(-1, 2)
+        if is_open[point.echoes].mean() >= 1.0 - TAKEN_SHARE:
+            best, is_sure = _best_of_arc(point, ping_set, is_open)
+            is_open[best.echoes] = False
+            found += [best] * is_sure
+    for cells_m in filter(_are_far_apart, lone_cells_m):
+        own, _ = echoes_of(cells_m, ping_set)
+        may_be_here = (is_open | (own & may_be)) & tell
+        for point in _points_near(cells_m, ping_set, may_be_here)[:1]:
+            best, is_sure = _best_of_arc(point, ping_set, may_be_here)
+            found += [best] * is_sure
+    return np.array([(point.x_m, point.y_m) for point in found]).reshape(-1, 2)
+
+
+def _are_far_apart(cells_m: FloatArray) -> bool:
+    """Whether some cells of one thing are no neighbours."""
+    return float(np.ptp(cells_m, axis=0).max()) > WITHIN_M
+
+
+def _best_of_arc(point: Circle, ping_set: PingSet, is_open: BoolArray) -> tuple[Circle, bool]:
+    """The likeliest point on the arc of one; and whether it was heard well, and no other is it."""
+    arc = [point, *_points_near(_arc_m(point, ping_set), ping_set, is_open)]
+    best = max(arc, key=lambda other: other.log_ratio)
+    return best, _is_heard_well(best) and _is_alone(best, arc)
 
 
 def _points_near(places_m: FloatArray, ping_set: PingSet, is_open: BoolArray) -> list[Circle]:
@@ -89,7 +115,8 @@ def _arc_m(circle: Circle, ping_set: PingSet) -> FloatArray:
 def _is_heard_well(point: Circle) -> bool:
     """Whether a point was heard often enough, and seldom missed."""
     hits = len(point.pings)
-    return hits >= LEAST_HITS and point.misses <= MOST_MISSES * hits + 1.0
+    is_likely = point.log_ratio >= LEAST_LOG_RATIO and hits >= LEAST_HITS
+    return is_likely and point.misses <= MOST_MISSES * hits + 1.0
 
 
 def _is_alone(best: Circle, arc: list[Circle]) -> bool:

@@ -151,7 +151,7 @@ class SmoothSurfaces:
             is_open = is_usable & ~is_explained
             for column in self.columns:
                 is_open[column.echoes] = False
-            self.points_m = lone_points(ping_set, is_open, self._field)
+            self.points_m = lone_points(ping_set, is_open, is_usable, lone_cells_m, self._field)
 
     def _panes_elsewhere(
         self,

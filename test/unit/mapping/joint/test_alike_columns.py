@@ -36,20 +36,21 @@ def certain(x_m: float, radius_m: float = RADIUS_M) -> RoundColumn:
 def test_several_faint_columns_of_one_radius_are_some() -> None:
     faint = [circle(APART_M * number) for number in range(SEVERAL)]
     assert several_alike([], faint) == faint
-    assert several_alike([], faint[1:]) == []
+    assert several_alike([], faint[1:]) is None
     assert several_alike([certain(-APART_M)], faint[1:]) == faint[1:]
+    assert several_alike([certain(-APART_M * number) for number in range(SEVERAL)], []) == []
 
 
 def test_columns_of_other_radii_do_not_count() -> None:
     faint = [circle(APART_M * number) for number in range(SEVERAL - 1)]
-    assert several_alike([], [*faint, circle(-APART_M, 2.0 * RADIUS_M)]) == []
+    assert several_alike([], [*faint, circle(-APART_M, 2.0 * RADIUS_M)]) is None
 
 
 def test_what_overlaps_counts_once() -> None:
     """One column fits with several radii and middles; the likeliest is it."""
     faint = [circle(APART_M * number) for number in range(SEVERAL - 1)]
     again = circle(0.1, log_ratio=40.0)
-    assert several_alike([], [*faint, again]) == []
+    assert several_alike([], [*faint, again]) is None
     others = circle(-APART_M)
     assert several_alike([], [*faint, again, others]) == [again, *faint[1:], others]
 

@@ -17,6 +17,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     LevenbergMarquardt,
     PingSet,
     fitted_circle,
+    log_ratio_of_two_points,
 )
 from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.surfaces.round_columns import (
@@ -33,6 +34,8 @@ SEVERAL = 4
 #: Logarithms of radii of those that are alike differ from the usual one by less: of faint ones as
 #: they were found, and of others that are looked for by it.
 ALIKE, AS_ALIKE = 0.35, 0.2
+#: By how much likelier others are than two points: pieces of walls are by less.
+OTHERS_OVER_TWO_POINTS = 26.0
 #: How much radii of those that are alike differ, m.
 RADII_DIFFER_M = 0.04
 
@@ -56,7 +59,7 @@ def columns_of_place(
     columns, faint = round_columns(ping_set, is_explained, field)
     certain = [column for column in columns if column.is_certain]
     alike = several_alike(certain, faint)
-    if not alike:
+    if alike is None:
         return columns
     search = _Search(ping_set, is_usable & tell_columns(ping_set), field, certain)
     search.take(alike)
@@ -65,7 +68,7 @@ def columns_of_place(
     return [each for each in columns if each.is_certain or not any(map(each.overlaps, more))] + more
 
 
-def several_alike(certain: list[RoundColumn], faint: list[Circle]) -> list[Circle]:
+def several_alike(certain: list[RoundColumn], faint: list[Circle]) -> list[Circle] | None:
     """Faint circles that are like most columns of the place, if those are several together.
 
     Parameters
@@ -77,19 +80,19 @@ def several_alike(certain: list[RoundColumn], faint: list[Circle]) -> list[Circl
 
     Returns
     -------
-    alike : list of Circle
-        The likeliest first.
+    alike : list of Circle, optional
+        The likeliest first; None where too few columns are alike to tell of others.
     """
     apart: list[Circle] = []
     for circle in sorted(faint, key=lambda circle: -circle.log_ratio):
         if not _overlaps_any(circle, certain) and not _overlaps_any(circle, apart):
             apart.append(circle)
     if len(certain) + len(apart) < SEVERAL:
-        return []
+        return None
     usual_m = _usual_radius_m([*certain, *apart])
     alike = [circle for circle in apart if _is_like(circle, usual_m, ALIKE)]
     others = sum(_is_like(column, usual_m, ALIKE) for column in certain)
-    return alike if len(alike) + others >= SEVERAL else []
+    return alike if len(alike) + others >= SEVERAL else None
 
 
 class _Search:
@@ -119,9 +122,14 @@ class _Search:
         usual_m, like = _usual_radius_m(self.found), list[Circle]()
         for x_m, y_m, _ in candidates(self._ping_set, self._is_open, self._field, [usual_m]):
             circle = self._fitted(np.array([x_m, y_m, usual_m]), usual_m)
-            if circle and _is_like(circle, usual_m, AS_ALIKE) and is_faint(circle, self._ping_set):
+            if circle and _is_like(circle, usual_m, AS_ALIKE) and self._is_another(circle):
                 like.append(circle)
         return sorted(like, key=lambda circle: -circle.log_ratio)
+
+    def _is_another(self, circle: Circle) -> bool:
+        """Whether all its echoes, of which walls explain some, tell of one."""
+        over = circle.log_ratio - log_ratio_of_two_points(self._ping_set, circle)
+        return is_faint(circle, self._ping_set) and over > OTHERS_OVER_TWO_POINTS
 
     def _fitted(self, place: FloatArray, usual_m: float) -> Circle | None:
         damping = np.array([1e-3, 1e-3, (RANGE_STD_M / RADII_DIFFER_M) ** 2])

@@ -18,6 +18,7 @@ from usmap_ros.mapping.joint.surfaces.round_columns import candidates, tell_colu
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
+from usmap_ros.processes.threads import for_each
 
 #: Log-likelihood ratio to echoes by chance, and hits, that a point has at least; and misses over
 #: hits at the most, beside one.
@@ -91,12 +92,14 @@ def _best_of_arc(point: Circle, ping_set: PingSet, is_open: BoolArray) -> tuple[
 
 def _points_near(places_m: FloatArray, ping_set: PingSet, is_open: BoolArray) -> list[Circle]:
     """Points that fit echoes best near some places, the likeliest first, and none twice."""
+    fits = for_each(
+        lambda place_m: fitted_circle(ping_set, is_open, np.append(place_m, 0.0), TO_POINT),
+        places_m,
+    )
     found: dict[tuple[int, int], Circle] = {}
-    for place_m in places_m:
-        fit = fitted_circle(ping_set, is_open, np.append(place_m, 0.0), TO_POINT)
-        if fit:
-            place = round(fit.x_m / SAME_M), round(fit.y_m / SAME_M)
-            found[place] = max(fit, found.get(place, fit), key=lambda fit: fit.log_ratio)
+    for fit in filter(None, fits):
+        place = round(fit.x_m / SAME_M), round(fit.y_m / SAME_M)
+        found[place] = max(fit, found.get(place, fit), key=lambda fit: fit.log_ratio)
     return sorted(found.values(), key=lambda fit: -fit.log_ratio)
 
 

@@ -139,7 +139,7 @@ PARTS = {
         ((smooth_surfaces, "lone_lines", lambda *given: NO_LONE_LINES),),
     ),
     "wall_ends": Part("smooth walls end at their feet", ((smooth_surfaces, "WallEnds", _AsFound),)),
-    "columns": Part("no round columns", ((smooth_surfaces, "round_columns", _none),)),
+    "columns": Part("no round columns", ((smooth_surfaces, "columns_of_place", _none),)),
     "taken_out": Part(
         "echoes of smooth things stay",
         ((smooth_surfaces.SmoothSurfaces, "take_out", lambda things: None),),

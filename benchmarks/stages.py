@@ -52,7 +52,8 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     ],
     "lines": [(estimate, "find_walls")],
     "mirrors": [(smooth_surfaces, "mirrors_of_parts")],
-    "columns": [(smooth_surfaces, "round_columns")],
+    "columns": [(smooth_surfaces, "columns_of_place")],
+    "far points": [(smooth_surfaces, "lone_points")],
     "response": [
         (listening, "listen"), (silence, "look_at"), (silence, "learn_response"),
     ],

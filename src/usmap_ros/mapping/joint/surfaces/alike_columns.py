@@ -17,9 +17,9 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     LevenbergMarquardt,
     PingSet,
     fitted_circle,
-    log_ratio_of_two_points,
 )
-from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
+from usmap_ros.mapping.joint.surfaces.mirror_walls import left_of
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn, overlaps_any
 from usmap_ros.mapping.joint.surfaces.round_columns import (
     candidates,
     is_faint,
@@ -65,7 +65,7 @@ def columns_of_place(
     search.take(alike)
     search.take(search.others())
     more = search.found[len(certain) :]
-    return [each for each in columns if each.is_certain or not any(map(each.overlaps, more))] + more
+    return [each for each in columns if each.is_certain or not each.overlaps_any(more)] + more
 
 
 def several_alike(certain: list[RoundColumn], faint: list[Circle]) -> list[Circle] | None:
@@ -85,7 +85,7 @@ def several_alike(certain: list[RoundColumn], faint: list[Circle]) -> list[Circl
     """
     apart: list[Circle] = []
     for circle in sorted(faint, key=lambda circle: -circle.log_ratio):
-        if not _overlaps_any(circle, certain) and not _overlaps_any(circle, apart):
+        if not overlaps_any(*circle[:3], (*certain, *apart)):
             apart.append(circle)
     if len(certain) + len(apart) < SEVERAL:
         return None
@@ -101,10 +101,8 @@ class _Search:
     def __init__(
         self, ping_set: PingSet, is_open: BoolArray, field: Field, certain: list[RoundColumn]
     ) -> None:
-        self._ping_set, self._is_open, self._field = ping_set, is_open, field
-        self.found = list(certain)
-        for column in certain:
-            self._is_open[column.echoes] = False
+        self._ping_set, self._field = ping_set, field
+        self._is_open, self.found = left_of(is_open, certain), list(certain)
 
     def take(self, circles: list[Circle]) -> None:
         """Take circles for columns, each by all its echoes, unless others are where it would be."""
@@ -112,7 +110,7 @@ class _Search:
         for circle in circles:
             again = self._fitted(np.array([circle.x_m, circle.y_m, usual_m]), usual_m)
             fits = [again, circle] if again and again.log_ratio > circle.log_ratio else [circle]
-            best = next((fit for fit in fits if not _overlaps_any(fit, self.found)), None)
+            best = next((fit for fit in fits if not overlaps_any(*fit[:3], self.found)), None)
             if best:
                 self.found.append(RoundColumn.of(best, True, self._ping_set))
                 self._is_open[best.echoes] = False
@@ -122,14 +120,13 @@ class _Search:
         usual_m, like = _usual_radius_m(self.found), list[Circle]()
         for x_m, y_m, _ in candidates(self._ping_set, self._is_open, self._field, [usual_m]):
             circle = self._fitted(np.array([x_m, y_m, usual_m]), usual_m)
-            if circle and _is_like(circle, usual_m, AS_ALIKE) and self._is_another(circle):
+            if (
+                circle
+                and _is_like(circle, usual_m, AS_ALIKE)
+                and is_faint(circle, self._ping_set, OTHERS_OVER_TWO_POINTS)
+            ):
                 like.append(circle)
         return sorted(like, key=lambda circle: -circle.log_ratio)
-
-    def _is_another(self, circle: Circle) -> bool:
-        """Whether all its echoes, of which walls explain some, tell of one."""
-        over = circle.log_ratio - log_ratio_of_two_points(self._ping_set, circle)
-        return is_faint(circle, self._ping_set) and over > OTHERS_OVER_TWO_POINTS
 
     def _fitted(self, place: FloatArray, usual_m: float) -> Circle | None:
         damping = np.array([1e-3, 1e-3, (RANGE_STD_M / RADII_DIFFER_M) ** 2])
@@ -144,11 +141,3 @@ def _usual_radius_m(columns: Sequence[RoundColumn | Circle]) -> float:
 def _is_like(column: RoundColumn | Circle, usual_m: float, alike: float) -> bool:
     """Whether a radius is nearly the usual one."""
     return abs(math.log(column.radius_m / usual_m)) < alike
-
-
-def _overlaps_any(one: Circle, others: Sequence[RoundColumn | Circle]) -> bool:
-    """Whether a circle and any of some others cannot both be there."""
-    return any(
-        math.hypot(one.x_m - other.x_m, one.y_m - other.y_m) < one.radius_m + other.radius_m
-        for other in others
-    )

@@ -10,6 +10,7 @@ follow: a mirror is followed by few.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ from usmap_ros.mapping.joint.surfaces.mirrors import (
     without_doubles,
 )
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import images, reflected, seen_directly
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
 from usmap_ros.mapping.ping_table import ABSORPTION, PingTable, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -109,10 +111,9 @@ def mirror_walls(
     faces_usually = face_usually(more, walls)
     walls += [wall for wall, is_usual in zip(more, faces_usually, strict=True) if is_usual]
     is_left = left_of(is_left & ~is_explained & _are_first(echoes), walls)
-    search = search._replace(is_open=is_left, faintest=math.exp(usual - FAINTER), loudest=faintest)
-    fainter = _likelier_than_points(found_mirrors(search, ANY))
+    dim = search._replace(is_open=is_left, faintest=math.exp(usual - FAINTER), loudest=faintest)
+    fainter = _likelier_than_points(found_mirrors(dim, ANY))
     walls += [each for each in fainter if each.deviation < NEARLY_STEADY and _is_bare(each)]
-    search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
     seen = seen_directly(without_doubles(walls), places_m)
     still = [wall for wall in seen if _is_still(wall, places_m) and stands_out(search, wall)]
     return squared(still, places_m, echoes)
@@ -141,11 +142,11 @@ def _is_still(wall: MirrorWall, places_m: FloatArray) -> bool:
     return len(feet_m) >= USUAL.hits and tells_direction(USUAL, np.sort(feet_m))
 
 
-def left_of(is_open: BoolArray, walls: list[MirrorWall]) -> BoolArray:
-    """Which of some (echoes,) that are open are of none of some walls."""
+def left_of(is_open: BoolArray, things: Iterable[MirrorWall | RoundColumn]) -> BoolArray:
+    """Which of some (echoes,) that are open are of none of some things."""
     is_left = is_open.copy()
-    for wall in walls:
-        is_left[wall.echoes] = False
+    for thing in things:
+        is_left[thing.echoes] = False
     return is_left
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,10 +61,9 @@ class RoundColumn:
         """Direction in which a place hears it, rad."""
         return math.atan2(self.y_m - y_m, self.x_m - x_m)
 
-    def overlaps(self, other: RoundColumn) -> bool:
-        """Whether both cannot be there."""
-        apart_m = math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
-        return apart_m < self.radius_m + other.radius_m
+    def overlaps_any(self, others: Iterable[RoundColumn]) -> bool:
+        """Whether it and any of some others cannot both be there."""
+        return overlaps_any(self.x_m, self.y_m, self.radius_m, others)
 
     def is_on(self, lines: FloatArray, field: Field) -> bool:
         """Whether one of some lines on a field is a wall, and passes through it or touches it."""
@@ -75,6 +75,15 @@ class RoundColumn:
         is_near = np.abs(across) <= self.radius_m / field.resolution_m + TOUCHING_CELLS
         is_beside = (along >= lines[:, BEGIN]) & (along <= lines[:, END])
         return bool(np.any(is_wall & is_near & is_beside))
+
+
+def overlaps_any(
+    x_m: float, y_m: float, radius_m: float, others: Iterable[RoundColumn | Circle]
+) -> bool:
+    """Whether a circle about a place and any of some others cannot both be there."""
+    return any(
+        math.hypot(x_m - other.x_m, y_m - other.y_m) < radius_m + other.radius_m for other in others
+    )
 
 
 def without_pairs(

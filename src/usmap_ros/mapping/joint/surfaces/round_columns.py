@@ -29,7 +29,7 @@ from usmap_ros.mapping.joint.surfaces.column_fits import (
     log_ratio_of_point,
     log_ratio_of_two_points,
 )
-from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
+from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn, overlaps_any
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, RANGE_STD, PingTable, X, Y
@@ -88,10 +88,7 @@ def round_columns(ping_set: PingSet, is_explained: BoolArray, field: Field) -> F
     faint = list[Circle]()
 
     def fitted(place: tuple[float, float, float]) -> Circle | None:
-        x_m, y_m, radius_m = place
-        if len(found) == MOST_COLUMNS:
-            return None
-        if any(math.hypot(x_m - c.x_m, y_m - c.y_m) < radius_m + c.radius_m for c in found):
+        if len(found) == MOST_COLUMNS or overlaps_any(*place, found):
             return None
         return fitted_circle(ping_set, is_open, np.array(place), FROM_VOTES)
 
@@ -141,8 +138,20 @@ def _is_suspected(circle: Circle) -> bool:
     return circle.log_ratio >= least_log_ratio
 
 
-def is_faint(circle: Circle, ping_set: PingSet) -> bool:
-    """Whether a circle may be a column if several of its place are like it."""
+def is_faint(
+    circle: Circle, ping_set: PingSet, over_two_points: float = FAINT_OVER_TWO_POINTS
+) -> bool:
+    """Whether a circle may be a column if several of its place are like it.
+
+    Parameters
+    ----------
+    circle : Circle
+        What was heard.
+    ping_set : PingSet
+        Pings.
+    over_two_points : float
+        By how much likelier than two points it must be.
+    """
     hits = len(circle.pings)
     return (
         hits >= LEAST_HITS
@@ -151,7 +160,7 @@ def is_faint(circle: Circle, ping_set: PingSet) -> bool:
         and circle.misses <= MOST_FAINT_MISSES * hits
         and not circle.is_corner
         and circle.log_ratio > log_ratio_of_point(ping_set, circle) + FAINT_OVER_POINT
-        and circle.log_ratio > log_ratio_of_two_points(ping_set, circle) + FAINT_OVER_TWO_POINTS
+        and circle.log_ratio > log_ratio_of_two_points(ping_set, circle) + over_two_points
     )
 
 

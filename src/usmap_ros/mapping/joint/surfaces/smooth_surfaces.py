@@ -1,7 +1,8 @@
 """Smooth things of an area: mirrors and round columns, whose echoes say nothing of cells."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, larger_columns
 from usmap_ros.mapping.joint.surfaces.lone_points import lone_points
 from usmap_ros.mapping.joint.surfaces.loud_echoes import FEW_ECHOES, LoudEchoes
-from usmap_ros.mapping.joint.surfaces.mirror_walls import perpendicular_walls
+from usmap_ros.mapping.joint.surfaces.mirror_walls import left_of, perpendicular_walls
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, on_field
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
     are_corners,
@@ -78,8 +79,8 @@ class SmoothSurfaces:
         self._table, self._pings, self._echoes, self._field = table, pings, echoes, field
         self.mirrors: list[MirrorWall] = []
         self.columns: list[RoundColumn] = []
-        #: (points, 2) array: points that stand alone where no mirrors are, which cells do not tell.
-        self.points_m: FloatArray = np.zeros((0, 2))
+        # Finds points that stand alone where no mirrors are, which cells do not tell.
+        self._points_m: Callable[[], FloatArray] = lambda: np.zeros((0, 2))
         #: Parts of the place that mirrors are in, if not in all of it.
         self.mirrored: list[PartOfPlace] = []
         #: What may be mirrors where none was found.
@@ -135,9 +136,7 @@ class SmoothSurfaces:
         )
         instead = _but_corners(instead, found)
         columns = [
-            column
-            for column in columns
-            if column.is_certain or not any(map(column.overlaps, instead))
+            column for column in columns if column.is_certain or not column.overlaps_any(instead)
         ]
         columns = without_pairs(
             [*columns, *instead], len(lone_cells_m), first_only[self.places.ping]
@@ -148,10 +147,12 @@ class SmoothSurfaces:
         ends = WallEnds(table, pings, echoes, left, found, self.columns)
         self.mirrors = ends.extended()
         if not found:
-            is_open = is_usable & ~is_explained
-            for column in self.columns:
-                is_open[column.echoes] = False
-            self.points_m = lone_points(ping_set, is_open, is_usable, lone_cells_m, self._field)
+            # With what was heard before `take_out`; where there are lines, nobody asks for them.
+            before = ping_set._replace(table=table._replace(kind=table.kind.copy()))
+            is_open = left_of(is_usable & ~is_explained, self.columns)
+            self._points_m = cache(
+                partial(lone_points, before, is_open, is_usable, lone_cells_m, self._field)
+            )
 
     def _panes_elsewhere(
         self,
@@ -274,13 +275,13 @@ class SmoothSurfaces:
 
     def drawn_points(self) -> BoolArray:
         """Cells that points are in which stand alone."""
-        x_m, y_m = self.points_m.T
+        x_m, y_m = self._points_m().T
         return self._field.cells_within(x_m, y_m, POINT_SHARE * self._field.resolution_m)
 
     @property
     def columns_likely(self) -> float:
         """How many columns there are likely to be, of those that were found or are suspected."""
-        others = [each for each in self._suspected if not any(map(each.overlaps, self.columns))]
+        others = [each for each in self._suspected if not each.overlaps_any(self.columns)]
         return len(self.columns) + sum(column.likely for column in others)
 
     def doubt_columns_on(self, lines: FloatArray) -> bool:

@@ -129,7 +129,8 @@ def find_walls(
     rows, columns = np.nonzero(believed)
     certain = log_odds[rows, columns]
     is_kept, is_ghost = (np.zeros(len(rows), bool) for _ in range(2))
-    if not len(lines) and not len(mirrors):
+    are_alone = not len(lines) and not len(mirrors)
+    if are_alone:
         width = 2 * POINT_CELLS + 1
         most = running_maximum(running_maximum(log_odds, width).T, width).T
         is_ghost = certain < most[rows, columns] - POINT_MARGIN
@@ -147,7 +148,7 @@ def find_walls(
     occupied[rows[is_kept], columns[is_kept]] = True
     occupied &= ~stood
     smoothly = drawn(mirrors, field.shape) | smooth.drawn_columns()
-    if not len(lines) and not len(mirrors):
+    if are_alone:
         smoothly |= smooth.drawn_points()
     filled = (drawn(lines, field.shape) | smoothly) & ~stood
     return Walls(occupied, filled, filled & ~smoothly & ~occupied, lines, mirrors)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from usmap_ros.mapping.joint.forward_model.cell_evidence import CellEvidence
-from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES
+from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NO_LINES, without_askew
 from usmap_ros.mapping.joint.surfaces.surface_lines import (
     DIRECTIONS,
     _heaviest,
@@ -70,6 +70,7 @@ def test_a_point_is_shown_once_where_nothing_but_points_is(has_wall: bool, besid
     nothing = np.zeros(log_odds.shape, bool)
     smooth: Any = SimpleNamespace(
         lines=lambda: NO_LINES,
+        usual_lines=lambda: NO_LINES,
         drawn_columns=lambda: nothing,
         drawn_points=lambda: nothing,
         hide=lambda rows, _: np.zeros(len(rows), bool),
@@ -92,3 +93,15 @@ def test_the_line_that_most_vote_for_is_found_without_looking_at_all_votes_again
         # The best ones go, and some others.
         votes[direction, bucket - 1 : bucket + 2] -= rng.uniform(0.0, 1.0)
         votes[rng.integers(DIRECTIONS), rng.integers(60)] -= 0.5
+
+
+def test_a_line_across_a_wall_at_a_small_angle_is_none() -> None:
+    wall = np.array([[0.0, 1.0, 50.0, -100.0, 0.0]])
+    tilted = np.array([[np.sin(0.07), np.cos(0.07), 50.0 * np.cos(0.07) + 50.0 * np.sin(0.07)]])
+    along = 50.0 * np.sin(0.07) - 50.0 * np.cos(0.07)
+    across = np.column_stack([tilted, [[along - 35.0, along + 35.0]]])
+    beside = np.array([[0.0, 1.0, 48.0, -80.0, -20.0]])
+    square = np.array([[1.0, 0.0, 40.0, 20.0, 50.0]])
+    kept = without_askew(np.concatenate([across, beside, square]), wall)
+    assert np.array_equal(kept, np.concatenate([beside, square]))
+    assert np.array_equal(without_askew(across, NO_LINES), across)

@@ -111,7 +111,7 @@ def log_priors(
     kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
     normals_rad = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
     if len(walls.normals_rad):
-        normals_rad += usual_direction(walls.normals_rad, walls.weights)
+        normals_rad += usual_direction(*walls)
     off = np.abs(np.sin(2.0 * (normals_rad[:, np.newaxis] - walls.normals_rad)))
     askew_m = walls.lengths_m[off[0] >= NEAR].sum()
     expected_m = EXPECTED_M + A_METRE_ASKEW * askew_m + A_METRE_ALONE * alone_m

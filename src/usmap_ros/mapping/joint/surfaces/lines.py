@@ -15,6 +15,8 @@ ALIKE_COSINE = 0.985
 _STEP = 0.4
 #: A line is another one's double if it is as parallel, and so near to it for such a share.
 PARALLEL_COSINE, DOUBLE_CELLS, DOUBLE_SHARE = 0.94, 4.0, 0.6
+#: It is askew if one of its ends is by so many cells farther off than the other.
+ASKEW_CELLS = 3.0
 
 
 def points_on(
@@ -133,17 +135,34 @@ def without_doubles(lines: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     kept: list[NDArray[np.float64]] = []
     for line in lines:
-        rows, columns = points_on(line, line[BEGIN], line[END])
-        is_double = False
-        for other in kept:
-            cosine = abs(line[NORMAL_X] * other[NORMAL_X] + line[NORMAL_Y] * other[NORMAL_Y])
-            if cosine < PARALLEL_COSINE:
-                continue
-            across, along = off_line(other, rows, columns)
-            beside = (
-                (np.abs(across) <= DOUBLE_CELLS) & (along > other[BEGIN]) & (along < other[END])
-            )
-            is_double |= bool(beside.mean() > DOUBLE_SHARE)
-        if not is_double:
+        if all(_across_beside(line, other) is None for other in kept):
             kept.append(line)
     return np.array(kept).reshape(-1, 5)
+
+
+def without_askew(lines: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lines but for those that run beside walls askew: of two that do one is none.
+
+    Parameters
+    ----------
+    lines, walls : (lines, 5) arrays
+        Those that may be none, and others that are certain.
+    """
+
+    def is_askew(line: NDArray[np.float64]) -> bool:
+        off = (_across_beside(line, wall) for wall in walls)
+        return any(across is not None and np.ptp(across) > ASKEW_CELLS for across in off)
+
+    return np.array([line for line in lines if not is_askew(line)]).reshape(-1, 5)
+
+
+def _across_beside(
+    line: NDArray[np.float64], other: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """How far cells of a line are off another, if it is as parallel, and for the most part near."""
+    cosine = line[NORMAL_X] * other[NORMAL_X] + line[NORMAL_Y] * other[NORMAL_Y]
+    if abs(cosine) < PARALLEL_COSINE:
+        return None
+    across, along = off_line(other, *points_on(line, line[BEGIN], line[END]))
+    beside = (np.abs(across) <= DOUBLE_CELLS) & (along > other[BEGIN]) & (along < other[END])
+    return across if beside.mean() > DOUBLE_SHARE else None

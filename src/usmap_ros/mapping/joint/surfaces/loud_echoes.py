@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.surfaces.echo_places import EchoPlaces
-from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, turns_to, usual_direction
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, turns_to, usual_direction_of
 from usmap_ros.mapping.joint.surfaces.parts import PartOfPlace, any_holds
 from usmap_ros.mapping.joint.visibility.beams import LOOKING_SHARE, amplitude_gains
 from usmap_ros.mapping.joint.visibility.echoes import Echoes, mirror_levels
@@ -82,9 +82,8 @@ class LoudEchoes:
         self._places, self._range_m, self._count = places, echoes.range_m, len(pings)
         hits = np.array([len(wall.echoes) for wall in mirrors], float)
         usual = float(np.exp(np.average([wall.log_mirror for wall in mirrors], weights=hits)))
-        direction_rad = usual_direction(np.array([wall.normal_rad for wall in mirrors]), hits)
         numbers = places.numbers
-        self._turn_rad = turns_to(direction_rad, numbers[:, HEADING])
+        self._turn_rad = turns_to(usual_direction_of(mirrors), numbers[:, HEADING])
         off_rad = np.abs(self._turn_rad)
         gain = amplitude_gains(table, pings[places.ping], off_rad)
         self._looks = (off_rad < LOOKING_SHARE * numbers[:, HALF_ANGLE]) & (gain > LEAST_GAIN)

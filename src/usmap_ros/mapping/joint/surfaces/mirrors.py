@@ -1,6 +1,7 @@
 """A mirror: a wall that is heard at the feet of perpendiculars; and how such walls face."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,9 +16,11 @@ DOUBLE_M, DOUBLE_COSINE = 0.2, 0.9
 #: Walls are parallel or square to each other up to this sine of twice the angle; they face usual
 #: directions if such a share of all that was heard of walls does.
 SQUARE, USUAL_SHARE = 0.1, 0.3
-#: Walls no longer than this, m, whose direction is off a usual one by less than this, rad, have
-#: that: their feet are too close together to tell.
-SHORT_M, UNSURE_RAD = 2.0, 0.03
+#: Of those the ones whose directions are so near to their median, rad, tell what is usual.
+NEAR_MEDIAN_RAD = 0.025
+#: A wall whose direction is off a usual one by less than this, rad, has that if its feet are too
+#: close together to tell: by that turn their standard deviation is moved by less than this, m.
+UNSURE_RAD, UNSURE_M = 0.1, 0.012
 
 
 @dataclass(frozen=True)
@@ -76,13 +79,45 @@ def face_usually(walls: list[MirrorWall], among: list[MirrorWall]) -> BoolArray:
     return usual
 
 
-def usual_direction(normals_rad: FloatArray, weights: FloatArray) -> float:
-    """Direction, rad, that the most of some walls, by their weights, are parallel or square to."""
+def usual_direction(normals_rad: FloatArray, lengths: FloatArray, weights: FloatArray) -> float:
+    """Direction, rad, that the most of some walls are parallel or square to.
+
+    Parameters
+    ----------
+    normals_rad : (walls,) array
+        How they face.
+    lengths : (walls,) array
+        How long they are, in any unit: the variance of a direction falls with the square of that.
+    weights : (walls,) array
+        How much of all that was heard of walls is of each.
+    """
     turns_rad = normals_rad - normals_rad[:, np.newaxis]
     is_square = np.abs(np.sin(2.0 * turns_rad)) < SQUARE
     most = int(np.argmax(is_square @ weights))
-    mean = np.where(is_square[most], weights, 0.0) @ np.exp(4j * turns_rad[most])
-    return float(normals_rad[most] + 0.25 * np.angle(mean))
+    off_rad = -turns_to(float(normals_rad[most]), normals_rad)
+    order = np.argsort(off_rad, kind="stable")
+    below = np.cumsum((is_square[most] * weights * lengths)[order])
+    median_rad = off_rad[order[np.searchsorted(below, 0.5 * below[-1])]]
+    # What is no wall, or a little askew, does not turn the others.
+    counts = is_square[most] & (np.abs(off_rad - median_rad) < NEAR_MEDIAN_RAD)
+    mean_rad = np.average(off_rad, weights=counts * weights * lengths**2)
+    return float(normals_rad[most] + mean_rad)
+
+
+def usual_direction_of(walls: Sequence[MirrorWall]) -> float:
+    """Direction, rad, that the most of some mirrors, by their hits, are parallel or square to."""
+    # Of those that other pings found these may have struck none.
+    each = [(wall.normal_rad, wall.end_m - wall.begin_m, len(wall.echoes) or 1) for wall in walls]
+    return usual_direction(*np.array(each, float).T)
+
+
+def facing_usually(walls: Sequence[MirrorWall]) -> list[MirrorWall]:
+    """Those of some mirrors that are just parallel or square to most of them."""
+    if not walls:
+        return []
+    normals_rad = np.array([wall.normal_rad for wall in walls])
+    are = np.abs(turns_to(usual_direction_of(walls), normals_rad)) < NEAR_MEDIAN_RAD
+    return [wall for wall, is_usual in zip(walls, are, strict=True) if is_usual]
 
 
 def turns_to(direction_rad: float, normals_rad: FloatArray) -> FloatArray:
@@ -104,11 +139,11 @@ def squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> li
     if not walls:
         return []
     normals_rad = np.array([wall.normal_rad for wall in walls])
-    hits = np.array([len(wall.echoes) for wall in walls], float)
-    turns_rad = turns_to(usual_direction(normals_rad, hits), normals_rad)
+    turns_rad = turns_to(usual_direction_of(walls), normals_rad)
     squared = list[MirrorWall]()
     for wall, turn in zip(walls, turns_rad.tolist(), strict=True):
-        is_unsure = wall.end_m - wall.begin_m < SHORT_M and abs(turn) < UNSURE_RAD
+        moved_m = abs(turn) * float(wall.feet_m(places_m).std())
+        is_unsure = abs(turn) < UNSURE_RAD and moved_m < UNSURE_M
         squared.append(_turned(wall, turn, places_m, echoes) if is_unsure else wall)
     return squared
 
@@ -147,9 +182,12 @@ def _between_feet(wall: MirrorWall, places_m: FloatArray) -> MirrorWall:
 
 
 def without_doubles(walls: list[MirrorWall]) -> list[MirrorWall]:
-    """Walls but for those close beside a heavier one that face the same way: echoes beside it."""
+    """Walls but for those close beside another that face the same way: echoes beside it.
+
+    What comes first counts for more: a burst rings on, and some of it comes by way of the floor.
+    """
     kept: list[MirrorWall] = []
-    for wall in sorted(walls, key=lambda wall: -len(wall.echoes)):
+    for wall in sorted(walls, key=lambda wall: -len(wall.echoes) / (1.0 + wall.before)):
         middle_m = 0.5 * (wall.begin_m + wall.end_m)
         x_m = wall.distance_m * math.cos(wall.normal_rad) - middle_m * math.sin(wall.normal_rad)
         y_m = wall.distance_m * math.sin(wall.normal_rad) + middle_m * math.cos(wall.normal_rad)

@@ -16,7 +16,7 @@ from usmap_ros.mapping.joint.surfaces.lone_columns import columns_instead, large
 from usmap_ros.mapping.joint.surfaces.lone_points import lone_points
 from usmap_ros.mapping.joint.surfaces.loud_echoes import FEW_ECHOES, LoudEchoes
 from usmap_ros.mapping.joint.surfaces.mirror_walls import left_of, perpendicular_walls
-from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, on_field
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, facing_usually, on_field
 from usmap_ros.mapping.joint.surfaces.multiple_reflections import (
     are_corners,
     out_of_sight,
@@ -220,6 +220,10 @@ class SmoothSurfaces:
     def lines(self) -> FloatArray:
         """Mirrors as lines, see `usmap_ros.mapping.joint.surfaces.lines`."""
         return on_field(self.mirrors, self._field)
+
+    def usual_lines(self) -> FloatArray:
+        """Those that face as most do."""
+        return on_field(facing_usually(self.mirrors), self._field)
 
     def hide(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> BoolArray:
         """Whether mirrors hide cells from everywhere: what seems to be there stands in them."""

@@ -61,7 +61,7 @@ def square_direction(lines: FloatArray) -> float | None:
     if not is_long.any():
         return None
     length, normals_rad = length[is_long], _normals_rad(lines[is_long])
-    direction_rad = usual_direction(normals_rad, length)
+    direction_rad = usual_direction(normals_rad, length, length)
     are_square = np.abs(turns_to(direction_rad, normals_rad)) <= MOST_OFF_RAD
     if length[are_square].sum() < LEAST_SHARE * length.sum():
         return None

@@ -11,6 +11,7 @@ from usmap_ros.mapping.joint.surfaces.lines import (
     drawn,
     middles_in,
     off_line,
+    without_askew,
     without_doubles,
 )
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
@@ -124,7 +125,7 @@ def find_walls(
     """
     believed = log_odds > ON_A_LINE
     lines = without_doubles(surface_lines(log_odds, believed, gap_m / field.resolution_m))
-    lines = without_arcs(lines, believed, evidence)
+    lines = without_askew(without_arcs(lines, believed, evidence), smooth.usual_lines())
     mirrors = smooth.lines()
     rows, columns = np.nonzero(believed)
     certain = log_odds[rows, columns]
